@@ -1,0 +1,9 @@
+//! Bytes to checked CPU data: models, materials, textures, panoramas, pictures; limits and warnings.
+
+pub mod panorama;
+pub mod report;
+pub mod texture;
+
+pub use panorama::Panorama;
+pub use report::Report;
+pub use texture::Texture;

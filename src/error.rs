@@ -1,0 +1,105 @@
+//! Every error a user can see: what happened, to which file or resource, and what to do about it.
+
+use std::path::{Path, PathBuf};
+
+/// The crate's result.
+pub type Result<T> = std::result::Result<T, Error>;
+
+/// An error as the command line prints it: one line, with its remedy.
+#[derive(Debug, thiserror::Error)]
+pub enum Error {
+    /// A file or folder could not be opened or read.
+    #[error("cannot read {}: {source}; check that the path is right and readable", path.display())]
+    Read { path: PathBuf, source: std::io::Error },
+
+    /// A file or folder could not be written.
+    #[error("cannot write {}: {source}; check that the folder exists, is writable and has room", path.display())]
+    Write { path: PathBuf, source: std::io::Error },
+
+    /// A file was read, but its content is not what it should be.
+    #[error("{}: not a usable {what}: {problem}; {remedy}", path.display())]
+    Broken { path: PathBuf, what: &'static str, problem: String, remedy: &'static str },
+
+    /// A file asks for more memory than the program is willing to take.
+    #[error("{}: {what} is too large: {size} against a limit of {limit}; use a smaller one", path.display())]
+    TooLarge { path: PathBuf, what: &'static str, size: String, limit: String },
+
+    /// A key of a scene description is unknown, missing or has a bad value.
+    #[error("{}:{line}: key `{key}`: {problem}", path.display())]
+    SceneKey { path: PathBuf, line: usize, key: String, problem: String },
+
+    /// A name on the command line (camera, GPU …) that nothing answers to.
+    #[error("no {what} named `{name}`; there are: {}", list(known))]
+    UnknownName { what: &'static str, name: String, known: Vec<String> },
+
+    /// Vulkan, its loader or a driver is missing or too old.
+    #[error("no usable Vulkan: {problem}; {remedy}")]
+    NoVulkan { problem: String, remedy: &'static str },
+
+    /// A Vulkan call failed.
+    #[error("GPU: {doing} failed: {result}; {}", vulkan_remedy(*result))]
+    Vulkan { doing: &'static str, result: ash::vk::Result },
+
+    /// GPU memory could not be had.
+    #[error("GPU: no memory for {what}: {problem}; close other programs, or choose a smaller picture or scene")]
+    GpuMemory { what: String, problem: String },
+
+    /// The validation layer said something that is not on the list of expected messages.
+    #[error("validation: {count} message(s), the first: {first}; this is a defect of pbr-vr, please report it")]
+    Validation { count: usize, first: String },
+
+    /// No window could be opened, or it broke.
+    #[error("window: {problem}; use `pbr-vr render` to write a picture without a display")]
+    Window { problem: String },
+
+    /// No headset could be used.
+    #[error("headset: {problem}; use `--on window`")]
+    Headset { problem: String },
+
+    /// A command-line request that makes no sense; exit status 2.
+    #[error("{0}")]
+    Usage(String),
+}
+
+impl Error {
+    /// An I/O error met while reading `path`.
+    pub fn read(path: impl AsRef<Path>) -> impl FnOnce(std::io::Error) -> Self {
+        let path = path.as_ref().to_owned();
+        move |source| Self::Read { path, source }
+    }
+
+    /// An I/O error met while writing `path`.
+    pub fn write(path: impl AsRef<Path>) -> impl FnOnce(std::io::Error) -> Self {
+        let path = path.as_ref().to_owned();
+        move |source| Self::Write { path, source }
+    }
+
+    /// A failed Vulkan call, named by what it was meant to do.
+    pub fn vulkan(doing: &'static str) -> impl FnOnce(ash::vk::Result) -> Self {
+        move |result| Self::Vulkan { doing, result }
+    }
+
+    /// The process's exit status: 2 for bad usage, else 1.
+    pub fn exit_code(&self) -> u8 {
+        match self {
+            Self::Usage(_) | Self::UnknownName { .. } => 2,
+            _ => 1,
+        }
+    }
+}
+
+fn list(names: &[String]) -> String {
+    if names.is_empty() { "none".into() } else { names.join(", ") }
+}
+
+fn vulkan_remedy(result: ash::vk::Result) -> &'static str {
+    use ash::vk::Result as R;
+    match result {
+        R::ERROR_DEVICE_LOST => "the driver gave up or was reset: start again, and update the driver if it stays",
+        R::ERROR_OUT_OF_DEVICE_MEMORY | R::ERROR_OUT_OF_HOST_MEMORY => {
+            "close other programs, or choose a smaller picture or scene"
+        }
+        R::ERROR_SURFACE_LOST_KHR => "the window went away: start again",
+        _ => "`pbr-vr doctor` tells what is there; run with `--validate` to learn more",
+    }
+}

@@ -1,0 +1,14 @@
+//! `pbr-vr`: physically based materials, lit by panoramas, for the headset and the desktop.
+//!
+//! The layers, lowest first; each may use those above it in this list and none below (`tests/layers.rs`).
+
+pub mod error;
+pub mod reference;
+pub mod asset;
+pub mod scene;
+pub mod gpu;
+pub mod precompute;
+pub mod render;
+pub mod view;
+
+pub use error::{Error, Result};

@@ -1,0 +1,1 @@
+//! Panorama to cube pyramid, irradiance, specular levels; BRDF table.

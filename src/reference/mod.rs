@@ -1,0 +1,1 @@
+//! The truth in f64, no Vulkan: BRDF terms, sampling, integrals, colour, picture metrics.

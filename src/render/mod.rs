@@ -1,0 +1,1 @@
+//! One frame for N eyes: sky, forward, resolve.

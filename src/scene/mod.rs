@@ -1,0 +1,74 @@
+//! What is drawn, as plain data: meshes, materials, lights, cameras, surroundings.
+
+pub mod mesh;
+
+use glam::{Mat4, Vec3};
+
+use crate::asset::{Panorama, Texture};
+pub use mesh::{Bounds, Mesh, Vertex};
+
+/// Everything one frame needs to know about the world. Right-handed, +Y up, metres.
+#[derive(Clone, Debug)]
+pub struct Scene {
+    pub meshes: Vec<Mesh>,
+    pub instances: Vec<Instance>,
+    pub materials: Vec<Material>,
+    pub textures: Vec<Texture>,
+    pub lights: Vec<PointLight>,
+    /// At least one.
+    pub cameras: Vec<Camera>,
+    pub environment: Environment,
+    /// Exposure in stops: displayed = radiance · 2^exposure_ev.
+    pub exposure_ev: f32,
+}
+
+/// One mesh, placed.
+#[derive(Clone, Copy, Debug)]
+pub struct Instance {
+    /// Index into [`Scene::meshes`].
+    pub mesh: usize,
+    pub world_from_local: Mat4,
+}
+
+/// Metallic–roughness material; each map, where present, is multiplied by its factor.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Material {
+    pub name: String,
+    /// Linear RGB.
+    pub albedo_factor: Vec3,
+    pub metallic_factor: f32,
+    /// What a roughness texture holds: alpha = roughness².
+    pub roughness_factor: f32,
+    /// Indices into [`Scene::textures`].
+    pub albedo_map: Option<usize>,
+    pub normal_map: Option<usize>,
+    /// Occlusion, roughness, metallic in R, G, B.
+    pub surface_map: Option<usize>,
+    /// With `Some(a)`, fragments whose albedo map has alpha < a are not there.
+    pub alpha_cutoff: Option<f32>,
+}
+
+/// A point light of no size.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PointLight {
+    pub position: Vec3,
+    /// Radiant intensity per channel, W/sr.
+    pub intensity: Vec3,
+}
+
+/// A named viewpoint.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Camera {
+    pub name: String,
+    pub position: Vec3,
+    pub target: Vec3,
+    pub vertical_fov_degrees: f32,
+}
+
+/// The panorama around the scene.
+#[derive(Clone, Debug)]
+pub struct Environment {
+    pub panorama: Panorama,
+    /// Turns the panorama about +Y, counter-clockwise seen from above.
+    pub rotation_degrees: f32,
+}

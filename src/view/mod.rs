@@ -1,0 +1,1 @@
+//! Where eyes come from and where pictures go: window, picture file; camera control.
