@@ -1,1 +1,225 @@
-fn main(){}
+//! The command line: one call per subcommand.
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use clap::{Args, Parser, Subcommand, ValueEnum};
+
+use pbr_vr::asset::{Report, picture};
+use pbr_vr::gpu::GpuOptions;
+use pbr_vr::reference::brdf::Geometry;
+use pbr_vr::render::Shading;
+use pbr_vr::view::{self, RenderRequest, ViewRequest, doctor};
+use pbr_vr::{Error, Result};
+
+/// Physically based materials under real light, in a headset, a window or a picture.
+#[derive(Parser)]
+#[command(version, about, args_conflicts_with_subcommands = true)]
+struct Cli {
+    #[command(flatten)]
+    global: Global,
+    /// Without a subcommand: `view`.
+    #[command(subcommand)]
+    command: Option<Command>,
+}
+
+#[derive(Args)]
+struct Global {
+    /// Use the GPU whose name contains this.
+    #[arg(long, global = true, value_name = "NAME")]
+    gpu: Option<String>,
+    /// Have every Vulkan call checked; any message is a failure.
+    #[arg(long, global = true)]
+    validate: bool,
+    /// Say more; twice, much more.
+    #[arg(short, long, global = true, action = clap::ArgAction::Count)]
+    verbose: u8,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// Show a scene: in a headset, else in a window, else as one picture.
+    View(View),
+    /// Write a picture of a scene.
+    Render(Render),
+    /// Say how different two pictures are.
+    Compare(Compare),
+    /// Say what this machine has, what is missing, and what to do.
+    Doctor,
+}
+
+#[derive(Args, Default)]
+struct View {
+    /// A scene description (.toml) or a model (.obj); the demo if left out.
+    scene: Option<PathBuf>,
+    /// Where to show it.
+    #[arg(long, value_enum, default_value_t)]
+    on: On,
+    /// Stop after this many frames.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
+    frames: Option<u64>,
+    #[command(flatten)]
+    look: Look,
+}
+
+#[derive(Clone, Copy, Default, PartialEq, Eq, ValueEnum)]
+enum On {
+    #[default]
+    Auto,
+    Headset,
+    Window,
+}
+
+#[derive(Args)]
+struct Look {
+    /// How surfaces are shaded, or which of their inputs and terms is shown.
+    #[arg(long, value_enum, default_value = "pbr")]
+    shading: Shading,
+    /// Masking and shadowing term.
+    #[arg(long, value_enum, default_value = "smith")]
+    geometry: GeometryName,
+}
+
+impl Default for Look {
+    fn default() -> Self {
+        Self { shading: Shading::Pbr, geometry: GeometryName::Smith }
+    }
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum GeometryName {
+    /// Height-correlated Smith.
+    Smith,
+    /// Schlick's approximation with Karis's k, as in the thesis.
+    Karis2013,
+}
+
+#[derive(Args)]
+struct Render {
+    /// A scene description (.toml) or a model (.obj).
+    scene: PathBuf,
+    /// The picture: .png as a viewer sees it, .exr as linear radiance.
+    #[arg(short, long, value_name = "FILE")]
+    output: PathBuf,
+    /// Pixels.
+    #[arg(long, value_name = "WxH", default_value = "1280x720", value_parser = parse_size)]
+    size: [u32; 2],
+    /// One of the scene's cameras; the first if left out.
+    #[arg(long, value_name = "NAME")]
+    camera: Option<String>,
+    /// Write FILE-left and FILE-right, an eye each.
+    #[arg(long)]
+    stereo: bool,
+    /// Draw this many frames, for times; the last is written.
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u64).range(1..))]
+    frames: u64,
+    /// Write times and facts.
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+    #[command(flatten)]
+    look: Look,
+}
+
+#[derive(Args)]
+struct Compare {
+    a: PathBuf,
+    b: PathBuf,
+    /// Write the numbers.
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+}
+
+fn main() -> ExitCode {
+    let cli = Cli::parse();
+    start_log(cli.global.verbose);
+    match run(&cli) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("pbr-vr: {error}");
+            ExitCode::from(error.exit_code())
+        }
+    }
+}
+
+fn run(cli: &Cli) -> Result<()> {
+    let gpu = GpuOptions { name: cli.global.gpu.as_deref(), validate: cli.global.validate, display: None };
+    let view = View::default();
+    match cli.command.as_ref().unwrap_or(&Command::View(view)) {
+        Command::View(view) => run_view(view, gpu),
+        Command::Render(render) => run_render(render, gpu),
+        Command::Compare(compare) => run_compare(compare),
+        Command::Doctor => doctor::run(),
+    }
+}
+
+fn run_view(args: &View, gpu: GpuOptions<'_>) -> Result<()> {
+    let request = ViewRequest {
+        scene: args.scene.as_deref(),
+        frames: args.frames,
+        shading: args.look.shading,
+        geometry: args.look.geometry.into(),
+    };
+    match args.on {
+        On::Auto => view::auto(&request, gpu),
+        On::Window => view::window(&request, gpu),
+        On::Headset => view::headset(),
+    }
+}
+
+fn run_render(args: &Render, gpu: GpuOptions<'_>) -> Result<()> {
+    let request = RenderRequest {
+        scene: &args.scene,
+        output: &args.output,
+        size: args.size,
+        camera: args.camera.as_deref(),
+        stereo: args.stereo,
+        frames: args.frames,
+        shading: args.look.shading,
+        geometry: args.look.geometry.into(),
+    };
+    let facts = view::render(&request, gpu, &Report::to_terminal())?;
+    match &args.json {
+        Some(path) => write_json(path, &facts),
+        None => Ok(()),
+    }
+}
+
+fn run_compare(args: &Compare) -> Result<()> {
+    let comparison = picture::compare(&args.a, &args.b)?;
+    println!("{comparison}");
+    match &args.json {
+        Some(path) => write_json(path, &comparison),
+        None => Ok(()),
+    }
+}
+
+fn write_json(path: &std::path::Path, value: &impl serde::Serialize) -> Result<()> {
+    let text = serde_json::to_string_pretty(value).map_err(|e| Error::write(path)(e.into()))?;
+    std::fs::write(path, text + "\n").map_err(Error::write(path))
+}
+
+fn parse_size(text: &str) -> std::result::Result<[u32; 2], String> {
+    let problem = || format!("`{text}` is not WIDTHxHEIGHT in pixels, such as 1280x720");
+    let (width, height) = text.split_once(['x', 'X']).ok_or_else(problem)?;
+    let side = |s: &str| s.parse().ok().filter(|n| *n > 0).ok_or_else(problem);
+    Ok([side(width)?, side(height)?])
+}
+
+fn start_log(verbose: u8) {
+    let level = match verbose {
+        0 => tracing::Level::WARN,
+        1 => tracing::Level::INFO,
+        _ => tracing::Level::DEBUG,
+    };
+    let ansi = std::io::IsTerminal::is_terminal(&std::io::stderr());
+    tracing_subscriber::fmt().with_max_level(level).with_writer(std::io::stderr).with_ansi(ansi).without_time().with_target(false).init();
+}
+
+impl From<GeometryName> for Geometry {
+    fn from(name: GeometryName) -> Self {
+        match name {
+            GeometryName::Smith => Self::Smith,
+            GeometryName::Karis2013 => Self::Karis2013,
+        }
+    }
+}

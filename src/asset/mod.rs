@@ -1,6 +1,7 @@
 //! Bytes to checked CPU data: models, materials, textures, panoramas, pictures; limits and warnings.
 
 pub mod panorama;
+pub mod shipped;
 pub mod report;
 pub mod texture;
 

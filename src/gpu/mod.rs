@@ -1,1 +1,33 @@
 //! The only place that calls Vulkan: device, memory, images, buffers, pipelines, barriers, timers, readback.
+
+mod buffer;
+mod choice;
+mod commands;
+mod descriptor;
+mod device;
+mod image;
+mod instance;
+mod pipeline;
+mod recorder;
+mod shader;
+#[cfg(feature = "hot-reload")]
+mod shader_compiler;
+mod swapchain;
+mod transfer;
+
+/// Formats and usage flags; calls stay in this layer.
+pub use ash::vk::{Format, ImageUsageFlags};
+
+pub use buffer::{Buffer, BufferKind};
+pub use choice::{GpuInfo, survey};
+pub use commands::{Commands, Part, Targets};
+pub use descriptor::{Bind, Set, SetLayout, Slot};
+pub use device::{Gpu, GpuOptions};
+pub use image::{Edge, Image, ImageDesc, Sampler, Shape, Use};
+pub use instance::{Messages, validation_available};
+pub use pipeline::{Constant, DEPTH_FORMAT, Depth, GraphicsDesc, Pipeline};
+pub use recorder::{PassTime, Recorder, run};
+#[cfg(feature = "hot-reload")]
+pub use shader::on_disk::folder as shader_folder;
+pub use swapchain::{Acquired, PresentMode, Swapchain};
+pub use transfer::{Upload, read_buffer, read_image};

@@ -1,1 +1,7 @@
-//! Panorama to cube pyramid, irradiance, specular levels; BRDF table.
+//! Panorama to cube pyramid, irradiance, specular levels; BRDF table. All on the GPU.
+
+mod brdf_table;
+mod light_maps;
+
+pub use brdf_table::BrdfTable;
+pub use light_maps::LightMaps;

@@ -1,1 +1,267 @@
-//! One frame for N eyes: sky, forward, resolve.
+//! One frame for N eyes: forward pass, sky, resolve, text on top.
+
+mod eye;
+mod forward;
+mod overlay;
+mod shared;
+mod targets;
+mod world;
+
+use std::sync::Arc;
+
+use clap::ValueEnum;
+
+pub use eye::{Eye, IPD_METRES, NEAR_METRES};
+pub use overlay::Overlay;
+pub use shared::MAX_EYES;
+pub use targets::Output;
+
+use crate::asset::{Panorama, Report};
+use crate::gpu::{Bind, Buffer, BufferKind, Commands, Edge, Gpu, Image, PassTime, Sampler, Set, SetLayout, Slot};
+use crate::precompute::{BrdfTable, LightMaps};
+use crate::reference::brdf::Geometry;
+use crate::scene::Scene;
+use crate::{Error, Result};
+use forward::Forward;
+use shared::{EyeBlock, FrameBlock};
+use targets::Targets;
+use world::World;
+
+/// Frames that the CPU may be ahead of the GPU.
+pub const FRAMES_IN_FLIGHT: usize = 2;
+
+/// What fragments show; the same order as in `glsl/shared.glsl`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, ValueEnum)]
+pub enum Shading {
+    /// Physically based.
+    Pbr,
+    /// Phong: ambient light and lamps only.
+    Phong,
+    /// Base colour.
+    Albedo,
+    /// Shading normal in world space, n/2 + 1/2.
+    Normal,
+    Metallic,
+    Roughness,
+    Occlusion,
+    /// Texture coordinates, v downwards.
+    Uv,
+    /// Tangent in world space, t/2 + 1/2.
+    Tangent,
+    /// Normal distribution D / (1 + D), for the first light or else a lamp at the eye.
+    D,
+    /// Fresnel reflectance, likewise.
+    F,
+    /// Masking and shadowing, likewise.
+    G,
+    /// The environment's diffuse light.
+    Diffuse,
+    /// The environment's specular light.
+    Specular,
+    /// Irradiance / pi.
+    Irradiance,
+}
+
+/// How pictures are made.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Settings {
+    pub geometry: Geometry,
+    pub output: Output,
+    /// Samples per pixel: 1 or 4.
+    pub samples: u32,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self { geometry: Geometry::Smith, output: Output::Display, samples: 4 }
+    }
+}
+
+/// A scene on the GPU and all that draws it.
+pub struct Renderer {
+    gpu: Arc<Gpu>,
+    settings: Settings,
+    shading: Shading,
+    eyes: u32,
+    exposure_ev: f32,
+    environment_turn: f32,
+    world: World,
+    light: LightMaps,
+    table: BrdfTable,
+    samplers: [Sampler; 2],
+    frame_layout: SetLayout,
+    frames: Vec<(Buffer, Set)>,
+    forward: Forward,
+    targets: Targets,
+}
+
+impl Renderer {
+    /// Uploads a scene, precomputes its light and makes targets of `size` pixels for `eyes` eyes (1 to [`MAX_EYES`]).
+    pub fn new(
+        gpu: &Arc<Gpu>,
+        scene: &Scene,
+        settings: Settings,
+        shading: Shading,
+        size: [u32; 2],
+        eyes: u32,
+        report: &Report,
+    ) -> Result<Self> {
+        let world = World::new(gpu, scene, report)?;
+        let light = LightMaps::new(gpu, &scene.environment.panorama)?;
+        let table = BrdfTable::new(gpu, settings.geometry)?;
+        let slots = [Slot::Uniform, Slot::Storage, Slot::Sampled, Slot::Sampled, Slot::Sampled, Slot::Sampled];
+        let frame_layout = SetLayout::new(gpu, "frame", &slots)?;
+        let samplers = [
+            Sampler::new(gpu, "panorama", Edge::Panorama, false)?,
+            Sampler::new(gpu, "clamped", Edge::Clamp, false)?,
+        ];
+        let frames = make_frames(gpu, &frame_layout, &world, &light, &table, &samplers)?;
+        let forward = Forward::new(gpu, &frame_layout, &world, &settings, shading, eyes)?;
+        let targets = make_targets(gpu, size, eyes, &settings)?;
+        Ok(Self {
+            gpu: Arc::clone(gpu),
+            settings,
+            shading,
+            eyes,
+            exposure_ev: scene.exposure_ev,
+            environment_turn: scene.environment.rotation_degrees.to_radians(),
+            world,
+            light,
+            table,
+            samplers,
+            frame_layout,
+            frames,
+            forward,
+            targets,
+        })
+    }
+
+    /// New targets; the old ones are given back once the GPU is done with them.
+    pub fn resize(&mut self, size: [u32; 2]) -> Result<()> {
+        if self.targets.picture.desc().size != size {
+            self.targets = make_targets(&self.gpu, size, self.eyes, &self.settings)?;
+        }
+        Ok(())
+    }
+
+    /// Shows something else.
+    pub fn set_shading(&mut self, shading: Shading) -> Result<()> {
+        self.forward = self.make_forward(shading)?;
+        self.shading = shading;
+        Ok(())
+    }
+
+    /// Makes all pipelines anew from the shaders as they are now; on an error the old ones stay.
+    pub fn reload_shaders(&mut self) -> Result<()> {
+        self.forward = self.make_forward(self.shading)?;
+        Ok(())
+    }
+
+    /// Puts the scene under another panorama, unturned.
+    pub fn set_panorama(&mut self, panorama: &Panorama) -> Result<()> {
+        let light = LightMaps::new(&self.gpu, panorama)?;
+        self.frames =
+            make_frames(&self.gpu, &self.frame_layout, &self.world, &light, &self.table, &self.samplers)?;
+        self.light = light;
+        self.environment_turn = 0.0;
+        Ok(())
+    }
+
+    /// Stops of exposure; the picture's radiance is multiplied by 2^ev.
+    pub fn exposure_ev(&mut self) -> &mut f32 {
+        &mut self.exposure_ev
+    }
+
+    /// The panorama's turn about +Y, radians.
+    pub fn environment_turn(&mut self) -> &mut f32 {
+        &mut self.environment_turn
+    }
+
+    /// What is shown.
+    pub fn shading(&self) -> Shading {
+        self.shading
+    }
+
+    /// The resolved picture, one layer per eye, as the last recorded frame leaves it.
+    pub fn picture(&self) -> &Image {
+        &self.targets.picture
+    }
+
+    /// GPU time of precomputation, pass by pass.
+    pub fn precompute_times(&self) -> impl Iterator<Item = &PassTime> {
+        self.light.times.iter().chain(&self.table.times)
+    }
+
+    /// Records one frame. `slot` counts frames modulo [`FRAMES_IN_FLIGHT`]; the frame that used it before has finished.
+    pub fn record(&mut self, commands: &mut Commands<'_>, slot: usize, eyes: &[Eye], overlay: Option<&Overlay>) {
+        let block = self.frame_block(eyes);
+        let (buffer, set) = &mut self.frames[slot];
+        buffer.write(0, bytemuck::bytes_of(&block));
+        let (forward, world, targets) = (&self.forward, &self.world, &self.targets);
+        commands.pass("scene", |commands| {
+            targets.render(commands, |commands| {
+                forward.draw(commands, world, set);
+                forward.draw_sky(commands, set);
+            });
+        });
+        if let Some(overlay) = overlay {
+            commands.pass("text", |commands| targets.draw_over(commands, |commands| overlay.draw(commands, slot)));
+        }
+    }
+
+    fn frame_block(&self, eyes: &[Eye]) -> FrameBlock {
+        let mut block = FrameBlock {
+            environment_turn: [self.environment_turn.cos(), self.environment_turn.sin()],
+            exposure: self.exposure_ev.exp2(),
+            environment_scale: self.light.scale,
+            last_level: self.light.last_level(),
+            light_count: self.world.light_count,
+            ..Default::default()
+        };
+        for (block, eye) in block.eyes.iter_mut().zip(eyes) {
+            *block = EyeBlock {
+                clip_from_world: eye.clip_from_world().to_cols_array_2d(),
+                world_from_view: eye.world_from_view.to_cols_array_2d(),
+                tangents: [eye.left, eye.right, eye.down, eye.up],
+            };
+        }
+        block
+    }
+
+    fn make_forward(&self, shading: Shading) -> Result<Forward> {
+        Forward::new(&self.gpu, &self.frame_layout, &self.world, &self.settings, shading, self.eyes)
+    }
+}
+
+fn make_targets(gpu: &Arc<Gpu>, size: [u32; 2], eyes: u32, settings: &Settings) -> Result<Targets> {
+    let most = gpu.max_image_size();
+    if size.iter().any(|s| !(1..=most).contains(s)) {
+        let message = format!("a picture of {}x{} cannot be made; 1x1 to {most}x{most} can", size[0], size[1]);
+        return Err(Error::Usage(message));
+    }
+    Targets::new(gpu, size, eyes, settings.output, settings.samples)
+}
+
+fn make_frames(
+    gpu: &Arc<Gpu>,
+    layout: &SetLayout,
+    world: &World,
+    light: &LightMaps,
+    table: &BrdfTable,
+    [panorama, clamped]: &[Sampler; 2],
+) -> Result<Vec<(Buffer, Set)>> {
+    let frame = |_| {
+        let buffer = Buffer::new(gpu, "frame", BufferKind::Uniform, size_of::<FrameBlock>() as u64)?;
+        let binds = [
+            Bind::Uniform(&buffer),
+            Bind::Storage(&world.lights),
+            Bind::Sampled(&light.panorama, panorama),
+            Bind::Sampled(&light.irradiance_over_pi, clamped),
+            Bind::Sampled(&light.specular, clamped),
+            Bind::Sampled(&table.image, clamped),
+        ];
+        let set = Set::new(gpu, "frame", layout, &binds)?;
+        Ok((buffer, set))
+    };
+    (0..FRAMES_IN_FLIGHT).map(frame).collect()
+}

@@ -1,0 +1,39 @@
+//! Compiles every stage file of glsl/ to SPIR-V and lists them for `gpu::shader`.
+
+#[path = "src/gpu/shader_compiler.rs"]
+mod shader_compiler;
+
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+use std::{env, fs, process};
+
+fn main() {
+    if let Err(message) = run() {
+        // One block, file and line first, so that it reads like a compiler's own message.
+        eprintln!("{message}");
+        process::exit(1);
+    }
+}
+
+fn run() -> Result<(), String> {
+    let variable = |name: &str| env::var(name).map_err(|e| format!("{name}: {e}"));
+    let root = PathBuf::from(variable("CARGO_MANIFEST_DIR")?);
+    let out = PathBuf::from(variable("OUT_DIR")?);
+    let debug = variable("PROFILE")? == "debug";
+    let glsl = root.join("glsl");
+    println!("cargo:rerun-if-changed=glsl");
+    println!("cargo:rerun-if-changed=src/gpu/shader_compiler.rs");
+    let mut table = String::from("pub static COMPILED: &[(&str, &[u8])] = &[\n");
+    for name in shader_compiler::stage_files(&glsl)? {
+        let spirv = shader_compiler::compile(&glsl, &name, debug)?;
+        write_file(&out.join(format!("{name}.spv")), &spirv)?;
+        writeln!(table, "    ({name:?}, include_bytes!(concat!(env!(\"OUT_DIR\"), \"/{name}.spv\"))),")
+            .map_err(|e| e.to_string())?;
+    }
+    table.push_str("];\n");
+    write_file(&out.join("shaders.rs"), table.as_bytes())
+}
+
+fn write_file(path: &Path, bytes: &[u8]) -> Result<(), String> {
+    fs::write(path, bytes).map_err(|e| format!("{}: {e}", path.display()))
+}

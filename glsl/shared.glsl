@@ -1,0 +1,64 @@
+// Data that Rust writes and GLSL reads; the same as src/render/shared.rs.
+#ifndef SHARED_GLSL
+#define SHARED_GLSL
+#extension GL_EXT_scalar_block_layout : require
+
+const uint MAX_EYES = 4;
+
+struct Eye {
+    mat4 clip_from_world;
+    mat4 world_from_view;
+    vec4 tangents; // left, right, down, up
+};
+
+struct PointLight {
+    vec3 position;  // metres, world
+    vec3 intensity; // W/sr
+};
+
+layout(constant_id = 0) const uint EYES = 1;
+layout(constant_id = 1) const uint SHADING = 0;
+layout(constant_id = 2) const int GEOMETRY = 0;
+layout(constant_id = 3) const bool LINEAR_OUTPUT = false;
+layout(constant_id = 4) const bool HAS_ALBEDO_MAP = true;
+layout(constant_id = 5) const bool HAS_NORMAL_MAP = true;
+layout(constant_id = 6) const bool HAS_SURFACE_MAP = true;
+layout(constant_id = 7) const bool ALPHA_MASK = false;
+layout(constant_id = 8) const bool HAS_LIGHTS = true;
+
+// SHADING: the order of render::Shading.
+const uint SHADING_PBR = 0;
+const uint SHADING_PHONG = 1;
+const uint SHADING_ALBEDO = 2;
+const uint SHADING_NORMAL = 3;
+const uint SHADING_METALLIC = 4;
+const uint SHADING_ROUGHNESS = 5;
+const uint SHADING_OCCLUSION = 6;
+const uint SHADING_UV = 7;
+const uint SHADING_TANGENT = 8;
+const uint SHADING_D = 9;
+const uint SHADING_F = 10;
+const uint SHADING_G = 11;
+const uint SHADING_DIFFUSE = 12;
+const uint SHADING_SPECULAR = 13;
+const uint SHADING_IRRADIANCE = 14;
+
+layout(set = 0, binding = 0, scalar) uniform Frame {
+    Eye eyes[MAX_EYES];
+    vec2 environment_turn; // cos, sin
+    float exposure;
+    float environment_scale;
+    float last_level;
+    uint light_count;
+} frame;
+
+layout(set = 0, binding = 1, scalar) readonly buffer Lights {
+    PointLight lights[];
+};
+
+layout(set = 0, binding = 2) uniform sampler2D panorama;
+layout(set = 0, binding = 3) uniform samplerCube irradiance_over_pi;
+layout(set = 0, binding = 4) uniform samplerCube specular_levels;
+layout(set = 0, binding = 5) uniform sampler2D brdf_table;
+
+#endif

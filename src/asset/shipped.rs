@@ -1,0 +1,38 @@
+//! Where the files that come with the program lie.
+
+use std::path::{Path, PathBuf};
+
+use crate::{Error, Result};
+
+/// The scene that is shown when none is named.
+pub const DEMO: &str = "scenes/demo.toml";
+
+/// The panorama for models and scenes that name none.
+pub const PANORAMA: &str = "panoramas/courtyard.exr";
+
+/// The folder of shipped assets: PBR_VR_ASSETS if set, else `assets` beside or above the program, in the working
+/// folder, or where the program was built.
+///
+/// # Errors
+/// None of them holds the demo scene.
+pub fn folder() -> Result<PathBuf> {
+    let tried = candidates();
+    tried.iter().find(|folder| folder.join(DEMO).is_file()).cloned().ok_or_else(|| Error::Read {
+        path: tried.into_iter().next().unwrap_or_default().join(DEMO),
+        source: std::io::Error::new(
+            std::io::ErrorKind::NotFound,
+            "the program's assets were not found; set PBR_VR_ASSETS to the folder that holds them",
+        ),
+    })
+}
+
+fn candidates() -> Vec<PathBuf> {
+    if let Some(folder) = std::env::var_os("PBR_VR_ASSETS") {
+        return vec![folder.into()];
+    }
+    let program = std::env::current_exe().unwrap_or_default();
+    let mut folders: Vec<PathBuf> = program.ancestors().skip(1).take(4).map(|folder| folder.join("assets")).collect();
+    folders.push(PathBuf::from("assets"));
+    folders.push(Path::new(env!("CARGO_MANIFEST_DIR")).join("assets"));
+    folders
+}

@@ -1,0 +1,177 @@
+//! Which GPUs there are, which of them will do, and which one is taken.
+
+use std::ffi::CStr;
+
+use ash::{khr, vk};
+
+use super::instance::Instance;
+use crate::{Error, Result};
+
+/// What the program asks of every GPU.
+const NEEDS: &str = "Vulkan 1.3 with layered output from the vertex shader";
+
+/// One GPU as the system lists it.
+#[derive(Clone, Debug)]
+pub struct GpuInfo {
+    pub name: String,
+    pub kind: &'static str,
+    /// Driver name and version as the driver writes them.
+    pub driver: String,
+    /// Vulkan version, major.minor.patch.
+    pub vulkan: String,
+    /// Device-local memory in bytes.
+    pub memory: u64,
+    /// Optional things that are there or missing, by name.
+    pub options: Vec<(&'static str, bool)>,
+    /// Why it will not do; `None` if it will.
+    pub unfit: Option<String>,
+}
+
+pub(super) struct Candidate {
+    pub(super) physical: vk::PhysicalDevice,
+    pub(super) info: GpuInfo,
+    pub(super) family: u32,
+    pub(super) properties: vk::PhysicalDeviceProperties,
+    pub(super) anisotropy: bool,
+    rank: u32,
+}
+
+/// All GPUs, the preferred one first.
+pub fn survey() -> Result<Vec<GpuInfo>> {
+    let instance = Instance::new(false, None)?;
+    let mut all = candidates(&instance, false)?;
+    all.sort_by_key(|c| (c.info.unfit.is_some(), c.rank));
+    Ok(all.into_iter().map(|c| c.info).collect())
+}
+
+/// Takes the GPU whose name contains `name` (any case), or else the best: discrete, integrated, other, CPU.
+pub(super) fn choose(instance: &Instance, name: Option<&str>, present: bool) -> Result<Candidate> {
+    let all = candidates(instance, present)?;
+    let known: Vec<String> = all.iter().map(|c| c.info.name.clone()).collect();
+    let unfit: Vec<String> =
+        all.iter().filter_map(|c| Some(format!("{}: {}", c.info.name, c.info.unfit.as_ref()?))).collect();
+    let wanted = |c: &Candidate| name.is_none_or(|n| c.info.name.to_lowercase().contains(&n.to_lowercase()));
+    if let Some(name) = name
+        && !all.iter().any(wanted)
+    {
+        return Err(Error::UnknownName { what: "GPU", name: name.into(), known });
+    }
+    all.into_iter().filter(|c| wanted(c) && c.info.unfit.is_none()).min_by_key(|c| c.rank).ok_or_else(|| {
+        Error::NoVulkan {
+            problem: if unfit.is_empty() { "no GPU or driver found".into() } else { unfit.join("; ") },
+            remedy: "update the graphics driver, or install Mesa's software one (Debian: mesa-vulkan-drivers)",
+        }
+    })
+}
+
+fn candidates(instance: &Instance, present: bool) -> Result<Vec<Candidate>> {
+    // SAFETY: the instance is alive; the call only reads.
+    let all = unsafe { instance.raw.enumerate_physical_devices() }.map_err(Error::vulkan("listing GPUs"))?;
+    Ok(all.into_iter().map(|physical| examine(instance, physical, present)).collect())
+}
+
+fn examine(instance: &Instance, physical: vk::PhysicalDevice, present: bool) -> Candidate {
+    // SAFETY: `physical` comes from this instance; the call only reads.
+    let properties = unsafe { instance.raw.get_physical_device_properties(physical) };
+    let version = properties.api_version;
+    let (rank, kind) = rank(properties.device_type);
+    let mut info = GpuInfo {
+        name: properties.device_name_as_c_str().unwrap_or(c"?").to_string_lossy().into_owned(),
+        kind,
+        driver: String::new(),
+        vulkan: format!(
+            "{}.{}.{}",
+            vk::api_version_major(version),
+            vk::api_version_minor(version),
+            vk::api_version_patch(version)
+        ),
+        memory: device_memory(instance, physical),
+        options: Vec::new(),
+        unfit: None,
+    };
+    if version < vk::API_VERSION_1_3 {
+        info.unfit = Some(format!("has Vulkan {} only, {NEEDS} is needed", info.vulkan));
+        return Candidate { physical, info, family: 0, properties, anisotropy: false, rank };
+    }
+    let mut driver = vk::PhysicalDeviceDriverProperties::default();
+    let mut properties2 = vk::PhysicalDeviceProperties2::default().push_next(&mut driver);
+    // SAFETY: a Vulkan 1.2 structure chain on a 1.3 device; the call only writes into it.
+    unsafe { instance.raw.get_physical_device_properties2(physical, &mut properties2) };
+    let text = |s: std::result::Result<&CStr, _>| s.unwrap_or(c"?").to_string_lossy().into_owned();
+    info.driver = format!("{} {}", text(driver.driver_name_as_c_str()), text(driver.driver_info_as_c_str()));
+    let features = Features::of(instance, physical);
+    info.options = vec![("anisotropic filtering", features.anisotropy), ("presenting to windows", has_swapchain(instance, physical))];
+    let family = graphics_family(instance, physical);
+    info.unfit = features.missing().or_else(|| {
+        let sampled = properties.limits.framebuffer_color_sample_counts & properties.limits.framebuffer_depth_sample_counts;
+        let problem = match () {
+            () if family.is_none() => "has no queue for graphics and compute",
+            () if !sampled.contains(vk::SampleCountFlags::TYPE_4) => "cannot do 4x MSAA",
+            () if present && !has_swapchain(instance, physical) => "cannot present to a window",
+            () => return None,
+        };
+        Some(problem.into())
+    });
+    Candidate { physical, info, family: family.unwrap_or(0), properties, anisotropy: features.anisotropy, rank }
+}
+
+struct Features {
+    needed: [(&'static str, vk::Bool32); 6],
+    anisotropy: bool,
+}
+
+impl Features {
+    fn of(instance: &Instance, physical: vk::PhysicalDevice) -> Self {
+        let mut v12 = vk::PhysicalDeviceVulkan12Features::default();
+        let mut v13 = vk::PhysicalDeviceVulkan13Features::default();
+        let mut all = vk::PhysicalDeviceFeatures2::default().push_next(&mut v12).push_next(&mut v13);
+        // SAFETY: Vulkan 1.2/1.3 structures on a 1.3 device; the call only writes into them.
+        unsafe { instance.raw.get_physical_device_features2(physical, &mut all) };
+        let anisotropy = all.features.sampler_anisotropy == vk::TRUE;
+        let needed = [
+            ("dynamicRendering", v13.dynamic_rendering),
+            ("synchronization2", v13.synchronization2),
+            ("timelineSemaphore", v12.timeline_semaphore),
+            ("hostQueryReset", v12.host_query_reset),
+            ("shaderOutputLayer", v12.shader_output_layer),
+            ("scalarBlockLayout", v12.scalar_block_layout),
+        ];
+        Self { needed, anisotropy }
+    }
+
+    fn missing(&self) -> Option<String> {
+        let names: Vec<&str> = self.needed.iter().filter(|(_, there)| *there == vk::FALSE).map(|(name, _)| *name).collect();
+        (!names.is_empty()).then(|| format!("lacks {}, {NEEDS} is needed", names.join(", ")))
+    }
+}
+
+fn rank(kind: vk::PhysicalDeviceType) -> (u32, &'static str) {
+    match kind {
+        vk::PhysicalDeviceType::DISCRETE_GPU => (0, "discrete"),
+        vk::PhysicalDeviceType::INTEGRATED_GPU => (1, "integrated"),
+        vk::PhysicalDeviceType::VIRTUAL_GPU => (2, "virtual"),
+        vk::PhysicalDeviceType::CPU => (4, "CPU"),
+        _ => (3, "other"),
+    }
+}
+
+fn graphics_family(instance: &Instance, physical: vk::PhysicalDevice) -> Option<u32> {
+    // SAFETY: `physical` comes from this instance; the call only reads.
+    let families = unsafe { instance.raw.get_physical_device_queue_family_properties(physical) };
+    let both = vk::QueueFlags::GRAPHICS | vk::QueueFlags::COMPUTE;
+    let index = families.iter().position(|f| f.queue_flags.contains(both) && f.timestamp_valid_bits > 0)?;
+    u32::try_from(index).ok()
+}
+
+fn has_swapchain(instance: &Instance, physical: vk::PhysicalDevice) -> bool {
+    // SAFETY: `physical` comes from this instance; the call only reads.
+    let all = unsafe { instance.raw.enumerate_device_extension_properties(physical) }.unwrap_or_default();
+    all.iter().any(|e| e.extension_name_as_c_str() == Ok(khr::swapchain::NAME))
+}
+
+fn device_memory(instance: &Instance, physical: vk::PhysicalDevice) -> u64 {
+    // SAFETY: `physical` comes from this instance; the call only reads.
+    let memory = unsafe { instance.raw.get_physical_device_memory_properties(physical) };
+    let heaps = memory.memory_heaps_as_slice().iter();
+    heaps.filter(|h| h.flags.contains(vk::MemoryHeapFlags::DEVICE_LOCAL)).map(|h| h.size).sum()
+}

@@ -1,0 +1,355 @@
+//! Recording: barriers, rendering, dispatches, copies, pass labels.
+
+use std::ffi::CString;
+
+use ash::vk;
+
+use super::buffer::Buffer;
+use super::descriptor::Set;
+use super::image::{Image, Use};
+use super::pipeline::Pipeline;
+use super::recorder::Recorder;
+
+/// The images one rendering draws into; all have the same size and layers.
+pub struct Targets<'a> {
+    pub colour: &'a Image,
+    /// Where a multisampled `colour` is averaged to.
+    pub resolve: Option<&'a Image>,
+    pub depth: Option<&'a Image>,
+    /// `None` keeps what is there.
+    pub clear: Option<[f32; 4]>,
+}
+
+/// One layer of one mip.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Part {
+    pub mip: u32,
+    pub layer: u32,
+}
+
+/// A command buffer that is being recorded.
+pub struct Commands<'a> {
+    pub(super) recorder: &'a mut Recorder,
+}
+
+impl Commands<'_> {
+    /// Names and times what `record` records.
+    pub fn pass<R>(&mut self, name: &'static str, record: impl FnOnce(&mut Self) -> R) -> R {
+        let raw = self.recorder.raw;
+        if let Ok(label) = CString::new(name) {
+            self.recorder.gpu.begin_label(raw, &label);
+        }
+        let first = self.recorder.start_timer(name);
+        let result = record(self);
+        self.recorder.stop_timer(first);
+        self.recorder.gpu.end_label(raw);
+        result
+    }
+
+    /// Makes an image ready for a use, after whatever used it before.
+    pub fn prepare(&mut self, image: &Image, next: Use) {
+        self.barrier(image, image.state.get(), next);
+    }
+
+    /// The same, but gives up the image's content.
+    pub fn prepare_fresh(&mut self, image: &Image, next: Use) {
+        let (_, stage, access) = image.state.get().parts();
+        let (layout, next_stage, next_access) = next.parts();
+        let barrier = vk::ImageMemoryBarrier2::default()
+            .old_layout(vk::ImageLayout::UNDEFINED)
+            .src_stage_mask(stage)
+            .src_access_mask(access)
+            .new_layout(layout)
+            .dst_stage_mask(next_stage)
+            .dst_access_mask(next_access);
+        self.image_barrier(image, barrier);
+        image.state.set(next);
+    }
+
+    /// Makes what shaders wrote into buffers visible to all that follows, copies included.
+    pub fn buffers_written(&mut self) {
+        let barrier = [vk::MemoryBarrier2::default()
+            .src_stage_mask(vk::PipelineStageFlags2::COMPUTE_SHADER | vk::PipelineStageFlags2::ALL_TRANSFER)
+            .src_access_mask(vk::AccessFlags2::SHADER_STORAGE_WRITE | vk::AccessFlags2::TRANSFER_WRITE)
+            .dst_stage_mask(vk::PipelineStageFlags2::ALL_COMMANDS)
+            .dst_access_mask(vk::AccessFlags2::MEMORY_READ | vk::AccessFlags2::MEMORY_WRITE)];
+        let info = vk::DependencyInfo::default().memory_barriers(&barrier);
+        // SAFETY: the command buffer is being recorded.
+        unsafe { self.device().cmd_pipeline_barrier2(self.recorder.raw, &info) };
+    }
+
+    /// Draws into `targets`; they must have been prepared. Sets the viewport to their whole size.
+    pub fn render(&mut self, targets: &Targets<'_>, record: impl FnOnce(&mut Self)) {
+        let desc = targets.colour.desc();
+        let [width, height] = desc.size;
+        let area = vk::Rect2D { offset: vk::Offset2D::default(), extent: vk::Extent2D { width, height } };
+        let load = if targets.clear.is_some() { vk::AttachmentLoadOp::CLEAR } else { vk::AttachmentLoadOp::LOAD };
+        let (colour_layout, ..) = Use::Colour.parts();
+        let mut colour = vk::RenderingAttachmentInfo::default()
+            .image_view(targets.colour.view)
+            .image_layout(colour_layout)
+            .load_op(load)
+            .store_op(vk::AttachmentStoreOp::STORE)
+            .clear_value(vk::ClearValue {
+                color: vk::ClearColorValue { float32: targets.clear.unwrap_or_default() },
+            });
+        if let Some(resolve) = targets.resolve {
+            colour = colour
+                .store_op(vk::AttachmentStoreOp::DONT_CARE)
+                .resolve_mode(vk::ResolveModeFlags::AVERAGE)
+                .resolve_image_view(resolve.view)
+                .resolve_image_layout(colour_layout);
+        }
+        let colours = [colour];
+        let depth = targets.depth.map(|image| {
+            vk::RenderingAttachmentInfo::default()
+                .image_view(image.view)
+                .image_layout(Use::Depth.parts().0)
+                .load_op(load)
+                .store_op(vk::AttachmentStoreOp::DONT_CARE)
+        });
+        let mut info = vk::RenderingInfo::default()
+            .render_area(area)
+            .layer_count(desc.shape.layers())
+            .color_attachments(&colours);
+        if let Some(depth) = &depth {
+            info = info.depth_attachment(depth);
+        }
+        let viewport = vk::Viewport { width: width as f32, height: height as f32, max_depth: 1.0, ..Default::default() };
+        // SAFETY: the command buffer is being recorded; views, layouts and sizes are those of the targets.
+        unsafe {
+            let device = &self.recorder.gpu.device;
+            device.cmd_begin_rendering(self.recorder.raw, &info);
+            device.cmd_set_viewport(self.recorder.raw, 0, &[viewport]);
+            device.cmd_set_scissor(self.recorder.raw, 0, &[area]);
+        }
+        record(self);
+        // SAFETY: rendering was begun above.
+        unsafe { self.device().cmd_end_rendering(self.recorder.raw) };
+    }
+
+    /// Takes a pipeline and, for each of its sets, a descriptor set.
+    pub fn bind(&mut self, pipeline: &Pipeline, sets: &[&Set]) {
+        // SAFETY: the command buffer is being recorded; the pipeline is alive.
+        unsafe { self.device().cmd_bind_pipeline(self.recorder.raw, pipeline.point, pipeline.raw) };
+        for (i, set) in (0u32..).zip(sets) {
+            self.bind_set(pipeline, i, set);
+        }
+    }
+
+    /// Takes one descriptor set.
+    pub fn bind_set(&mut self, pipeline: &Pipeline, index: u32, set: &Set) {
+        // SAFETY: the command buffer is being recorded; pipeline and set are alive.
+        unsafe {
+            let device = &self.recorder.gpu.device;
+            device.cmd_bind_descriptor_sets(self.recorder.raw, pipeline.point, pipeline.layout, index, &[set.raw], &[]);
+        }
+    }
+
+    /// Sets the pipeline's push constants.
+    pub fn push(&mut self, pipeline: &Pipeline, bytes: &[u8]) {
+        // SAFETY: the command buffer is being recorded; the layout has one range for all stages.
+        unsafe {
+            let device = &self.recorder.gpu.device;
+            device.cmd_push_constants(self.recorder.raw, pipeline.layout, vk::ShaderStageFlags::ALL, 0, bytes);
+        }
+    }
+
+    /// Draws `vertices` vertices that the shader makes up itself.
+    pub fn draw(&mut self, vertices: u32, instances: u32) {
+        // SAFETY: called inside `render` with a pipeline bound.
+        unsafe { self.device().cmd_draw(self.recorder.raw, vertices, instances, 0, 0) };
+    }
+
+    /// Takes vertices and 32-bit indices.
+    pub fn bind_mesh(&mut self, vertices: &Buffer, indices: &Buffer) {
+        // SAFETY: the command buffer is being recorded; both buffers are alive and of the right kind.
+        unsafe {
+            let device = &self.recorder.gpu.device;
+            device.cmd_bind_vertex_buffers(self.recorder.raw, 0, &[vertices.raw], &[0]);
+            device.cmd_bind_index_buffer(self.recorder.raw, indices.raw, 0, vk::IndexType::UINT32);
+        }
+    }
+
+    /// Draws a range of the bound indices.
+    pub fn draw_indexed(&mut self, indices: std::ops::Range<u32>, first_vertex: i32, instances: u32) {
+        let count = indices.end - indices.start;
+        // SAFETY: called inside `render` with a pipeline and a mesh bound.
+        unsafe {
+            self.device().cmd_draw_indexed(self.recorder.raw, count, instances, indices.start, first_vertex, 0);
+        }
+    }
+
+    /// Runs the bound compute pipeline.
+    pub fn dispatch(&mut self, groups: [u32; 3]) {
+        // SAFETY: the command buffer is being recorded with a compute pipeline bound.
+        unsafe { self.device().cmd_dispatch(self.recorder.raw, groups[0], groups[1], groups[2]) };
+    }
+
+    /// Copies bytes between buffers.
+    pub fn copy_buffer(&mut self, from: &Buffer, from_offset: u64, to: &Buffer, to_offset: u64, size: u64) {
+        let region = vk::BufferCopy { src_offset: from_offset, dst_offset: to_offset, size };
+        // SAFETY: the command buffer is being recorded; both buffers are alive.
+        unsafe { self.device().cmd_copy_buffer(self.recorder.raw, from.raw, to.raw, &[region]) };
+    }
+
+    /// Copies tightly packed texels into one layer of one mip; the image must be prepared for `CopyTo`.
+    pub fn copy_to_image(&mut self, from: &Buffer, offset: u64, image: &Image, part: Part) {
+        let region = self.region(image, part).buffer_offset(offset);
+        let (layout, ..) = Use::CopyTo.parts();
+        // SAFETY: the command buffer is being recorded; buffer and image are alive.
+        unsafe { self.device().cmd_copy_buffer_to_image(self.recorder.raw, from.raw, image.raw, layout, &[region]) };
+    }
+
+    /// Copies one layer of one mip into a buffer, tightly packed; the image must be prepared for `CopyFrom`.
+    pub fn copy_from_image(&mut self, image: &Image, part: Part, to: &Buffer, offset: u64) {
+        let region = self.region(image, part).buffer_offset(offset);
+        let (layout, ..) = Use::CopyFrom.parts();
+        // SAFETY: the command buffer is being recorded; buffer and image are alive.
+        unsafe { self.device().cmd_copy_image_to_buffer(self.recorder.raw, image.raw, layout, to.raw, &[region]) };
+    }
+
+    /// Copies mip 0, all layers, between images of one format and size, prepared for `CopyFrom` and `CopyTo`.
+    pub fn copy_mip0(&mut self, from: &Image, to: &Image) {
+        let [width, height] = from.desc().size;
+        let region = vk::ImageCopy::default()
+            .src_subresource(self.layers(from, 0))
+            .dst_subresource(self.layers(to, 0))
+            .extent(vk::Extent3D { width, height, depth: 1 });
+        let (from_layout, to_layout) = (Use::CopyFrom.parts().0, Use::CopyTo.parts().0);
+        // SAFETY: the command buffer is being recorded; both images are alive and in these layouts.
+        unsafe {
+            let device = &self.recorder.gpu.device;
+            device.cmd_copy_image(self.recorder.raw, from.raw, from_layout, to.raw, to_layout, &[region]);
+        }
+    }
+
+    /// Makes host reads of readback buffers see the copies recorded so far.
+    pub fn copies_to_host(&mut self) {
+        let barrier = [vk::MemoryBarrier2::default()
+            .src_stage_mask(vk::PipelineStageFlags2::ALL_TRANSFER)
+            .src_access_mask(vk::AccessFlags2::TRANSFER_WRITE)
+            .dst_stage_mask(vk::PipelineStageFlags2::HOST)
+            .dst_access_mask(vk::AccessFlags2::HOST_READ)];
+        let info = vk::DependencyInfo::default().memory_barriers(&barrier);
+        // SAFETY: the command buffer is being recorded.
+        unsafe { self.device().cmd_pipeline_barrier2(self.recorder.raw, &info) };
+    }
+
+    /// Fills mips 1.. of a one-layer or layered image from mip 0 by halving; leaves it `Sampled`.
+    pub fn halve_mips(&mut self, image: &Image) {
+        self.prepare(image, Use::CopyTo);
+        let mips = image.desc().mips;
+        for mip in 1..mips {
+            self.mip_barrier(image, mip - 1, Use::CopyTo, Use::CopyFrom);
+            let sizes = [image.mip_size(mip - 1), image.mip_size(mip)];
+            self.blit_raw(image.raw, image.raw, sizes, [self.layers(image, mip - 1), self.layers(image, mip)]);
+        }
+        for mip in 0..mips - 1 {
+            self.mip_barrier(image, mip, Use::CopyFrom, Use::Sampled);
+        }
+        self.mip_barrier(image, mips - 1, Use::CopyTo, Use::Sampled);
+        image.state.set(Use::Sampled);
+    }
+
+    pub(super) fn blit_raw(
+        &mut self,
+        from: vk::Image,
+        to: vk::Image,
+        sizes: [[u32; 2]; 2],
+        layers: [vk::ImageSubresourceLayers; 2],
+    ) {
+        let corner = |size: [u32; 2]| vk::Offset3D { x: size[0] as i32, y: size[1] as i32, z: 1 };
+        let regions = [vk::ImageBlit2::default()
+            .src_subresource(layers[0])
+            .src_offsets([vk::Offset3D::default(), corner(sizes[0])])
+            .dst_subresource(layers[1])
+            .dst_offsets([vk::Offset3D::default(), corner(sizes[1])])];
+        let info = vk::BlitImageInfo2::default()
+            .src_image(from)
+            .src_image_layout(Use::CopyFrom.parts().0)
+            .dst_image(to)
+            .dst_image_layout(Use::CopyTo.parts().0)
+            .regions(&regions)
+            .filter(vk::Filter::LINEAR);
+        // SAFETY: the command buffer is being recorded; images are alive and in these layouts.
+        unsafe { self.device().cmd_blit_image2(self.recorder.raw, &info) };
+    }
+
+    pub(super) fn layers(&self, image: &Image, mip: u32) -> vk::ImageSubresourceLayers {
+        vk::ImageSubresourceLayers {
+            aspect_mask: image.aspect(),
+            mip_level: mip,
+            base_array_layer: 0,
+            layer_count: image.desc().shape.layers(),
+        }
+    }
+
+    fn barrier(&mut self, image: &Image, from: Use, to: Use) {
+        let reads = |u| matches!(u, Use::Sampled | Use::CopyFrom);
+        if from == to && reads(from) {
+            return;
+        }
+        self.image_barrier(image, transition(from, to));
+        image.state.set(to);
+    }
+
+    fn mip_barrier(&mut self, image: &Image, mip: u32, from: Use, to: Use) {
+        let barrier = transition(from, to).image(image.raw).subresource_range(vk::ImageSubresourceRange {
+            aspect_mask: image.aspect(),
+            base_mip_level: mip,
+            level_count: 1,
+            base_array_layer: 0,
+            layer_count: vk::REMAINING_ARRAY_LAYERS,
+        });
+        self.raw_image_barrier(barrier);
+    }
+
+    fn image_barrier(&mut self, image: &Image, barrier: vk::ImageMemoryBarrier2<'_>) {
+        let range = vk::ImageSubresourceRange {
+            aspect_mask: image.aspect(),
+            base_mip_level: 0,
+            level_count: vk::REMAINING_MIP_LEVELS,
+            base_array_layer: 0,
+            layer_count: vk::REMAINING_ARRAY_LAYERS,
+        };
+        self.raw_image_barrier(barrier.image(image.raw).subresource_range(range));
+    }
+
+    pub(super) fn raw_image_barrier(&mut self, barrier: vk::ImageMemoryBarrier2<'_>) {
+        let barriers = [barrier
+            .src_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
+            .dst_queue_family_index(vk::QUEUE_FAMILY_IGNORED)];
+        let info = vk::DependencyInfo::default().image_memory_barriers(&barriers);
+        // SAFETY: the command buffer is being recorded; the image is alive.
+        unsafe { self.device().cmd_pipeline_barrier2(self.recorder.raw, &info) };
+    }
+
+    fn region(&self, image: &Image, part: Part) -> vk::BufferImageCopy {
+        let [width, height] = image.mip_size(part.mip);
+        vk::BufferImageCopy::default()
+            .image_subresource(vk::ImageSubresourceLayers {
+                aspect_mask: image.aspect(),
+                mip_level: part.mip,
+                base_array_layer: part.layer,
+                layer_count: 1,
+            })
+            .image_extent(vk::Extent3D { width, height, depth: 1 })
+    }
+
+    fn device(&self) -> &ash::Device {
+        &self.recorder.gpu.device
+    }
+}
+
+pub(super) fn transition(from: Use, to: Use) -> vk::ImageMemoryBarrier2<'static> {
+    let (old, stage, access) = from.parts();
+    let (new, next_stage, next_access) = to.parts();
+    vk::ImageMemoryBarrier2::default()
+        .old_layout(old)
+        .src_stage_mask(stage)
+        .src_access_mask(access)
+        .new_layout(new)
+        .dst_stage_mask(next_stage)
+        .dst_access_mask(next_access)
+}

@@ -1,0 +1,272 @@
+//! The device: one GPU, its queue, its memory, its clock, and the objects waiting to be destroyed.
+
+use std::collections::VecDeque;
+use std::ffi::{CStr, CString, c_char};
+use std::mem::ManuallyDrop;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use ash::{ext, khr, vk};
+use gpu_allocator::MemoryLocation;
+use gpu_allocator::vulkan::{Allocation, AllocationCreateDesc, AllocationScheme, Allocator, AllocatorCreateDesc};
+use raw_window_handle::RawDisplayHandle;
+
+use super::choice::{self, GpuInfo};
+use super::instance::{Instance, Messages};
+use crate::{Error, Result};
+
+/// What to open.
+#[derive(Clone, Copy, Default)]
+pub struct GpuOptions<'a> {
+    /// Part of the GPU's name, any case; the best one if `None`.
+    pub name: Option<&'a str>,
+    /// Core and synchronization validation.
+    pub validate: bool,
+    /// The display to present to, if any.
+    pub display: Option<RawDisplayHandle>,
+}
+
+/// One opened GPU. Every buffer, image and pipeline keeps it alive; when the last goes, the device is destroyed.
+pub struct Gpu {
+    pub(super) device: ash::Device,
+    pub(super) physical: vk::PhysicalDevice,
+    pub(super) family: u32,
+    pub(super) max_anisotropy: Option<f32>,
+    pub(super) limits: vk::PhysicalDeviceLimits,
+    /// Signalled with the number of each finished submission.
+    pub(super) timeline: vk::Semaphore,
+    pub(super) queue: Mutex<Queue>,
+    debug: Option<ext::debug_utils::Device>,
+    allocator: ManuallyDrop<Mutex<Allocator>>,
+    graveyard: Mutex<VecDeque<(u64, Retired)>>,
+    info: GpuInfo,
+    // Last: the instance goes after the device.
+    pub(super) instance: Instance,
+}
+
+/// The only queue, and how many submissions it has had.
+pub(super) struct Queue {
+    pub(super) raw: vk::Queue,
+    pub(super) submitted: u64,
+}
+
+/// A Vulkan object whose owner is gone but that the GPU may still use.
+pub(super) enum Retired {
+    Buffer(vk::Buffer, Allocation),
+    Image(vk::Image, Vec<vk::ImageView>, Allocation),
+    Sampler(vk::Sampler),
+    SetLayout(vk::DescriptorSetLayout),
+    DescriptorPool(vk::DescriptorPool),
+    Pipeline(vk::Pipeline, vk::PipelineLayout),
+    CommandPool(vk::CommandPool, vk::QueryPool),
+}
+
+impl Gpu {
+    /// Opens a GPU.
+    ///
+    /// # Errors
+    /// No Vulkan, no fit GPU, an unknown `name`, or a driver that fails.
+    pub fn open(options: GpuOptions<'_>) -> Result<Arc<Self>> {
+        let instance = Instance::new(options.validate, options.display)?;
+        let chosen = choice::choose(&instance, options.name, options.display.is_some())?;
+        let device = make_device(&instance, &chosen, options.display.is_some())?;
+        // SAFETY: the family and its queue 0 were asked for in `make_device`.
+        let queue = unsafe { device.get_device_queue(chosen.family, 0) };
+        let mut kind = vk::SemaphoreTypeCreateInfo::default().semaphore_type(vk::SemaphoreType::TIMELINE);
+        let info = vk::SemaphoreCreateInfo::default().push_next(&mut kind);
+        // SAFETY: the device is alive and has the timelineSemaphore feature.
+        let timeline = unsafe { device.create_semaphore(&info, None) }.map_err(Error::vulkan("making a semaphore"))?;
+        let allocator = Allocator::new(&AllocatorCreateDesc {
+            instance: instance.raw.clone(),
+            device: device.clone(),
+            physical_device: chosen.physical,
+            debug_settings: Default::default(),
+            buffer_device_address: false,
+            allocation_sizes: Default::default(),
+        })
+        .map_err(|e| Error::GpuMemory { what: "the allocator".into(), problem: e.to_string() })?;
+        let debug = instance.has_debug_utils.then(|| ext::debug_utils::Device::new(&instance.raw, &device));
+        let gpu = Self {
+            debug,
+            allocator: ManuallyDrop::new(Mutex::new(allocator)),
+            physical: chosen.physical,
+            family: chosen.family,
+            max_anisotropy: chosen.anisotropy.then_some(chosen.properties.limits.max_sampler_anisotropy),
+            limits: chosen.properties.limits,
+            timeline,
+            queue: Mutex::new(Queue { raw: queue, submitted: 0 }),
+            graveyard: Mutex::default(),
+            info: chosen.info,
+            device,
+            instance,
+        };
+        gpu.name(timeline, "timeline");
+        Ok(Arc::new(gpu))
+    }
+
+    /// The GPU as `doctor` would list it.
+    pub fn info(&self) -> &GpuInfo {
+        &self.info
+    }
+
+    /// What the validation layer has said; keeps what is said while the device is destroyed, too.
+    pub fn messages(&self) -> Arc<Messages> {
+        Arc::clone(self.instance.messages())
+    }
+
+    /// The widest 2D image the GPU takes, in texels.
+    pub fn max_image_size(&self) -> u32 {
+        self.limits.max_image_dimension2_d
+    }
+
+    /// Waits until the GPU has nothing left to do.
+    pub fn wait_idle(&self) -> Result<()> {
+        let submitted = self.queue().submitted;
+        self.wait_for(submitted)
+    }
+
+    /// Waits for one submission, by its number.
+    pub fn wait_for(&self, submission: u64) -> Result<()> {
+        let (semaphores, values) = ([self.timeline], [submission]);
+        let info = vk::SemaphoreWaitInfo::default().semaphores(&semaphores).values(&values);
+        // SAFETY: the semaphore is this device's and alive.
+        unsafe { self.device.wait_semaphores(&info, u64::MAX) }.map_err(Error::vulkan("waiting for the GPU"))?;
+        self.bury(submission);
+        Ok(())
+    }
+
+    pub(super) fn queue(&self) -> MutexGuard<'_, Queue> {
+        self.queue.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Gives a Vulkan object its debug name.
+    pub(super) fn name<T: vk::Handle>(&self, object: T, name: &str) {
+        let (Some(debug), Ok(name)) = (&self.debug, CString::new(name)) else { return };
+        let info = vk::DebugUtilsObjectNameInfoEXT::default().object_handle(object).object_name(&name);
+        // SAFETY: the object is this device's and alive. A name that cannot be set harms nothing.
+        let _ = unsafe { debug.set_debug_utils_object_name(&info) };
+    }
+
+    pub(super) fn begin_label(&self, commands: vk::CommandBuffer, name: &CStr) {
+        if let Some(debug) = &self.debug {
+            let label = vk::DebugUtilsLabelEXT::default().label_name(name);
+            // SAFETY: the command buffer is being recorded by the caller.
+            unsafe { debug.cmd_begin_debug_utils_label(commands, &label) };
+        }
+    }
+
+    pub(super) fn end_label(&self, commands: vk::CommandBuffer) {
+        if let Some(debug) = &self.debug {
+            // SAFETY: the command buffer is being recorded by the caller, who has begun a label.
+            unsafe { debug.cmd_end_debug_utils_label(commands) };
+        }
+    }
+
+    /// Takes GPU memory for a new object.
+    pub(super) fn allocate(
+        &self,
+        name: &str,
+        requirements: vk::MemoryRequirements,
+        location: MemoryLocation,
+        linear: bool,
+    ) -> Result<Allocation> {
+        let scheme = AllocationScheme::GpuAllocatorManaged;
+        self.allocator()
+            .allocate(&AllocationCreateDesc { name, requirements, location, linear, allocation_scheme: scheme })
+            .map_err(|e| Error::GpuMemory {
+                what: format!("{name} ({:.1} MiB)", requirements.size as f64 / f64::from(1 << 20)),
+                problem: e.to_string(),
+            })
+    }
+
+    /// Gives memory back at once: only for an object the GPU has never seen.
+    pub(super) fn free(&self, allocation: Allocation) {
+        // Freeing fails only for an allocation of another allocator, and there is one.
+        let _ = self.allocator().free(allocation);
+    }
+
+    /// Takes over an object; it is destroyed once everything submitted up to the next submission has finished.
+    pub(super) fn retire(&self, object: Retired) {
+        let after = self.queue().submitted + 1;
+        self.graveyard.lock().unwrap_or_else(PoisonError::into_inner).push_back((after, object));
+    }
+
+    /// Destroys what was retired for submissions up to `finished`.
+    pub(super) fn bury(&self, finished: u64) {
+        loop {
+            let mut graveyard = self.graveyard.lock().unwrap_or_else(PoisonError::into_inner);
+            let due = graveyard.front().is_some_and(|(after, _)| *after <= finished);
+            let Some((_, object)) = due.then(|| graveyard.pop_front()).flatten() else { return };
+            drop(graveyard);
+            self.destroy(object);
+        }
+    }
+
+    fn destroy(&self, object: Retired) {
+        // SAFETY: the owner is gone and every submission that could use the object has finished.
+        unsafe {
+            match object {
+                Retired::Buffer(buffer, allocation) => {
+                    self.device.destroy_buffer(buffer, None);
+                    self.free(allocation);
+                }
+                Retired::Image(image, views, allocation) => {
+                    views.into_iter().for_each(|view| self.device.destroy_image_view(view, None));
+                    self.device.destroy_image(image, None);
+                    self.free(allocation);
+                }
+                Retired::Sampler(sampler) => self.device.destroy_sampler(sampler, None),
+                Retired::SetLayout(layout) => self.device.destroy_descriptor_set_layout(layout, None),
+                Retired::DescriptorPool(pool) => self.device.destroy_descriptor_pool(pool, None),
+                Retired::Pipeline(pipeline, layout) => {
+                    self.device.destroy_pipeline(pipeline, None);
+                    self.device.destroy_pipeline_layout(layout, None);
+                }
+                Retired::CommandPool(pool, queries) => {
+                    self.device.destroy_command_pool(pool, None);
+                    self.device.destroy_query_pool(queries, None);
+                }
+            }
+        }
+    }
+
+    fn allocator(&self) -> MutexGuard<'_, Allocator> {
+        self.allocator.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl Drop for Gpu {
+    fn drop(&mut self) {
+        // SAFETY: nothing else refers to the device: every object holds an Arc of it. A lost device still waits.
+        unsafe {
+            let _ = self.device.device_wait_idle();
+            self.bury(u64::MAX);
+            ManuallyDrop::drop(&mut self.allocator);
+            self.device.destroy_semaphore(self.timeline, None);
+            self.device.destroy_device(None);
+        }
+    }
+}
+
+fn make_device(instance: &Instance, chosen: &choice::Candidate, present: bool) -> Result<ash::Device> {
+    let priorities = [1.0];
+    let queues = [vk::DeviceQueueCreateInfo::default().queue_family_index(chosen.family).queue_priorities(&priorities)];
+    let mut v12 = vk::PhysicalDeviceVulkan12Features::default()
+        .timeline_semaphore(true)
+        .host_query_reset(true)
+        .scalar_block_layout(true)
+        .shader_output_layer(true);
+    let mut v13 = vk::PhysicalDeviceVulkan13Features::default().dynamic_rendering(true).synchronization2(true);
+    let core = vk::PhysicalDeviceFeatures::default().sampler_anisotropy(chosen.anisotropy);
+    let mut extensions: Vec<*const c_char> = Vec::new();
+    if present {
+        extensions.push(khr::swapchain::NAME.as_ptr());
+    }
+    let info = vk::DeviceCreateInfo::default()
+        .queue_create_infos(&queues)
+        .enabled_features(&core)
+        .enabled_extension_names(&extensions)
+        .push_next(&mut v12)
+        .push_next(&mut v13);
+    // SAFETY: all that `info` points to lives until the call returns; features and extensions were found in `choice`.
+    unsafe { instance.raw.create_device(chosen.physical, &info, None) }.map_err(Error::vulkan("opening the device"))
+}

@@ -1,0 +1,266 @@
+//! GPU images with their views, and samplers.
+
+use std::cell::Cell;
+use std::sync::Arc;
+
+use ash::vk;
+use gpu_allocator::MemoryLocation;
+use gpu_allocator::vulkan::Allocation;
+
+use super::device::{Gpu, Retired};
+use crate::{Error, Result};
+
+/// How an image's layers are seen by shaders.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Shape {
+    /// One layer, `sampler2D`.
+    Flat,
+    /// N layers, `sampler2DArray`: the eyes.
+    Layers(u32),
+    /// Six layers, `samplerCube`, faces in Vulkan's order +X −X +Y −Y +Z −Z.
+    Cube,
+}
+
+impl Shape {
+    /// Number of array layers.
+    pub fn layers(self) -> u32 {
+        match self {
+            Self::Flat => 1,
+            Self::Layers(n) => n,
+            Self::Cube => 6,
+        }
+    }
+
+    fn view(self) -> vk::ImageViewType {
+        match self {
+            Self::Flat => vk::ImageViewType::TYPE_2D,
+            Self::Layers(_) => vk::ImageViewType::TYPE_2D_ARRAY,
+            Self::Cube => vk::ImageViewType::CUBE,
+        }
+    }
+}
+
+/// What an image is to be.
+#[derive(Clone, Copy, Debug)]
+pub struct ImageDesc {
+    pub format: vk::Format,
+    /// Width and height in texels.
+    pub size: [u32; 2],
+    pub shape: Shape,
+    pub mips: u32,
+    /// 1 or 4.
+    pub samples: u32,
+    pub usage: vk::ImageUsageFlags,
+}
+
+impl ImageDesc {
+    /// One layer, one mip, one sample.
+    pub fn flat(format: vk::Format, size: [u32; 2], usage: vk::ImageUsageFlags) -> Self {
+        Self { format, size, shape: Shape::Flat, mips: 1, samples: 1, usage }
+    }
+
+    /// Mips down to 1×1.
+    pub fn full_mips(size: [u32; 2]) -> u32 {
+        32 - size[0].max(size[1]).max(1).leading_zeros()
+    }
+}
+
+/// How the GPU uses an image at one moment: decides layout, stage and access of barriers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Use {
+    /// Nothing yet; the content is not kept.
+    Fresh,
+    /// Colour or resolve attachment.
+    Colour,
+    /// Depth attachment.
+    Depth,
+    /// Sampled by any shader.
+    Sampled,
+    /// Read and written by compute shaders, as a storage image.
+    Storage,
+    CopyFrom,
+    CopyTo,
+    /// On its way to a window.
+    Present,
+}
+
+impl Use {
+    pub(super) fn parts(self) -> (vk::ImageLayout, vk::PipelineStageFlags2, vk::AccessFlags2) {
+        use vk::{AccessFlags2 as A, ImageLayout as L, PipelineStageFlags2 as S};
+        match self {
+            Self::Fresh => (L::UNDEFINED, S::NONE, A::NONE),
+            Self::Colour => (
+                L::COLOR_ATTACHMENT_OPTIMAL,
+                S::COLOR_ATTACHMENT_OUTPUT,
+                A::COLOR_ATTACHMENT_READ | A::COLOR_ATTACHMENT_WRITE,
+            ),
+            Self::Depth => (
+                L::DEPTH_ATTACHMENT_OPTIMAL,
+                S::EARLY_FRAGMENT_TESTS | S::LATE_FRAGMENT_TESTS,
+                A::DEPTH_STENCIL_ATTACHMENT_READ | A::DEPTH_STENCIL_ATTACHMENT_WRITE,
+            ),
+            Self::Sampled => (
+                L::SHADER_READ_ONLY_OPTIMAL,
+                S::VERTEX_SHADER | S::FRAGMENT_SHADER | S::COMPUTE_SHADER,
+                A::SHADER_SAMPLED_READ,
+            ),
+            Self::Storage => (L::GENERAL, S::COMPUTE_SHADER, A::SHADER_STORAGE_READ | A::SHADER_STORAGE_WRITE),
+            Self::CopyFrom => (L::TRANSFER_SRC_OPTIMAL, S::ALL_TRANSFER, A::TRANSFER_READ),
+            Self::CopyTo => (L::TRANSFER_DST_OPTIMAL, S::ALL_TRANSFER, A::TRANSFER_WRITE),
+            Self::Present => (L::PRESENT_SRC_KHR, S::NONE, A::NONE),
+        }
+    }
+}
+
+/// An image, its memory and its views. It remembers how the last recorded command uses it.
+pub struct Image {
+    gpu: Arc<Gpu>,
+    pub(super) raw: vk::Image,
+    /// All mips and layers.
+    pub(super) view: vk::ImageView,
+    /// One per mip, all layers as an array; only for storage images.
+    pub(super) mip_views: Vec<vk::ImageView>,
+    allocation: Option<Allocation>,
+    desc: ImageDesc,
+    pub(super) state: Cell<Use>,
+}
+
+impl Image {
+    /// Makes an image; its content is undefined.
+    pub fn new(gpu: &Arc<Gpu>, name: &str, desc: ImageDesc) -> Result<Self> {
+        let info = vk::ImageCreateInfo::default()
+            .flags(if desc.shape == Shape::Cube { vk::ImageCreateFlags::CUBE_COMPATIBLE } else { Default::default() })
+            .image_type(vk::ImageType::TYPE_2D)
+            .format(desc.format)
+            .extent(vk::Extent3D { width: desc.size[0], height: desc.size[1], depth: 1 })
+            .mip_levels(desc.mips)
+            .array_layers(desc.shape.layers())
+            .samples(vk::SampleCountFlags::from_raw(desc.samples))
+            .usage(desc.usage);
+        // SAFETY: the device is alive, `info` is complete.
+        let raw = unsafe { gpu.device.create_image(&info, None) }.map_err(Error::vulkan("making an image"))?;
+        // SAFETY: `raw` was just made by this device.
+        let requirements = unsafe { gpu.device.get_image_memory_requirements(raw) };
+        let allocation = gpu.allocate(name, requirements, MemoryLocation::GpuOnly, false).inspect_err(|_| {
+            // SAFETY: the GPU has never seen the image.
+            unsafe { gpu.device.destroy_image(raw, None) }
+        })?;
+        // SAFETY: the memory was allocated for this image's requirements and is not bound elsewhere.
+        unsafe { gpu.device.bind_image_memory(raw, allocation.memory(), allocation.offset()) }
+            .map_err(Error::vulkan("binding image memory"))?;
+        gpu.name(raw, name);
+        // From here on, Drop owns the handles whatever fails.
+        let mut image = Self {
+            gpu: Arc::clone(gpu),
+            raw,
+            view: vk::ImageView::null(),
+            mip_views: Vec::new(),
+            allocation: Some(allocation),
+            desc,
+            state: Cell::new(Use::Fresh),
+        };
+        // An image that is only copied has no use for views, and Vulkan allows it none.
+        let copies = vk::ImageUsageFlags::TRANSFER_SRC | vk::ImageUsageFlags::TRANSFER_DST;
+        if !copies.contains(desc.usage) {
+            image.view = image.make_view(desc.shape.view(), 0, desc.mips)?;
+        }
+        if desc.usage.contains(vk::ImageUsageFlags::STORAGE) {
+            for mip in 0..desc.mips {
+                let view = image.make_view(vk::ImageViewType::TYPE_2D_ARRAY, mip, 1)?;
+                image.mip_views.push(view);
+            }
+        }
+        Ok(image)
+    }
+
+    /// What it was made as.
+    pub fn desc(&self) -> &ImageDesc {
+        &self.desc
+    }
+
+    /// Width and height of one mip.
+    pub fn mip_size(&self, mip: u32) -> [u32; 2] {
+        self.desc.size.map(|s| (s >> mip).max(1))
+    }
+
+    pub(super) fn aspect(&self) -> vk::ImageAspectFlags {
+        if self.desc.usage.contains(vk::ImageUsageFlags::DEPTH_STENCIL_ATTACHMENT) {
+            vk::ImageAspectFlags::DEPTH
+        } else {
+            vk::ImageAspectFlags::COLOR
+        }
+    }
+
+    fn make_view(&self, kind: vk::ImageViewType, mip: u32, mips: u32) -> Result<vk::ImageView> {
+        let range = vk::ImageSubresourceRange::default()
+            .aspect_mask(self.aspect())
+            .base_mip_level(mip)
+            .level_count(mips)
+            .layer_count(self.desc.shape.layers());
+        let info = vk::ImageViewCreateInfo::default()
+            .image(self.raw)
+            .view_type(kind)
+            .format(self.desc.format)
+            .subresource_range(range);
+        // SAFETY: the image is alive and has these mips and layers.
+        unsafe { self.gpu.device.create_image_view(&info, None) }.map_err(Error::vulkan("making an image view"))
+    }
+}
+
+impl Drop for Image {
+    fn drop(&mut self) {
+        let mut views = std::mem::take(&mut self.mip_views);
+        views.push(self.view);
+        if let Some(allocation) = self.allocation.take() {
+            self.gpu.retire(Retired::Image(self.raw, views, allocation));
+        }
+    }
+}
+
+/// What lies beyond an image's edge.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Edge {
+    Repeat,
+    Clamp,
+    /// Repeats sideways, clamps up and down: panoramas.
+    Panorama,
+}
+
+/// Trilinear filtering.
+pub struct Sampler {
+    gpu: Arc<Gpu>,
+    pub(super) raw: vk::Sampler,
+}
+
+impl Sampler {
+    /// Makes a sampler; `anisotropic` asks for up to 16 samples where the GPU can.
+    pub fn new(gpu: &Arc<Gpu>, name: &str, edge: Edge, anisotropic: bool) -> Result<Self> {
+        let (repeat, clamp) = (vk::SamplerAddressMode::REPEAT, vk::SamplerAddressMode::CLAMP_TO_EDGE);
+        let (u, v) = match edge {
+            Edge::Repeat => (repeat, repeat),
+            Edge::Clamp => (clamp, clamp),
+            Edge::Panorama => (repeat, clamp),
+        };
+        let anisotropy = gpu.max_anisotropy.filter(|_| anisotropic);
+        let info = vk::SamplerCreateInfo::default()
+            .mag_filter(vk::Filter::LINEAR)
+            .min_filter(vk::Filter::LINEAR)
+            .mipmap_mode(vk::SamplerMipmapMode::LINEAR)
+            .address_mode_u(u)
+            .address_mode_v(v)
+            .address_mode_w(clamp)
+            .anisotropy_enable(anisotropy.is_some())
+            .max_anisotropy(anisotropy.unwrap_or(1.0).min(16.0))
+            .max_lod(vk::LOD_CLAMP_NONE);
+        // SAFETY: the device is alive; anisotropy is enabled only where the feature was.
+        let raw = unsafe { gpu.device.create_sampler(&info, None) }.map_err(Error::vulkan("making a sampler"))?;
+        gpu.name(raw, name);
+        Ok(Self { gpu: Arc::clone(gpu), raw })
+    }
+}
+
+impl Drop for Sampler {
+    fn drop(&mut self) {
+        self.gpu.retire(Retired::Sampler(self.raw));
+    }
+}

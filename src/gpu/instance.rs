@@ -1,0 +1,177 @@
+//! The Vulkan instance: loader, layers, extensions, and what the validation layer says.
+
+use std::ffi::{CStr, c_char, c_void};
+use std::sync::{Arc, Mutex, PoisonError};
+
+use ash::{ext, vk};
+use raw_window_handle::RawDisplayHandle;
+
+use crate::{Error, Result};
+
+const VALIDATION_LAYER: &CStr = c"VK_LAYER_KHRONOS_validation";
+
+/// Validation messages that are known and harmless: a part of the message's id, and the reason.
+const EXPECTED: &[(&str, &str)] = &[(
+    // Sent once per instance by the layer itself when a driver is not conformant.
+    "WARNING-CreateInstance-status-message",
+    "lavapipe 22.3 says of itself that it is not a conformant driver; that is no fault of ours",
+)];
+
+/// Everything the validation layer has said that was not expected.
+#[derive(Default)]
+pub struct Messages(Mutex<Vec<String>>);
+
+impl Messages {
+    fn push(&self, message: String) {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).push(message);
+    }
+
+    /// All of them, oldest first.
+    pub fn all(&self) -> Vec<String> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+
+    /// An error if there was any.
+    pub fn check(&self) -> Result<()> {
+        let all = self.all();
+        match all.first() {
+            None => Ok(()),
+            Some(first) => Err(Error::Validation { count: all.len(), first: first.clone() }),
+        }
+    }
+}
+
+/// The loader, the instance and its debug messenger.
+pub struct Instance {
+    pub(super) entry: ash::Entry,
+    pub(super) raw: ash::Instance,
+    pub(super) has_debug_utils: bool,
+    messenger: Option<(ext::debug_utils::Instance, vk::DebugUtilsMessengerEXT)>,
+    messages: Arc<Messages>,
+}
+
+impl Instance {
+    /// Loads Vulkan and makes an instance that can present to `display`, if there is one.
+    pub fn new(validate: bool, display: Option<RawDisplayHandle>) -> Result<Self> {
+        // SAFETY: loading the system's Vulkan loader runs its initialisers, which is what it is for.
+        let entry = unsafe { ash::Entry::load() }.map_err(|e| Error::NoVulkan {
+            problem: format!("the Vulkan loader does not load ({e})"),
+            remedy: "install a graphics driver with Vulkan, or Mesa's software one (Debian: mesa-vulkan-drivers libvulkan1)",
+        })?;
+        let has_debug_utils = has_extension(&entry, ext::debug_utils::NAME);
+        let mut extensions: Vec<*const c_char> = Vec::new();
+        if let Some(display) = display {
+            let wanted = ash_window::enumerate_required_extensions(display)
+                .map_err(|e| Error::Window { problem: format!("Vulkan cannot present to this display ({e})") })?;
+            extensions.extend(wanted);
+        }
+        if has_debug_utils {
+            extensions.push(ext::debug_utils::NAME.as_ptr());
+        }
+        let mut layers: Vec<*const c_char> = Vec::new();
+        if validate {
+            if !has_layer(&entry, VALIDATION_LAYER) || !has_debug_utils {
+                return Err(Error::NoVulkan {
+                    problem: "the validation layer is not installed".into(),
+                    remedy: "install it (Debian: vulkan-validationlayers; else the Vulkan SDK) or leave out --validate",
+                });
+            }
+            layers.push(VALIDATION_LAYER.as_ptr());
+        }
+        let messages = Arc::new(Messages::default());
+        let mut messenger_info = messenger_info(&messages);
+        let enabled = [vk::ValidationFeatureEnableEXT::SYNCHRONIZATION_VALIDATION];
+        let mut features = vk::ValidationFeaturesEXT::default().enabled_validation_features(&enabled);
+        let application = vk::ApplicationInfo::default().application_name(c"pbr-vr").api_version(vk::API_VERSION_1_3);
+        let mut info = vk::InstanceCreateInfo::default()
+            .application_info(&application)
+            .enabled_extension_names(&extensions)
+            .enabled_layer_names(&layers);
+        if validate {
+            info = info.push_next(&mut features).push_next(&mut messenger_info);
+        }
+        // SAFETY: `info` and all it points to live until the call returns; names are NUL-terminated.
+        let raw = unsafe { entry.create_instance(&info, None) }.map_err(|result| Error::NoVulkan {
+            problem: format!("no instance can be made ({result})"),
+            remedy: "install a Vulkan 1.3 driver (Debian, without a GPU: mesa-vulkan-drivers)",
+        })?;
+        let mut instance = Self { entry, raw, has_debug_utils, messenger: None, messages };
+        if validate {
+            instance.listen()?;
+        }
+        Ok(instance)
+    }
+
+    /// What the validation layer has said so far.
+    pub fn messages(&self) -> &Arc<Messages> {
+        &self.messages
+    }
+
+    fn listen(&mut self) -> Result<()> {
+        let debug = ext::debug_utils::Instance::new(&self.entry, &self.raw);
+        // SAFETY: the user pointer in the info is kept alive by `self.messages`, which outlives the messenger (see Drop).
+        let messenger = unsafe { debug.create_debug_utils_messenger(&messenger_info(&self.messages), None) }
+            .map_err(Error::vulkan("listening to the validation layer"))?;
+        self.messenger = Some((debug, messenger));
+        Ok(())
+    }
+}
+
+impl Drop for Instance {
+    fn drop(&mut self) {
+        // SAFETY: the device and all its objects are gone (Gpu drops its instance last); `messages` still lives.
+        unsafe {
+            if let Some((debug, messenger)) = self.messenger.take() {
+                debug.destroy_debug_utils_messenger(messenger, None);
+            }
+            self.raw.destroy_instance(None);
+        }
+    }
+}
+
+fn messenger_info(messages: &Arc<Messages>) -> vk::DebugUtilsMessengerCreateInfoEXT<'static> {
+    use vk::{DebugUtilsMessageSeverityFlagsEXT as Severity, DebugUtilsMessageTypeFlagsEXT as Type};
+    vk::DebugUtilsMessengerCreateInfoEXT::default()
+        .message_severity(Severity::ERROR | Severity::WARNING)
+        .message_type(Type::GENERAL | Type::VALIDATION | Type::PERFORMANCE)
+        .pfn_user_callback(Some(on_message))
+        .user_data(Arc::as_ptr(messages).cast::<c_void>().cast_mut())
+}
+
+unsafe extern "system" fn on_message(
+    _severity: vk::DebugUtilsMessageSeverityFlagsEXT,
+    _types: vk::DebugUtilsMessageTypeFlagsEXT,
+    data: *const vk::DebugUtilsMessengerCallbackDataEXT<'_>,
+    user: *mut c_void,
+) -> vk::Bool32 {
+    // SAFETY: the layer passes a valid callback structure, and `user` is the `Messages` that the instance keeps alive.
+    let (data, messages) = unsafe { (&*data, &*user.cast::<Messages>()) };
+    // SAFETY: both strings are NUL-terminated or null, by the extension's specification.
+    let (id, text) = unsafe { (data.message_id_name_as_c_str(), data.message_as_c_str()) };
+    let id = id.unwrap_or(c"?").to_string_lossy();
+    let text = text.unwrap_or(c"?").to_string_lossy();
+    if EXPECTED.iter().any(|(part, _)| id.contains(part)) {
+        return vk::FALSE;
+    }
+    tracing::error!("validation: {id}: {text}");
+    messages.push(format!("{id}: {text}"));
+    vk::FALSE
+}
+
+fn has_extension(entry: &ash::Entry, name: &CStr) -> bool {
+    // SAFETY: no layer name is given; the call only reads.
+    let all = unsafe { entry.enumerate_instance_extension_properties(None) }.unwrap_or_default();
+    all.iter().any(|e| e.extension_name_as_c_str() == Ok(name))
+}
+
+fn has_layer(entry: &ash::Entry, name: &CStr) -> bool {
+    // SAFETY: the call only reads.
+    let all = unsafe { entry.enumerate_instance_layer_properties() }.unwrap_or_default();
+    all.iter().any(|l| l.layer_name_as_c_str() == Ok(name))
+}
+
+/// Whether the validation layer is installed.
+pub fn validation_available() -> bool {
+    // SAFETY: as in `Instance::new`.
+    unsafe { ash::Entry::load() }.is_ok_and(|entry| has_layer(&entry, VALIDATION_LAYER))
+}

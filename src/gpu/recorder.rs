@@ -1,0 +1,162 @@
+//! One command buffer's life: record, submit, wait, read its timers, again.
+
+use std::sync::Arc;
+
+use ash::vk;
+
+use super::commands::Commands;
+use super::device::{Gpu, Retired};
+use super::swapchain::Acquired;
+use crate::{Error, Result};
+
+/// Passes that one recording can time; later ones go untimed.
+const MAX_TIMERS: u32 = 32;
+
+/// GPU time of one pass.
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+pub struct PassTime {
+    pub name: &'static str,
+    pub ms: f64,
+}
+
+/// A command buffer with its timers.
+pub struct Recorder {
+    pub(super) gpu: Arc<Gpu>,
+    pub(super) raw: vk::CommandBuffer,
+    pool: vk::CommandPool,
+    queries: vk::QueryPool,
+    names: Vec<&'static str>,
+    /// The number of its last submission; 0 before the first.
+    submission: u64,
+}
+
+impl Recorder {
+    /// Makes one.
+    pub fn new(gpu: &Arc<Gpu>) -> Result<Self> {
+        let info = vk::CommandPoolCreateInfo::default()
+            .flags(vk::CommandPoolCreateFlags::TRANSIENT)
+            .queue_family_index(gpu.family);
+        // SAFETY: the device is alive, the family is its own.
+        let pool =
+            unsafe { gpu.device.create_command_pool(&info, None) }.map_err(Error::vulkan("making a command pool"))?;
+        let mut recorder = Self {
+            gpu: Arc::clone(gpu),
+            raw: vk::CommandBuffer::null(),
+            pool,
+            queries: vk::QueryPool::null(),
+            names: Vec::new(),
+            submission: 0,
+        };
+        let info = vk::CommandBufferAllocateInfo::default().command_pool(pool).command_buffer_count(1);
+        // SAFETY: the pool was just made.
+        let buffers = unsafe { gpu.device.allocate_command_buffers(&info) }
+            .map_err(Error::vulkan("making a command buffer"))?;
+        recorder.raw = buffers.first().copied().unwrap_or_default();
+        let info =
+            vk::QueryPoolCreateInfo::default().query_type(vk::QueryType::TIMESTAMP).query_count(2 * MAX_TIMERS);
+        // SAFETY: the device is alive; the queue family has timestamps (see `choice`).
+        recorder.queries =
+            unsafe { gpu.device.create_query_pool(&info, None) }.map_err(Error::vulkan("making timers"))?;
+        Ok(recorder)
+    }
+
+    /// Waits for the last submission and starts anew; also returns that submission's pass times.
+    pub fn begin(&mut self) -> Result<(Commands<'_>, Vec<PassTime>)> {
+        let times = self.finish()?;
+        let info = vk::CommandBufferBeginInfo::default().flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
+        // SAFETY: the last submission has finished, so pool, queries and buffer are free to be reused.
+        unsafe {
+            let device = &self.gpu.device;
+            device
+                .reset_command_pool(self.pool, vk::CommandPoolResetFlags::empty())
+                .map_err(Error::vulkan("resetting a command pool"))?;
+            device.reset_query_pool(self.queries, 0, 2 * MAX_TIMERS);
+            device.begin_command_buffer(self.raw, &info).map_err(Error::vulkan("starting to record"))?;
+        }
+        Ok((Commands { recorder: self }, times))
+    }
+
+    /// Waits for the last submission and returns its pass times.
+    pub fn finish(&mut self) -> Result<Vec<PassTime>> {
+        if self.submission == 0 {
+            return Ok(Vec::new());
+        }
+        self.gpu.wait_for(self.submission)?;
+        let names = std::mem::take(&mut self.names);
+        let mut ticks = vec![0u64; 2 * names.len()];
+        if !names.is_empty() {
+            // SAFETY: the submission that wrote these queries has finished.
+            unsafe {
+                let flags = vk::QueryResultFlags::TYPE_64 | vk::QueryResultFlags::WAIT;
+                self.gpu.device.get_query_pool_results(self.queries, 0, &mut ticks, flags)
+            }
+            .map_err(Error::vulkan("reading timers"))?;
+        }
+        let ms_per_tick = f64::from(self.gpu.limits.timestamp_period) * 1e-6;
+        let ms = |pair: &[u64]| pair[1].saturating_sub(pair[0]) as f64 * ms_per_tick;
+        Ok(names.into_iter().zip(ticks.chunks_exact(2)).map(|(name, pair)| PassTime { name, ms: ms(pair) }).collect())
+    }
+
+    pub(super) fn start_timer(&mut self, name: &'static str) -> Option<u32> {
+        let first = 2 * u32::try_from(self.names.len()).ok()?;
+        if first >= 2 * MAX_TIMERS {
+            return None;
+        }
+        self.names.push(name);
+        self.stamp(first, vk::PipelineStageFlags2::TOP_OF_PIPE);
+        Some(first)
+    }
+
+    pub(super) fn stop_timer(&mut self, first: Option<u32>) {
+        if let Some(first) = first {
+            self.stamp(first + 1, vk::PipelineStageFlags2::BOTTOM_OF_PIPE);
+        }
+    }
+
+    fn stamp(&self, query: u32, stage: vk::PipelineStageFlags2) {
+        // SAFETY: the command buffer is being recorded and the query was reset in `begin`.
+        unsafe { self.gpu.device.cmd_write_timestamp2(self.raw, stage, self.queries, query) };
+    }
+}
+
+impl Drop for Recorder {
+    fn drop(&mut self) {
+        self.gpu.retire(Retired::CommandPool(self.pool, self.queries));
+    }
+}
+
+impl Commands<'_> {
+    /// Ends recording and hands it to the GPU; with an acquired window image, waits for that and announces its end.
+    pub fn submit(self, window: Option<&Acquired>) -> Result<()> {
+        let recorder = self.recorder;
+        let gpu = &recorder.gpu;
+        // SAFETY: the command buffer is being recorded, outside of rendering.
+        unsafe { gpu.device.end_command_buffer(recorder.raw) }.map_err(Error::vulkan("ending a recording"))?;
+        let commands = [vk::CommandBufferSubmitInfo::default().command_buffer(recorder.raw)];
+        let all = vk::PipelineStageFlags2::ALL_COMMANDS;
+        let semaphore = |raw| vk::SemaphoreSubmitInfo::default().semaphore(raw).stage_mask(all);
+        let waits: Vec<_> = window.iter().map(|w| semaphore(w.ready)).collect();
+        let mut queue = gpu.queue();
+        let mut signals = vec![semaphore(gpu.timeline).value(queue.submitted + 1)];
+        signals.extend(window.iter().map(|w| semaphore(w.done)));
+        let submit = vk::SubmitInfo2::default()
+            .command_buffer_infos(&commands)
+            .wait_semaphore_infos(&waits)
+            .signal_semaphore_infos(&signals);
+        // SAFETY: the queue is locked; all handles are alive and stay so until the timeline says it is finished.
+        unsafe { gpu.device.queue_submit2(queue.raw, &[submit], vk::Fence::null()) }
+            .map_err(Error::vulkan("submitting work"))?;
+        queue.submitted += 1;
+        recorder.submission = queue.submitted;
+        Ok(())
+    }
+}
+
+/// Records, submits and waits: for uploads, precomputation and single pictures. Returns the pass times.
+pub fn run(gpu: &Arc<Gpu>, record: impl FnOnce(&mut Commands<'_>) -> Result<()>) -> Result<Vec<PassTime>> {
+    let mut recorder = Recorder::new(gpu)?;
+    let (mut commands, _) = recorder.begin()?;
+    record(&mut commands)?;
+    commands.submit(None)?;
+    recorder.finish()
+}

@@ -1,0 +1,49 @@
+//! Shader stages by file name: those build.rs compiled, or with `hot-reload` those on disk now.
+
+use crate::{Error, Result};
+
+include!(concat!(env!("OUT_DIR"), "/shaders.rs"));
+
+/// The SPIR-V words of `glsl/name`.
+///
+/// # Errors
+/// With `hot-reload`, a shader on disk that does not compile; the message begins with file and line.
+pub(super) fn load(name: &str) -> Result<Vec<u32>> {
+    #[cfg(feature = "hot-reload")]
+    if let Some(words) = on_disk::load(name)? {
+        return Ok(words);
+    }
+    let bytes = COMPILED.iter().find(|(n, _)| *n == name).map(|(_, bytes)| *bytes);
+    // Names are constants of our own, and build.rs fails where a file does; so this is a defect, caught by any test.
+    let bytes = bytes.ok_or_else(|| Error::Usage(format!("there is no shader named {name}")))?;
+    words(bytes).ok_or_else(|| Error::Usage(format!("shader {name} is not SPIR-V")))
+}
+
+fn words(bytes: &[u8]) -> Option<Vec<u32>> {
+    ash::util::read_spv(&mut std::io::Cursor::new(bytes)).ok()
+}
+
+/// Where the GLSL sources lie, and compiling them again.
+#[cfg(feature = "hot-reload")]
+pub mod on_disk {
+    use std::path::PathBuf;
+
+    use super::words;
+    use crate::{Error, Result};
+
+    /// The folder that is watched.
+    pub fn folder() -> PathBuf {
+        PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/glsl"))
+    }
+
+    pub(super) fn load(name: &str) -> Result<Option<Vec<u32>>> {
+        let folder = folder();
+        if !folder.join(name).is_file() {
+            return Ok(None);
+        }
+        let spirv = crate::gpu::shader_compiler::compile(&folder, name, cfg!(debug_assertions)).map_err(|problem| {
+            Error::Broken { path: folder.join(name), what: "shader", problem, remedy: "mend it; the last good one stays" }
+        })?;
+        Ok(words(&spirv))
+    }
+}

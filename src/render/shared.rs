@@ -1,0 +1,95 @@
+//! Data that Rust writes and GLSL reads; the same as `glsl/shared.glsl`, in scalar block layout.
+
+use std::mem::offset_of;
+
+use bytemuck::{Pod, Zeroable};
+use glam::Mat4;
+
+/// The most eyes one pass draws.
+pub const MAX_EYES: usize = 4;
+
+/// One eye as shaders see it.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct EyeBlock {
+    pub clip_from_world: [[f32; 4]; 4],
+    /// Rigid; the last column is the eye's position.
+    pub world_from_view: [[f32; 4]; 4],
+    /// Tangents left, right, down, up.
+    pub tangents: [f32; 4],
+}
+
+/// What every draw of one frame shares: set 0, binding 0.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct FrameBlock {
+    pub eyes: [EyeBlock; MAX_EYES],
+    /// cos and sin of the panorama's turn about +Y.
+    pub environment_turn: [f32; 2],
+    /// Multiplies radiance before the tone curve.
+    pub exposure: f32,
+    /// Multiplies what the environment's maps hold.
+    pub environment_scale: f32,
+    /// Index of the last specular level.
+    pub last_level: f32,
+    pub light_count: u32,
+}
+
+/// One material: set 1, binding 0.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct MaterialBlock {
+    pub albedo: [f32; 3],
+    pub metallic: f32,
+    pub roughness: f32,
+    pub alpha_cutoff: f32,
+}
+
+/// One point light: an element of set 0, binding 1.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct LightBlock {
+    /// Metres, world space.
+    pub position: [f32; 3],
+    /// W/sr per channel.
+    pub intensity: [f32; 3],
+}
+
+/// Push constants of one draw.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub struct DrawBlock {
+    pub world_from_local: [[f32; 4]; 4],
+}
+
+impl DrawBlock {
+    /// For an instance.
+    pub fn new(world_from_local: Mat4) -> Self {
+        Self { world_from_local: world_from_local.to_cols_array_2d() }
+    }
+}
+
+// Scalar layout packs exactly as repr(C) does with these members; this proves it where a member is added.
+const _: () = {
+    assert!(size_of::<EyeBlock>() == 144);
+    assert!(offset_of!(FrameBlock, environment_turn) == 144 * MAX_EYES);
+    assert!(offset_of!(FrameBlock, exposure) == 144 * MAX_EYES + 8);
+    assert!(offset_of!(FrameBlock, light_count) == 144 * MAX_EYES + 20);
+    assert!(size_of::<FrameBlock>() == 144 * MAX_EYES + 24);
+    assert!(offset_of!(MaterialBlock, metallic) == 12 && size_of::<MaterialBlock>() == 24);
+    assert!(offset_of!(LightBlock, intensity) == 12 && size_of::<LightBlock>() == 24);
+    assert!(size_of::<DrawBlock>() == 64);
+};
+
+/// Specialization constants, by their id in `glsl/shared.glsl`.
+pub mod constant {
+    pub const EYES: u32 = 0;
+    pub const SHADING: u32 = 1;
+    pub const GEOMETRY: u32 = 2;
+    pub const LINEAR_OUTPUT: u32 = 3;
+    pub const HAS_ALBEDO_MAP: u32 = 4;
+    pub const HAS_NORMAL_MAP: u32 = 5;
+    pub const HAS_SURFACE_MAP: u32 = 6;
+    pub const ALPHA_MASK: u32 = 7;
+    pub const HAS_LIGHTS: u32 = 8;
+}

@@ -1,0 +1,173 @@
+//! Pictures to files: what `render` does, and `view` where there is no display.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::Instant;
+
+use serde::Serialize;
+
+use crate::asset::picture::Picture;
+use crate::asset::{Report, shipped};
+use crate::gpu::{Gpu, GpuOptions, Part, PassTime, Recorder, read_image};
+use crate::reference::brdf::Geometry;
+use crate::render::{Eye, FRAMES_IN_FLIGHT, IPD_METRES, Output, Renderer, Settings, Shading};
+use crate::scene::{self, Camera, LoadOptions, Scene};
+use crate::{Error, Result};
+
+/// What to render and where to write it.
+#[derive(Clone, Copy)]
+pub struct RenderRequest<'a> {
+    pub scene: &'a Path,
+    /// `.png` or `.exr`.
+    pub output: &'a Path,
+    pub size: [u32; 2],
+    pub camera: Option<&'a str>,
+    pub stereo: bool,
+    pub frames: u64,
+    pub shading: Shading,
+    pub geometry: Geometry,
+}
+
+/// What a render was made of, for `--json`.
+#[derive(Serialize)]
+pub struct RenderFacts {
+    pub scene: PathBuf,
+    pub files: Vec<PathBuf>,
+    pub size: [u32; 2],
+    pub eyes: usize,
+    pub gpu: String,
+    pub driver: String,
+    pub frames: u64,
+    pub triangles: usize,
+    /// Reading and decoding the scene's files.
+    pub load_ms: f64,
+    /// Opening the GPU, uploading, precomputing.
+    pub prepare_ms: f64,
+    /// GPU time of each precompute pass.
+    pub precompute: Vec<PassTime>,
+    /// GPU time of each pass, one list per frame.
+    pub gpu_frames: Vec<Vec<PassTime>>,
+    /// Wall time from recording the first frame to the end of the last.
+    pub frames_ms: f64,
+    pub warnings: Vec<String>,
+}
+
+/// Renders a scene and writes the picture; with `stereo`, one per eye.
+///
+/// # Errors
+/// Whatever stops loading, rendering or writing; a validation message where validation was asked for.
+pub fn render(request: &RenderRequest<'_>, gpu: GpuOptions<'_>, report: &Report) -> Result<RenderFacts> {
+    let output = output_of(request.output)?;
+    let started = Instant::now();
+    let scene = load_scene(request.scene, report)?;
+    let load_ms = ms_since(started);
+    let camera = find_camera(&scene, request.camera)?;
+    let aspect = request.size[0] as f32 / request.size[1] as f32;
+    let eye = Eye::of_camera(camera, aspect);
+    let eyes = if request.stereo { eye.stereo(IPD_METRES).to_vec() } else { vec![eye] };
+
+    let started = Instant::now();
+    let gpu = Gpu::open(gpu)?;
+    let messages = gpu.messages();
+    let settings = Settings { geometry: request.geometry, output, ..Settings::default() };
+    let mut renderer =
+        Renderer::new(&gpu, &scene, settings, request.shading, request.size, eyes.len() as u32, report)?;
+    let prepare_ms = ms_since(started);
+    let started = Instant::now();
+    let gpu_frames = draw(&gpu, &mut renderer, &eyes, request.frames)?;
+    let facts = RenderFacts {
+        scene: request.scene.to_owned(),
+        files: write_layers(&gpu, &renderer, output, request)?,
+        size: request.size,
+        eyes: eyes.len(),
+        gpu: gpu.info().name.clone(),
+        driver: gpu.info().driver.clone(),
+        frames: request.frames,
+        triangles: triangles(&scene),
+        load_ms,
+        prepare_ms,
+        precompute: renderer.precompute_times().cloned().collect(),
+        gpu_frames,
+        frames_ms: ms_since(started),
+        warnings: report.warnings(),
+    };
+    // The device says its last words, leaks for one, while it is destroyed.
+    drop((renderer, gpu));
+    messages.check()?;
+    Ok(facts)
+}
+
+/// Loads a scene with the shipped panorama for those that name none.
+pub fn load_scene(path: &Path, report: &Report) -> Result<Scene> {
+    let default_panorama = shipped::folder().ok().map(|folder| folder.join(shipped::PANORAMA));
+    scene::load(path, &LoadOptions { default_panorama }, report)
+}
+
+/// A scene's camera by name; its first for `None`.
+pub fn find_camera<'a>(scene: &'a Scene, name: Option<&str>) -> Result<&'a Camera> {
+    let wanted = |camera: &&Camera| name.is_none_or(|name| camera.name == name);
+    scene.cameras.iter().find(wanted).ok_or_else(|| Error::UnknownName {
+        what: "camera",
+        name: name.unwrap_or_default().into(),
+        known: scene.cameras.iter().map(|c| c.name.clone()).collect(),
+    })
+}
+
+fn draw(gpu: &Arc<Gpu>, renderer: &mut Renderer, eyes: &[Eye], frames: u64) -> Result<Vec<Vec<PassTime>>> {
+    let mut recorders = (0..FRAMES_IN_FLIGHT).map(|_| Recorder::new(gpu)).collect::<Result<Vec<_>>>()?;
+    let mut times = Vec::new();
+    for slot in (0..FRAMES_IN_FLIGHT).cycle().take(usize::try_from(frames).unwrap_or(usize::MAX)) {
+        let (mut commands, earlier) = recorders[slot].begin()?;
+        times.push(earlier);
+        renderer.record(&mut commands, slot, eyes, None);
+        commands.submit(None)?;
+    }
+    // The oldest frame still under way is the next one's slot.
+    let next = usize::try_from(frames % FRAMES_IN_FLIGHT as u64).unwrap_or(0);
+    recorders.rotate_left(next);
+    for recorder in &mut recorders {
+        times.push(recorder.finish()?);
+    }
+    times.retain(|frame| !frame.is_empty());
+    Ok(times)
+}
+
+fn write_layers(gpu: &Arc<Gpu>, renderer: &Renderer, output: Output, request: &RenderRequest<'_>) -> Result<Vec<PathBuf>> {
+    let files = if request.stereo {
+        vec![suffixed(request.output, "-left"), suffixed(request.output, "-right")]
+    } else {
+        vec![request.output.to_owned()]
+    };
+    for (layer, file) in (0u32..).zip(&files) {
+        let bytes = read_image(gpu, renderer.picture(), Part { mip: 0, layer }, output.bytes())?;
+        picture_of(&bytes, request.size, output).write(file)?;
+    }
+    Ok(files)
+}
+
+fn output_of(path: &Path) -> Result<Output> {
+    let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_lowercase();
+    match extension.as_str() {
+        "png" => Ok(Output::Display),
+        "exr" => Ok(Output::Linear),
+        _ => Err(Error::Usage(format!("{}: pictures are written as .png or .exr", path.display()))),
+    }
+}
+
+fn suffixed(path: &Path, suffix: &str) -> PathBuf {
+    let mut name = path.file_stem().unwrap_or_default().to_owned();
+    name.push(suffix);
+    if let Some(extension) = path.extension() {
+        name.push(".");
+        name.push(extension);
+    }
+    path.with_file_name(name)
+}
+
+fn triangles(scene: &Scene) -> usize {
+    scene.instances.iter().map(|i| scene.meshes[i.mesh].indices.len() / 3).sum()
+}
+
+fn ms_since(start: Instant) -> f64 {
+    start.elapsed().as_secs_f64() * 1e3
+}
