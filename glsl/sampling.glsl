@@ -1,0 +1,73 @@
+// Points, half vectors and their densities, twins of src/reference/sampling.rs; no bindings.
+// Local space: +Z is the normal.
+#ifndef PBR_VR_SAMPLING
+#define PBR_VR_SAMPLING
+
+#include "brdf.glsl"
+
+// The upper 24 bits of a fraction in [0, 1) held as 32 bits: exact in f32 and never 1.
+float unit_from_bits(uint bits)
+{
+    return float(bits >> 8) * (1.0 / 16777216.0);
+}
+
+// Base-2 radical inverse: van der Corput's sequence, by reversing the bits.
+float radical_inverse(uint i)
+{
+    return unit_from_bits(bitfieldReverse(i));
+}
+
+// Point i of the 2^log2_count points of Hammersley's set (Niederreiter, "Random Number Generation and Quasi-Monte Carlo Methods" (1992), chapter 3), i < 2^log2_count, log2_count <= 31.
+// A power of two, so that i / N is a shift: i / N in f32 reaches 1 beyond 2^24 points.
+vec2 hammersley(uint i, uint log2_count)
+{
+    return vec2(unit_from_bits((i << (31u - log2_count)) << 1), radical_inverse(i));
+}
+
+// A right-handed basis around unit n, as columns tangent, bitangent, n: Duff et al., "Building an Orthonormal Basis,
+// Revisited" (2017), listing 3.
+mat3 basis(vec3 n)
+{
+    float s = n.z >= 0.0 ? 1.0 : -1.0;
+    float a = -1.0 / (s + n.z);
+    float b = n.x * n.y * a;
+    return mat3(vec3(1.0 + s * n.x * n.x * a, s * b, -s * n.x), vec3(b, s + n.y * n.y * a, -n.y), n);
+}
+
+// Half vector with density D(h) n.h: Walter et al. (2007), eqs. 35 and 36, as sine and cosine from the tangent.
+vec3 sample_ggx(vec2 u, float alpha)
+{
+    float scale = inversesqrt(max(1.0 - u.x + alpha * alpha * u.x, TINY));
+    float sine = alpha * sqrt(u.x) * scale;
+    float phi = 2.0 * PI * u.y;
+    return vec3(sine * cos(phi), sine * sin(phi), sqrt(1.0 - u.x) * scale);
+}
+
+// Density of l = reflect(-v, h) over solid angle for h from sample_ggx: Walter et al. (2007), eqs. 24 and 14.
+float pdf_ggx(vec3 v, vec3 h, float alpha)
+{
+    return d_ggx(vec3(0.0, 0.0, 1.0), h, alpha) * h.z / (4.0 * max(dot(v, h), MIN_COS));
+}
+
+// Half vector among those that v sees: Dupuy and Benyoub, "Sampling Visible GGX Normals with Spherical Caps" (2023),
+// section 3. The cap's sine is a product, not 1 - z^2.
+vec3 sample_vndf(vec3 v, vec2 u, float alpha)
+{
+    vec3 stretched = normalize(vec3(alpha * v.xy, v.z));
+    float rise = (1.0 - u.y) * (1.0 + stretched.z);
+    float sine = sqrt(max((1.0 + stretched.z) * u.y * (1.0 - stretched.z + rise), 0.0));
+    float phi = 2.0 * PI * u.x;
+    vec3 h = vec3(sine * cos(phi), sine * sin(phi), rise - stretched.z) + stretched;
+    return normalize(vec3(alpha * h.xy, max(h.z, MIN_COS)));
+}
+
+// Density of l = reflect(-v, h) over solid angle for h from sample_vndf: Heitz, "Sampling the GGX Distribution of Visible
+// Normals" (2018), eq. 17, with G1 written out so that n.v cancels.
+float pdf_vndf(vec3 v, vec3 h, float alpha)
+{
+    float nv = max(v.z, MIN_COS);
+    float a2 = alpha * alpha;
+    return d_ggx(vec3(0.0, 0.0, 1.0), h, alpha) * 0.5 / (nv + sqrt(a2 + (1.0 - a2) * nv * nv));
+}
+
+#endif

@@ -1,0 +1,404 @@
+//! The BRDF's terms in f64, one function each, twins of `glsl/brdf.glsl`.
+//!
+//! n, v, l: unit vectors away from the surface (normal, to the eye, to the light); h = v + l of any length.
+//! nl, nv, vh: the cosines between them. Colours are linear RGB.
+
+use std::f64::consts::{FRAC_1_PI, PI};
+
+use glam::DVec3;
+
+/// Smallest cosine that the terms divide by. Cosines of f32 unit vectors carry an absolute error of about 1e-7, so what
+/// lies below is noise; a maximum, unlike an added epsilon, changes nothing above it.
+pub const MIN_COS: f64 = 1e-7;
+
+/// Smallest divisor where the dividend vanishes too; the GLSL's value, which f32 holds as a normal number.
+pub const TINY: f64 = 1e-30;
+
+/// Reflectance of a dielectric seen head on: ((1.5 − 1) / (1.5 + 1))², 1.5 being the index of glass and most plastics.
+pub const DIELECTRIC_F0: f64 = 0.04;
+
+/// Roughness below which a light of no size is not sharpened further: there D falls to a quarter over 4α = 0.46°, less
+/// than the sun's disc (0.53°) and about five pixels of an HTC Vive (0.09°); a smaller highlight belongs to no real
+/// lamp and flickers between pixels.
+pub const MIN_ROUGHNESS: f64 = 0.045;
+
+/// Which masking–shadowing term; the values are those of the GLSL constants `GEOMETRY_…`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[repr(i32)]
+pub enum Geometry {
+    /// Height-correlated Smith (Heitz 2014), for every light.
+    #[default]
+    Smith = 0,
+    /// Schlick's G1 with Karis's two values of k (2013), as in the thesis.
+    Karis2013 = 1,
+}
+
+/// α = roughness²: Burley, "Physically-Based Shading at Disney" (2012), section 5.4.
+pub fn alpha_from_roughness(roughness: f64) -> f64 {
+    roughness.max(MIN_ROUGHNESS).powi(2)
+}
+
+/// GGX in 1/sr: Walter et al., "Microfacet Models for Refraction through Rough Surfaces" (2007), eq. 33.
+///
+/// 1 − (n·h)² is written |n × h|², and both are scaled by |h|² instead of normalising h. 0 for h = 0.
+pub fn d_ggx(n: DVec3, h: DVec3, alpha: f64) -> f64 {
+    let sine_squared = n.cross(h).length_squared();
+    let k = alpha * h.length_squared() / (sine_squared + (alpha * n.dot(h)).powi(2)).max(TINY);
+    k * k * FRAC_1_PI
+}
+
+/// Height-correlated Smith masking and shadowing over 4 nl nv: Heitz, "Understanding the Masking-Shadowing Function"
+/// (2014), eq. 99, with Λ of GGX, eq. 72.
+pub fn v_smith_height_correlated(nl: f64, nv: f64, alpha: f64) -> f64 {
+    let (nl, nv, a2) = (nl.max(MIN_COS), nv.max(MIN_COS), alpha * alpha);
+    let towards_v = nl * (a2 + (1.0 - a2) * nv * nv).sqrt();
+    let towards_l = nv * (a2 + (1.0 - a2) * nl * nl).sqrt();
+    0.5 / (towards_v + towards_l)
+}
+
+/// Schlick's G1(l) G1(v) over 4 nl nv for a given k: Karis, "Real Shading in Unreal Engine 4" (2013), eq. 4.
+pub fn v_karis2013(nl: f64, nv: f64, k: f64) -> f64 {
+    let (nl, nv) = (nl.max(MIN_COS), nv.max(MIN_COS));
+    0.25 / ((nl * (1.0 - k) + k) * (nv * (1.0 - k) + k))
+}
+
+/// For point lights, k = (roughness + 1)² / 8: Karis (2013), eq. 4 and the remapping above it.
+pub fn v_karis2013_direct(nl: f64, nv: f64, roughness: f64) -> f64 {
+    v_karis2013(nl, nv, (roughness + 1.0).powi(2) / 8.0)
+}
+
+/// For the environment, k = roughness² / 2: Karis (2013), section on the geometric term.
+pub fn v_karis2013_ibl(nl: f64, nv: f64, roughness: f64) -> f64 {
+    v_karis2013(nl, nv, roughness.powi(2) / 2.0)
+}
+
+/// The visibility of `geometry` for a point light.
+pub fn v_direct(nl: f64, nv: f64, roughness: f64, geometry: Geometry) -> f64 {
+    match geometry {
+        Geometry::Smith => v_smith_height_correlated(nl, nv, alpha_from_roughness(roughness)),
+        Geometry::Karis2013 => v_karis2013_direct(nl, nv, roughness),
+    }
+}
+
+/// The visibility of `geometry` for light from all around. Any roughness from 0: the integrals need no floor.
+pub fn v_environment(nl: f64, nv: f64, roughness: f64, geometry: Geometry) -> f64 {
+    match geometry {
+        Geometry::Smith => v_smith_height_correlated(nl, nv, roughness * roughness),
+        Geometry::Karis2013 => v_karis2013_ibl(nl, nv, roughness),
+    }
+}
+
+/// (1 − cosine)⁵, multiplied out.
+pub fn schlick_weight(cosine: f64) -> f64 {
+    (1.0 - cosine.clamp(0.0, 1.0)).powi(5)
+}
+
+/// Schlick, "An Inexpensive BRDF Model for Physically-based Rendering" (1994), eq. 15; reflects all at grazing angles.
+pub fn f_schlick(f0: DVec3, vh: f64) -> DVec3 {
+    f0 + (DVec3::ONE - f0) * schlick_weight(vh)
+}
+
+/// Schlick's weight towards max(1 − roughness, f0) instead of 1: Lagarde, "Adopting a physically based shading model"
+/// (2011). A split-sum table holds this effect already; on top of one it counts Fresnel twice.
+pub fn f_schlick_roughness(f0: DVec3, nv: f64, roughness: f64) -> DVec3 {
+    f0 + (f0.max(DVec3::splat(1.0 - roughness)) - f0) * schlick_weight(nv)
+}
+
+/// Lambert's cosine law as a BRDF in 1/sr: albedo / π.
+pub fn diffuse_lambert(albedo: DVec3) -> DVec3 {
+    albedo * FRAC_1_PI
+}
+
+/// Reflectance head on: a dielectric's, or the albedo of a metal. Karis (2013), section "Material Model".
+pub fn f0_from_metallic(albedo: DVec3, metallic: f64) -> DVec3 {
+    DVec3::splat(DIELECTRIC_F0).lerp(albedo, metallic)
+}
+
+/// The whole BRDF for light of no size, in 1/sr; multiply by max(n·l, 0) and the light's irradiance.
+///
+/// F V D: Cook and Torrance, "A Reflectance Model for Computer Graphics" (1982), with V = G / (4 nl nv);
+/// v·h = |v + l| / 2 for unit vectors.
+pub fn brdf(n: DVec3, v: DVec3, l: DVec3, albedo: DVec3, metallic: f64, roughness: f64, geometry: Geometry) -> DVec3 {
+    let h = v + l;
+    let f = f_schlick(f0_from_metallic(albedo, metallic), 0.5 * h.length());
+    let d = d_ggx(n, h, alpha_from_roughness(roughness));
+    let visibility = v_direct(n.dot(l), n.dot(v), roughness, geometry);
+    (DVec3::ONE - f) * (1.0 - metallic) * diffuse_lambert(albedo) + f * (d * visibility)
+}
+
+/// Phong exponent whose lobe is about as wide as GGX of this roughness: 2/α² − 2 is the exponent over n·h (Walter et al.
+/// 2007, section 5.2); the angle to the mirror direction is twice that to h, which takes a quarter of it.
+pub fn phong_exponent(roughness: f64) -> f64 {
+    0.5 / alpha_from_roughness(roughness).powi(2) - 0.5
+}
+
+/// Energy-normalised Phong lobe in 1/sr for a specular reflectance of 1: Lafortune and Willems, "Using the Modified Phong
+/// Reflectance Model for Physically Based Rendering" (1994), section 3.
+pub fn phong_specular(n: DVec3, v: DVec3, l: DVec3, roughness: f64) -> f64 {
+    let exponent = phong_exponent(roughness);
+    let rv = (2.0 * n.dot(l) * n - l).dot(v).clamp(MIN_COS, 1.0);
+    (exponent + 2.0) / (2.0 * PI) * rv.powf(exponent)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::f32::consts::PI as PI32;
+
+    use glam::Vec3;
+
+    const Z: DVec3 = DVec3::Z;
+
+    fn direction(polar: f64, azimuth: f64) -> DVec3 {
+        DVec3::new(polar.sin() * azimuth.cos(), polar.sin() * azimuth.sin(), polar.cos())
+    }
+
+    /// Integral of f over the upper hemisphere: midpoints in azimuth and in t with tan(polar) = scale · tan(t), so that a
+    /// lobe of that width around n is resolved.
+    fn over_hemisphere(scale: f64, f: impl Fn(DVec3) -> DVec3) -> DVec3 {
+        const STEPS: usize = 400;
+        let dt = PI / 2.0 / STEPS as f64;
+        let dphi = 2.0 * PI / STEPS as f64;
+        let mut sum = DVec3::ZERO;
+        for i in 0..STEPS {
+            let (s, c) = ((i as f64 + 0.5) * dt).sin_cos();
+            let polar = (scale * s).atan2(c);
+            let dpolar = scale / (c * c + scale * scale * s * s) * dt;
+            for j in 0..STEPS {
+                sum += f(direction(polar, (j as f64 + 0.5) * dphi)) * (polar.sin() * dpolar * dphi);
+            }
+        }
+        sum
+    }
+
+    /// `d_ggx` as the shader computes it.
+    fn d_ggx_f32(n: Vec3, h: Vec3, alpha: f32) -> f32 {
+        let k = alpha * h.length_squared()
+            / (n.cross(h).length_squared() + (alpha * n.dot(h)).powi(2)).max(TINY as f32);
+        k * k * std::f32::consts::FRAC_1_PI
+    }
+
+    fn d_textbook_f32(nh: f32, alpha: f32) -> f32 {
+        let t = nh * nh * (alpha * alpha - 1.0) + 1.0;
+        alpha * alpha / (PI32 * t * t)
+    }
+
+    #[test]
+    fn ggx_projected_area_is_one() {
+        for roughness in [0.01, 0.045, 0.2, 0.5, 1.0] {
+            let alpha = roughness * roughness;
+            let area = over_hemisphere(alpha, |h| DVec3::splat(d_ggx(Z, h, alpha) * h.z)).x;
+            assert!((area - 1.0).abs() < 1e-5, "roughness {roughness}: {area}");
+        }
+    }
+
+    #[test]
+    fn ggx_ignores_the_length_of_h() {
+        let h = direction(0.3, 1.0);
+        let at = |scale: f64| d_ggx(Z, h * scale, 0.1);
+        assert!((at(1.7) / at(1.0) - 1.0).abs() < 1e-12);
+        assert_eq!(d_ggx(Z, DVec3::ZERO, 0.1), 0.0);
+    }
+
+    /// failures.md row 1.
+    #[test]
+    fn ggx_survives_small_roughness_in_f32() {
+        assert!(d_textbook_f32(1.0, 0.01f32.powi(2)).is_infinite(), "the textbook form no longer overflows");
+        assert!(d_textbook_f32(1.0, 0.0).is_nan(), "the textbook form no longer divides 0 by 0");
+        for roughness in [1e-3f32, 0.01, 0.02, 0.045, 1.0] {
+            let alpha = roughness * roughness;
+            let truth = 1.0 / (PI * f64::from(alpha).powi(2));
+            let ours = f64::from(d_ggx_f32(Vec3::Z, Vec3::Z, alpha));
+            assert!((ours / truth - 1.0).abs() < 1e-5, "roughness {roughness}: {ours} against {truth}");
+        }
+        assert_eq!(d_ggx_f32(Vec3::Z, Vec3::Z, 0.0), 0.0);
+    }
+
+    /// failures.md row 2.
+    #[test]
+    fn ggx_keeps_its_digits_near_the_centre_in_f32() {
+        let alpha = MIN_ROUGHNESS.powi(2);
+        let mut worst = [0f64; 2];
+        for i in 1..200 {
+            let h = direction(f64::from(i) * 5e-5, 0.7).as_vec3();
+            let exact = h.as_dvec3();
+            let truth = d_ggx(Z, exact / exact.length(), alpha);
+            let errors = [d_textbook_f32(h.z, alpha as f32), d_ggx_f32(Vec3::Z, h, alpha as f32)];
+            for (worst, error) in worst.iter_mut().zip(errors) {
+                *worst = worst.max((f64::from(error) / truth - 1.0).abs());
+            }
+        }
+        assert!(worst[0] > 1e-2, "the textbook form is no longer off: {}", worst[0]);
+        assert!(worst[1] < 1e-5, "ours is off by {}", worst[1]);
+    }
+
+    /// failures.md row 3.
+    #[test]
+    fn visibility_survives_grazing_angles() {
+        let smith_g = |c: f64, a2: f64| 2.0 * c / (c + (a2 + (1.0 - a2) * c * c).sqrt());
+        let naive = |c: f64, epsilon: f64| smith_g(c, 0.0625).powi(2) / (4.0 * c * c + epsilon);
+        assert!(naive(0.0, 0.0).is_nan(), "dividing by 4 nl nv no longer fails");
+        for (cosine, bias) in [(0.01, 0.20), (0.001, 0.96)] {
+            let loss = 1.0 - naive(cosine, 1e-4) / naive(cosine, 0.0);
+            assert!((loss - bias).abs() < 0.01, "an added epsilon now loses {loss} at {cosine}");
+        }
+        for alpha in [0.0, alpha_from_roughness(0.0), 0.25, 1.0] {
+            for cosine in [-1.0, -1e-9, 0.0, 1e-30, 1e-8] {
+                for v in [
+                    v_smith_height_correlated(cosine, cosine, alpha),
+                    v_karis2013_direct(cosine, 1.0, alpha.sqrt()),
+                    v_karis2013_ibl(cosine, cosine, alpha.sqrt()),
+                ] {
+                    assert!(v >= 0.0 && v < f64::from(f32::MAX), "{v} at alpha {alpha}, cosine {cosine}");
+                }
+            }
+        }
+        // Above MIN_COS the value is the untouched formula.
+        let (nl, nv, a2) = (0.001f64, 0.002f64, 0.0625f64);
+        let lambda = |c: f64| 0.5 * ((1.0 + a2 * (1.0 - c * c) / (c * c)).sqrt() - 1.0);
+        let truth = 1.0 / (1.0 + lambda(nl) + lambda(nv)) / (4.0 * nl * nv);
+        assert!((v_smith_height_correlated(nl, nv, 0.25) / truth - 1.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn visibility_limits() {
+        for roughness in [0.0, 0.3, 1.0] {
+            // Nothing is masked head on by a smooth surface: G = 1, V = 1/4.
+            assert!((v_smith_height_correlated(1.0, 1.0, roughness) - 0.25).abs() < 1e-12);
+            assert!((v_karis2013_ibl(1.0, 1.0, roughness) - 0.25).abs() < 1e-12);
+        }
+        for i in 1..20 {
+            for j in 1..20 {
+                let (nl, nv) = (f64::from(i) / 20.0, f64::from(j) / 20.0);
+                let a2 = 0.3f64.powi(2);
+                let g1 = |c: f64| 2.0 * c / (c + (a2 + (1.0 - a2) * c * c).sqrt());
+                let g2 = v_smith_height_correlated(nl, nv, 0.3) * 4.0 * nl * nv;
+                // Correlated masking lies between independent masking and the stronger of the two.
+                assert!(g2 >= g1(nl) * g1(nv) - 1e-12 && g2 <= g1(nl).min(g1(nv)) + 1e-12, "{g2} at {nl}, {nv}");
+                let karis = v_karis2013_direct(nl, nv, 0.3) * 4.0 * nl * nv;
+                assert!((0.0..=1.0).contains(&karis), "{karis} at {nl}, {nv}");
+            }
+        }
+        // Karis chose k = alpha / 2 so that Schlick's G1 follows Smith's: never further apart than 0.06 (alpha <= 1).
+        for i in 1..=100 {
+            for alpha in [0.1, 0.5, 1.0] {
+                let c = f64::from(i) / 100.0;
+                let smith = 2.0 * c / (c + (alpha * alpha + (1.0 - alpha * alpha) * c * c).sqrt());
+                let schlick = c / (c * (1.0 - alpha / 2.0) + alpha / 2.0);
+                assert!((smith - schlick).abs() < 0.06, "{smith} and {schlick} at {c}, alpha {alpha}");
+            }
+        }
+    }
+
+    #[test]
+    fn fresnel_ends() {
+        let f0 = DVec3::new(0.04, 0.5, 1.0);
+        assert_eq!(f_schlick(f0, 1.0), f0);
+        assert!(f_schlick(f0, 0.0).abs_diff_eq(DVec3::ONE, 1e-15));
+        assert_eq!(f_schlick_roughness(f0, 1.0, 0.3), f0);
+        assert!(f_schlick_roughness(f0, 0.0, 0.3).abs_diff_eq(DVec3::new(0.7, 0.7, 1.0), 1e-15));
+        assert_eq!(f0_from_metallic(f0, 0.0), DVec3::splat(0.04));
+        assert_eq!(f0_from_metallic(f0, 1.0), f0);
+    }
+
+    /// failures.md row 16.
+    #[test]
+    fn fresnel_survives_a_cosine_above_one() {
+        assert!((1.0f32 - 1.000_000_1).powf(5.5 - 0.4).is_nan(), "a power of a negative base is no longer NaN");
+        assert_eq!(schlick_weight(1.000_000_1), 0.0);
+        assert_eq!(schlick_weight(-1e-9), 1.0);
+    }
+
+    /// failures.md row 14.
+    #[test]
+    fn opposite_directions_give_a_finite_brdf() {
+        let v = direction(1.2, 0.4);
+        assert!(((v - v) / (v - v).length()).is_nan(), "normalising 0 is no longer NaN");
+        for geometry in [Geometry::Smith, Geometry::Karis2013] {
+            let f = brdf(Z, v, -v, DVec3::splat(0.5), 0.5, 0.3, geometry);
+            assert!(f.is_finite() && f.min_element() >= 0.0, "{f}");
+        }
+        assert_eq!(d_ggx_f32(Vec3::Z, Vec3::ZERO, 0.002), 0.0);
+        assert!(phong_specular(Z, v, -v, 0.3).is_finite());
+    }
+
+    #[test]
+    fn brdf_is_reciprocal_and_not_negative() {
+        let albedo = DVec3::new(0.9, 0.5, 0.1);
+        for i in 0..200 {
+            let t = f64::from(i);
+            let (v, l) = (direction((0.37 * t) % 1.57, t), direction((0.73 * t) % 1.57, 2.3 * t));
+            for geometry in [Geometry::Smith, Geometry::Karis2013] {
+                let (metallic, roughness) = ((0.31 * t) % 1.0, (0.17 * t) % 1.0);
+                let there = brdf(Z, v, l, albedo, metallic, roughness, geometry);
+                let back = brdf(Z, l, v, albedo, metallic, roughness, geometry);
+                assert!(there.abs_diff_eq(back, 1e-9 * there.max_element()), "{there} and {back}");
+                assert!(there.min_element() >= 0.0);
+            }
+        }
+    }
+
+    /// Reflected share of light from all sides, by quadrature over h.
+    fn reflected(nv: f64, albedo: f64, metallic: f64, roughness: f64, geometry: Geometry) -> f64 {
+        let v = DVec3::new((1.0 - nv * nv).sqrt(), 0.0, nv);
+        over_hemisphere(alpha_from_roughness(roughness), |h| {
+            let l = 2.0 * v.dot(h) * h - v;
+            let jacobian = 4.0 * v.dot(h);
+            if l.z <= 0.0 || jacobian <= 0.0 {
+                return DVec3::ZERO;
+            }
+            brdf(Z, v, l, DVec3::splat(albedo), metallic, roughness, geometry) * l.z * jacobian
+        })
+        .x
+    }
+
+    #[test]
+    fn a_white_metal_reflects_no_more_than_it_gets() {
+        for roughness in [0.05, 0.3, 0.6, 1.0] {
+            for nv in [0.05, 0.3, 0.7, 1.0] {
+                for geometry in [Geometry::Smith, Geometry::Karis2013] {
+                    let share = reflected(nv, 1.0, 1.0, roughness, geometry);
+                    assert!(share > 0.25 && share < 1.0 + 1e-3, "{share}: roughness {roughness}, n·v {nv}, {geometry:?}");
+                }
+            }
+        }
+        // failures.md row 20.
+        let head_on: f64 = over_hemisphere(1.0, |h| {
+            let l = 2.0 * h.z * h - Z;
+            DVec3::splat(if l.z > 0.0 { d_ggx(Z, h, 1.0) * v_karis2013_ibl(l.z, 1.0, 1.0) * l.z * 4.0 * h.z } else { 0.0 })
+        })
+        .x;
+        assert!((head_on - 0.31).abs() < 0.005, "{head_on}");
+    }
+
+    /// kD = 1 − F(v·h) leaves a perfectly white dielectric brighter than its light at grazing angles. The thesis's model is
+    /// kept; this holds the excess to what it is, and shows that real albedos (snow: 0.9) stay under 1.
+    #[test]
+    fn a_dielectric_reflects_hardly_more_than_it_gets() {
+        let mut worst = [0.0f64; 2];
+        for roughness in [0.05, 0.3, 0.6, 1.0] {
+            for nv in [0.05, 0.1, 0.2, 0.4, 1.0] {
+                for (worst, albedo) in worst.iter_mut().zip([0.5, 1.0]) {
+                    *worst = worst.max(reflected(nv, albedo, 0.0, roughness, Geometry::Smith));
+                }
+            }
+        }
+        println!("worst reflected share: albedo 0.5 {}, albedo 1 {}", worst[0], worst[1]);
+        assert!(worst[0] < 1.2 && worst[1] > 1.0, "{worst:?}");
+    }
+
+    #[test]
+    fn phong_reflects_all_head_on_and_is_as_wide_as_ggx() {
+        for roughness in [0.1, 0.3, 0.7, 1.0] {
+            let scale = 2.0 * alpha_from_roughness(roughness);
+            let share = over_hemisphere(scale, |l| DVec3::splat(phong_specular(Z, Z, l, roughness) * l.z)).x;
+            assert!((share - 1.0).abs() < 1e-4, "roughness {roughness}: {share}");
+        }
+        // Near the lobe's centre both fall off alike.
+        let alpha = 0.04;
+        let l = direction(0.2 * alpha, 0.0);
+        let ggx = d_ggx(Z, Z + l, alpha) / d_ggx(Z, Z, alpha);
+        let phong = phong_specular(Z, Z, l, 0.2) / phong_specular(Z, Z, Z, 0.2);
+        assert!((ggx - phong).abs() < 0.002 && ggx < 0.99, "{ggx} and {phong}");
+    }
+}

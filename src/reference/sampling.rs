@@ -1,0 +1,192 @@
+//! Points, half vectors and their densities in f64, twins of `glsl/sampling.glsl`. Local space: +Z is the normal.
+
+use std::f64::consts::TAU;
+
+use glam::{DMat3, DVec2, DVec3};
+
+use super::brdf::{MIN_COS, TINY, d_ggx};
+
+/// Base-2 radical inverse: van der Corput's sequence, by reversing the bits; exact.
+pub fn radical_inverse(i: u32) -> f64 {
+    f64::from(i.reverse_bits()) / 2f64.powi(32)
+}
+
+/// Point i of the 2^log2_count points of Hammersley's set (Niederreiter, "Random Number Generation and Quasi-Monte Carlo Methods" (1992), chapter 3); i < 2^log2_count, log2_count ≤ 31.
+/// The GLSL twin drops all but the upper 24 bits of both.
+pub fn hammersley(i: u32, log2_count: u32) -> DVec2 {
+    DVec2::new(f64::from(i) / 2f64.powi(log2_count as i32), radical_inverse(i))
+}
+
+/// A right-handed basis around unit n, as columns tangent, bitangent, n: Duff et al., "Building an Orthonormal Basis,
+/// Revisited" (2017), listing 3.
+pub fn basis(n: DVec3) -> DMat3 {
+    let s = if n.z >= 0.0 { 1.0 } else { -1.0 };
+    let a = -1.0 / (s + n.z);
+    let b = n.x * n.y * a;
+    DMat3::from_cols(
+        DVec3::new(1.0 + s * n.x * n.x * a, s * b, -s * n.x),
+        DVec3::new(b, s + n.y * n.y * a, -n.y),
+        n,
+    )
+}
+
+/// Half vector with density D(h) n·h: Walter et al. (2007), eqs. 35 and 36; u in [0, 1)².
+pub fn sample_ggx(u: DVec2, alpha: f64) -> DVec3 {
+    let scale = (1.0 - u.x + alpha * alpha * u.x).max(TINY).sqrt().recip();
+    let sine = alpha * u.x.sqrt() * scale;
+    let (sin_phi, cos_phi) = (TAU * u.y).sin_cos();
+    DVec3::new(sine * cos_phi, sine * sin_phi, (1.0 - u.x).sqrt() * scale)
+}
+
+/// Density of l = reflect(−v, h) in 1/sr for h from [`sample_ggx`]: Walter et al. (2007), eqs. 24 and 14.
+pub fn pdf_ggx(v: DVec3, h: DVec3, alpha: f64) -> f64 {
+    d_ggx(DVec3::Z, h, alpha) * h.z / (4.0 * v.dot(h).max(MIN_COS))
+}
+
+/// Half vector among those that v sees: Dupuy and Benyoub, "Sampling Visible GGX Normals with Spherical Caps" (2023),
+/// section 3; u in [0, 1)².
+pub fn sample_vndf(v: DVec3, u: DVec2, alpha: f64) -> DVec3 {
+    let stretched = DVec3::new(alpha * v.x, alpha * v.y, v.z).normalize();
+    let rise = (1.0 - u.y) * (1.0 + stretched.z);
+    let sine = ((1.0 + stretched.z) * u.y * (1.0 - stretched.z + rise)).max(0.0).sqrt();
+    let (sin_phi, cos_phi) = (TAU * u.x).sin_cos();
+    let h = DVec3::new(sine * cos_phi, sine * sin_phi, rise - stretched.z) + stretched;
+    DVec3::new(alpha * h.x, alpha * h.y, h.z.max(MIN_COS)).normalize()
+}
+
+/// Density of l = reflect(−v, h) in 1/sr for h from [`sample_vndf`]: Heitz, "Sampling the GGX Distribution of Visible
+/// Normals" (2018), eq. 17, with G1 written out so that n·v cancels.
+pub fn pdf_vndf(v: DVec3, h: DVec3, alpha: f64) -> f64 {
+    let nv = v.z.max(MIN_COS);
+    let a2 = alpha * alpha;
+    d_ggx(DVec3::Z, h, alpha) * 0.5 / (nv + (a2 + (1.0 - a2) * nv * nv).sqrt())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The shader's way to a fraction.
+    fn unit_from_bits_f32(bits: u32) -> f32 {
+        (bits >> 8) as f32 * (1.0 / 16_777_216.0)
+    }
+
+    fn hammersley_f32(i: u32, log2_count: u32) -> [f32; 2] {
+        [unit_from_bits_f32((i << (31 - log2_count)) << 1), unit_from_bits_f32(i.reverse_bits())]
+    }
+
+    #[test]
+    fn hammersley_is_exact() {
+        assert_eq!(hammersley(0, 0), DVec2::ZERO);
+        assert_eq!(hammersley(3, 2), DVec2::new(0.75, 0.75));
+        assert_eq!(hammersley(1, 3), DVec2::new(0.125, 0.5));
+        for log2_count in 0..=12 {
+            let count = 1u32 << log2_count;
+            let mut seen = vec![false; count as usize];
+            for i in 0..count {
+                let exact = hammersley(i, log2_count);
+                let ours = hammersley_f32(i, log2_count);
+                assert_eq!([exact.x, exact.y], ours.map(f64::from));
+                // Each of the count strips in the second coordinate holds exactly one point.
+                let strip = (exact.y * f64::from(count)) as usize;
+                assert!(!std::mem::replace(&mut seen[strip], true), "two points in strip {strip}");
+            }
+        }
+    }
+
+    /// failures.md row 15.
+    #[test]
+    fn hammersley_holds_beyond_24_bits() {
+        let count = 1u32 << 30;
+        assert_eq!((count - 1) as f32 / count as f32, 1.0, "i / N in f32 no longer reaches 1");
+        assert_eq!(u32::MAX as f32 / 2f32.powi(32), 1.0, "a reversed index in f32 no longer reaches 1");
+        assert_eq!(16_777_216f32 + 1.0, 16_777_216f32, "a f32 counter no longer stalls");
+        for i in [0, 1, 0xff_ffff, 0x100_0001, count - 2, count - 1] {
+            let (exact, ours) = (hammersley(i, 30), hammersley_f32(i, 30));
+            for (exact, ours) in [(exact.x, ours[0]), (exact.y, ours[1])] {
+                let below = exact - f64::from(ours);
+                assert!(ours < 1.0 && (0.0..2f64.powi(-24)).contains(&below), "{exact} against {ours} at {i}");
+            }
+        }
+    }
+
+    #[test]
+    fn basis_is_orthonormal_and_right_handed() {
+        for i in 0..1000 {
+            let u = hammersley(i % 512, 9);
+            let h = sample_ggx(u, 1.0);
+            let n = if i % 2 == 0 { h } else { -h };
+            let m = basis(n);
+            assert!((m.transpose() * m).abs_diff_eq(DMat3::IDENTITY, 1e-12), "{n}");
+            assert!((m.determinant() - 1.0).abs() < 1e-12);
+        }
+        assert!(basis(-DVec3::Z).is_finite() && basis(DVec3::new(0.0, 0.0, -0.0)).is_finite());
+    }
+
+    /// Counts sampled directions in equal cells of (cos polar, azimuth) and compares with the density's integral.
+    /// Stratified points lie far below χ²'s mean; a wrong density lies far above it.
+    fn chi_squared_per_cell(v: DVec3, alpha: f64, half: fn(DVec3, DVec2, f64) -> DVec3, pdf: fn(DVec3, DVec3, f64) -> f64) -> f64 {
+        const CELLS: usize = 16;
+        const LOG2: u32 = 16;
+        const FINE: usize = 24;
+        let mut counts = [[0f64; CELLS]; CELLS];
+        for i in 0..1u32 << LOG2 {
+            let h = half(v, hammersley(i, LOG2), alpha);
+            let l = 2.0 * v.dot(h) * h - v;
+            let row = ((l.z + 1.0) / 2.0 * CELLS as f64) as usize;
+            let column = ((l.y.atan2(l.x) / TAU + 0.5) * CELLS as f64) as usize;
+            counts[row.min(CELLS - 1)][column.min(CELLS - 1)] += 1.0;
+        }
+        let steps = CELLS * FINE;
+        let cell = 2.0 / steps as f64 * TAU / steps as f64;
+        let mut expected = [[0f64; CELLS]; CELLS];
+        for row in 0..steps {
+            let z = (row as f64 + 0.5) * 2.0 / steps as f64 - 1.0;
+            for column in 0..steps {
+                let phi = ((column as f64 + 0.5) / steps as f64 - 0.5) * TAU;
+                let across = (1.0 - z * z).sqrt();
+                let h = (DVec3::new(across * phi.cos(), across * phi.sin(), z) + v).normalize();
+                if h.z > 0.0 {
+                    expected[row / FINE][column / FINE] += pdf(v, h, alpha) * cell * f64::from(1u32 << LOG2);
+                }
+            }
+        }
+        let total: f64 = expected.iter().flatten().sum();
+        assert!((total / f64::from(1u32 << LOG2) - 1.0).abs() < 2e-3, "density integrates to {total} of 65536");
+        let pairs = counts.iter().flatten().zip(expected.iter().flatten());
+        let (sum, cells) = pairs.filter(|(_, e)| **e > 5.0).fold((0.0, 0), |(s, n), (c, e)| (s + (c - e).powi(2) / e, n + 1));
+        sum / f64::from(cells)
+    }
+
+    #[test]
+    fn samples_follow_their_density() {
+        let ggx: fn(DVec3, DVec2, f64) -> DVec3 = |_, u, alpha| sample_ggx(u, alpha);
+        for nv in [0.2f64, 0.7, 1.0] {
+            let v = DVec3::new((1.0 - nv * nv).sqrt(), 0.0, nv);
+            for alpha in [0.4, 1.0] {
+                let good = chi_squared_per_cell(v, alpha, sample_vndf, pdf_vndf);
+                assert!(good < 1.0, "visible normals: {good} at n·v {nv}, alpha {alpha}");
+                // h seen from behind reflects below; its density is not defined there, so only steep views are compared.
+                if nv == 1.0 {
+                    let good = chi_squared_per_cell(v, alpha, ggx, pdf_ggx);
+                    assert!(good < 1.0, "normals: {good} at n·v {nv}, alpha {alpha}");
+                }
+            }
+        }
+        let v = DVec3::new(0.6, 0.0, 0.8);
+        let wrong = chi_squared_per_cell(v, 0.4, |v, u, _| sample_vndf(v, u, 0.45), pdf_vndf);
+        assert!(wrong > 10.0, "the test no longer sees a wrong density: {wrong}");
+    }
+
+    #[test]
+    fn samples_at_the_ends() {
+        let v = DVec3::new(1.0, 0.0, 0.0);
+        for u in [DVec2::ZERO, DVec2::splat(1.0 - 2f64.powi(-24)), DVec2::new(1.0 - 2f64.powi(-24), 0.0)] {
+            for alpha in [0.0, 1e-6, 1.0] {
+                for h in [sample_ggx(u, alpha), sample_vndf(v, u, alpha), sample_vndf(DVec3::Z, u, alpha)] {
+                    assert!((h.length() - 1.0).abs() < 1e-9 && h.z >= 0.0, "{h} for {u}, alpha {alpha}");
+                }
+            }
+        }
+    }
+}
