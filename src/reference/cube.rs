@@ -4,7 +4,7 @@ use std::f64::consts::{FRAC_1_PI, PI, TAU};
 
 use glam::{DVec2, DVec3};
 
-use super::brdf::TINY;
+use super::math::TINY;
 
 /// Unit direction of point st in [0, 1]² (from the top left) of a face: the inverse of the Vulkan specification's table
 /// "Cube map face and coordinate selection"; faces 0 to 5 are +X, −X, +Y, −Y, +Z, and anything else −Z.

@@ -17,7 +17,8 @@ pub fn flip(size: [u32; 2], test: &[[u8; 3]], reference: &[[u8; 3]], pixels_per_
     let [width, height] = size;
     let count = u64::from(width) * u64::from(height);
     // nv-flip multiplies the sizes in u32.
-    if count == 0 || count * 3 > u64::from(u32::MAX) || [test.len(), reference.len()].iter().any(|n| *n as u64 != count) {
+    if count == 0 || count * 3 > u64::from(u32::MAX) || [test.len(), reference.len()].iter().any(|n| *n as u64 != count)
+    {
         return None;
     }
     let image = |pixels: &[[u8; 3]]| nv_flip::FlipImageRgb8::with_data(width, height, pixels.as_flattened());

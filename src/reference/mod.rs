@@ -1,11 +1,12 @@
 //! The truth in f64, no Vulkan: BRDF terms, sampling, integrals, colour, picture metrics.
 //!
-//! `brdf`, `sampling`, `cube` and `tone` are the twins of the files of the same name in `glsl/`: same functions, same
+//! `math`, `brdf`, `sampling`, `cube` and `tone` are the twins of the files of the same name in `glsl/`: same functions, same
 //! arguments, same constants.
 
 pub mod brdf;
 pub mod cube;
 pub mod integrals;
+pub mod math;
 pub mod metrics;
 pub mod sampling;
 pub mod table;

@@ -7,7 +7,10 @@ use std::{
 
 use glam::DVec3;
 
-use super::brdf::{Geometry, MIN_COS, schlick_weight, v_environment};
+use super::{
+    brdf::{Geometry, schlick_weight, v_environment},
+    math::MIN_COS,
+};
 
 /// What the specular BRDF reflects of light from all sides, as a line in F0: F0 · scale + bias. Karis (2013), eq. 8.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -143,7 +146,10 @@ mod tests {
                 let (nv, roughness) = (f64::from(i) / 10.0, f64::from(j) / 10.0);
                 for geometry in [Geometry::Smith, Geometry::Karis2013] {
                     let Entry { scale, bias } = table_entry(nv, roughness, geometry);
-                    assert!(scale >= 0.0 && bias >= 0.0 && scale + bias < 1.0 + 1e-9, "{scale} {bias}: {nv}, {roughness}");
+                    assert!(
+                        scale >= 0.0 && bias >= 0.0 && scale + bias < 1.0 + 1e-9,
+                        "{scale} {bias}: {nv}, {roughness}"
+                    );
                 }
             }
         }

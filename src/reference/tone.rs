@@ -59,10 +59,10 @@ mod tests {
     #[test]
     fn grey_rises_and_stays_below_one() {
         let mut last = -1e-12;
-        for i in 0..4000 {
+        for i in 0..2000 {
             let grey = 1e-3 * (f64::from(i) * 0.01).exp() - 1e-3;
             let out = tone_neutral(DVec3::splat(grey));
-            assert!(out.x > last || out.x == 1.0, "not rising at {grey}: {} after {last}", out.x);
+            assert!(out.x > last, "not rising at {grey}: {} after {last}", out.x);
             assert!(out.x <= 1.0 && out.x == out.y && out.y == out.z, "{out} at {grey}");
             last = out.x;
         }
