@@ -5,7 +5,8 @@
 
 #include "math.glsl"
 
-// Values of `geometry` below; a stage file may feed them from a specialisation constant.
+// Values of `geometry` below, the two sets of terms; a stage file may feed them from a specialisation constant.
+// SMITH: height-correlated masking and a diffuse part that keeps the energy. KARIS2013: the thesis's terms as they are.
 const int GEOMETRY_SMITH = 0;
 const int GEOMETRY_KARIS2013 = 1;
 
@@ -74,6 +75,13 @@ float v_direct(float nl, float nv, float roughness, int geometry)
                                           : v_smith_height_correlated(nl, nv, alpha_from_roughness(roughness));
 }
 
+// The visibility of `geometry` for light from all around. Any roughness from 0: the integrals need no floor.
+float v_environment(float nl, float nv, float roughness, int geometry)
+{
+    return geometry == GEOMETRY_KARIS2013 ? v_karis2013_ibl(nl, nv, roughness)
+                                          : v_smith_height_correlated(nl, nv, roughness * roughness);
+}
+
 // (1 - cosine)^5, multiplied out: pow() of a base that rounding made negative is NaN.
 float schlick_weight(float cosine)
 {
@@ -101,6 +109,16 @@ vec3 diffuse_lambert(vec3 albedo)
     return albedo * INV_PI;
 }
 
+// What is left for the diffuse part of a surface that mirrors by Schlick's law, as a BRDF: Shirley et al., "A
+// Practitioners' Assessment of Light Reflection Models" (1997), the coupled model's matte term. Light enters by 1 - F(n.l)
+// and leaves by 1 - F(n.v); 21/20 makes up for the mean of the first, so that under even light exactly
+// albedo (1 - F(n.v)) comes back. Lambert times 1 - F(v.h) instead reflects up to 1.6 times what it gets.
+vec3 diffuse_shirley1997(vec3 albedo, vec3 f0, float nl, float nv)
+{
+    float through = (1.0 - schlick_weight(nl)) * (1.0 - schlick_weight(nv));
+    return albedo * (1.0 - f0) * (1.05 * INV_PI * through);
+}
+
 // Reflectance head on: a dielectric's, or the albedo of a metal. Karis (2013), section "Material Model".
 vec3 f0_from_metallic(vec3 albedo, float metallic)
 {
@@ -112,14 +130,17 @@ vec3 f0_from_metallic(vec3 albedo, float metallic)
 // v.h = |v + l| / 2 for unit vectors, which needs neither a normalised h nor a guard at l = -v.
 vec3 brdf(vec3 n, vec3 v, vec3 l, vec3 albedo, float metallic, float roughness, int geometry)
 {
+    float nl = dot(n, l), nv = dot(n, v);
     vec3 h = v + l;
-    vec3 f = f_schlick(f0_from_metallic(albedo, metallic), 0.5 * length(h));
+    vec3 f0 = f0_from_metallic(albedo, metallic);
+    vec3 f = f_schlick(f0, 0.5 * length(h));
     float d = d_ggx(n, h, alpha_from_roughness(roughness));
-    float visibility = v_direct(dot(n, l), dot(n, v), roughness, geometry);
-    return (1.0 - f) * (1.0 - metallic) * diffuse_lambert(albedo) + f * (d * visibility);
+    vec3 diffuse = geometry == GEOMETRY_KARIS2013 ? (1.0 - f) * diffuse_lambert(albedo)
+                                                  : diffuse_shirley1997(albedo, f0, nl, nv);
+    return (1.0 - metallic) * diffuse + f * (d * v_direct(nl, nv, roughness, geometry));
 }
 
-// Phong exponent whose lobe is about as wide as GGX of this roughness. 2 / alpha^2 - 2 is the exponent over n.h (Walter
+// Phong exponent whose lobe is as wide as Beckmann's of this roughness. 2 / alpha^2 - 2 is the exponent over n.h (Walter
 // et al. 2007, section 5.2); the angle to the mirror direction is twice that to h, which takes a quarter of it.
 float phong_exponent(float roughness)
 {

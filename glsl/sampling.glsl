@@ -53,7 +53,7 @@ float pdf_ggx(vec3 v, vec3 h, float alpha)
 // section 3. The cap's sine is a product, not 1 - z^2.
 vec3 sample_vndf(vec3 v, vec2 u, float alpha)
 {
-    vec3 stretched = normalize(vec3(alpha * v.xy, v.z));
+    vec3 stretched = normalize(vec3(alpha * v.xy, max(v.z, MIN_COS)));
     float rise = (1.0 - u.y) * (1.0 + stretched.z);
     float sine = sqrt(max((1.0 + stretched.z) * u.y * (1.0 - stretched.z + rise), 0.0));
     float phi = 2.0 * PI * u.x;

@@ -1,3 +1,13 @@
 //! The truth in f64, no Vulkan: BRDF terms, sampling, integrals, colour, picture metrics.
+//!
+//! `math`, `brdf`, `sampling`, `cube` and `tone` are the twins of the files of the same name in `glsl/`: same functions, same
+//! arguments, same constants.
+
 pub mod brdf;
-pub mod levels;
+pub mod cube;
+pub mod integrals;
+pub mod math;
+pub mod metrics;
+pub mod sampling;
+pub mod table;
+pub mod tone;

@@ -4,7 +4,10 @@ use std::f64::consts::TAU;
 
 use glam::{DMat3, DVec2, DVec3};
 
-use super::brdf::{MIN_COS, TINY, d_ggx};
+use super::{
+    brdf::d_ggx,
+    math::{MIN_COS, TINY},
+};
 
 /// Base-2 radical inverse: van der Corput's sequence, by reversing the bits; exact.
 pub fn radical_inverse(i: u32) -> f64 {
@@ -23,11 +26,7 @@ pub fn basis(n: DVec3) -> DMat3 {
     let s = if n.z >= 0.0 { 1.0 } else { -1.0 };
     let a = -1.0 / (s + n.z);
     let b = n.x * n.y * a;
-    DMat3::from_cols(
-        DVec3::new(1.0 + s * n.x * n.x * a, s * b, -s * n.x),
-        DVec3::new(b, s + n.y * n.y * a, -n.y),
-        n,
-    )
+    DMat3::from_cols(DVec3::new(1.0 + s * n.x * n.x * a, s * b, -s * n.x), DVec3::new(b, s + n.y * n.y * a, -n.y), n)
 }
 
 /// Half vector with density D(h) n·h: Walter et al. (2007), eqs. 35 and 36; u in [0, 1)².
@@ -46,7 +45,7 @@ pub fn pdf_ggx(v: DVec3, h: DVec3, alpha: f64) -> f64 {
 /// Half vector among those that v sees: Dupuy and Benyoub, "Sampling Visible GGX Normals with Spherical Caps" (2023),
 /// section 3; u in [0, 1)².
 pub fn sample_vndf(v: DVec3, u: DVec2, alpha: f64) -> DVec3 {
-    let stretched = DVec3::new(alpha * v.x, alpha * v.y, v.z).normalize();
+    let stretched = DVec3::new(alpha * v.x, alpha * v.y, v.z.max(MIN_COS)).normalize();
     let rise = (1.0 - u.y) * (1.0 + stretched.z);
     let sine = ((1.0 + stretched.z) * u.y * (1.0 - stretched.z + rise)).max(0.0).sqrt();
     let (sin_phi, cos_phi) = (TAU * u.x).sin_cos();
@@ -125,7 +124,12 @@ mod tests {
 
     /// Counts sampled directions in equal cells of (cos polar, azimuth) and compares with the density's integral.
     /// Stratified points lie far below χ²'s mean; a wrong density lies far above it.
-    fn chi_squared_per_cell(v: DVec3, alpha: f64, half: fn(DVec3, DVec2, f64) -> DVec3, pdf: fn(DVec3, DVec3, f64) -> f64) -> f64 {
+    fn chi_squared_per_cell(
+        v: DVec3,
+        alpha: f64,
+        half: fn(DVec3, DVec2, f64) -> DVec3,
+        pdf: fn(DVec3, DVec3, f64) -> f64,
+    ) -> f64 {
         const CELLS: usize = 16;
         const LOG2: u32 = 16;
         const FINE: usize = 24;
@@ -154,7 +158,8 @@ mod tests {
         let total: f64 = expected.iter().flatten().sum();
         assert!((total / f64::from(1u32 << LOG2) - 1.0).abs() < 2e-3, "density integrates to {total} of 65536");
         let pairs = counts.iter().flatten().zip(expected.iter().flatten());
-        let (sum, cells) = pairs.filter(|(_, e)| **e > 5.0).fold((0.0, 0), |(s, n), (c, e)| (s + (c - e).powi(2) / e, n + 1));
+        let (sum, cells) =
+            pairs.filter(|(_, e)| **e > 5.0).fold((0.0, 0), |(s, n), (c, e)| (s + (c - e).powi(2) / e, n + 1));
         sum / f64::from(cells)
     }
 
@@ -174,7 +179,7 @@ mod tests {
             }
         }
         let v = DVec3::new(0.6, 0.0, 0.8);
-        let wrong = chi_squared_per_cell(v, 0.4, |v, u, _| sample_vndf(v, u, 0.45), pdf_vndf);
+        let wrong = chi_squared_per_cell(v, 0.4, |v, u, _| sample_vndf(v, u, 0.5), pdf_vndf);
         assert!(wrong > 10.0, "the test no longer sees a wrong density: {wrong}");
     }
 

@@ -1,0 +1,448 @@
+//! Finished pictures: reading them to compare, writing them, and how far two are apart.
+
+use std::{
+    fs,
+    io::Cursor,
+    path::{Path, PathBuf},
+    sync::atomic::{AtomicU32, Ordering},
+};
+
+use exr::prelude::{
+    Encoding, Image, ImageAttributes, Layer, LayerAttributes, MetaData, ReadChannels, ReadLayers, SpecificChannels,
+    Vec2, WritableImage,
+};
+use glam::Vec3;
+use image::{DynamicImage, ImageDecoder, ImageEncoder, ImageFormat, ImageReader, Limits};
+use rayon::prelude::*;
+use serde::Serialize;
+
+use crate::{
+    Error, Result,
+    reference::{metrics, tone},
+};
+
+/// Largest picture that is read, in pixels: 8K (7680 × 4320) and a little.
+const MAX_PIXELS: u64 = 1 << 25;
+
+/// Largest file that is read, in bytes: the largest picture as an uncompressed EXR of four floats, and as much again.
+const MAX_FILE: u64 = MAX_PIXELS * 32;
+
+/// What a picture's numbers mean.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Kind {
+    /// sRGB-encoded, 0 to 1: what a viewer sees. PNG, JPEG, TGA.
+    Display,
+    /// Linear RGB scene radiance, without exposure or tone curve. EXR, HDR.
+    Radiance,
+}
+
+/// A picture in memory.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Picture {
+    /// Its file, or what it shows; for messages.
+    pub name: String,
+    pub width: u32,
+    pub height: u32,
+    pub kind: Kind,
+    /// Rows from the top; `width * height` pixels of RGB.
+    pub pixels: Vec<[f32; 3]>,
+}
+
+/// How far a picture is from another, as `pbr-vr compare --json` writes it.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Comparison {
+    pub width: u32,
+    pub height: u32,
+    /// What the numbers below are of: `Display` compares sRGB-encoded values, `Radiance` linear ones.
+    pub kind: Kind,
+    /// LDR-FLIP of the pictures' eight-bit display values; radiance goes through the program's tone curve at 0 EV first.
+    pub flip_mean: f32,
+    pub flip_max: f32,
+    pub flip_pixels_per_degree: f32,
+    /// Mean of (test − reference)² / (reference² + 0.01) over pixels and channels.
+    pub relative_mse: f64,
+    /// Mean and largest |test − reference| of a channel.
+    pub mean_error: f64,
+    pub max_error: f64,
+    /// Column and row, from the top left, of the largest error.
+    pub max_error_at: [u32; 2],
+}
+
+impl Picture {
+    /// A display picture from sRGB-encoded RGBA bytes, rows from the top; alpha is dropped.
+    pub fn from_srgb8(name: impl Into<String>, width: u32, height: u32, rgba: &[u8]) -> Self {
+        let pixels = rgba.chunks_exact(4).map(|p| [p[0], p[1], p[2]].map(|c| f32::from(c) / 255.0)).collect();
+        Self { name: name.into(), width, height, kind: Kind::Display, pixels }
+    }
+
+    /// A radiance picture from linear RGBA, rows from the top; alpha is dropped.
+    pub fn from_radiance(name: impl Into<String>, width: u32, height: u32, rgba: &[[f32; 4]]) -> Self {
+        let pixels = rgba.iter().map(|&[r, g, b, _]| [r, g, b]).collect();
+        Self { name: name.into(), width, height, kind: Kind::Radiance, pixels }
+    }
+
+    /// Reads a PNG, JPEG, TGA, HDR or EXR file; told apart by content, TGA by its name. Alpha and colour profiles are
+    /// left out, EXR gives the first layer with R, G and B.
+    pub fn read(path: &Path) -> Result<Self> {
+        let size = fs::metadata(path).map_err(Error::read(path))?.len();
+        if size > MAX_FILE {
+            return Err(too_large(path, format!("{size} bytes"), format!("{MAX_FILE} bytes")));
+        }
+        let bytes = fs::read(path).map_err(Error::read(path))?;
+        if bytes.starts_with(&[0x76, 0x2f, 0x31, 0x01]) { read_exr(path, &bytes) } else { read_image(path, &bytes) }
+    }
+
+    /// Writes a display picture as .png (RGB, 8 bits) or a radiance picture as .exr (RGB, f32, ZIP). The file appears
+    /// whole or not at all, and the same picture always gives the same bytes.
+    pub fn write(&self, path: &Path) -> Result<()> {
+        if self.pixels.len() as u64 != u64::from(self.width) * u64::from(self.height) || self.pixels.is_empty() {
+            let problem = format!("{} pixels for {} × {}", self.pixels.len(), self.width, self.height);
+            let remedy = "this is a defect of pbr-vr, please report it";
+            return Err(Error::Broken { path: path.into(), what: "picture", problem, remedy });
+        }
+        let extension = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
+        let bytes = match (extension.as_str(), self.kind) {
+            ("png", Kind::Display) => self.png(),
+            ("exr", Kind::Radiance) => self.exr(),
+            ("png" | "exr", _) => {
+                let problem = format!("{}: display values go into .png, radiance into .exr", path.display());
+                return Err(Error::Usage(problem));
+            }
+            _ => return Err(Error::Usage(format!("{}: pictures are written as .png or .exr", path.display()))),
+        };
+        write_atomically(path, &bytes.map_err(|e| Error::write(path)(std::io::Error::other(e)))?)
+    }
+
+    /// What a viewer sees of it: radiance exposed by `ev` stops and through the tone curve; display pictures as they are.
+    pub fn to_display(&self, ev: f32) -> Self {
+        let pixels = match self.kind {
+            Kind::Display => self.pixels.clone(),
+            Kind::Radiance => self.srgb8(ev).into_iter().map(|p| p.map(|c| f32::from(c) / 255.0)).collect(),
+        };
+        Self { name: self.name.clone(), width: self.width, height: self.height, kind: Kind::Display, pixels }
+    }
+
+    /// Its eight-bit sRGB pixels.
+    fn srgb8(&self, ev: f32) -> Vec<[u8; 3]> {
+        let byte = |c: f32| (c * 255.0).round() as u8; // `as` saturates
+        match self.kind {
+            Kind::Display => self.pixels.iter().map(|p| p.map(byte)).collect(),
+            Kind::Radiance => {
+                let see = |p: &[f32; 3]| tone::display_bytes(Vec3::from(*p).as_dvec3(), f64::from(ev));
+                self.pixels.par_iter().map(see).collect()
+            }
+        }
+    }
+
+    fn png(&self) -> std::result::Result<Vec<u8>, Box<dyn std::error::Error + Send + Sync>> {
+        use image::codecs::png::{CompressionType, FilterType, PngEncoder};
+        let mut bytes = Vec::new();
+        PngEncoder::new_with_quality(&mut bytes, CompressionType::Default, FilterType::Adaptive).write_image(
+            self.srgb8(0.0).as_flattened(),
+            self.width,
+            self.height,
+            image::ExtendedColorType::Rgb8,
+        )?;
+        Ok(bytes)
+    }
+
+    fn exr(&self) -> std::result::Result<Vec<u8>, Box<dyn std::error::Error + Send + Sync>> {
+        let size = Vec2(self.width as usize, self.height as usize);
+        let pixel = |at: Vec2<usize>| {
+            let [r, g, b] = self.pixels[at.y() * size.0 + at.x()];
+            (r, g, b)
+        };
+        let channels = SpecificChannels::rgb(pixel);
+        let layer = Layer::new(size, LayerAttributes::default(), Encoding::SMALL_LOSSLESS, channels);
+        let attributes = ImageAttributes::with_size(size);
+        let mut bytes = Cursor::new(Vec::new());
+        Image::new(attributes, layer).write().non_parallel().to_buffered(&mut bytes)?;
+        Ok(bytes.into_inner())
+    }
+}
+
+/// How far `test` is from `reference`; both of one size and kind, all their values finite.
+pub fn compare(test: &Picture, reference: &Picture) -> Result<Comparison> {
+    check_pair(test, reference)?;
+    let size @ [width, height] = [test.width, test.height];
+    let pixels_per_degree = metrics::PIXELS_PER_DEGREE;
+    let flip = metrics::flip(size, &test.srgb8(0.0), &reference.srgb8(0.0), pixels_per_degree)
+        .ok_or_else(|| unusable(test, format!("{} pixels for {width} × {height}", test.pixels.len())))?;
+    let (max_error, at) = metrics::max_error(&test.pixels, &reference.pixels);
+    Ok(Comparison {
+        width,
+        height,
+        kind: test.kind,
+        flip_mean: flip.mean,
+        flip_max: flip.max,
+        flip_pixels_per_degree: pixels_per_degree,
+        relative_mse: metrics::relative_mse(&test.pixels, &reference.pixels),
+        mean_error: metrics::mean_error(&test.pixels, &reference.pixels),
+        max_error,
+        max_error_at: [at as u32 % width, at as u32 / width],
+    })
+}
+
+/// Writes a file so that a reader, or a crash, meets it whole or not at all: beside its place first, then renamed.
+pub fn write_atomically(path: &Path, bytes: &[u8]) -> Result<()> {
+    static COUNT: AtomicU32 = AtomicU32::new(0);
+    let Some(name) = path.file_name() else {
+        return Err(Error::Usage(format!("{}: not the name of a file", path.display())));
+    };
+    let unique = format!(".{}-{}.tmp", std::process::id(), COUNT.fetch_add(1, Ordering::Relaxed));
+    let mut beside = name.to_owned();
+    beside.push(unique);
+    let beside = path.with_file_name(beside);
+    let done = fs::write(&beside, bytes).and_then(|()| fs::rename(&beside, path));
+    if done.is_err() {
+        // Nothing more can be done about a file that neither moves nor goes; the first error is the one to tell.
+        let _ = fs::remove_file(&beside);
+    }
+    done.map_err(Error::write(path))
+}
+
+fn check_pair(test: &Picture, reference: &Picture) -> Result<()> {
+    if (test.width, test.height) != (reference.width, reference.height) {
+        let Picture { name, width, height, .. } = reference;
+        let problem = format!("{} × {} pixels, but {name} has {width} × {height}", test.width, test.height);
+        return Err(unusable(test, problem));
+    }
+    if test.kind != reference.kind {
+        let what = |kind| if kind == Kind::Display { "display values" } else { "linear radiance" };
+        let problem = format!("it holds {}, but {} {}", what(test.kind), reference.name, what(reference.kind));
+        return Err(unusable(test, problem));
+    }
+    for picture in [test, reference] {
+        if let Some(at) = picture.pixels.iter().position(|p| !Vec3::from(*p).is_finite()) {
+            let (x, y) = (at as u32 % picture.width.max(1), at as u32 / picture.width.max(1));
+            return Err(unusable(picture, format!("pixel ({x}, {y}) is not finite: {:?}", picture.pixels[at])));
+        }
+    }
+    Ok(())
+}
+
+fn unusable(picture: &Picture, problem: String) -> Error {
+    let remedy = "compare two PNGs or two EXRs of one size, without NaN or infinity";
+    Error::Broken { path: PathBuf::from(&picture.name), what: "picture for this comparison", problem, remedy }
+}
+
+fn broken(path: &Path, problem: impl ToString) -> Error {
+    let remedy = "give a whole PNG, JPEG, TGA, HDR or EXR file";
+    Error::Broken { path: path.into(), what: "picture", problem: problem.to_string(), remedy }
+}
+
+fn too_large(path: &Path, size: String, limit: String) -> Error {
+    Error::TooLarge { path: path.into(), what: "the picture", size, limit }
+}
+
+fn check_size(path: &Path, width: u64, height: u64) -> Result<()> {
+    if width == 0 || height == 0 {
+        return Err(broken(path, format!("{width} × {height} pixels")));
+    }
+    if width.saturating_mul(height) > MAX_PIXELS {
+        return Err(too_large(path, format!("{width} × {height}"), format!("{MAX_PIXELS} pixels")));
+    }
+    Ok(())
+}
+
+fn read_image(path: &Path, bytes: &[u8]) -> Result<Picture> {
+    let mut reader = ImageReader::new(Cursor::new(bytes));
+    let format = image::guess_format(bytes).ok().or_else(|| ImageFormat::from_path(path).ok());
+    reader.set_format(format.ok_or_else(|| broken(path, "neither its content nor its name is that of a picture"))?);
+    let mut limits = Limits::default();
+    limits.max_alloc = Some(MAX_PIXELS * 16);
+    reader.limits(limits);
+    let decoder = reader.into_decoder().map_err(|e| broken(path, e))?;
+    let (width, height) = decoder.dimensions();
+    check_size(path, width.into(), height.into())?;
+    let pixels = DynamicImage::from_decoder(decoder).map_err(|e| broken(path, e))?.into_rgb32f();
+    let kind = if format == Some(ImageFormat::Hdr) { Kind::Radiance } else { Kind::Display };
+    let pixels = pixels.pixels().map(|p| p.0).collect();
+    Ok(Picture { name: path.display().to_string(), width, height, kind, pixels })
+}
+
+fn read_exr(path: &Path, bytes: &[u8]) -> Result<Picture> {
+    let meta = MetaData::read_from_buffered(Cursor::new(bytes), false).map_err(|e| broken(path, e))?;
+    for header in &meta.headers {
+        check_size(path, header.layer_size.width() as u64, header.layer_size.height() as u64)?;
+    }
+    let image = exr::prelude::read()
+        .no_deep_data()
+        .largest_resolution_level()
+        .rgb_channels(
+            |size, _| (size.width(), vec![[0f32; 3]; size.area()]),
+            |(width, pixels): &mut (usize, Vec<[f32; 3]>), at, (r, g, b): (f32, f32, f32)| {
+                pixels[at.y() * *width + at.x()] = [r, g, b];
+            },
+        )
+        .first_valid_layer()
+        .all_attributes()
+        .from_buffered(Cursor::new(bytes))
+        .map_err(|e| broken(path, e))?;
+    let layer = image.layer_data;
+    // Both below 2^25, as checked above.
+    let (width, height) = (layer.size.width() as u32, layer.size.height() as u32);
+    let pixels = layer.channel_data.pixels.1;
+    Ok(Picture { name: path.display().to_string(), width, height, kind: Kind::Radiance, pixels })
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+
+    use super::*;
+
+    fn display() -> Picture {
+        let bytes: Vec<u8> = (0..23 * 11).flat_map(|i| [i as u8, (i * 7) as u8, (i * 31) as u8, 255]).collect();
+        Picture::from_srgb8("display", 23, 11, &bytes)
+    }
+
+    fn radiance() -> Picture {
+        let values: Vec<_> = (0..23 * 11).map(|i| [i as f32 * 300.0, 1e-5 * i as f32, 0.3, 1.0]).collect();
+        Picture::from_radiance("radiance", 23, 11, &values)
+    }
+
+    #[test]
+    fn written_pictures_come_back_and_are_always_the_same_bytes() {
+        let folder = tempfile::tempdir().unwrap();
+        for (picture, file) in [(display(), "a.png"), (radiance(), "a.exr"), (display(), "B.PNG")] {
+            let path = folder.path().join(file);
+            picture.write(&path).unwrap();
+            let first = fs::read(&path).unwrap();
+            let back = Picture::read(&path).unwrap();
+            assert_eq!(back.name, path.display().to_string());
+            assert_eq!(Picture { name: picture.name.clone(), ..back }, picture);
+            picture.write(&path).unwrap(); // over the old one
+            assert_eq!(first, fs::read(&path).unwrap());
+        }
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 3, "a temporary file was left behind");
+    }
+
+    #[test]
+    fn what_cannot_be_written_is_said() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        for (picture, name) in [(display(), "a.exr"), (radiance(), "a.png"), (display(), "a.bmp"), (display(), "a")] {
+            let error = picture.write(&at(name)).unwrap_err();
+            assert!(matches!(error, Error::Usage(_)) && error.to_string().contains(name), "{error}");
+        }
+        let error = display().write(&at("no/such/folder/a.png")).unwrap_err();
+        assert!(matches!(error, Error::Write { .. }), "{error}");
+        let short = Picture { height: 12, ..display() };
+        assert!(short.write(&at("a.png")).unwrap_err().to_string().contains("253 pixels for 23 × 12"));
+        fs::create_dir(at("folder.png")).unwrap();
+        assert!(matches!(display().write(&at("folder.png")).unwrap_err(), Error::Write { .. }));
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1, "a temporary file was left behind");
+    }
+
+    #[test]
+    fn other_formats_are_read() {
+        let folder = tempfile::tempdir().unwrap();
+        let rgb = image::RgbImage::from_fn(9, 5, |x, y| image::Rgb([x as u8 * 20, y as u8 * 40, 77]));
+        for (name, tolerance) in [("a.tga", 0.0), ("a.jpg", 0.2), ("a.png", 0.0)] {
+            let path = folder.path().join(name);
+            rgb.save(&path).unwrap();
+            let picture = Picture::read(&path).unwrap();
+            assert_eq!((picture.width, picture.height, picture.kind), (9, 5, Kind::Display));
+            let worst = (picture.pixels[4 * 9 + 8][0] - 160.0 / 255.0).abs();
+            assert!(worst <= tolerance, "{name}: {worst}");
+        }
+        let path = folder.path().join("a.hdr");
+        let hdr = [image::Rgb([1.0, 2.0, 4096.0]); 6];
+        image::codecs::hdr::HdrEncoder::new(fs::File::create(&path).unwrap()).encode(&hdr, 3, 2).unwrap();
+        let picture = Picture::read(&path).unwrap();
+        assert_eq!((picture.width, picture.height, picture.kind), (3, 2, Kind::Radiance));
+        assert!((picture.pixels[5][2] / 4096.0 - 1.0).abs() < 0.01);
+    }
+
+    #[test]
+    fn damaged_files_are_errors() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("broken");
+        for (picture, file) in [(display(), "a.png"), (radiance(), "a.exr")] {
+            let whole = folder.path().join(file);
+            picture.write(&whole).unwrap();
+            let bytes = fs::read(&whole).unwrap();
+            for keep in 0..bytes.len() - 20 {
+                fs::write(&path, &bytes[..keep]).unwrap();
+                let error = Picture::read(&path).expect_err(&format!("{file} cut to {keep} bytes"));
+                assert!(matches!(error, Error::Broken { .. }) && error.to_string().contains("broken"), "{error}");
+            }
+            for at in 0..bytes.len().min(1500) {
+                let mut bent = bytes.clone();
+                bent[at] ^= 0xff;
+                fs::write(&path, &bent).unwrap();
+                let _ = Picture::read(&path); // may be fine or an error; must not panic
+            }
+        }
+        assert!(matches!(Picture::read(&folder.path().join("none.png")).unwrap_err(), Error::Read { .. }));
+    }
+
+    #[test]
+    fn a_giant_is_refused_before_memory_is_taken() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("giant.png");
+        let mut bytes = Vec::new();
+        image::codecs::png::PngEncoder::new(&mut bytes)
+            .write_image(&[0; 3], 1, 1, image::ExtendedColorType::Rgb8)
+            .unwrap();
+        // Width and height follow the signature, the chunk's length and its type; a checksum follows the header.
+        bytes[16..20].copy_from_slice(&60_000u32.to_be_bytes());
+        bytes[20..24].copy_from_slice(&60_000u32.to_be_bytes());
+        let checksum = crc32(&bytes[12..29]);
+        bytes[29..33].copy_from_slice(&checksum.to_be_bytes());
+        fs::write(&path, &bytes).unwrap();
+        let error = Picture::read(&path).unwrap_err();
+        assert!(matches!(error, Error::TooLarge { .. }), "{error}");
+    }
+
+    /// PNG's checksum: ISO 3309, polynomial 0xedb88320.
+    fn crc32(bytes: &[u8]) -> u32 {
+        let bit = |c: u32, _| if c & 1 == 1 { 0xedb8_8320 ^ (c >> 1) } else { c >> 1 };
+        !bytes.iter().fold(!0, |c, b| (0..8).fold(c ^ u32::from(*b), bit))
+    }
+
+    #[test]
+    fn comparisons_measure() {
+        for picture in [display(), radiance()] {
+            let same = compare(&picture, &picture).unwrap();
+            assert_eq!((same.flip_mean, same.relative_mse, same.max_error), (0.0, 0.0, 0.0));
+        }
+        let mut dim = radiance();
+        dim.pixels[5 * 23 + 7] = [0.1, 0.1, 0.3];
+        let mut other = dim.clone();
+        other.pixels[5 * 23 + 7][2] = 2.3;
+        let far = compare(&other, &dim).unwrap();
+        assert!((far.max_error - 2.0).abs() < 1e-6 && far.max_error_at == [7, 5], "{far:?}");
+        let truth = 4.0 / (0.09 + 0.01) / (3.0 * 23.0 * 11.0);
+        assert!((far.relative_mse / truth - 1.0).abs() < 1e-5, "{far:?}");
+        assert!(far.flip_mean > 0.0 && far.flip_max > far.flip_mean);
+        let json = serde_json::to_value(&far).unwrap();
+        assert_eq!(json["kind"], "radiance");
+        assert_eq!(json["max_error_at"][1], 5);
+    }
+
+    #[test]
+    fn pictures_that_do_not_match_are_errors() {
+        let small = Picture { width: 11, height: 23, ..display() };
+        let error = compare(&small, &display()).unwrap_err().to_string();
+        assert!(error.contains("11 × 23") && error.contains("23 × 11"), "{error}");
+        let error = compare(&radiance(), &display()).unwrap_err().to_string();
+        assert!(error.contains("radiance"), "{error}");
+        let mut bad = radiance();
+        bad.pixels[24][0] = f32::NAN;
+        let error = compare(&radiance(), &bad).unwrap_err().to_string();
+        assert!(error.contains("(1, 1)"), "{error}");
+        let empty = Picture { width: 0, height: 0, pixels: vec![], ..display() };
+        assert!(compare(&empty, &empty).is_err());
+    }
+
+    #[test]
+    fn display_of_radiance_is_the_tone_curve() {
+        let grey = Picture::from_radiance("grey", 1, 1, &[[0.25, 0.25, 0.25, 1.0]]);
+        let expected = tone::display_bytes(DVec3::splat(0.5), 0.0)[0];
+        assert_eq!(grey.to_display(1.0).pixels, [[f32::from(expected) / 255.0; 3]]);
+        assert_eq!(display().to_display(3.0), display());
+    }
+}

@@ -1,0 +1,98 @@
+//! How far two pictures are apart.
+
+/// Pixels per degree of visual angle for FLIP: 0.7 m from a screen of 0.7 m and 3840 pixels across, the default of
+/// Andersson et al., "FLIP: A Difference Evaluator for Alternating Images" (2020), section 6.
+pub const PIXELS_PER_DEGREE: f32 = 67.0;
+
+/// Mean and maximum of a FLIP error map, both in [0, 1].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Flip {
+    pub mean: f32,
+    pub max: f32,
+}
+
+/// LDR-FLIP (Andersson et al. 2020) of two pictures of sRGB bytes, `width · height` each, as a viewer with
+/// `pixels_per_degree` flips between them; `None` where a size does not fit or is zero.
+pub fn flip(size: [u32; 2], test: &[[u8; 3]], reference: &[[u8; 3]], pixels_per_degree: f32) -> Option<Flip> {
+    let [width, height] = size;
+    let count = u64::from(width) * u64::from(height);
+    // nv-flip multiplies the sizes in u32.
+    if count == 0 || count * 3 > u64::from(u32::MAX) || [test.len(), reference.len()].iter().any(|n| *n as u64 != count)
+    {
+        return None;
+    }
+    let image = |pixels: &[[u8; 3]]| nv_flip::FlipImageRgb8::with_data(width, height, pixels.as_flattened());
+    let errors = nv_flip::flip(image(reference), image(test), pixels_per_degree).to_vec();
+    let sum: f64 = errors.iter().copied().map(f64::from).sum();
+    Some(Flip { mean: (sum / count as f64) as f32, max: errors.into_iter().fold(0.0, f32::max) })
+}
+
+/// Mean over pixels and channels of (test − reference)² / (reference² + 0.01): Rousselle et al., "Adaptive Sampling and
+/// Reconstruction using Greedy Error Minimization" (2011), section 4, whose 0.01 keeps black pixels from deciding alone.
+/// 0 for empty pictures; compares as many pixels as both have.
+pub fn relative_mse(test: &[[f32; 3]], reference: &[[f32; 3]]) -> f64 {
+    let terms = pairs(test, reference).map(|(t, r)| (t - r).powi(2) / (r * r + 0.01));
+    mean(terms)
+}
+
+/// Mean over pixels and channels of |test − reference|.
+pub fn mean_error(test: &[[f32; 3]], reference: &[[f32; 3]]) -> f64 {
+    mean(pairs(test, reference).map(|(t, r)| (t - r).abs()))
+}
+
+/// Largest |test − reference| of any channel, and the index of its pixel (the first, where several are alike).
+pub fn max_error(test: &[[f32; 3]], reference: &[[f32; 3]]) -> (f64, usize) {
+    let errors = pairs(test, reference).map(|(t, r)| (t - r).abs()).enumerate();
+    let (error, channel) = errors.fold((0.0, 0), |worst, (i, e)| if e > worst.0 { (e, i) } else { worst });
+    (error, channel / 3)
+}
+
+fn pairs<'a>(test: &'a [[f32; 3]], reference: &'a [[f32; 3]]) -> impl Iterator<Item = (f64, f64)> + 'a {
+    let channels = test.as_flattened().iter().zip(reference.as_flattened());
+    channels.map(|(t, r)| (f64::from(*t), f64::from(*r)))
+}
+
+fn mean(terms: impl Iterator<Item = f64>) -> f64 {
+    let (sum, count) = terms.fold((0.0, 0u64), |(sum, count), term| (sum + term, count + 1));
+    sum / count.max(1) as f64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn known_errors() {
+        let reference = [[0.0, 1.0, 2.0], [3.0, 0.0, 0.0]];
+        assert_eq!(relative_mse(&reference, &reference), 0.0);
+        assert_eq!(max_error(&reference, &reference), (0.0, 0));
+        let test = [[0.0, 1.5, 2.0], [3.0, 0.0, -1.0]];
+        let truth = (0.25 / 1.01 + 1.0 / 0.01) / 6.0;
+        assert!((relative_mse(&test, &reference) - truth).abs() < 1e-9);
+        assert_eq!(max_error(&test, &reference), (1.0, 1));
+        assert!((mean_error(&test, &reference) - 0.25).abs() < 1e-12);
+    }
+
+    #[test]
+    fn flip_of_equal_and_of_opposite_pictures() {
+        let size = [32, 16];
+        let (black, white) = (vec![[0u8; 3]; 512], vec![[255u8; 3]; 512]);
+        let same = flip(size, &white, &white, PIXELS_PER_DEGREE).unwrap();
+        assert!(same.mean == 0.0 && same.max == 0.0, "{same:?}");
+        let far = flip(size, &black, &white, PIXELS_PER_DEGREE).unwrap();
+        assert!(far.mean > 0.9 && far.max <= 1.0, "{far:?}");
+
+        let mut speck = white.clone();
+        speck[8 * 32 + 16] = [0; 3];
+        let near = flip(size, &speck, &white, PIXELS_PER_DEGREE).unwrap();
+        assert!(near.mean > 0.0 && near.mean < 0.1 && near.max > 3.0 * near.mean, "{near:?}");
+    }
+
+    #[test]
+    fn flip_refuses_sizes_that_do_not_fit() {
+        let pixels = vec![[0u8; 3]; 4];
+        assert_eq!(flip([2, 3], &pixels, &pixels, PIXELS_PER_DEGREE), None);
+        assert_eq!(flip([0, 0], &[], &[], PIXELS_PER_DEGREE), None);
+        assert!(flip([2, 2], &pixels, &pixels, PIXELS_PER_DEGREE).is_some());
+    }
+}
