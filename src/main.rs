@@ -5,7 +5,8 @@ use std::process::ExitCode;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
-use pbr_vr::asset::{Report, picture};
+use pbr_vr::asset::Report;
+use pbr_vr::asset::picture::{Picture, compare, write_atomically};
 use pbr_vr::gpu::GpuOptions;
 use pbr_vr::reference::brdf::Geometry;
 use pbr_vr::render::Shading;
@@ -185,8 +186,13 @@ fn run_render(args: &Render, gpu: GpuOptions<'_>) -> Result<()> {
 }
 
 fn run_compare(args: &Compare) -> Result<()> {
-    let comparison = picture::compare(&args.a, &args.b)?;
-    println!("{comparison}");
+    let comparison = compare(&Picture::read(&args.a)?, &Picture::read(&args.b)?)?;
+    println!("FLIP          mean {:.4}, largest {:.4}", comparison.flip_mean, comparison.flip_max);
+    println!("relative MSE  {:.3e}", comparison.relative_mse);
+    println!(
+        "error         mean {:.3e}, largest {:.3e} at {:?}",
+        comparison.mean_error, comparison.max_error, comparison.max_error_at
+    );
     match &args.json {
         Some(path) => write_json(path, &comparison),
         None => Ok(()),
@@ -195,7 +201,7 @@ fn run_compare(args: &Compare) -> Result<()> {
 
 fn write_json(path: &std::path::Path, value: &impl serde::Serialize) -> Result<()> {
     let text = serde_json::to_string_pretty(value).map_err(|e| Error::write(path)(e.into()))?;
-    std::fs::write(path, text + "\n").map_err(Error::write(path))
+    write_atomically(path, (text + "\n").as_bytes())
 }
 
 fn parse_size(text: &str) -> std::result::Result<[u32; 2], String> {

@@ -1,4 +1,25 @@
-//! Decoded material textures.
+//! Decoded material textures, and what is done to them before the GPU sees them: constants found, channels packed.
+
+use std::io::Cursor;
+use std::path::Path;
+
+use image::imageops::{self, FilterType};
+use image::{DynamicImage, GrayImage, ImageError, ImageFormat, ImageReader, Limits};
+
+use super::file;
+use crate::{Error, Result};
+
+/// Largest side taken, in texels: what every Vulkan 1.3 desktop GPU can hold.
+pub const MAX_SIDE: u32 = 16384;
+const MAX_FILE_BYTES: u64 = 1 << 30;
+/// For the decoder's own buffers: the largest picture at 16 bits a channel.
+const MAX_DECODER_BYTES: u64 = 2 << 30;
+
+/// Values that differ by no more than this count as one: it is what JPEG makes of a constant picture.
+const CONSTANT_SPREAD: u8 = 1;
+
+/// At `-bm 1` a height map's black and white are this part of its width apart.
+const BUMP_DEPTH: f32 = 0.01;
 
 /// How a texture's eight-bit values are to be read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -21,4 +42,295 @@ pub struct Texture {
     pub encoding: Encoding,
     /// `width * height * 4` bytes.
     pub pixels: Vec<u8>,
+}
+
+impl Texture {
+    /// Decodes a PNG, JPEG or TGA file of any bit depth, grey or colour, palette or not; its first bytes decide which.
+    ///
+    /// Errors: the file cannot be read, is broken or of another format, or is larger than [`MAX_SIDE`] on a side.
+    pub fn load(path: &Path, encoding: Encoding) -> Result<Self> {
+        let bytes = file::read(path, "texture", MAX_FILE_BYTES)?;
+        let picture = decode(path, &bytes)?.into_rgba8();
+        let (width, height) = picture.dimensions();
+        Ok(Self { name: file::short_name(path), width, height, encoding, pixels: picture.into_raw() })
+    }
+
+    /// The one value of every texel, where no channel varies by more than JPEG's rounding.
+    pub fn constant(&self) -> Option<[u8; 4]> {
+        let (min, max) = self.texels().fold(([255; 4], [0; 4]), |(min, max): ([u8; 4], [u8; 4]), texel| {
+            (std::array::from_fn(|c| min[c].min(texel[c])), std::array::from_fn(|c| max[c].max(texel[c])))
+        });
+        let constant = (0..4).all(|c| max[c].saturating_sub(min[c]) <= CONSTANT_SPREAD);
+        (constant && !self.pixels.is_empty()).then_some(max)
+    }
+
+    /// Red, green and blue of every texel, where they do not vary; alpha may.
+    pub fn constant_colour(&self) -> Option<[u8; 3]> {
+        let [r, g, b] = [0, 1, 2].map(|c| self.channel(c).constant());
+        Some([r?, g?, b?])
+    }
+
+    /// One channel of it: 0 red … 3 alpha.
+    pub fn channel(&self, index: usize) -> Channel {
+        let values = self.texels().map(|texel| texel[index]).collect();
+        Channel { width: self.width, height: self.height, values }
+    }
+
+    /// Writes `mask` into alpha, resized to this picture.
+    pub fn set_alpha(&mut self, mask: &Channel) {
+        let mask = mask.resized(self.width, self.height);
+        for (texel, alpha) in self.pixels.chunks_exact_mut(4).zip(mask.values) {
+            texel[3] = alpha;
+        }
+    }
+
+    /// Makes every texel opaque.
+    pub fn clear_alpha(&mut self) {
+        self.pixels.chunks_exact_mut(4).for_each(|texel| texel[3] = 255);
+    }
+
+    /// Three channels as red, green and blue, all resized to the largest of them; where one is absent, 255.
+    /// `None` when all are absent.
+    pub fn packed(name: String, channels: [Option<&Channel>; 3]) -> Option<Self> {
+        let width = channels.iter().flatten().map(|c| c.width).max()?;
+        let height = channels.iter().flatten().map(|c| c.height).max()?;
+        let mut pixels = vec![255; width as usize * height as usize * 4];
+        for (index, channel) in channels.into_iter().enumerate() {
+            let Some(channel) = channel.map(|c| c.resized(width, height)) else { continue };
+            for (texel, value) in pixels.chunks_exact_mut(4).zip(channel.values) {
+                texel[index] = value;
+            }
+        }
+        Some(Self { name, width, height, encoding: Encoding::Linear, pixels })
+    }
+
+    /// Turns a picture named by `bump` into a normal map. A picture that is one already (mostly blue, vectors of about
+    /// unit length) stays as it is; any other is a height map, white high, whose black and white are `strength`
+    /// hundredths of its width apart. The picture repeats at its borders.
+    pub fn into_normal_map(mut self, strength: f32) -> Self {
+        self.encoding = Encoding::Normal;
+        if self.looks_like_normals() {
+            return self;
+        }
+        let heights: Vec<f32> = self
+            .texels()
+            .map(|[r, g, b, _]| (0.2126 * f32::from(*r) + 0.7152 * f32::from(*g) + 0.0722 * f32::from(*b)) / 255.0)
+            .collect();
+        let (width, height) = (self.width as usize, self.height as usize);
+        // Central differences span two texels.
+        let scale = strength * BUMP_DEPTH * self.width as f32 * 0.5;
+        for y in 0..height {
+            let (above, below) = (
+                heights_row(&heights, width, (y + height - 1) % height),
+                heights_row(&heights, width, (y + 1) % height),
+            );
+            let row = heights_row(&heights, width, y);
+            for x in 0..width {
+                let towards_right = (row[(x + 1) % width] - row[(x + width - 1) % width]) * scale;
+                let towards_top = (above[x] - below[x]) * scale;
+                let normal = glam::Vec3::new(-towards_right, -towards_top, 1.0).normalize();
+                let texel = (y * width + x) * 4;
+                self.pixels[texel..texel + 3]
+                    .copy_from_slice(&normal.to_array().map(|n| (n * 127.5 + 127.5).round() as u8));
+            }
+        }
+        self.clear_alpha();
+        self
+    }
+
+    fn looks_like_normals(&self) -> bool {
+        let mean = self.texels().fold([0u64; 3], |sum, texel| std::array::from_fn(|c| sum[c] + u64::from(texel[c])));
+        let count = self.pixels.len() as f32 / 4.0;
+        let normal = glam::Vec3::from_array(mean.map(|sum| sum as f32 / count / 127.5 - 1.0));
+        normal.z > 0.5 && (0.6..1.2).contains(&normal.length()) && normal.truncate().length() < 0.5
+    }
+
+    fn texels(&self) -> impl Iterator<Item = &[u8; 4]> {
+        self.pixels.as_chunks().0.iter()
+    }
+}
+
+fn heights_row(heights: &[f32], width: usize, y: usize) -> &[f32] {
+    &heights[y * width..(y + 1) * width]
+}
+
+/// One channel of a picture, rows from the top.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Channel {
+    pub width: u32,
+    pub height: u32,
+    /// `width * height` values.
+    pub values: Vec<u8>,
+}
+
+impl Channel {
+    /// The red channel of a picture file (of a grey one: its grey); as [`Texture::load`].
+    pub fn load(path: &Path) -> Result<Self> {
+        Ok(Texture::load(path, Encoding::Linear)?.channel(0))
+    }
+
+    /// The coverage in a picture file: its alpha channel where that varies, else its red one.
+    pub fn load_mask(path: &Path) -> Result<Self> {
+        let texture = Texture::load(path, Encoding::Linear)?;
+        let alpha = texture.channel(3);
+        Ok(if alpha.constant().is_none() { alpha } else { texture.channel(0) })
+    }
+
+    /// The one value of every texel, where it varies by no more than JPEG's rounding.
+    pub fn constant(&self) -> Option<u8> {
+        let (min, max) = (self.values.iter().min()?, self.values.iter().max()?);
+        (max - min <= CONSTANT_SPREAD).then_some(*max)
+    }
+
+    /// Does it leave some texels out and some in, as a cutout does?
+    pub fn cuts_out(&self) -> bool {
+        self.values.iter().any(|v| *v < 128) && self.values.iter().any(|v| *v >= 128)
+    }
+
+    fn resized(&self, width: u32, height: u32) -> Self {
+        if (self.width, self.height) == (width, height) {
+            return self.clone();
+        }
+        let Some(picture) = GrayImage::from_raw(self.width, self.height, self.values.clone()) else {
+            return self.clone();
+        };
+        let values = imageops::resize(&picture, width, height, FilterType::Triangle).into_raw();
+        Self { width, height, values }
+    }
+}
+
+fn decode(path: &Path, bytes: &[u8]) -> Result<DynamicImage> {
+    let reader = || {
+        // TGA has no signature: it is what nothing else claims.
+        let format = image::guess_format(bytes).unwrap_or(ImageFormat::Tga);
+        let mut reader = ImageReader::with_format(Cursor::new(bytes), format);
+        let mut limits = Limits::no_limits();
+        limits.max_alloc = Some(MAX_DECODER_BYTES);
+        reader.limits(limits);
+        reader
+    };
+    let (width, height) = reader().into_dimensions().map_err(|error| picture_error(path, error))?;
+    if width == 0 || height == 0 || width > MAX_SIDE || height > MAX_SIDE {
+        let (size, limit) = (format!("{width}x{height}"), format!("1x1 to {MAX_SIDE}x{MAX_SIDE}"));
+        return Err(Error::TooLarge { path: path.into(), what: "texture", size, limit });
+    }
+    reader().decode().map_err(|error| picture_error(path, error))
+}
+
+fn picture_error(path: &Path, error: ImageError) -> Error {
+    if let ImageError::Limits(error) = error {
+        let limit = format!("{MAX_DECODER_BYTES} bytes");
+        return Error::TooLarge { path: path.into(), what: "texture", size: error.to_string(), limit };
+    }
+    let remedy = "save it again as PNG, JPEG or TGA";
+    Error::Broken { path: path.into(), what: "texture", problem: error.to_string(), remedy }
+}
+
+#[cfg(test)]
+mod tests {
+    use image::{ImageBuffer, Luma, LumaA, Rgb};
+
+    use super::*;
+
+    fn grey(width: u32, values: &[u8]) -> Channel {
+        Channel { width, height: values.len() as u32 / width, values: values.into() }
+    }
+
+    fn texture(width: u32, texels: &[[u8; 4]]) -> Texture {
+        let (height, pixels) = (texels.len() as u32 / width, texels.concat());
+        Texture { name: "t".into(), width, height, encoding: Encoding::Linear, pixels }
+    }
+
+    fn saved(name: &str, picture: &DynamicImage) -> Texture {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join(name);
+        picture.save(&path).unwrap();
+        Texture::load(&path, Encoding::Srgb).unwrap()
+    }
+
+    #[test]
+    fn any_depth_and_colour_kind() {
+        let grey = DynamicImage::ImageLuma8(ImageBuffer::from_pixel(3, 2, Luma([77])));
+        for name in ["a.png", "a.tga", "a.jpg"] {
+            let got = saved(name, &grey);
+            assert_eq!((got.width, got.height, got.constant()), (3, 2, Some([77, 77, 77, 255])), "{name}");
+        }
+        let deep = DynamicImage::ImageRgb16(ImageBuffer::from_pixel(1, 1, Rgb([0xffff, 0x8080, 0])));
+        assert_eq!(saved("b.png", &deep).pixels, [255, 128, 0, 255]);
+        let grey_alpha = DynamicImage::ImageLumaA16(ImageBuffer::from_pixel(1, 1, LumaA([0xffff, 0x4040])));
+        assert_eq!(saved("c.png", &grey_alpha).pixels, [255, 255, 255, 64]);
+    }
+
+    #[test]
+    fn palettes() {
+        // Colour-mapped TGA: two BGR entries, two 8-bit indices, from the top.
+        let mut bytes = vec![0, 1, 1, 0, 0, 2, 0, 24, 0, 0, 0, 0, 2, 0, 1, 0, 8, 0x20];
+        bytes.extend([255, 0, 0, 0, 0, 255, 0, 1]);
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("palette.tga");
+        std::fs::write(&path, bytes).unwrap();
+        assert_eq!(Texture::load(&path, Encoding::Srgb).unwrap().pixels, [0, 0, 255, 255, 255, 0, 0, 255]);
+    }
+
+    #[test]
+    fn content_decides_not_the_name() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("really-png.jpg");
+        let picture = DynamicImage::new_rgb8(2, 2);
+        picture.save_with_format(&path, ImageFormat::Png).unwrap();
+        assert_eq!(Texture::load(&path, Encoding::Srgb).unwrap().width, 2);
+        std::fs::write(&path, b"no picture at all, but long enough for a header").unwrap();
+        assert!(matches!(Texture::load(&path, Encoding::Srgb), Err(Error::Broken { .. })));
+    }
+
+    #[test]
+    fn sizes_are_checked_before_decoding() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("huge.tga");
+        std::fs::write(&path, [0, 0, 2, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0xff, 0xff, 0xff, 0xff, 24, 0]).unwrap();
+        assert!(matches!(Texture::load(&path, Encoding::Srgb), Err(Error::TooLarge { .. })));
+    }
+
+    #[test]
+    fn constants() {
+        assert_eq!(texture(2, &[[1, 2, 3, 4], [1, 2, 4, 4]]).constant(), Some([1, 2, 4, 4]));
+        assert_eq!(texture(2, &[[1, 2, 3, 4], [1, 2, 5, 4]]).constant(), None);
+        assert_eq!(grey(1, &[0, 255]).constant(), None);
+        assert_eq!(grey(1, &[9, 9]).constant(), Some(9));
+    }
+
+    #[test]
+    fn packing_fills_and_resizes() {
+        let packed = Texture::packed("p".into(), [None, Some(&grey(2, &[10, 20])), Some(&grey(1, &[7]))]).unwrap();
+        assert_eq!((packed.width, packed.height), (2, 1));
+        assert_eq!(packed.pixels, [255, 10, 7, 255, 255, 20, 7, 255]);
+        assert_eq!(Texture::packed("p".into(), [None; 3]), None);
+    }
+
+    #[test]
+    fn masks_go_into_alpha() {
+        let mut albedo = texture(2, &[[1, 2, 3, 255]; 4]);
+        albedo.set_alpha(&grey(1, &[0]));
+        assert_eq!(albedo.pixels, [1, 2, 3, 0].repeat(4));
+        assert!(grey(1, &[0, 255]).cuts_out() && !grey(1, &[0, 0]).cuts_out() && !grey(1, &[200, 255]).cuts_out());
+    }
+
+    #[test]
+    fn heights_become_normals() {
+        let flat = texture(4, &[[90, 90, 90, 255]; 16]).into_normal_map(1.0);
+        assert_eq!((flat.constant(), flat.encoding), (Some([128, 128, 255, 255]), Encoding::Normal));
+        // Height grows to the right within the picture, and to the top.
+        let slope = |along_x: bool| {
+            let at = |i: usize| if along_x { i % 4 } else { 3 - i / 4 };
+            let texels: Vec<_> = (0..16).map(|i| [(at(i) * 60) as u8; 3]).map(|[r, g, b]| [r, g, b, 255]).collect();
+            let map = texture(4, &texels).into_normal_map(20.0);
+            <[u8; 4]>::try_from(&map.pixels[5 * 4..6 * 4]).unwrap()
+        };
+        let ([x, y, ..], [x2, y2, ..]) = (slope(true), slope(false));
+        assert!(x < 110 && y == 128, "rising to the right leans left: {x} {y}");
+        assert!(x2 == 128 && y2 < 110, "rising to the top leans down: {x2} {y2}");
+        let normals = texture(2, &[[128, 128, 255, 255], [100, 140, 250, 255]]);
+        assert_eq!(normals.clone().into_normal_map(1.0).pixels, normals.pixels, "a normal map stays");
+        assert_ne!(texture(1, &[[255; 4]; 2]).into_normal_map(1.0).pixels, [255; 8], "white is no normal map");
+    }
 }

@@ -7,6 +7,7 @@ pub mod brdf;
 pub mod cube;
 pub mod integrals;
 pub mod math;
+pub mod levels;
 pub mod metrics;
 pub mod sampling;
 pub mod table;

@@ -1,10 +1,15 @@
 //! What is drawn, as plain data: meshes, materials, lights, cameras, surroundings.
 
+pub mod description;
+pub mod load;
+pub mod material;
 pub mod mesh;
+pub mod tangent;
 
 use glam::{Mat4, Vec3};
 
 use crate::asset::{Panorama, Texture};
+pub use load::{LoadOptions, load};
 pub use mesh::{Bounds, Mesh, Vertex};
 
 /// Everything one frame needs to know about the world. Right-handed, +Y up, metres.
@@ -20,6 +25,21 @@ pub struct Scene {
     pub environment: Environment,
     /// Exposure in stops: displayed = radiance · 2^exposure_ev.
     pub exposure_ev: f32,
+}
+
+impl Scene {
+    /// A box around everything, in the world; empty without instances.
+    pub fn bounds(&self) -> Bounds {
+        let corners = |instance: &Instance| {
+            let Bounds { min, max } = self.meshes[instance.mesh].bounds;
+            let world_from_local = instance.world_from_local;
+            (0..8).map(move |i| {
+                let far = glam::BVec3::new(i & 1 != 0, i & 2 != 0, i & 4 != 0);
+                world_from_local.transform_point3(Vec3::select(far, max, min))
+            })
+        };
+        Bounds::of(self.instances.iter().flat_map(corners))
+    }
 }
 
 /// One mesh, placed.

@@ -11,7 +11,8 @@ use crate::asset::{Report, shipped};
 use crate::gpu::{Gpu, GpuOptions, Part, PassTime, Recorder, read_image};
 use crate::reference::brdf::Geometry;
 use crate::render::{Eye, FRAMES_IN_FLIGHT, IPD_METRES, Output, Renderer, Settings, Shading};
-use crate::scene::{self, Camera, LoadOptions, Scene};
+use crate::scene::load::{LoadOptions, load};
+use crate::scene::{Camera, Scene};
 use crate::{Error, Result};
 
 /// What to render and where to write it.
@@ -100,7 +101,7 @@ pub fn render(request: &RenderRequest<'_>, gpu: GpuOptions<'_>, report: &Report)
 /// Loads a scene with the shipped panorama for those that name none.
 pub fn load_scene(path: &Path, report: &Report) -> Result<Scene> {
     let default_panorama = shipped::folder().ok().map(|folder| folder.join(shipped::PANORAMA));
-    scene::load(path, &LoadOptions { default_panorama }, report)
+    load(path, &LoadOptions { default_panorama }, report)
 }
 
 /// A scene's camera by name; its first for `None`.
@@ -140,7 +141,12 @@ fn write_layers(gpu: &Arc<Gpu>, renderer: &Renderer, output: Output, request: &R
     };
     for (layer, file) in (0u32..).zip(&files) {
         let bytes = read_image(gpu, renderer.picture(), Part { mip: 0, layer }, output.bytes())?;
-        picture_of(&bytes, request.size, output).write(file)?;
+        let [width, height] = request.size;
+        let picture = match output {
+            Output::Display => Picture::from_srgb8("render", width, height, &bytes),
+            Output::Linear => Picture::from_radiance("render", width, height, &bytemuck::pod_collect_to_vec(&bytes)),
+        };
+        picture.write(file)?;
     }
     Ok(files)
 }

@@ -1,0 +1,132 @@
+//! Tests of reading OBJ models: what is understood, what is mended, what is refused.
+
+use super::*;
+
+const TRIANGLE: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nvn 0 0 1\n";
+
+fn loaded(obj: impl AsRef<[u8]>, mtl: &str) -> (Result<Model>, Vec<String>) {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.obj");
+    std::fs::write(&path, obj).unwrap();
+    std::fs::write(folder.path().join("My Lib.mtl"), mtl).unwrap();
+    let report = Report::silent();
+    (load(&path, &report), report.warnings())
+}
+
+fn good(obj: impl AsRef<[u8]>) -> Model {
+    loaded(obj, "").0.unwrap()
+}
+
+fn problem(obj: impl AsRef<[u8]>) -> String {
+    let error = loaded(obj, "").0.expect_err("it should be refused");
+    assert!(matches!(error, Error::Broken { .. }), "{error}");
+    error.to_string()
+}
+
+fn sizes(model: &Model) -> Vec<usize> {
+    model.parts.iter().map(|part| part.corners.len() / 3).collect()
+}
+
+#[test]
+fn objects_and_materials_make_parts() {
+    let obj = format!(
+        "mtllib My Lib.mtl\no one\nusemtl red\n{TRIANGLE}f 1/1/1 2/2/1 3/3/1\nusemtl blue\nf 1/1/1 2/2/1 3/3/1\ng two\nf 3/1/1 2/2/1 1/3/1"
+    );
+    let (model, warnings) = loaded(obj, "newmtl red\nnewmtl blue\n");
+    let model = model.unwrap();
+    assert_eq!(warnings, [""; 0]);
+    let got: Vec<_> = model.parts.iter().map(|p| (p.name.as_str(), p.material)).collect();
+    assert_eq!(got, [("one", Some(0)), ("one", Some(1)), ("two", Some(1))]);
+    let corner = model.parts[0].corners[1];
+    assert_eq!(corner, Corner { position: Vec3::X, normal: Vec3::Z, uv: Vec2::X });
+}
+
+#[test]
+fn a_library_may_be_named_late_in_any_case_or_not_at_all() {
+    let faces = format!("usemtl red\n{TRIANGLE}f 1/1/1 2/2/1 3/3/1\n");
+    let (model, warnings) = loaded(format!("{faces}mtllib my lib.MTL\n"), "newmtl red\n");
+    assert_eq!(model.unwrap().parts[0].material, Some(0));
+    assert_eq!(warnings, ["a.obj:9: mtllib my lib.MTL: found as My Lib.mtl"]);
+    let (model, warnings) = loaded(format!("mtllib no.mtl\n{faces}"), "");
+    assert_eq!(model.unwrap().parts[0].material, None);
+    assert_eq!(warnings.len(), 2);
+    assert!(
+        warnings[0].contains("mtllib no.mtl: file not found") && warnings[1].contains("usemtl red: no such material")
+    );
+}
+
+#[test]
+fn polygons_become_fans_and_lines_nothing() {
+    let obj = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv -1 0 0\nf 1 2 3 4 5\nf -5 -4 -3 -2\nl 1 2 3\np 1\nf 1 2\n";
+    assert_eq!(sizes(&good(obj)), [5]);
+}
+
+#[test]
+fn ends_of_lines_tabs_comments_and_continuations() {
+    let lines = ["# c", "\tv 0 0 0 # origin", "v\t1 0 0", "  v 0 1 0", "f 1 2 \\", " 3", "s off", "usemtl\tx"];
+    for end in ["\n", "\r\n", "\r"] {
+        assert_eq!(sizes(&good(lines.join(end))), [1], "{end:?}");
+    }
+}
+
+#[test]
+fn names_that_are_no_text() {
+    let obj = [b"g Gr\xfc\xdfe\nusemtl st\xe4in\n", TRIANGLE.as_bytes(), b"f 1 2 3\n# \xff"].concat();
+    assert_eq!(good(obj).parts[0].name, "Gr\u{fffd}\u{fffd}e");
+}
+
+#[test]
+fn missing_and_unusable_normals_are_computed() {
+    for (normal, face) in [("", "f 1 2 3"), ("vn 0 0 0", "f 1//1 2//1 3//1"), ("vn nan 0 1", "f 1//1 2//1 3//1")] {
+        let model = good(format!("v 0 0 0\nv 1 0 0\nv 0 1 0\n{normal}\n{face}"));
+        assert!(model.parts[0].corners.iter().all(|c| c.normal == Vec3::Z), "{normal}");
+    }
+    let tiny = good("v 0 0 0\nv 1 0 0\nv 0 1 0\nvn 1e-23 0 0\nvn 1e20 0 0\nf 1//1 2//2 3//1");
+    assert!(tiny.parts[0].corners.iter().all(|c| c.normal == Vec3::X), "a direction of any length counts");
+}
+
+#[test]
+fn corners_that_differ_in_kind() {
+    let (model, warnings) = loaded(format!("{TRIANGLE}f 1/1/1 2/2 3/3/1\nf 1/1/1 2//1 3/3/1"), "");
+    let part = &model.unwrap().parts[0];
+    assert!(!part.has_uvs && part.corners.iter().all(|c| c.normal == Vec3::Z && c.uv == Vec2::ZERO));
+    assert_eq!(warnings.iter().filter(|w| w.contains("only some corners")).count(), 2, "{warnings:?}");
+}
+
+#[test]
+fn texture_coordinates_without_use_are_zero() {
+    let (model, warnings) = loaded("v 0 0 0\nv 1 0 0\nv 0 1 0\nvt inf 0\nvt 1 1e9\nvt 0.5 1\nf 1/1 2/2 3/3", "");
+    let uvs: Vec<_> = model.unwrap().parts[0].corners.iter().map(|c| c.uv).collect();
+    assert_eq!(uvs, [Vec2::ZERO, Vec2::X, Vec2::new(0.5, 1.0)]);
+    assert!(warnings[0].contains("texture coordinates beyond"));
+}
+
+#[test]
+fn refusals_name_the_line() {
+    for (text, expected) in [
+        ("", "no triangles"),
+        ("v 0 0 0\nf 1 2\n", "no triangles"),
+        ("v 0 0 0\nv 1 0\n", "line 2"),
+        ("v 0 0 x\n", "line 1"),
+        ("v 0 0 0\nv nan 0 0\nv 0 1 0\nf 1 2 3", "line 2"),
+        ("v 0 0 0\nv 1 0 0\nv 0 1e30 0\nf 1 2 3", "line 3"),
+        ("v 0 0 0\n\n# c\nf 1 2 x\n", "line 4"),
+        ("v 0 0 0\nf 1 1 1\nf 1 1 2\no b\nf 1 1 1", "line 3: index 2"),
+        ("v 0 0 0\nf 1 1 0\n", "line 2: index 0"),
+        ("v 0 0 0\nvt 0 0\nf 1/1 1/2 1/1\n", "line 3: index 2"),
+        ("v 0 0 0\nf 1 -2 1\n", "line 2: index -2"),
+        ("v 0 0 0\nvt 0 0\nvn 0 0 1\nf 1/1/9223372036854775807 1/1/1 1/1/1\n", "line 4: index 9223372036854775807"),
+        ("v 0 0 0\nf\no b\nf 1 1 1", "a face without corners"),
+        ("v 0 0 0 0\n", "line 1: scaling"),
+    ] {
+        let got = problem(text);
+        assert!(got.contains(expected), "{text:?}: {got}");
+    }
+}
+
+#[test]
+fn too_many_triangles_are_refused_before_they_are_made() {
+    let polygon = format!("v 0 0 0\nf{}\n", " 1".repeat(1 << 20)).replace("f 1", "f 1 1 1");
+    let obj = polygon + &format!("f{}\n", " 1".repeat(1 << 20)).repeat(16);
+    assert!(matches!(loaded(obj, "").0, Err(Error::TooLarge { .. })));
+}

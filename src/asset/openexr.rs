@@ -1,0 +1,250 @@
+//! OpenEXR pictures as panoramas: which layer and channels hold the light, and where they lie on the sphere.
+
+use std::io::Cursor;
+use std::path::Path;
+
+use exr::prelude::{
+    AnyChannel, AnyChannels, FlatSamples, IntegerBounds, Layer, MetaData, ReadChannels, ReadLayers, read,
+};
+
+use super::panorama::{Texels, check_size};
+use super::{Report, file};
+use crate::{Error, Result};
+
+/// All layers and channels of a file together; the one layer that is used is not known before all are read.
+const MAX_SAMPLE_BYTES: u64 = 4 << 30;
+
+type FlatLayer = Layer<AnyChannels<FlatSamples>>;
+
+/// Does the content look like OpenEXR?
+pub fn is_openexr(bytes: &[u8]) -> bool {
+    bytes.starts_with(&[0x76, 0x2f, 0x31, 0x01])
+}
+
+/// Decodes the first layer with R, G and B channels, else the first with Y alone; other channels are ignored.
+///
+/// The display window is the whole sphere: a smaller data window leaves black around it (with a warning), and what
+/// lies outside is cut off.
+pub fn decode(path: &Path, bytes: &[u8], report: &Report) -> Result<Texels> {
+    check_header(path, bytes)?;
+    // In one thread: a worker of the decoder that panics on a broken file would end the process.
+    let image = read()
+        .no_deep_data()
+        .largest_resolution_level()
+        .all_channels()
+        .all_layers()
+        .all_attributes()
+        .non_parallel()
+        .from_buffered(Cursor::new(bytes))
+        .map_err(|error| broken(path, error.to_string()))?;
+    let (layer, channels) = image
+        .layer_data
+        .iter()
+        .find_map(|layer| find_rgb(layer).map(|channels| (layer, channels)))
+        .or_else(|| image.layer_data.iter().find_map(|layer| find_luminance(layer).map(|channels| (layer, channels))))
+        .ok_or_else(|| {
+            broken(path, format!("no R, G, B or Y among its channels ({})", channel_names(&image.layer_data)))
+        })?;
+    place(path, layer, channels, image.attributes.display_window, report)
+}
+
+fn check_header(path: &Path, bytes: &[u8]) -> Result<()> {
+    let meta =
+        MetaData::read_from_buffered(Cursor::new(bytes), false).map_err(|error| broken(path, error.to_string()))?;
+    let mut total = 0u64;
+    for header in &meta.headers {
+        let display = header.shared_attributes.display_window.size;
+        for size in [header.layer_size, display] {
+            check_size(path, size.width() as u64, size.height() as u64)?;
+        }
+        total += (header.layer_size.area() * header.channels.list.len() * 4) as u64;
+    }
+    if total > MAX_SAMPLE_BYTES {
+        let size = format!("{total} bytes over all layers");
+        return Err(Error::TooLarge {
+            path: path.into(),
+            what: "panorama",
+            size,
+            limit: format!("{MAX_SAMPLE_BYTES} bytes"),
+        });
+    }
+    Ok(())
+}
+
+/// `diffuse.R` → (`diffuse`, `R`)
+fn split_name(channel: &AnyChannel<FlatSamples>) -> (String, String) {
+    let name = channel.name.to_string();
+    let (layer, last) = name.rsplit_once('.').unwrap_or(("", &name));
+    (layer.to_owned(), last.to_uppercase())
+}
+
+fn find<'a>(layer: &'a FlatLayer, prefix: &str, name: &str) -> Option<&'a FlatSamples> {
+    let list = &layer.channel_data.list;
+    list.iter().find(|channel| split_name(channel) == (prefix.into(), name.into())).map(|channel| &channel.sample_data)
+}
+
+/// Prefixes of the layer's channels, the unnamed one first.
+fn prefixes(layer: &FlatLayer) -> Vec<String> {
+    let mut all: Vec<_> = layer.channel_data.list.iter().map(|channel| split_name(channel).0).collect();
+    all.sort();
+    all.dedup();
+    all
+}
+
+fn find_rgb(layer: &FlatLayer) -> Option<[&FlatSamples; 3]> {
+    prefixes(layer)
+        .iter()
+        .find_map(|prefix| Some([find(layer, prefix, "R")?, find(layer, prefix, "G")?, find(layer, prefix, "B")?]))
+}
+
+/// Y, unless chroma channels say that the colour is elsewhere.
+fn find_luminance(layer: &FlatLayer) -> Option<[&FlatSamples; 3]> {
+    prefixes(layer).iter().find_map(|prefix| {
+        let grey = find(layer, prefix, "RY").is_none() && find(layer, prefix, "BY").is_none();
+        find(layer, prefix, "Y").filter(|_| grey).map(|y| [y; 3])
+    })
+}
+
+fn place(
+    path: &Path,
+    layer: &FlatLayer,
+    channels: [&FlatSamples; 3],
+    display: IntegerBounds,
+    report: &Report,
+) -> Result<Texels> {
+    let (width, height) = (display.size.width(), display.size.height());
+    let data_width = layer.size.width();
+    // Positions are 32-bit numbers: their differences need more.
+    let offset = |display: i32, data: i32| i64::from(display) - i64::from(data);
+    let left = offset(display.position.x(), layer.attributes.layer_position.x());
+    let top = offset(display.position.y(), layer.attributes.layer_position.y());
+    let mut missing = 0u64;
+    let mut texels = Vec::with_capacity(width * height);
+    for y in 0..height as i64 {
+        let row = usize::try_from(y + top).ok().filter(|row| *row < layer.size.height());
+        for x in 0..width as i64 {
+            let column = usize::try_from(x + left).ok().filter(|column| *column < data_width);
+            texels.push(match row.zip(column) {
+                Some((row, column)) => {
+                    channels.map(|samples| samples.value_by_flat_index(row * data_width + column).to_f32())
+                }
+                None => {
+                    missing += 1;
+                    [0.0; 3]
+                }
+            });
+        }
+    }
+    if missing == (width * height) as u64 {
+        return Err(broken(path, "its data lie wholly outside its display window".into()));
+    }
+    if missing > 0 {
+        let name = file::short_name(path);
+        report.warn(format!("{name}: {missing} texel(s) of the display window have no data; left black"));
+    }
+    // Both were checked against the size limit.
+    Ok(Texels { width: width as u32, height: height as u32, texels })
+}
+
+fn channel_names(layers: &[FlatLayer]) -> String {
+    let names: Vec<_> = layers.iter().flat_map(|l| &l.channel_data.list).take(12).map(|c| c.name.to_string()).collect();
+    if names.is_empty() { "none".into() } else { names.join(", ") }
+}
+
+fn broken(path: &Path, problem: String) -> Error {
+    let remedy = "save it again as an RGB picture, one part, half or full float";
+    Error::Broken { path: path.into(), what: "OpenEXR picture", problem, remedy }
+}
+
+#[cfg(test)]
+mod tests {
+    use exr::image::SpecificChannels;
+    use exr::prelude::{Compression, Encoding, Image, LayerAttributes, Vec2, WritableImage, f16};
+
+    use super::*;
+
+    fn decoded(bytes: &[u8], report: &Report) -> Result<Texels> {
+        decode(Path::new("a.exr"), bytes, report)
+    }
+
+    fn write(image: impl FnOnce(&mut Cursor<Vec<u8>>)) -> Vec<u8> {
+        let mut bytes = Cursor::new(Vec::new());
+        image(&mut bytes);
+        bytes.into_inner()
+    }
+
+    fn value(x: usize, y: usize) -> f32 {
+        (x + 10 * y) as f32
+    }
+
+    fn flat(names_and_samples: Vec<(&str, FlatSamples)>, size: (usize, usize)) -> Layer<AnyChannels<FlatSamples>> {
+        let list = names_and_samples.into_iter().map(|(name, samples)| AnyChannel::new(name, samples)).collect();
+        Layer::new(size, LayerAttributes::named("a"), Encoding::UNCOMPRESSED, AnyChannels::sort(list))
+    }
+
+    #[test]
+    fn every_compression_and_sample_type() {
+        let all = [
+            (Compression::Uncompressed, 0.0),
+            (Compression::RLE, 0.0),
+            (Compression::ZIP1, 0.0),
+            (Compression::ZIP16, 0.0),
+            (Compression::PIZ, 0.0),
+            (Compression::PXR24, 1e-3),
+            (Compression::B44, 0.3),
+            (Compression::DWAA(Some(1.0)), 0.5),
+            (Compression::DWAB(Some(1.0)), 0.5),
+        ];
+        for (compression, tolerance) in all {
+            let pixel = |p: Vec2<usize>| (f16::from_f32(value(p.x(), p.y())), value(p.x(), p.y()) * 2.0, 7u32);
+            let encoding = Encoding { compression, ..Encoding::FAST_LOSSLESS };
+            let channels = SpecificChannels::build().with_channel("R").with_channel("G").with_channel("B");
+            let layer = Layer::new((16, 8), LayerAttributes::default(), encoding, channels.with_pixel_fn(pixel));
+            let bytes = write(|to| Image::from_layer(layer).write().to_buffered(to).unwrap());
+            let got = decoded(&bytes, &Report::silent()).unwrap();
+            assert_eq!((got.width, got.height), (16, 8));
+            for (i, [r, g, b]) in got.texels.into_iter().enumerate() {
+                let v = value(i % 16, i / 16);
+                let error = (r - v).abs().max((g - 2.0 * v).abs());
+                assert!(error <= tolerance * (1.0 + v) && b == 7.0, "{compression:?} {i}: {r} {g} {b} for {v}");
+            }
+        }
+    }
+
+    #[test]
+    fn luminance_prefixes_and_extra_channels() {
+        let f = |v: f32| FlatSamples::F32(vec![v; 2]);
+        let first = |layers: Vec<(&str, FlatSamples)>| {
+            let bytes = write(|to| Image::from_layer(flat(layers, (2, 1))).write().to_buffered(to).unwrap());
+            decoded(&bytes, &Report::silent()).map(|t| t.texels[0])
+        };
+        assert_eq!(first(vec![("Y", f(3.0)), ("A", f(1.0))]).unwrap(), [3.0; 3]);
+        let many = vec![("Z", f(9.0)), ("B", f(3.0)), ("light.R", f(8.0)), ("R", f(1.0)), ("G", f(2.0))];
+        assert_eq!(first(many).unwrap(), [1.0, 2.0, 3.0]);
+        let prefixed = vec![("sky.main.R", f(1.0)), ("sky.main.G", f(2.0)), ("sky.main.B", f(3.0)), ("Z", f(0.0))];
+        assert_eq!(first(prefixed).unwrap(), [1.0, 2.0, 3.0]);
+        assert!(first(vec![("Z", f(1.0))]).unwrap_err().to_string().contains("(Z)"));
+        assert!(first(vec![("Y", f(1.0)), ("RY", f(1.0)), ("BY", f(1.0))]).is_err(), "chroma would be lost");
+    }
+
+    #[test]
+    fn the_display_window_is_the_sphere() {
+        let samples = || FlatSamples::F32(vec![1.0, 2.0, 3.0, 4.0]);
+        let place = |data: (i32, i32), display: (i32, i32), size: (usize, usize)| {
+            let mut layer = flat(vec![("Y", samples())], (2, 2));
+            layer.attributes.layer_position = Vec2(data.0, data.1);
+            let mut image = Image::from_layer(layer);
+            image.attributes.display_window = IntegerBounds::new(display, size);
+            let report = Report::silent();
+            let bytes = write(|to| image.write().to_buffered(to).unwrap());
+            let values = decoded(&bytes, &report).map(|t| t.texels.iter().map(|t| t[0]).collect::<Vec<_>>());
+            (values, report.warnings().len())
+        };
+        assert_eq!(place((5, 5), (5, 5), (2, 2)).0.unwrap(), [1.0, 2.0, 3.0, 4.0]);
+        let (padded, warnings) = place((1, 0), (0, 0), (3, 2));
+        assert_eq!((padded.unwrap(), warnings), (vec![0.0, 1.0, 2.0, 0.0, 3.0, 4.0], 1));
+        let (cut, warnings) = place((-1, 0), (0, 0), (1, 2));
+        assert_eq!((cut.unwrap(), warnings), (vec![2.0, 4.0], 0));
+        assert!(place((50, 0), (0, 0), (2, 2)).0.is_err());
+    }
+}

@@ -1,0 +1,249 @@
+//! Scene descriptions: the TOML that says which models, lights and cameras make a scene.
+
+use std::path::{Path, PathBuf};
+
+use glam::{EulerRot, Mat4, Quat, Vec3};
+use serde::Deserialize;
+use toml::Spanned;
+
+use super::{Camera, PointLight};
+use crate::asset::file;
+use crate::{Error, Result};
+
+const MAX_FILE_BYTES: u64 = 16 << 20;
+const DEFAULT_FOV_DEGREES: f32 = 45.0;
+
+/// A checked description: paths lead from where the program runs, numbers are finite and make sense.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Description {
+    pub environment: Option<EnvironmentFile>,
+    pub exposure_ev: f32,
+    pub models: Vec<ModelFile>,
+    pub lights: Vec<PointLight>,
+    /// May be empty; names are unique.
+    pub cameras: Vec<Camera>,
+}
+
+/// A panorama, by its file.
+#[derive(Clone, Debug, PartialEq)]
+pub struct EnvironmentFile {
+    pub panorama: PathBuf,
+    pub rotation_degrees: f32,
+}
+
+/// A placed model, by its file.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ModelFile {
+    pub file: PathBuf,
+    pub world_from_local: Mat4,
+}
+
+impl Description {
+    /// Reads and checks a description; file names in it are relative to its folder.
+    ///
+    /// Errors: unreadable file; [`Error::SceneKey`], with its line, for unknown or missing keys and bad values.
+    pub fn load(path: &Path) -> Result<Self> {
+        let bytes = file::read(path, "scene description", MAX_FILE_BYTES)?;
+        let text = String::from_utf8(bytes).map_err(|error| Error::Broken {
+            path: path.into(),
+            what: "scene description",
+            problem: format!("byte {} is not UTF-8", error.utf8_error().valid_up_to()),
+            remedy: "save it as UTF-8 text",
+        })?;
+        Self::parse(path, &text)
+    }
+
+    fn parse(path: &Path, text: &str) -> Result<Self> {
+        let file: SceneKeys = toml::from_str(text).map_err(|error| {
+            let start = error.span().map_or(0, |span| span.start);
+            let key = key_at(text, start);
+            Error::SceneKey { path: path.into(), line: line_at(text, start), key, problem: error.message().to_owned() }
+        })?;
+        let check = Check { path, text };
+        let folder = path.parent().unwrap_or(Path::new(""));
+        let description = Self {
+            environment: file.environment.map(|keys| check.environment(folder, keys)).transpose()?,
+            exposure_ev: check.optional("exposure_ev", file.exposure_ev, 0.0)?,
+            models: file.model.into_iter().map(|keys| check.model(folder, keys)).collect::<Result<_>>()?,
+            lights: file.light.into_iter().map(|keys| check.light(keys.point)).collect::<Result<_>>()?,
+            cameras: check.cameras(file.camera)?,
+        };
+        Ok(description)
+    }
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct SceneKeys {
+    environment: Option<EnvironmentKeys>,
+    exposure_ev: Option<Spanned<f32>>,
+    #[serde(default)]
+    model: Vec<ModelKeys>,
+    #[serde(default)]
+    light: Vec<LightKeys>,
+    #[serde(default)]
+    camera: Vec<CameraKeys>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct EnvironmentKeys {
+    panorama: Spanned<String>,
+    rotation_degrees: Option<Spanned<f32>>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct ModelKeys {
+    file: Spanned<String>,
+    translation: Option<Spanned<[f32; 3]>>,
+    rotation_degrees: Option<Spanned<[f32; 3]>>,
+    scale: Option<Spanned<f32>>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct LightKeys {
+    point: PointKeys,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct PointKeys {
+    position: Spanned<[f32; 3]>,
+    intensity: Spanned<[f32; 3]>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct CameraKeys {
+    name: Spanned<String>,
+    position: Spanned<[f32; 3]>,
+    target: Spanned<[f32; 3]>,
+    vertical_fov_degrees: Option<Spanned<f32>>,
+}
+
+/// Looks at values with their places in the text at hand.
+struct Check<'a> {
+    path: &'a Path,
+    text: &'a str,
+}
+
+/// What numbers come in: one, or three.
+trait Finite {
+    fn is_finite_number(&self) -> bool;
+}
+
+impl Finite for f32 {
+    fn is_finite_number(&self) -> bool {
+        self.is_finite()
+    }
+}
+
+impl Finite for [f32; 3] {
+    fn is_finite_number(&self) -> bool {
+        self.iter().all(|v| v.is_finite())
+    }
+}
+
+impl Check<'_> {
+    fn error<T>(&self, key: &str, value: &Spanned<T>, problem: impl Into<String>) -> Error {
+        let line = line_at(self.text, value.span().start);
+        Error::SceneKey { path: self.path.into(), line, key: key.into(), problem: problem.into() }
+    }
+
+    fn finite<T: Finite + Copy>(&self, key: &str, value: &Spanned<T>) -> Result<T> {
+        let ok = value.get_ref().is_finite_number();
+        if ok { Ok(*value.get_ref()) } else { Err(self.error(key, value, "a number must be finite")) }
+    }
+
+    fn optional<T: Finite + Copy>(&self, key: &str, value: Option<Spanned<T>>, default: T) -> Result<T> {
+        value.map_or(Ok(default), |value| self.finite(key, &value))
+    }
+
+    fn file(&self, folder: &Path, key: &str, name: &Spanned<String>) -> Result<PathBuf> {
+        let text = name.get_ref();
+        let path = folder.join(text.replace('\\', "/"));
+        if text.is_empty() || !path.is_file() {
+            return Err(self.error(key, name, format!("there is no file {}", path.display())));
+        }
+        Ok(path)
+    }
+
+    fn environment(&self, folder: &Path, keys: EnvironmentKeys) -> Result<EnvironmentFile> {
+        Ok(EnvironmentFile {
+            panorama: self.file(folder, "panorama", &keys.panorama)?,
+            rotation_degrees: self.optional("rotation_degrees", keys.rotation_degrees, 0.0)?,
+        })
+    }
+
+    fn model(&self, folder: &Path, keys: ModelKeys) -> Result<ModelFile> {
+        let scale = self.optional("scale", keys.scale.clone(), 1.0)?;
+        if let Some(value) = keys.scale.filter(|_| scale <= 0.0) {
+            return Err(self.error("scale", &value, "it must be above 0"));
+        }
+        let [x, y, z] = self.optional("rotation_degrees", keys.rotation_degrees, [0.0; 3])?.map(f32::to_radians);
+        let rotation = Quat::from_euler(EulerRot::XYZ, x, y, z);
+        let translation = Vec3::from_array(self.optional("translation", keys.translation, [0.0; 3])?);
+        Ok(ModelFile {
+            file: self.file(folder, "file", &keys.file)?,
+            world_from_local: Mat4::from_scale_rotation_translation(Vec3::splat(scale), rotation, translation),
+        })
+    }
+
+    fn light(&self, keys: PointKeys) -> Result<PointLight> {
+        let intensity = Vec3::from_array(self.finite("intensity", &keys.intensity)?);
+        if intensity.min_element() < 0.0 {
+            return Err(self.error("intensity", &keys.intensity, "light cannot be negative"));
+        }
+        Ok(PointLight { position: Vec3::from_array(self.finite("position", &keys.position)?), intensity })
+    }
+
+    fn cameras(&self, all: Vec<CameraKeys>) -> Result<Vec<Camera>> {
+        let mut cameras: Vec<Camera> = Vec::new();
+        for keys in all {
+            if cameras.iter().any(|camera| camera.name == *keys.name.get_ref()) {
+                return Err(self.error("name", &keys.name, format!("there are two cameras `{}`", keys.name.get_ref())));
+            }
+            cameras.push(self.camera(keys)?);
+        }
+        Ok(cameras)
+    }
+
+    fn camera(&self, keys: CameraKeys) -> Result<Camera> {
+        let position = Vec3::from_array(self.finite("position", &keys.position)?);
+        let target = Vec3::from_array(self.finite("target", &keys.target)?);
+        if position == target {
+            return Err(self.error("target", &keys.target, "the camera stands on its target"));
+        }
+        let fov = self.optional("vertical_fov_degrees", keys.vertical_fov_degrees.clone(), DEFAULT_FOV_DEGREES)?;
+        if let Some(value) = keys.vertical_fov_degrees.filter(|_| fov <= 0.0 || fov >= 180.0) {
+            return Err(self.error("vertical_fov_degrees", &value, "it must be above 0 and below 180"));
+        }
+        Ok(Camera { name: keys.name.into_inner(), position, target, vertical_fov_degrees: fov })
+    }
+}
+
+fn line_at(text: &str, byte: usize) -> usize {
+    text.bytes().take(byte).filter(|b| *b == b'\n').count() + 1
+}
+
+/// The key that stands at, or belongs to what stands at, a byte of the text; a table's name for a table.
+fn key_at(text: &str, byte: usize) -> String {
+    let is_key = |c: char| c.is_alphanumeric() || c == '_' || c == '-' || c == '.' || c == '"';
+    let byte = (0..=byte.min(text.len())).rev().find(|b| text.is_char_boundary(*b)).unwrap_or(0);
+    let (before, after) = text.split_at(byte);
+    let here: String = after.trim_start_matches('[').chars().take_while(|c| is_key(*c)).collect();
+    let rest = after.trim_start_matches('[').trim_start_matches(is_key).trim_start();
+    if !here.is_empty() && rest.starts_with(['=', ']']) && (rest.starts_with('=') || after.starts_with('[')) {
+        return here;
+    }
+    let line = before.rsplit('\n').next().unwrap_or("");
+    let head = line.rsplit_once('=').map_or(line, |(head, _)| head).trim_end();
+    let start = head.rfind(|c| !is_key(c)).map_or(0, |i| i + head[i..].chars().next().map_or(0, char::len_utf8));
+    if head[start..].is_empty() { here } else { head[start..].to_owned() }
+}
+
+#[cfg(test)]
+#[path = "description_tests.rs"]
+mod tests;

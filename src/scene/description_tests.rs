@@ -1,0 +1,73 @@
+//! Tests of scene descriptions: defaults, and errors that name line and key.
+
+use super::*;
+
+fn parsed(text: &str) -> Result<Description> {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::create_dir(folder.path().join("sub")).unwrap();
+    std::fs::write(folder.path().join("sub/a.obj"), "").unwrap();
+    let path = folder.path().join("scene.toml");
+    std::fs::write(&path, text).unwrap();
+    Description::load(&path)
+}
+
+#[test]
+fn defaults() {
+    let empty = parsed("").unwrap();
+    assert_eq!((empty.environment, empty.exposure_ev, empty.models.len()), (None, 0.0, 0));
+    let one =
+        parsed("[[model]]\nfile = 'sub\\a.obj'\n[[camera]]\nname = \"c\"\nposition = [0, 0, 1]\ntarget = [0, 0, 0.5]")
+            .unwrap();
+    assert_eq!(one.models[0].world_from_local, Mat4::IDENTITY);
+    assert!(one.models[0].file.is_file(), "paths are relative to the scene's folder, with either separator");
+    assert_eq!(one.cameras[0].vertical_fov_degrees, 45.0);
+}
+
+#[test]
+fn angles_are_applied_in_the_order_x_y_z() {
+    let turned =
+        parsed("[[model]]\nfile = 'sub/a.obj'\nrotation_degrees = [90, 90, 0]").unwrap().models[0].world_from_local;
+    let expected = Mat4::from_rotation_x(90f32.to_radians()) * Mat4::from_rotation_y(90f32.to_radians());
+    assert!(turned.abs_diff_eq(expected, 1e-6), "{turned}");
+}
+
+#[test]
+fn errors_name_line_and_key() {
+    let camera = "[[camera]]\nname = 'c'\nposition = [0, 0, 1]\n";
+    for (text, line, key) in [
+        ("exposure = 1", 1, "exposure"),
+        ("\n[[models]]\nfile = 'a'", 2, "models"),
+        ("[[model]]\nfile = 'sub/a.obj'\nscal = 2", 3, "scal"),
+        ("environment = { panorma = 'x' }", 1, "panorma"),
+        ("environment = { panorama = 'no.hdr' }", 1, "panorama"),
+        ("# c\nexposure_ev = 'bright'", 2, "exposure_ev"),
+        ("exposure_ev = nan", 1, "exposure_ev"),
+        ("[[model]]\nscale = 1", 1, "model"),
+        ("[[model]]\nfile = 'b.obj'", 2, "file"),
+        ("[[model]]\nfile = ''", 2, "file"),
+        ("[[model]]\nfile = 'sub/a.obj'\nscale = 0", 3, "scale"),
+        ("[[model]]\nfile = 'sub/a.obj'\nscale = inf", 3, "scale"),
+        ("[[model]]\nfile = 'sub/a.obj'\ntranslation = [1, 2]", 3, "translation"),
+        ("[[light]]\npoint = { position = [0, 0, 0], intensity = [1, -1, 1] }", 2, "intensity"),
+        ("[[light]]\nspot = 1", 2, "spot"),
+        (&format!("{camera}target = [0, 0, 1]"), 4, "target"),
+        (&format!("{camera}target = [0, 0, 0]\nvertical_fov_degrees = 180"), 5, "vertical_fov_degrees"),
+        (&format!("{camera}target = [0, 0, 0]\n{camera}target = [0, 0, 0]"), 6, "name"),
+        ("exposure_ev = ", 1, "exposure_ev"),
+    ] {
+        match parsed(text) {
+            Err(Error::SceneKey { line: l, key: k, problem, .. }) => {
+                assert_eq!((l, k.as_str()), (line, key), "{text:?}: {problem}");
+            }
+            other => panic!("{text:?}: {other:?}"),
+        }
+    }
+}
+
+#[test]
+fn text_that_is_no_utf8() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.toml");
+    std::fs::write(&path, b"# \xff").unwrap();
+    assert!(matches!(Description::load(&path), Err(Error::Broken { .. })));
+}

@@ -1,0 +1,141 @@
+//! A scene file, or a bare model, to everything a frame needs.
+
+use std::collections::{BTreeSet, HashMap};
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+
+use glam::{Mat4, Vec3};
+use rayon::prelude::*;
+
+use super::description::{Description, ModelFile};
+use super::mesh::{Bounds, Mesh};
+use super::{Camera, Environment, Instance, Scene, material, tangent};
+use crate::asset::mtl::Mtl;
+use crate::asset::obj::{self, Part};
+use crate::asset::{Panorama, Report, file};
+use crate::{Error, Result};
+
+const AUTO_FOV_DEGREES: f32 = 45.0;
+
+/// What fills in for a scene that does not say.
+#[derive(Clone, Debug, Default)]
+pub struct LoadOptions {
+    /// For an .obj, or a description without `environment`; without it such a scene is lit evenly.
+    pub default_panorama: Option<PathBuf>,
+}
+
+/// Loads a scene description (.toml) or a model (.obj) with all it names.
+///
+/// A scene without cameras gets one named `auto` that sees all of it. Errors: the scene, a model or the panorama is
+/// missing, broken or too large, or a key of the description is wrong.
+pub fn load(path: &Path, options: &LoadOptions, report: &Report) -> Result<Scene> {
+    let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase());
+    let description = match extension.as_deref() {
+        Some("toml") => Description::load(path)?,
+        Some("obj") => only_model(path),
+        _ => return Err(Error::Usage(format!("{}: a scene is a .toml or an .obj file", path.display()))),
+    };
+    let environment = environment(path, &description, options, report)?;
+    let models = Models::load(&description.models, report)?;
+    let (mut materials, textures) = material::build(&models.mtls, report);
+    if models.meshes.iter().any(|mesh| mesh.material == materials.len()) {
+        materials.push(material::default_material());
+    }
+    let mut scene = Scene {
+        meshes: models.meshes,
+        instances: models.instances,
+        materials,
+        textures,
+        lights: description.lights,
+        cameras: description.cameras,
+        environment,
+        exposure_ev: description.exposure_ev,
+    };
+    if scene.cameras.is_empty() {
+        scene.cameras.push(auto_camera(scene.bounds()));
+    }
+    Ok(scene)
+}
+
+fn only_model(path: &Path) -> Description {
+    let model = ModelFile { file: path.into(), world_from_local: Mat4::IDENTITY };
+    Description { environment: None, exposure_ev: 0.0, models: vec![model], lights: vec![], cameras: vec![] }
+}
+
+fn environment(path: &Path, description: &Description, options: &LoadOptions, report: &Report) -> Result<Environment> {
+    let file = description.environment.as_ref().map(|e| &e.panorama).or(options.default_panorama.as_ref());
+    let panorama = match file {
+        Some(file) => Panorama::load(file, report)?,
+        None => {
+            report.warn(format!("{}: no environment; lit evenly by radiance 1", file::short_name(path)));
+            Panorama::uniform(Vec3::ONE)
+        }
+    };
+    Ok(Environment { panorama, rotation_degrees: description.environment.as_ref().map_or(0.0, |e| e.rotation_degrees) })
+}
+
+/// The geometry of a scene, each file read once.
+struct Models {
+    /// Their materials are indices into `mtls`; `mtls.len()` is the default material.
+    meshes: Vec<Mesh>,
+    instances: Vec<Instance>,
+    /// Only those in use.
+    mtls: Vec<Mtl>,
+}
+
+impl Models {
+    fn load(files: &[ModelFile], report: &Report) -> Result<Self> {
+        let progress = report.stage("models", files.len() as u64);
+        let mut all_mtls = Vec::new();
+        let mut parts: Vec<Part> = Vec::new();
+        let mut known: HashMap<&Path, Range<usize>> = HashMap::new();
+        let mut instances = Vec::new();
+        for model in files {
+            let meshes = match known.get(model.file.as_path()) {
+                Some(meshes) => meshes.clone(),
+                None => {
+                    let (loaded, first) = (obj::load(&model.file, report)?, all_mtls.len());
+                    let start = parts.len();
+                    parts.extend(
+                        loaded
+                            .parts
+                            .into_iter()
+                            .map(|part| Part { material: part.material.map(|m| m + first), ..part }),
+                    );
+                    all_mtls.extend(loaded.materials);
+                    known.insert(&model.file, start..parts.len());
+                    start..parts.len()
+                }
+            };
+            instances.extend(meshes.map(|mesh| Instance { mesh, world_from_local: model.world_from_local }));
+            progress.inc(1);
+        }
+        let mtls = keep_used(&mut parts, all_mtls);
+        let meshes =
+            parts.into_par_iter().map(|part| tangent::mesh(&part, part.material.unwrap_or(mtls.len()))).collect();
+        progress.finish_and_clear();
+        Ok(Self { meshes, instances, mtls })
+    }
+}
+
+/// Leaves out materials that no part has, so that nobody reads their textures.
+fn keep_used(parts: &mut [Part], mtls: Vec<Mtl>) -> Vec<Mtl> {
+    let used: BTreeSet<usize> = parts.iter().filter_map(|part| part.material).collect();
+    let new_index: HashMap<usize, usize> = used.iter().enumerate().map(|(new, old)| (*old, new)).collect();
+    for part in parts {
+        part.material = part.material.and_then(|old| new_index.get(&old).copied());
+    }
+    mtls.into_iter().enumerate().filter(|(index, _)| used.contains(index)).map(|(_, mtl)| mtl).collect()
+}
+
+/// Sees all of a box: from +Z, a little from above and from the right.
+fn auto_camera(bounds: Bounds) -> Camera {
+    let (target, radius) = if bounds.radius() > 0.0 { (bounds.centre(), bounds.radius()) } else { (Vec3::ZERO, 1.0) };
+    let distance = radius / (AUTO_FOV_DEGREES.to_radians() * 0.5).sin();
+    let position = target + Vec3::new(0.35, 0.3, 1.0).normalize() * distance;
+    Camera { name: "auto".into(), position, target, vertical_fov_degrees: AUTO_FOV_DEGREES }
+}
+
+#[cfg(test)]
+#[path = "load_tests.rs"]
+mod tests;

@@ -1,0 +1,182 @@
+//! Tests of what MTL keys and maps come to.
+
+use image::{GrayImage, Luma, Rgb, RgbImage, Rgba, RgbaImage};
+
+use super::*;
+use crate::asset::mtl;
+
+struct Folder(tempfile::TempDir);
+
+impl Folder {
+    /// Pictures of 4×4: `grey N`, `vary` (half 0, half 200), `red`, `coloured`, `flat`, `bumpy` (a normal map).
+    fn new() -> Self {
+        let folder = Self(tempfile::tempdir().unwrap());
+        let left = |x: u32| x < 2;
+        let grey = |name: &str, at: &dyn Fn(u32) -> u8| {
+            GrayImage::from_fn(4, 4, |x, _| Luma([at(x)])).save(folder.path(name)).unwrap();
+        };
+        for value in [0, 51, 255] {
+            grey(&format!("grey{value}.png"), &|_| value);
+        }
+        grey("vary.png", &|x| if left(x) { 0 } else { 200 });
+        let rgb = |name: &str, at: &dyn Fn(u32) -> [u8; 3]| {
+            RgbImage::from_fn(4, 4, |x, _| Rgb(at(x))).save(folder.path(name)).unwrap();
+        };
+        rgb("red.png", &|_| [255, 0, 0]);
+        rgb("coloured.png", &|x| if left(x) { [255, 0, 0] } else { [0, 255, 0] });
+        rgb("flat.png", &|_| [128, 127, 255]);
+        rgb("bumpy.png", &|x| if left(x) { [140, 128, 250] } else { [116, 128, 250] });
+        let leaf = |x| if left(x) { Rgba([9, 99, 9, 0]) } else { Rgba([99, 9, 9, 255]) };
+        RgbaImage::from_fn(4, 4, |x, _| leaf(x)).save(folder.path("leaf.png")).unwrap();
+        std::fs::write(folder.path("broken.png"), b"\x89PNG\r\n\x1a\n and no more").unwrap();
+        folder
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.0.path().join(name)
+    }
+
+    fn build(&self, mtl: &str) -> (Vec<Material>, Vec<Texture>, Vec<String>) {
+        let path = self.path("m.mtl");
+        std::fs::write(&path, mtl).unwrap();
+        let report = Report::silent();
+        let (materials, textures) = build(&mtl::load(&path, &report).unwrap(), &report);
+        (materials, textures, report.warnings())
+    }
+}
+
+fn only(folder: &Folder, keys: &str) -> (Material, Vec<Texture>, Vec<String>) {
+    let (mut materials, textures, warnings) = folder.build(&format!("newmtl a\n{keys}"));
+    (materials.remove(0), textures, warnings)
+}
+
+fn first_texel(texture: &Texture) -> [u8; 4] {
+    texture.pixels[..4].try_into().unwrap()
+}
+
+#[test]
+fn factors_and_their_defaults() {
+    let folder = Folder::new();
+    let material = |keys: &str| only(&folder, keys).0;
+    let plain = material("");
+    assert_eq!((plain.albedo_factor, plain.metallic_factor, plain.roughness_factor), (Vec3::splat(0.8), 0.0, 0.5));
+    let pbr = material("Kd 1 0.5 0\nPm 0.75\nPr 0.25\nNs 1000");
+    assert_eq!((pbr.albedo_factor, pbr.metallic_factor, pbr.roughness_factor), (Vec3::new(1.0, 0.5, 0.0), 0.75, 0.25));
+    assert_eq!(material("Ks 0 0 0\nNs 50").roughness_factor, 1.0, "no highlight at all");
+    assert!((material("Ks 1 1 1\nNs 30").roughness_factor - 0.5).abs() < 1e-6, "alpha² = 2/32");
+    let clamped = only(&folder, "Kd 2 -1 0\nPr 7");
+    assert_eq!((clamped.0.albedo_factor, clamped.0.roughness_factor, clamped.2.len()), (Vec3::X, 1.0, 1));
+}
+
+#[test]
+fn constant_maps_become_factors() {
+    let folder = Folder::new();
+    let keys =
+        "Kd 0.5 1 1\nmap_Kd red.png\nnorm flat.png\nPr 0.5\nmap_Pr grey51.png\nmap_Pm grey255.png\nmap_Ka grey255.png";
+    let (material, textures, warnings) = only(&folder, keys);
+    assert_eq!((textures.len(), warnings.len()), (0, 0));
+    assert_eq!((material.albedo_map, material.normal_map, material.surface_map), (None, None, None));
+    assert_eq!((material.albedo_factor, material.metallic_factor), (Vec3::new(0.5, 0.0, 0.0), 1.0));
+    assert!((material.roughness_factor - 0.1).abs() < 1e-6, "{}", material.roughness_factor);
+    let grey = only(&folder, "map_Kd grey51.png").0.albedo_factor.x;
+    assert!((grey - 0.033_105).abs() < 1e-5, "sRGB 0.2 is linear 0.0331: {grey}");
+}
+
+#[test]
+fn varying_maps_are_packed() {
+    let folder = Folder::new();
+    let (material, textures, _) =
+        only(&folder, "map_Kd coloured.png\nnorm bumpy.png\nmap_Pr vary.png\nmap_Pm grey51.png");
+    let map = |index: Option<usize>| &textures[index.unwrap()];
+    assert_eq!(first_texel(map(material.albedo_map)), [255, 0, 0, 255]);
+    assert_eq!(map(material.albedo_map).encoding, Encoding::Srgb);
+    assert_eq!(first_texel(map(material.normal_map)), [140, 128, 250, 255]);
+    assert_eq!(map(material.normal_map).encoding, Encoding::Normal);
+    assert_eq!(first_texel(map(material.surface_map)), [255, 0, 255, 255], "absent or constant channels are 1");
+    assert_eq!(map(material.surface_map).encoding, Encoding::Linear);
+    assert_eq!(material.roughness_factor, 1.0);
+    assert!((material.metallic_factor - 0.2).abs() < 1e-6);
+    let dark = only(&folder, "map_ao grey51.png");
+    assert_eq!(first_texel(&dark.1[0]), [51, 255, 255, 255], "occlusion has no factor");
+}
+
+#[test]
+fn ambient_maps_are_occlusion_unless_they_repeat_the_colour() {
+    let folder = Folder::new();
+    assert!(only(&folder, "map_Kd coloured.png\nmap_Ka vary.png").0.surface_map.is_some());
+    assert!(only(&folder, "map_Kd coloured.png\nmap_Ka COLOURED.png").0.surface_map.is_none());
+    let both = only(&folder, "map_Ka vary.png\nmap_ao grey255.png");
+    assert!(both.0.surface_map.is_none(), "map_ao is the clearer word");
+}
+
+#[test]
+fn bumps_become_normals_and_norm_wins() {
+    let folder = Folder::new();
+    let (material, textures, _) = only(&folder, "bump -bm 4 vary.png");
+    let normals = &textures[material.normal_map.unwrap()];
+    assert_eq!(normals.encoding, Encoding::Normal);
+    assert_ne!(normals.pixels[4..8], [128, 128, 255, 255]);
+    let (material, textures, _) = only(&folder, "bump bumpy.png");
+    assert_eq!(first_texel(&textures[material.normal_map.unwrap()]), [140, 128, 250, 255]);
+    assert_eq!(only(&folder, "norm flat.png\nbump vary.png").0.normal_map, None);
+}
+
+#[test]
+fn cutouts() {
+    let folder = Folder::new();
+    let (material, textures, _) = only(&folder, "map_Kd coloured.png\nmap_d vary.png");
+    let albedo = &textures[material.albedo_map.unwrap()];
+    assert_eq!((material.alpha_cutoff, first_texel(albedo), albedo.pixels[15]), (Some(0.5), [255, 0, 0, 0], 200));
+    let (material, textures, _) = only(&folder, "map_Kd leaf.png");
+    assert_eq!((material.alpha_cutoff, first_texel(&textures[0])), (Some(0.5), [9, 99, 9, 0]));
+    let (material, textures, _) = only(&folder, "map_Kd red.png\nmap_d leaf.png");
+    assert_eq!((material.albedo_factor, first_texel(&textures[0])), (Vec3::X, [255, 255, 255, 0]));
+    for keys in ["map_Kd coloured.png\nmap_d grey255.png", "map_Kd coloured.png\nmap_d grey0.png", "map_d grey255.png"]
+    {
+        assert_eq!(only(&folder, keys).0.alpha_cutoff, None, "{keys}: a mask that cuts nothing out, or all");
+    }
+}
+
+#[test]
+fn textures_are_shared() {
+    let folder = Folder::new();
+    let keys = "map_Kd coloured.png\nnorm bumpy.png\nmap_Pr vary.png\n";
+    let (materials, textures, _) =
+        folder.build(&format!("newmtl a\n{keys}Kd 1 1 1\nnewmtl b\n{keys}Kd 0.5 1 1\nnewmtl c\nmap_Kd ./coloured.png"));
+    assert_eq!(textures.len(), 3);
+    assert_eq!(
+        (materials[0].albedo_map, materials[0].surface_map),
+        (materials[1].albedo_map, materials[1].surface_map)
+    );
+    assert_eq!(materials[0].albedo_map, materials[2].albedo_map);
+}
+
+#[test]
+fn missing_and_broken_textures_are_told_and_left_out() {
+    let folder = Folder::new();
+    let keys = "map_Kd no.png\nKd 0.5 0.5 0.5\nnorm broken.png\nmap_Pr broken.png\nmap_Pm vary.png\nmap_d gone.png";
+    let (material, textures, warnings) = only(&folder, keys);
+    assert_eq!(warnings[0], "m.mtl:2: map_Kd no.png: file not found; using the factor alone");
+    assert_eq!(warnings.iter().filter(|w| w.contains("broken.png: not a usable texture")).count(), 0);
+    assert_eq!(warnings.iter().filter(|w| w.starts_with("m.mtl:4: norm broken.png: ")).count(), 1, "{warnings:?}");
+    assert_eq!(warnings.iter().filter(|w| w.starts_with("m.mtl:5: map_Pr broken.png: ")).count(), 1, "{warnings:?}");
+    assert_eq!(warnings.len(), 4);
+    assert_eq!((material.albedo_factor, material.albedo_map, material.normal_map), (Vec3::splat(0.5), None, None));
+    assert_eq!((material.roughness_factor, textures.len()), (0.5, 1), "the metallic map is still there");
+}
+
+#[test]
+fn other_letter_case_is_found_and_told() {
+    let folder = Folder::new();
+    let (material, _, warnings) = only(&folder, "map_Kd COLOURED.PNG");
+    assert!(material.albedo_map.is_some());
+    if !folder.path("COLOURED.PNG").is_file() {
+        assert_eq!(warnings, ["m.mtl:2: map_Kd COLOURED.PNG: found as coloured.png"]);
+    }
+}
+
+#[test]
+fn what_is_not_modelled_is_told() {
+    let (_, _, warnings) = only(&Folder::new(), "d 0.5\nKe 1 1 1");
+    assert_eq!(warnings.len(), 2, "{warnings:?}");
+}

@@ -1,0 +1,151 @@
+//! Small scenes and renders that the end-to-end tests share.
+#![allow(dead_code)]
+
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+
+use pbr_vr::asset::Report;
+use pbr_vr::asset::picture::Picture;
+use pbr_vr::gpu::GpuOptions;
+use pbr_vr::reference::brdf::Geometry;
+use pbr_vr::render::Shading;
+use pbr_vr::view::{RenderRequest, render};
+
+/// A folder for one test's files.
+pub struct Workshop(pub tempfile::TempDir);
+
+impl Workshop {
+    pub fn new() -> Self {
+        Self(tempfile::tempdir().expect("a temporary folder"))
+    }
+
+    pub fn path(&self, name: &str) -> PathBuf {
+        self.0.path().join(name)
+    }
+
+    pub fn write(&self, name: &str, text: &str) -> PathBuf {
+        let path = self.path(name);
+        std::fs::write(&path, text).expect("a test file");
+        path
+    }
+
+    /// Writes an EXR panorama of `width` by `width / 2` texels.
+    pub fn panorama(&self, name: &str, width: usize, radiance: impl Fn([f64; 3]) -> [f32; 3] + Sync) -> PathBuf {
+        let path = self.path(name);
+        let height = width / 2;
+        exr::prelude::write_rgb_file(&path, width, height, |x, y| {
+            let longitude = ((x as f64 + 0.5) / width as f64 - 0.5) * std::f64::consts::TAU;
+            let latitude = (0.5 - (y as f64 + 0.5) / height as f64) * std::f64::consts::PI;
+            let across = latitude.cos();
+            let [r, g, b] = radiance([across * longitude.cos(), latitude.sin(), across * longitude.sin()]);
+            (r, g, b)
+        })
+        .expect("a test panorama");
+        path
+    }
+
+    /// Renders with validation on; any message fails the test.
+    pub fn render(&self, scene: &Path, look: &Look<'_>) -> Vec<Picture> {
+        let output = self.path(look.file);
+        let request = RenderRequest {
+            scene,
+            output: &output,
+            size: look.size,
+            camera: look.camera,
+            stereo: look.stereo,
+            frames: 1,
+            shading: look.shading,
+            geometry: look.geometry,
+        };
+        let gpu = GpuOptions { validate: true, ..GpuOptions::default() };
+        let facts = render(&request, gpu, &Report::silent()).expect("a render without validation messages");
+        facts.files.iter().map(|file| Picture::load(file).expect("the written picture")).collect()
+    }
+}
+
+/// How a test looks at its scene.
+#[derive(Clone, Copy)]
+pub struct Look<'a> {
+    pub file: &'a str,
+    pub size: [u32; 2],
+    pub camera: Option<&'a str>,
+    pub stereo: bool,
+    pub shading: Shading,
+    pub geometry: Geometry,
+}
+
+impl Default for Look<'_> {
+    fn default() -> Self {
+        Self {
+            file: "out.exr",
+            size: [96, 96],
+            camera: None,
+            stereo: false,
+            shading: Shading::Pbr,
+            geometry: Geometry::Smith,
+        }
+    }
+}
+
+/// An MTL of one material, `m`.
+pub fn material(albedo: [f32; 3], metallic: f32, roughness: f32) -> String {
+    let [r, g, b] = albedo;
+    format!("newmtl m\nKd {r} {g} {b}\nPm {metallic}\nPr {roughness}\n")
+}
+
+/// A unit square in the plane z = 0, facing +Z, u along +X and v along +Y, with material `m` of `mtl`.
+pub fn square(mtl: &str) -> String {
+    let corners = "v -0.5 -0.5 0\nv 0.5 -0.5 0\nv 0.5 0.5 0\nv -0.5 0.5 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nvn 0 0 1\n";
+    format!("mtllib {mtl}\n{corners}usemtl m\nf 1/1/1 2/2/1 3/3/1 4/4/1\n")
+}
+
+/// A unit sphere with exact normals and material `m` of `mtl`.
+pub fn sphere(mtl: &str) -> String {
+    let (rows, columns) = (64, 128);
+    let mut obj = format!("mtllib {mtl}\n");
+    for row in 0..=rows {
+        for column in 0..=columns {
+            let (v, u) = (f64::from(row) / f64::from(rows), f64::from(column) / f64::from(columns));
+            let (polar, around) = (v * std::f64::consts::PI, u * std::f64::consts::TAU);
+            let (x, y, z) = (polar.sin() * around.cos(), polar.cos(), -polar.sin() * around.sin());
+            writeln!(obj, "v {x} {y} {z}\nvn {x} {y} {z}\nvt {u} {}", 1.0 - v).expect("a string");
+        }
+    }
+    obj.push_str("usemtl m\n");
+    for row in 0..rows {
+        for column in 1..=columns {
+            let a = row * (columns + 1) + column;
+            let corners = [a, a + columns + 1, a + columns + 2, a + 1].map(|i| format!("{i}/{i}/{i}")).join(" ");
+            writeln!(obj, "f {corners}").expect("a string");
+        }
+    }
+    obj
+}
+
+/// The mean of the pixels in a square of side 2·`reach` + 1 about a point.
+pub fn mean_at(picture: &Picture, x: u32, y: u32, reach: u32) -> [f64; 3] {
+    let mut sum = [0.0; 3];
+    for row in y - reach..=y + reach {
+        for column in x - reach..=x + reach {
+            let pixel = pixel(picture, column, row);
+            (0..3).for_each(|c| sum[c] += pixel[c]);
+        }
+    }
+    sum.map(|s| s / f64::from((2 * reach + 1).pow(2)))
+}
+
+/// One pixel's RGB.
+pub fn pixel(picture: &Picture, x: u32, y: u32) -> [f64; 3] {
+    let p = picture.pixels[(y * picture.width + x) as usize];
+    [f64::from(p[0]), f64::from(p[1]), f64::from(p[2])]
+}
+
+/// The folder of test scenes, or a printed reason to skip; in CI a missing folder fails the test.
+pub fn scenes(what: &str) -> Option<PathBuf> {
+    let folder = std::env::var_os("PBR_VR_SCENES").map(PathBuf::from).filter(|f| f.is_dir());
+    if folder.is_none() {
+        assert!(std::env::var_os("CI").is_none(), "{what} needs PBR_VR_SCENES");
+        println!("skipped: {what} (set PBR_VR_SCENES to the folder of test scenes)");
+    }
+    folder
+}
