@@ -36,8 +36,7 @@ impl Report {
     /// Starts a bar of `total` steps; call `inc(1)` for each and `finish_and_clear()` at the end.
     pub fn stage(&self, name: &'static str, total: u64) -> ProgressBar {
         // The template is a constant that indicatif accepts, as every test that loads a scene shows.
-        let style = ProgressStyle::with_template("{msg:12} {bar:30} {pos}/{len}")
-            .unwrap_or_else(|_| ProgressStyle::default_bar());
+        let style = ProgressStyle::with_template("{msg:12} {bar:30} {pos}/{len}").unwrap_or_else(|_| ProgressStyle::default_bar());
         let bar = self.bars.add(ProgressBar::new(total));
         bar.set_style(style);
         bar.set_message(name);

@@ -8,6 +8,9 @@ use image::codecs::jpeg::JpegEncoder;
 use image::{ExtendedColorType, ImageEncoder};
 use rayon::prelude::*;
 
+/// Steeper slopes (60°) belong to geometry: as normals they mostly face away, and encode badly.
+const STEEPEST: f32 = 1.732;
+
 /// `size`² values, rows from the top.
 pub struct Map<T> {
     size: usize,
@@ -27,7 +30,7 @@ impl<T: Copy + Send + Sync> Map<T> {
     }
 
     /// The value at a pixel, wrapped around the edges.
-    fn wrapped(&self, x: isize, y: isize) -> T {
+    pub fn wrapped(&self, x: isize, y: isize) -> T {
         let size = self.size as isize;
         self.values[(y.rem_euclid(size) * size + x.rem_euclid(size)) as usize]
     }
@@ -45,7 +48,8 @@ impl Map<f32> {
         let values = self.each_pixel(|x, y| {
             let rise_right = (h(x + 1, y) - h(x - 1, y)) / (2.0 * pixel_metres);
             let rise_down = (h(x, y + 1) - h(x, y - 1)) / (2.0 * pixel_metres);
-            Vec3::new(-rise_right, rise_down, 1.0).normalize()
+            let rise = Vec2::new(rise_right, rise_down).clamp_length_max(STEEPEST);
+            Vec3::new(-rise.x, rise.y, 1.0).normalize()
         });
         Map { size: self.size, values }
     }

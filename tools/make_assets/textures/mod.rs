@@ -2,7 +2,7 @@
 
 mod bricks;
 mod gold;
-mod map;
+pub mod map;
 mod noise;
 mod plaster;
 mod tiles;
