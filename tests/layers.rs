@@ -59,9 +59,9 @@ impl Source {
         false
     }
 
-    /// Marks the lines of items under `#[cfg(test)]`.
+    /// Marks the lines of items under `#[cfg(test)]`; a file `*_tests.rs` is one (`test_files_are_only_tests` sees to it).
     fn test_lines(&self) -> Vec<bool> {
-        let mut marks = vec![false; self.code.len()];
+        let mut marks = vec![self.path.ends_with("_tests.rs"); self.code.len()];
         let mut line = 0;
         while line < self.code.len() {
             if !self.code[line].contains("#[cfg(test)]") {
@@ -353,6 +353,23 @@ fn ash_stays_close_to_the_metal() {
 #[test]
 fn nothing_is_unwrapped_without_proof() {
     check(&rust_sources(), unproven_unwraps);
+}
+
+#[test]
+fn test_files_are_only_tests() {
+    let sources = rust_sources();
+    let is_declared_for_tests = |module: &str| {
+        let declares =
+            |s: &Source, i: usize| lines_with(s, module).contains(&i) || s.raw[i].contains(&format!("\"{module}.rs\""));
+        sources.iter().any(|s| {
+            let tests = s.test_lines();
+            !s.path.ends_with("_tests.rs") && (0..s.code.len()).any(|i| tests[i] && declares(s, i))
+        })
+    };
+    for source in sources.iter().filter(|s| s.path.ends_with("_tests.rs")) {
+        let module = source.path.rsplit('/').next().unwrap().trim_end_matches(".rs");
+        assert!(is_declared_for_tests(module), "{}: no `#[cfg(test)]` stands before its `mod`", source.path);
+    }
 }
 
 #[test]
