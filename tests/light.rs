@@ -20,17 +20,20 @@ fn scene(shop: &Workshop, obj: &str, mtl: &str, distance: f32, more: &str) -> Pa
     let camera = format!(
         "[[camera]]\nname = \"front\"\nposition = [0, 0, {distance}]\ntarget = [0, 0, 0]\nvertical_fov_degrees = 40\n"
     );
-    let text = format!(
-        "environment = {{ panorama = \"sky.exr\" }}\n{more}\n[[model]]\nfile = \"model.obj\"\n{camera}"
-    );
+    let text = format!("environment = {{ panorama = \"sky.exr\" }}\n{more}\n[[model]]\nfile = \"model.obj\"\n{camera}");
     shop.write("scene.toml", &text)
 }
 
 #[test]
 fn a_white_furnace_hides_a_white_dielectric_and_a_smooth_metal() {
-    for (metallic, roughness, tolerance) in
-        [(0.0, 0.05, 0.005), (0.0, 0.3, 0.005), (0.0, 0.6, 0.005), (0.0, 1.0, 0.005), (1.0, 0.05, 0.01), (1.0, 0.2, 0.02)]
-    {
+    for (metallic, roughness, tolerance) in [
+        (0.0, 0.05, 0.005),
+        (0.0, 0.3, 0.005),
+        (0.0, 0.6, 0.005),
+        (0.0, 1.0, 0.005),
+        (1.0, 0.05, 0.01),
+        (1.0, 0.2, 0.02),
+    ] {
         for geometry in [Geometry::Smith, Geometry::Karis2013] {
             let shop = Workshop::new();
             shop.panorama("sky.exr", 64, |_| WHITE);
@@ -59,7 +62,9 @@ fn a_rough_metal_reflects_less_than_it_gets_and_never_more() {
 }
 
 fn lamp(height: f32, intensity: f32) -> String {
-    format!("[[light]]\npoint = {{ position = [0, 0, {height}], intensity = [{intensity}, {intensity}, {intensity}] }}\n")
+    format!(
+        "[[light]]\npoint = {{ position = [0, 0, {height}], intensity = [{intensity}, {intensity}, {intensity}] }}\n"
+    )
 }
 
 fn lit_square(height: f32, intensity: f32, roughness: f32, geometry: Geometry) -> f64 {
@@ -124,7 +129,9 @@ fn sky_scene(shop: &Workshop, turn_degrees: f64, target: [f64; 3]) -> PathBuf {
 fn the_sky_shows_every_direction_where_it_is() {
     let shop = Workshop::new();
     shop.panorama("sky.exr", 512, compass);
-    for target in [[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, 1.0], [0.0, 0.0, -1.0]] {
+    for target in
+        [[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, 1.0], [0.0, 0.0, -1.0]]
+    {
         let picture = &shop.render(&sky_scene(&shop, 0.0, target), &Look { size: [64, 64], ..Look::default() })[0];
         let forward = DVec3::from(target);
         // The camera's own axes: right is forward × up, and looking along Y the picture's up is ∓Z.
@@ -138,7 +145,10 @@ fn the_sky_shows_every_direction_where_it_is() {
                 let (got, want) = (pixel(picture, x, y), compass(d.into()));
                 for c in 0..3 {
                     // Filtering is as wide as a texel of 0.7 degrees; at the poles u and v are coarse.
-                    assert!((got[c] - f64::from(want[c])).abs() < 0.012, "to {target:?} at {x},{y}: {got:?}, not {want:?}");
+                    assert!(
+                        (got[c] - f64::from(want[c])).abs() < 0.012,
+                        "to {target:?} at {x},{y}: {got:?}, not {want:?}"
+                    );
                 }
             }
         }
@@ -150,7 +160,8 @@ fn turning_the_panorama_turns_it_counter_clockwise_from_above() {
     let shop = Workshop::new();
     shop.panorama("sky.exr", 512, compass);
     // +X turned by 90 degrees about +Y is −Z.
-    let picture = &shop.render(&sky_scene(&shop, 90.0, [0.0, 0.0, -1.0]), &Look { size: [65, 65], ..Look::default() })[0];
+    let picture =
+        &shop.render(&sky_scene(&shop, 90.0, [0.0, 0.0, -1.0]), &Look { size: [65, 65], ..Look::default() })[0];
     let (got, want) = (pixel(picture, 32, 32), compass([1.0, 0.0, 0.0]));
     assert!((0..3).all(|c| (got[c] - f64::from(want[c])).abs() < 0.01), "{got:?}");
 }
@@ -191,7 +202,8 @@ fn leaning(shop: &Workshop, towards: [f64; 2], mirror: bool) -> [f64; 3] {
     let image = image::RgbImage::from_pixel(4, 4, image::Rgb(texel));
     image.save(shop.path("n.png")).expect("a normal map");
     let obj = square("m.mtl");
-    let obj = if mirror { obj.replace("vt 0 0\nvt 1 0\nvt 1 1\nvt 0 1", "vt 1 0\nvt 0 0\nvt 0 1\nvt 1 1") } else { obj };
+    let obj =
+        if mirror { obj.replace("vt 0 0\nvt 1 0\nvt 1 1\nvt 0 1", "vt 1 0\nvt 0 0\nvt 0 1\nvt 1 1") } else { obj };
     shop.panorama("sky.exr", 16, |_| BLACK);
     let mtl = material(WHITE, 0.0, 0.5) + "norm n.png\n";
     let scene = scene(shop, &obj, &mtl, 1.0, "");
@@ -235,7 +247,9 @@ fn stereo_eyes_see_what_two_single_eyes_see_and_differ_by_the_disparity() {
     shop.write("model.obj", &square("m.mtl"));
     let half = f64::from(IPD_METRES) / 2.0;
     let camera = |name: &str, x: f64| {
-        format!("[[camera]]\nname = \"{name}\"\nposition = [{x}, 0, 2]\ntarget = [{x}, 0, 0]\nvertical_fov_degrees = 40\n")
+        format!(
+            "[[camera]]\nname = \"{name}\"\nposition = [{x}, 0, 2]\ntarget = [{x}, 0, 0]\nvertical_fov_degrees = 40\n"
+        )
     };
     let text = format!(
         "environment = {{ panorama = \"sky.exr\" }}\n[[model]]\nfile = \"model.obj\"\n{}{}{}",

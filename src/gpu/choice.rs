@@ -100,10 +100,14 @@ fn examine(instance: &Instance, physical: vk::PhysicalDevice, present: bool) -> 
     let text = |s: std::result::Result<&CStr, _>| s.unwrap_or(c"?").to_string_lossy().into_owned();
     info.driver = format!("{} {}", text(driver.driver_name_as_c_str()), text(driver.driver_info_as_c_str()));
     let features = Features::of(instance, physical);
-    info.options = vec![("anisotropic filtering", features.anisotropy), ("presenting to windows", has_swapchain(instance, physical))];
+    info.options = vec![
+        ("anisotropic filtering", features.anisotropy),
+        ("presenting to windows", has_swapchain(instance, physical)),
+    ];
     let family = graphics_family(instance, physical);
     info.unfit = features.missing().or_else(|| {
-        let sampled = properties.limits.framebuffer_color_sample_counts & properties.limits.framebuffer_depth_sample_counts;
+        let sampled =
+            properties.limits.framebuffer_color_sample_counts & properties.limits.framebuffer_depth_sample_counts;
         let problem = match () {
             () if family.is_none() => "has no queue for graphics and compute",
             () if !sampled.contains(vk::SampleCountFlags::TYPE_4) => "cannot do 4x MSAA",
@@ -116,7 +120,7 @@ fn examine(instance: &Instance, physical: vk::PhysicalDevice, present: bool) -> 
 }
 
 struct Features {
-    needed: [(&'static str, vk::Bool32); 6],
+    needed: [(&'static str, vk::Bool32); 7],
     anisotropy: bool,
 }
 
@@ -131,6 +135,7 @@ impl Features {
         let needed = [
             ("dynamicRendering", v13.dynamic_rendering),
             ("synchronization2", v13.synchronization2),
+            ("shaderDemoteToHelperInvocation", v13.shader_demote_to_helper_invocation),
             ("timelineSemaphore", v12.timeline_semaphore),
             ("hostQueryReset", v12.host_query_reset),
             ("shaderOutputLayer", v12.shader_output_layer),
@@ -140,7 +145,8 @@ impl Features {
     }
 
     fn missing(&self) -> Option<String> {
-        let names: Vec<&str> = self.needed.iter().filter(|(_, there)| *there == vk::FALSE).map(|(name, _)| *name).collect();
+        let names: Vec<&str> =
+            self.needed.iter().filter(|(_, there)| *there == vk::FALSE).map(|(name, _)| *name).collect();
         (!names.is_empty()).then(|| format!("lacks {}, {NEEDS} is needed", names.join(", ")))
     }
 }

@@ -90,9 +90,7 @@ impl Commands<'_> {
             .image_layout(colour_layout)
             .load_op(load)
             .store_op(vk::AttachmentStoreOp::STORE)
-            .clear_value(vk::ClearValue {
-                color: vk::ClearColorValue { float32: targets.clear.unwrap_or_default() },
-            });
+            .clear_value(vk::ClearValue { color: vk::ClearColorValue { float32: targets.clear.unwrap_or_default() } });
         if let Some(resolve) = targets.resolve {
             colour = colour
                 .store_op(vk::AttachmentStoreOp::DONT_CARE)
@@ -108,14 +106,13 @@ impl Commands<'_> {
                 .load_op(load)
                 .store_op(vk::AttachmentStoreOp::DONT_CARE)
         });
-        let mut info = vk::RenderingInfo::default()
-            .render_area(area)
-            .layer_count(desc.shape.layers())
-            .color_attachments(&colours);
+        let mut info =
+            vk::RenderingInfo::default().render_area(area).layer_count(desc.shape.layers()).color_attachments(&colours);
         if let Some(depth) = &depth {
             info = info.depth_attachment(depth);
         }
-        let viewport = vk::Viewport { width: width as f32, height: height as f32, max_depth: 1.0, ..Default::default() };
+        let viewport =
+            vk::Viewport { width: width as f32, height: height as f32, max_depth: 1.0, ..Default::default() };
         // SAFETY: the command buffer is being recorded; views, layouts and sizes are those of the targets.
         unsafe {
             let device = &self.recorder.gpu.device;
@@ -317,9 +314,8 @@ impl Commands<'_> {
     }
 
     pub(super) fn raw_image_barrier(&mut self, barrier: vk::ImageMemoryBarrier2<'_>) {
-        let barriers = [barrier
-            .src_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
-            .dst_queue_family_index(vk::QUEUE_FAMILY_IGNORED)];
+        let barriers =
+            [barrier.src_queue_family_index(vk::QUEUE_FAMILY_IGNORED).dst_queue_family_index(vk::QUEUE_FAMILY_IGNORED)];
         let info = vk::DependencyInfo::default().image_memory_barriers(&barriers);
         // SAFETY: the command buffer is being recorded; the image is alive.
         unsafe { self.device().cmd_pipeline_barrier2(self.recorder.raw, &info) };

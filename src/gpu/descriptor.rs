@@ -112,8 +112,8 @@ impl Set {
         let layouts = [layout.raw];
         let info = vk::DescriptorSetAllocateInfo::default().descriptor_pool(pool).set_layouts(&layouts);
         // SAFETY: the pool was just made with room for one such set.
-        let sets = unsafe { gpu.device.allocate_descriptor_sets(&info) }
-            .map_err(Error::vulkan("taking a descriptor set"))?;
+        let sets =
+            unsafe { gpu.device.allocate_descriptor_sets(&info) }.map_err(Error::vulkan("taking a descriptor set"))?;
         set.raw = sets.first().copied().unwrap_or_default();
         gpu.name(set.raw, name);
         for (i, bind) in (0u32..).zip(binds) {
@@ -123,10 +123,8 @@ impl Set {
     }
 
     fn write(&self, binding: u32, bind: Bind<'_>) {
-        let write = vk::WriteDescriptorSet::default()
-            .dst_set(self.raw)
-            .dst_binding(binding)
-            .descriptor_type(bind.slot().raw());
+        let write =
+            vk::WriteDescriptorSet::default().dst_set(self.raw).dst_binding(binding).descriptor_type(bind.slot().raw());
         let (mut buffer, mut image) = ([vk::DescriptorBufferInfo::default()], [vk::DescriptorImageInfo::default()]);
         let write = match bind {
             Bind::Uniform(b) | Bind::Storage(b) => {

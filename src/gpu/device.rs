@@ -255,7 +255,10 @@ fn make_device(instance: &Instance, chosen: &choice::Candidate, present: bool) -
         .host_query_reset(true)
         .scalar_block_layout(true)
         .shader_output_layer(true);
-    let mut v13 = vk::PhysicalDeviceVulkan13Features::default().dynamic_rendering(true).synchronization2(true);
+    let mut v13 = vk::PhysicalDeviceVulkan13Features::default()
+        .dynamic_rendering(true)
+        .synchronization2(true)
+        .shader_demote_to_helper_invocation(true);
     let core = vk::PhysicalDeviceFeatures::default().sampler_anisotropy(chosen.anisotropy);
     let mut extensions: Vec<*const c_char> = Vec::new();
     if present {

@@ -209,8 +209,8 @@ impl<'a> Module<'a> {
         let words = shader::load(name)?;
         let info = vk::ShaderModuleCreateInfo::default().code(&words);
         // SAFETY: the code is what shaderc made for Vulkan 1.3.
-        let raw = unsafe { gpu.device.create_shader_module(&info, None) }
-            .map_err(Error::vulkan("making a shader module"))?;
+        let raw =
+            unsafe { gpu.device.create_shader_module(&info, None) }.map_err(Error::vulkan("making a shader module"))?;
         gpu.name(raw, name);
         Ok(Self { gpu, raw })
     }

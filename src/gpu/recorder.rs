@@ -49,11 +49,10 @@ impl Recorder {
         };
         let info = vk::CommandBufferAllocateInfo::default().command_pool(pool).command_buffer_count(1);
         // SAFETY: the pool was just made.
-        let buffers = unsafe { gpu.device.allocate_command_buffers(&info) }
-            .map_err(Error::vulkan("making a command buffer"))?;
+        let buffers =
+            unsafe { gpu.device.allocate_command_buffers(&info) }.map_err(Error::vulkan("making a command buffer"))?;
         recorder.raw = buffers.first().copied().unwrap_or_default();
-        let info =
-            vk::QueryPoolCreateInfo::default().query_type(vk::QueryType::TIMESTAMP).query_count(2 * MAX_TIMERS);
+        let info = vk::QueryPoolCreateInfo::default().query_type(vk::QueryType::TIMESTAMP).query_count(2 * MAX_TIMERS);
         // SAFETY: the device is alive; the queue family has timestamps (see `choice`).
         recorder.queries =
             unsafe { gpu.device.create_query_pool(&info, None) }.map_err(Error::vulkan("making timers"))?;

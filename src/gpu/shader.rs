@@ -42,7 +42,12 @@ pub mod on_disk {
             return Ok(None);
         }
         let spirv = crate::gpu::shader_compiler::compile(&folder, name, cfg!(debug_assertions)).map_err(|problem| {
-            Error::Broken { path: folder.join(name), what: "shader", problem, remedy: "mend it; the last good one stays" }
+            Error::Broken {
+                path: folder.join(name),
+                what: "shader",
+                problem,
+                remedy: "mend it; the last good one stays",
+            }
         })?;
         Ok(words(&spirv))
     }

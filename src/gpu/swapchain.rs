@@ -82,13 +82,14 @@ impl Swapchain {
             turn: 0,
         };
         // SAFETY: family, surface and physical device belong together.
-        let presents = unsafe {
-            swapchain.surface_api.get_physical_device_surface_support(gpu.physical, gpu.family, surface)
-        };
+        let presents =
+            unsafe { swapchain.surface_api.get_physical_device_surface_support(gpu.physical, gpu.family, surface) };
         if presents.map_err(Error::vulkan("asking about presenting"))? {
             Ok(swapchain)
         } else {
-            Err(Error::Window { problem: format!("{} cannot present to it; choose another with --gpu", gpu.info().name) })
+            Err(Error::Window {
+                problem: format!("{} cannot present to it; choose another with --gpu", gpu.info().name),
+            })
         }
     }
 
@@ -100,8 +101,9 @@ impl Swapchain {
     /// The modes this surface has; Vsync is always there.
     pub fn modes(&self) -> Vec<PresentMode> {
         // SAFETY: surface and physical device are alive; the call only reads.
-        let modes = unsafe { self.surface_api.get_physical_device_surface_present_modes(self.gpu.physical, self.surface) }
-            .unwrap_or_default();
+        let modes =
+            unsafe { self.surface_api.get_physical_device_surface_present_modes(self.gpu.physical, self.surface) }
+                .unwrap_or_default();
         let all = [PresentMode::Vsync, PresentMode::Mailbox, PresentMode::Immediate];
         all.into_iter().filter(|m| *m == PresentMode::Vsync || modes.contains(&m.raw())).collect()
     }
@@ -115,7 +117,10 @@ impl Swapchain {
         let (caps, formats) = unsafe {
             let caps = self.surface_api.get_physical_device_surface_capabilities(self.gpu.physical, self.surface);
             let formats = self.surface_api.get_physical_device_surface_formats(self.gpu.physical, self.surface);
-            (caps.map_err(Error::vulkan("asking about the window"))?, formats.map_err(Error::vulkan("asking about the window"))?)
+            (
+                caps.map_err(Error::vulkan("asking about the window"))?,
+                formats.map_err(Error::vulkan("asking about the window"))?,
+            )
         };
         let size = extent(&caps, wanted);
         if size.contains(&0) {
@@ -205,7 +210,8 @@ impl Swapchain {
     /// Shows a drawn image; `false` where the swapchain should be made anew.
     pub fn present(&mut self, acquired: Acquired) -> Result<bool> {
         let (waits, swapchains, indices) = ([acquired.done], [self.raw], [acquired.index]);
-        let info = vk::PresentInfoKHR::default().wait_semaphores(&waits).swapchains(&swapchains).image_indices(&indices);
+        let info =
+            vk::PresentInfoKHR::default().wait_semaphores(&waits).swapchains(&swapchains).image_indices(&indices);
         let queue = self.gpu.queue();
         // SAFETY: the queue is locked; the image was acquired and its drawing submitted.
         match unsafe { self.api.queue_present(queue.raw, &info) } {
@@ -263,9 +269,7 @@ fn extent(caps: &vk::SurfaceCapabilitiesKHR, wanted: [u32; 2]) -> [u32; 2] {
 
 fn pick_format(formats: &[vk::SurfaceFormatKHR]) -> Result<vk::SurfaceFormatKHR> {
     let srgb = [vk::Format::B8G8R8A8_SRGB, vk::Format::R8G8B8A8_SRGB];
-    let found = formats
-        .iter()
-        .find(|f| srgb.contains(&f.format) && f.color_space == vk::ColorSpaceKHR::SRGB_NONLINEAR);
+    let found = formats.iter().find(|f| srgb.contains(&f.format) && f.color_space == vk::ColorSpaceKHR::SRGB_NONLINEAR);
     found.copied().ok_or_else(|| Error::Window { problem: "this display has no sRGB format".into() })
 }
 

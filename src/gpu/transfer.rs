@@ -13,9 +13,15 @@ use crate::Result;
 const BATCH_BYTES: u64 = 64 << 20;
 
 enum Copy<'a> {
-    Buffer { staging: Buffer, to: &'a Buffer },
+    Buffer {
+        staging: Buffer,
+        to: &'a Buffer,
+    },
     /// Mip 0 of a one-layer image; the other mips are made by halving.
-    Texture { staging: Buffer, to: &'a Image },
+    Texture {
+        staging: Buffer,
+        to: &'a Image,
+    },
 }
 
 /// Gathers uploads and sends them together; `finish` waits for the last.

@@ -3,7 +3,9 @@
 use std::sync::Arc;
 
 use crate::Result;
-use crate::gpu::{Bind, Format, Gpu, Image, ImageDesc, ImageUsageFlags, PassTime, Pipeline, Set, SetLayout, Shape, Slot, Use, run};
+use crate::gpu::{
+    Bind, Format, Gpu, Image, ImageDesc, ImageUsageFlags, PassTime, Pipeline, Set, SetLayout, Shape, Slot, Use, run,
+};
 use crate::reference::brdf::Geometry;
 
 /// Texels along n·v and along roughness.

@@ -162,7 +162,14 @@ impl Passes {
         Ok(Self { to_cube, mips, irradiance, specular })
     }
 
-    fn record(&self, commands: &mut Commands<'_>, environment: &Image, irradiance: &Image, specular: &Image, scale: f32) {
+    fn record(
+        &self,
+        commands: &mut Commands<'_>,
+        environment: &Image,
+        irradiance: &Image,
+        specular: &Image,
+        scale: f32,
+    ) {
         commands.prepare(environment, Use::Storage);
         commands.prepare(irradiance, Use::Storage);
         commands.prepare(specular, Use::CopyTo);

@@ -97,7 +97,8 @@ mod tests {
 
     #[test]
     fn looking_puts_the_target_in_the_middle_and_keeps_the_picture_upright() {
-        for (position, target) in [(Vec3::new(1.0, 2.0, 3.0), Vec3::ZERO), (Vec3::Y, Vec3::ZERO), (Vec3::ZERO, Vec3::Y)] {
+        for (position, target) in [(Vec3::new(1.0, 2.0, 3.0), Vec3::ZERO), (Vec3::Y, Vec3::ZERO), (Vec3::ZERO, Vec3::Y)]
+        {
             let eye = Eye::looking(position, target, 45.0, 1.5);
             assert!(ndc(&eye, target).truncate().length() < 1e-5);
             let axes = Mat3::from_mat4(eye.world_from_view);

@@ -111,10 +111,8 @@ impl Renderer {
         let table = BrdfTable::new(gpu, settings.geometry)?;
         let slots = [Slot::Uniform, Slot::Storage, Slot::Sampled, Slot::Sampled, Slot::Sampled, Slot::Sampled];
         let frame_layout = SetLayout::new(gpu, "frame", &slots)?;
-        let samplers = [
-            Sampler::new(gpu, "panorama", Edge::Panorama, false)?,
-            Sampler::new(gpu, "clamped", Edge::Clamp, false)?,
-        ];
+        let samplers =
+            [Sampler::new(gpu, "panorama", Edge::Panorama, false)?, Sampler::new(gpu, "clamped", Edge::Clamp, false)?];
         let frames = make_frames(gpu, &frame_layout, &world, &light, &table, &samplers)?;
         let forward = Forward::new(gpu, &frame_layout, &world, &settings, shading, eyes)?;
         let targets = make_targets(gpu, size, eyes, &settings)?;
@@ -160,8 +158,7 @@ impl Renderer {
     /// Puts the scene under another panorama, unturned.
     pub fn set_panorama(&mut self, panorama: &Panorama) -> Result<()> {
         let light = LightMaps::new(&self.gpu, panorama)?;
-        self.frames =
-            make_frames(&self.gpu, &self.frame_layout, &self.world, &light, &self.table, &self.samplers)?;
+        self.frames = make_frames(&self.gpu, &self.frame_layout, &self.world, &light, &self.table, &self.samplers)?;
         self.light = light;
         self.environment_turn = 0.0;
         Ok(())

@@ -3,7 +3,9 @@
 use std::sync::Arc;
 
 use crate::Result;
-use crate::gpu::{Commands, DEPTH_FORMAT, Format, Gpu, Image, ImageDesc, ImageUsageFlags, Shape, Targets as Rendering, Use};
+use crate::gpu::{
+    Commands, DEPTH_FORMAT, Format, Gpu, Image, ImageDesc, ImageUsageFlags, Shape, Targets as Rendering, Use,
+};
 
 /// What pictures hold.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]

@@ -86,7 +86,8 @@ impl World {
             .map(|l| LightBlock { position: l.position.into(), intensity: l.intensity.into() })
             .collect();
         let light_count = u32::try_from(lights.len()).unwrap_or(u32::MAX);
-        let light_bytes: &[u8] = if lights.is_empty() { &[0; size_of::<LightBlock>()] } else { bytemuck::cast_slice(&lights) };
+        let light_bytes: &[u8] =
+            if lights.is_empty() { &[0; size_of::<LightBlock>()] } else { bytemuck::cast_slice(&lights) };
         let lights = Buffer::with_bytes(gpu, "lights", BufferKind::StorageFromCpu, light_bytes)?;
         Ok(Self {
             vertices,
@@ -128,8 +129,7 @@ fn upload_geometry(gpu: &Arc<Gpu>, meshes: &[Mesh]) -> Result<(Buffer, Buffer, R
 
 /// The scene's textures, and a white one at the end for materials that have none.
 fn upload_textures(gpu: &Arc<Gpu>, textures: &[Texture], report: &Report) -> Result<Vec<Image>> {
-    let white =
-        Texture { name: "white".into(), width: 1, height: 1, encoding: Encoding::Linear, pixels: vec![255; 4] };
+    let white = Texture { name: "white".into(), width: 1, height: 1, encoding: Encoding::Linear, pixels: vec![255; 4] };
     let images: Vec<Image> =
         textures.iter().chain([&white]).map(|texture| texture_image(gpu, texture)).collect::<Result<_>>()?;
     let progress = report.stage("upload", images.len() as u64);
@@ -170,8 +170,7 @@ fn upload_material(
     let block = Buffer::with_bytes(gpu, &material.name, BufferKind::Uniform, bytemuck::bytes_of(&block))?;
     let white = textures.len() - 1;
     let map = |index: Option<usize>| Bind::Sampled(&textures[index.unwrap_or(white)], sampler);
-    let binds =
-        [Bind::Uniform(&block), map(material.albedo_map), map(material.normal_map), map(material.surface_map)];
+    let binds = [Bind::Uniform(&block), map(material.albedo_map), map(material.normal_map), map(material.surface_map)];
     let needs = Needs {
         albedo_map: material.albedo_map.is_some(),
         normal_map: material.normal_map.is_some(),

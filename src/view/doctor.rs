@@ -17,13 +17,21 @@ pub fn run() -> Result<()> {
         Ok(gpus) => gpus.iter().enumerate().for_each(|(i, gpu)| print_gpu(i, gpu)),
         Err(error) => println!("GPU         missing: {error}"),
     }
-    line("validation", validation_available(), "layer installed", "no layer; for --validate install vulkan-validationlayers or the Vulkan SDK");
+    line(
+        "validation",
+        validation_available(),
+        "layer installed",
+        "no layer; for --validate install vulkan-validationlayers or the Vulkan SDK",
+    );
     match super::no_display() {
         None => println!("display     there"),
         Some(reason) => println!("display     missing: {reason}; pictures can be written all the same"),
     }
     match openvr_registry() {
-        Some(path) => println!("OpenVR      runtime registered in {}; this version draws to windows and pictures only", path.display()),
+        Some(path) => println!(
+            "OpenVR      runtime registered in {}; this version draws to windows and pictures only",
+            path.display()
+        ),
         None => println!("OpenVR      no runtime; install Steam and SteamVR to use a headset"),
     }
     match shipped::folder() {

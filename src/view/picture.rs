@@ -71,8 +71,7 @@ pub fn render(request: &RenderRequest<'_>, gpu: GpuOptions<'_>, report: &Report)
     let gpu = Gpu::open(gpu)?;
     let messages = gpu.messages();
     let settings = Settings { geometry: request.geometry, output, ..Settings::default() };
-    let mut renderer =
-        Renderer::new(&gpu, &scene, settings, request.shading, request.size, eyes.len() as u32, report)?;
+    let mut renderer = Renderer::new(&gpu, &scene, settings, request.shading, request.size, eyes.len() as u32, report)?;
     let prepare_ms = ms_since(started);
     let started = Instant::now();
     let gpu_frames = draw(&gpu, &mut renderer, &eyes, request.frames)?;
@@ -133,7 +132,12 @@ fn draw(gpu: &Arc<Gpu>, renderer: &mut Renderer, eyes: &[Eye], frames: u64) -> R
     Ok(times)
 }
 
-fn write_layers(gpu: &Arc<Gpu>, renderer: &Renderer, output: Output, request: &RenderRequest<'_>) -> Result<Vec<PathBuf>> {
+fn write_layers(
+    gpu: &Arc<Gpu>,
+    renderer: &Renderer,
+    output: Output,
+    request: &RenderRequest<'_>,
+) -> Result<Vec<PathBuf>> {
     let files = if request.stereo {
         vec![suffixed(request.output, "-left"), suffixed(request.output, "-right")]
     } else {
