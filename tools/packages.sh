@@ -43,7 +43,7 @@ install_packages() {
         apt-get install "${yes[@]}" -qq --no-install-recommends "${missing[@]}" >&2
 }
 
-# Finds cargo, also where rustup put it in this very session.
+# Finds cargo, also where rustup has just put it.
 find_cargo() {
     if ! command -v cargo >/dev/null && [ -x "$HOME/.cargo/bin/cargo" ]; then
         PATH="$HOME/.cargo/bin:$PATH"

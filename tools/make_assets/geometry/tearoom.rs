@@ -137,7 +137,8 @@ fn tea_things(obj: &mut Obj) {
         obj.object(&format!("tea {}", number + 1), "tea");
         lathe(obj, cup, &[[0.0388, 0.047], [0.0, 0.047]], 40, 4.0);
         obj.object(&format!("spoon {}", number + 1), "brass");
-        spoon(obj, place * DAffine3::from_translation(DVec3::new(0.0, 0.012, 0.052)));
+        // It rests on the saucer's rim.
+        spoon(obj, place * DAffine3::from_translation(DVec3::new(0.0, 0.0205, 0.052)));
     }
 }
 

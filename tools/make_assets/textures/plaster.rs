@@ -14,7 +14,7 @@ pub fn at(uv: Vec2) -> Surface {
     let ridge = step(0.12, 0.0, trowel.abs());
     let tone = colour(0xe3d9c6).lerp(colour(0xcfc1a8), step(-0.5, 0.7, broad + 0.4 * trowel));
     Surface {
-        height: 0.004 + 0.0022 * trowel + 0.0006 * ridge + 0.00045 * grain,
+        height: 0.004 + 0.0011 * trowel + 0.0003 * ridge + 0.00035 * grain,
         albedo: tone * (1.0 + 0.05 * grain - 0.05 * ridge),
         metallic: 0.0,
         roughness: 0.80 + 0.05 * grain - 0.06 * ridge,
