@@ -59,7 +59,7 @@ impl Workshop {
         };
         let gpu = GpuOptions { validate: true, ..GpuOptions::default() };
         let facts = render(&request, gpu, &Report::silent()).expect("a render without validation messages");
-        facts.files.iter().map(|file| Picture::load(file).expect("the written picture")).collect()
+        facts.files.iter().map(|file| Picture::read(file).expect("the written picture")).collect()
     }
 }
 
