@@ -167,7 +167,7 @@ fn missing_and_broken_textures_are_told_and_left_out() {
 #[test]
 fn other_letter_case_is_found_and_told() {
     let folder = Folder::new();
-    let (material, _, warnings) = only(&folder, "map_Kd COLOURED.PNG");
+    let (material, _, warnings) = only(&folder, "map_Kd COLOURED.PNG\nmap_ao COLOURED.PNG");
     assert!(material.albedo_map.is_some());
     if !folder.path("COLOURED.PNG").is_file() {
         assert_eq!(warnings, ["m.mtl:2: map_Kd COLOURED.PNG: found as coloured.png"]);
