@@ -46,7 +46,7 @@ fn a_library_may_be_named_late_in_any_case_or_not_at_all() {
     let faces = format!("usemtl red\n{TRIANGLE}f 1/1/1 2/2/1 3/3/1\n");
     let (model, warnings) = loaded(format!("{faces}mtllib my lib.MTL\n"), "newmtl red\n");
     assert_eq!(model.unwrap().parts[0].material, Some(0));
-    assert_eq!(warnings, ["a.obj:9: mtllib my lib.MTL: found as My Lib.mtl"]);
+    assert_eq!(warnings, ["a.obj:10: mtllib my lib.MTL: found as My Lib.mtl"]);
     let (model, warnings) = loaded(format!("mtllib no.mtl\n{faces}"), "");
     assert_eq!(model.unwrap().parts[0].material, None);
     assert_eq!(warnings.len(), 2);
@@ -98,7 +98,7 @@ fn texture_coordinates_without_use_are_zero() {
     let (model, warnings) = loaded("v 0 0 0\nv 1 0 0\nv 0 1 0\nvt inf 0\nvt 1 1e9\nvt 0.5 1\nf 1/1 2/2 3/3", "");
     let uvs: Vec<_> = model.unwrap().parts[0].corners.iter().map(|c| c.uv).collect();
     assert_eq!(uvs, [Vec2::ZERO, Vec2::X, Vec2::new(0.5, 1.0)]);
-    assert!(warnings[0].contains("texture coordinates beyond"));
+    assert!(warnings.iter().any(|w| w.contains("texture coordinates beyond")), "{warnings:?}");
 }
 
 #[test]

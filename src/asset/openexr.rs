@@ -1,10 +1,15 @@
 //! OpenEXR pictures as panoramas: which layer and channels hold the light, and where they lie on the sphere.
 
 use std::io::Cursor;
+use std::panic::catch_unwind;
 use std::path::Path;
 
+use exr::block::chunk::{Chunk, CompressedBlock, CompressedScanLineBlock, CompressedTileBlock};
+use exr::error::Error as ExrError;
+use exr::meta::header::Header;
 use exr::prelude::{
-    AnyChannel, AnyChannels, FlatSamples, IntegerBounds, Layer, MetaData, ReadChannels, ReadLayers, read,
+    AnyChannel, AnyChannels, Compression, FlatImage, FlatSamples, IntegerBounds, Layer, MetaData, ReadChannels,
+    ReadLayers, read,
 };
 
 use super::panorama::{Texels, check_size};
@@ -13,6 +18,10 @@ use crate::{Error, Result};
 
 /// All layers and channels of a file together; the one layer that is used is not known before all are read.
 const MAX_SAMPLE_BYTES: u64 = 4 << 30;
+
+/// Which of a DWA chunk's leading 64-bit counters count what is decompressed: of unknown, run-length (twice), AC and DC
+/// data. The others are bounded by the chunk itself.
+const DWA_SIZES: [usize; 5] = [1, 6, 7, 8, 9];
 
 type FlatLayer = Layer<AnyChannels<FlatSamples>>;
 
@@ -26,17 +35,13 @@ pub fn is_openexr(bytes: &[u8]) -> bool {
 /// The display window is the whole sphere: a smaller data window leaves black around it (with a warning), and what
 /// lies outside is cut off.
 pub fn decode(path: &Path, bytes: &[u8], report: &Report) -> Result<Texels> {
-    check_header(path, bytes)?;
-    // In one thread: a worker of the decoder that panics on a broken file would end the process.
-    let image = read()
-        .no_deep_data()
-        .largest_resolution_level()
-        .all_channels()
-        .all_layers()
-        .all_attributes()
-        .non_parallel()
-        .from_buffered(Cursor::new(bytes))
-        .map_err(|error| broken(path, error.to_string()))?;
+    // The decoder subtracts and slices unchecked on some broken files (B44 for one); a panic there is a broken file.
+    let image = catch_unwind(|| {
+        check_header(path, bytes)?;
+        let layers = check_dwa(bytes).and_then(|()| read_layers(bytes));
+        layers.map_err(|error| broken(path, error.to_string()))
+    })
+    .unwrap_or_else(|_| Err(broken(path, "its compressed data make no sense".into())))?;
     let (layer, channels) = image
         .layer_data
         .iter()
@@ -46,6 +51,18 @@ pub fn decode(path: &Path, bytes: &[u8], report: &Report) -> Result<Texels> {
             broken(path, format!("no R, G, B or Y among its channels ({})", channel_names(&image.layer_data)))
         })?;
     place(path, layer, channels, image.attributes.display_window, report)
+}
+
+/// In one thread: a worker of the decoder that panics would end the process.
+fn read_layers(bytes: &[u8]) -> exr::error::Result<FlatImage> {
+    read()
+        .no_deep_data()
+        .largest_resolution_level()
+        .all_channels()
+        .all_layers()
+        .all_attributes()
+        .non_parallel()
+        .from_buffered(Cursor::new(bytes))
 }
 
 fn check_header(path: &Path, bytes: &[u8]) -> Result<()> {
@@ -67,6 +84,49 @@ fn check_header(path: &Path, bytes: &[u8]) -> Result<()> {
             size,
             limit: format!("{MAX_SAMPLE_BYTES} bytes"),
         });
+    }
+    Ok(())
+}
+
+/// The decoder takes memory for what DWA chunks say of themselves, without looking at it first: so we do.
+fn check_dwa(bytes: &[u8]) -> exr::error::Result<()> {
+    let reader = exr::block::read(Cursor::new(bytes), false)?;
+    let headers = reader.headers().to_vec();
+    if !headers.iter().any(is_dwa) {
+        return Ok(());
+    }
+    for chunk in reader.filter_chunks(false, |_, _, _| true)? {
+        let chunk = chunk?;
+        if let Some(header) = headers.get(chunk.layer_index).filter(|header| is_dwa(header)) {
+            check_dwa_chunk(header, &chunk)?;
+        }
+    }
+    Ok(())
+}
+
+fn is_dwa(header: &Header) -> bool {
+    matches!(header.compression, Compression::DWAA(_) | Compression::DWAB(_))
+}
+
+/// No size can honestly be much larger than the chunk's pixels, rounded up to the method's blocks of 8×8.
+fn check_dwa_chunk(header: &Header, chunk: &Chunk) -> exr::error::Result<()> {
+    let data = match &chunk.compressed_block {
+        CompressedBlock::ScanLine(CompressedScanLineBlock { compressed_pixels_le, .. })
+        | CompressedBlock::Tile(CompressedTileBlock { compressed_pixels_le, .. }) => compressed_pixels_le,
+        _ => return Ok(()),
+    };
+    let size =
+        header.get_absolute_block_pixel_coordinates(header.get_block_data_indices(&chunk.compressed_block)?)?.size;
+    let texel_bytes = header.channels.bytes_per_pixel;
+    // Where compression does not help, the texels themselves are there.
+    if data.len() == size.area() * texel_bytes {
+        return Ok(());
+    }
+    let limit = ((size.width() + 8) * (size.height() + 8) * texel_bytes * 2) as u64;
+    let counters = data.as_chunks().0;
+    let excessive = |index: usize| counters.get(index).is_some_and(|bytes| u64::from_le_bytes(*bytes) > limit);
+    if DWA_SIZES.into_iter().any(excessive) {
+        return Err(ExrError::Invalid("a DWA chunk claims more than its pixels".into()));
     }
     Ok(())
 }
@@ -159,7 +219,7 @@ fn broken(path: &Path, problem: String) -> Error {
 #[cfg(test)]
 mod tests {
     use exr::image::SpecificChannels;
-    use exr::prelude::{Compression, Encoding, Image, LayerAttributes, Vec2, WritableImage, f16};
+    use exr::prelude::{Encoding, Image, LayerAttributes, Vec2, WritableImage, f16};
 
     use super::*;
 

@@ -19,7 +19,10 @@ fn defaults() {
         parsed("[[model]]\nfile = 'sub\\a.obj'\n[[camera]]\nname = \"c\"\nposition = [0, 0, 1]\ntarget = [0, 0, 0.5]")
             .unwrap();
     assert_eq!(one.models[0].world_from_local, Mat4::IDENTITY);
-    assert!(one.models[0].file.is_file(), "paths are relative to the scene's folder, with either separator");
+    assert!(
+        one.models[0].file.ends_with("sub/a.obj"),
+        "paths are relative to the scene's folder, with either separator"
+    );
     assert_eq!(one.cameras[0].vertical_fov_degrees, 45.0);
 }
 

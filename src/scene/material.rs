@@ -1,6 +1,6 @@
 //! Materials as MTL files write them, to materials as the renderer draws them: factors, packed maps, nothing constant.
 
-use std::collections::{BTreeSet, HashMap};
+use std::collections::{BTreeSet, HashMap, HashSet};
 use std::path::{Path, PathBuf};
 
 use glam::Vec3;
@@ -41,7 +41,8 @@ pub fn default_material() -> Material {
 /// repeats `map_Kd`, as the Phong model's ambient colour did. Cutouts come from `map_d`, else from alpha of `map_Kd`.
 /// A texture that is absent or broken is left out with a warning that names file and key.
 pub fn build(mtls: &[Mtl], report: &Report) -> (Vec<Material>, Vec<Texture>) {
-    let plans: Vec<Plan> = mtls.iter().map(|mtl| Plan::new(mtl, report)).collect();
+    let mut told = HashSet::new();
+    let plans: Vec<Plan> = mtls.iter().map(|mtl| Plan::new(mtl, &mut told, report)).collect();
     let scalar_files: BTreeSet<_> = plans.iter().flat_map(Plan::scalar_files).collect();
     let jobs: BTreeSet<_> = plans.iter().flat_map(Plan::jobs).collect();
     let progress = report.stage("textures", (scalar_files.len() + jobs.len()) as u64);
@@ -207,8 +208,8 @@ struct Source<'a> {
 }
 
 impl<'a> Plan<'a> {
-    fn new(mtl: &'a Mtl, report: &Report) -> Self {
-        let find = |map: &'a Option<Map>| map.as_ref().and_then(|map| find(mtl, map, report));
+    fn new(mtl: &'a Mtl, told: &mut HashSet<(PathBuf, String)>, report: &Report) -> Self {
+        let mut find = |map: &'a Option<Map>| map.as_ref().and_then(|map| find(mtl, map, told, report));
         let same_file = |a: &Map| mtl.map_kd.as_ref().is_some_and(|kd| kd.file.eq_ignore_ascii_case(&a.file));
         let occlusion = match (&mtl.map_ao, &mtl.map_ka) {
             (None, Some(ambient)) if same_file(ambient) => &None,
@@ -296,18 +297,23 @@ fn place(mtl: &Mtl, map: &Map) -> String {
     format!("{}:{}: {} {}", file::short_name(&mtl.path), map.line, map.key, map.file)
 }
 
-fn find<'a>(mtl: &Mtl, map: &'a Map, report: &Report) -> Option<Source<'a>> {
+/// The map's file. What was said of a name is put into `told` and not said again.
+fn find<'a>(mtl: &Mtl, map: &'a Map, told: &mut HashSet<(PathBuf, String)>, report: &Report) -> Option<Source<'a>> {
     let folder = mtl.path.parent().unwrap_or(Path::new(""));
-    let Some(found) = file::find(folder, &map.file) else {
-        report.warn(format!("{}: file not found; using the factor alone", place(mtl, map)));
+    let found = file::find(folder, &map.file);
+    let mut warn = |message: String| {
+        if told.insert((mtl.path.clone(), map.file.clone())) {
+            report.warn(message);
+        }
+    };
+    let Some(found) = found else {
+        warn(format!("{}: file not found; using the factor alone", place(mtl, map)));
         return None;
     };
     if let Some(real) = found.real_name {
-        report.warn(format!("{}: found as {real}", place(mtl, map)));
+        warn(format!("{}: found as {real}", place(mtl, map)));
     }
-    // One file may be named in several ways.
-    let path = found.path.canonicalize().unwrap_or(found.path);
-    Some(Source { map, path })
+    Some(Source { map, path: found.path })
 }
 
 fn warn_unusable(mtl: &Mtl, map: &Map, error: &Error, report: &Report) {
