@@ -112,7 +112,7 @@ vec3 diffuse_lambert(vec3 albedo)
 // What is left for the diffuse part of a surface that mirrors by Schlick's law, as a BRDF: Shirley et al., "A
 // Practitioners' Assessment of Light Reflection Models" (1997), the coupled model's matte term. Light enters by 1 - F(n.l)
 // and leaves by 1 - F(n.v); 21/20 makes up for the mean of the first, so that under even light exactly
-// albedo (1 - F(n.v)) comes back. Lambert times 1 - F(v.h) instead reflects up to 1.6 times what it gets.
+// albedo (1 - F(n.v)) comes back. Lambert times 1 - F(v.h) instead reflects up to 1.86 times what it gets.
 vec3 diffuse_shirley1997(vec3 albedo, vec3 f0, float nl, float nv)
 {
     float through = (1.0 - schlick_weight(nl)) * (1.0 - schlick_weight(nv));

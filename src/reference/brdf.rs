@@ -108,7 +108,7 @@ pub fn diffuse_lambert(albedo: DVec3) -> DVec3 {
 /// Practitioners' Assessment of Light Reflection Models" (1997), the coupled model's matte term.
 ///
 /// Light enters by 1 − F(n·l) and leaves by 1 − F(n·v); 21/20 makes up for the mean of the first, so that under even light
-/// exactly albedo (1 − F(n·v)) comes back. Lambert times 1 − F(v·h) instead reflects up to 1.6 times what it gets.
+/// exactly albedo (1 − F(n·v)) comes back. Lambert times 1 − F(v·h) instead reflects up to 1.86 times what it gets.
 pub fn diffuse_shirley1997(albedo: DVec3, f0: DVec3, nl: f64, nv: f64) -> DVec3 {
     let through = (1.0 - schlick_weight(nl)) * (1.0 - schlick_weight(nv));
     albedo * (DVec3::ONE - f0) * (1.05 * FRAC_1_PI * through)
@@ -405,7 +405,7 @@ mod tests {
         }
         // Schlick's law and the microfacets' mean of it differ by what is left over.
         assert!(worst[0] < 1.001, "ours: {}", worst[0]);
-        assert!(worst[1] > 1.5, "1 − F(v·h) no longer breaks the rule: {}", worst[1]);
+        assert!(worst[1] > 1.8, "1 − F(v·h) no longer breaks the rule: {}", worst[1]);
     }
 
     #[test]
