@@ -1,0 +1,466 @@
+//! What stands behind one window: scene, camera, text, and what keys, mouse and dropped files do to them.
+
+use std::collections::VecDeque;
+use std::f32::consts::TAU;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use clap::ValueEnum;
+use glam::Vec2;
+use winit::dpi::PhysicalPosition;
+use winit::event::{ElementState, KeyEvent, MouseButton, MouseScrollDelta};
+use winit::event_loop::{ControlFlow, EventLoopProxy};
+use winit::keyboard::ModifiersState;
+use winit::window::{Fullscreen, Window};
+
+use super::super::control::{Control, Mode};
+use super::super::frame_clock::FrameClock;
+use super::canvas::Canvas;
+#[cfg(feature = "hot-reload")]
+use super::hot_reload::ShaderWatch;
+use super::hud::{Hud, Status, title};
+use super::keys::{Action, Held, action};
+use super::worker::{Done, Job, Stage, Worker, file_name, report_screenshot};
+use crate::gpu::Gpu;
+use crate::precompute::LightMaps;
+use crate::render::{Overlay, Settings, Shading};
+use crate::{Error, Result};
+
+/// Radians of one step of the panorama.
+const TURN_STEP: f32 = TAU / 72.0;
+/// Pixels of a touchpad's scrolling, at scale 1, that count as one notch of a wheel.
+const PIXELS_PER_NOTCH: f64 = 40.0;
+/// A minimised window is looked at this often.
+const DOZE: Duration = Duration::from_millis(100);
+/// Pixels per pixel of the font, at scale 1.
+const TEXT_SCALE: f64 = 2.0;
+
+/// What a press of a mouse button has begun.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Drag {
+    Turn,
+    Pan,
+}
+
+/// A window with all that it shows. The order of its fields is the order in which they go: the window last, after
+/// the swapchain that presents to it, and everything on the GPU before the device.
+pub struct Viewer {
+    worker: Worker,
+    #[cfg(feature = "hot-reload")]
+    shader_watch: ShaderWatch,
+    canvas: Canvas,
+    overlay: Overlay,
+    /// Nothing before the first scene is loaded.
+    stage: Option<(Box<Stage>, Control)>,
+    /// Index of the last chosen camera.
+    camera: usize,
+    shading: Shading,
+    clock: FrameClock,
+    titled: Option<Instant>,
+    hud: Hud,
+    /// Files with the worker, in order.
+    loading: VecDeque<String>,
+    held: Held,
+    modifiers: ModifiersState,
+    drag: Option<Drag>,
+    pointer: Option<PhysicalPosition<f64>>,
+    occluded: bool,
+    focused: bool,
+    screenshot: bool,
+    frames: u64,
+    gpu: Arc<Gpu>,
+    window: Window,
+}
+
+impl Viewer {
+    /// Takes a window, makes what is needed to draw into it, and starts loading.
+    ///
+    /// # Safety
+    /// The window's event loop must outlive the viewer.
+    pub unsafe fn new(
+        gpu: Arc<Gpu>,
+        window: Window,
+        settings: Settings,
+        shading: Shading,
+        wake: EventLoopProxy<()>,
+    ) -> Result<Self> {
+        // SAFETY: the window becomes a field that is dropped after the canvas; the caller keeps the event loop.
+        let canvas = unsafe { Canvas::new(&gpu, &window) }?;
+        Ok(Self {
+            worker: Worker::new(&gpu, settings, wake)?,
+            #[cfg(feature = "hot-reload")]
+            shader_watch: ShaderWatch::new(&crate::gpu::shader_folder())?,
+            canvas,
+            overlay: Overlay::new(&gpu, 1)?,
+            stage: None,
+            camera: 0,
+            shading,
+            clock: FrameClock::default(),
+            titled: None,
+            hud: Hud::default(),
+            loading: VecDeque::new(),
+            held: Held::default(),
+            modifiers: ModifiersState::empty(),
+            drag: None,
+            pointer: None,
+            occluded: false,
+            focused: false,
+            screenshot: false,
+            frames: 0,
+            gpu,
+            window,
+        })
+    }
+
+    /// The window.
+    pub fn window(&self) -> &Window {
+        &self.window
+    }
+
+    /// Frames shown so far.
+    pub fn frames(&self) -> u64 {
+        self.frames
+    }
+
+    /// When the next frame is due: at once (`Poll`), later, or after some event.
+    pub fn pace(&mut self) -> ControlFlow {
+        let now = Instant::now();
+        let pace = if self.stage.is_none() || self.occluded || self.wanted_size().contains(&0) {
+            ControlFlow::Wait
+        } else if !self.focused && self.window.is_minimized() == Some(true) {
+            // X11 tells of minimising only who asks.
+            ControlFlow::WaitUntil(now + DOZE)
+        } else {
+            self.canvas.retry_at().filter(|at| *at > now).map_or(ControlFlow::Poll, ControlFlow::WaitUntil)
+        };
+        if pace != ControlFlow::Poll {
+            self.clock.pause();
+        }
+        pace
+    }
+
+    /// Draws and shows one frame, if there is anything to draw and a place to draw it.
+    pub fn draw(&mut self) -> Result<()> {
+        #[cfg(feature = "hot-reload")]
+        self.reload_changed_shaders()?;
+        let wanted = self.wanted_size();
+        let Some((stage, control)) = self.stage.as_mut().filter(|_| !wanted.contains(&0)) else { return Ok(()) };
+        let (acquired, times) = self.canvas.begin(wanted)?;
+        self.clock.add_gpu(&times);
+        let Some(acquired) = acquired else { return Ok(()) };
+        let now = Instant::now();
+        let seconds = self.clock.tick(now);
+        control.step(self.held.movement(), self.held.fast(), seconds);
+        let size = self.canvas.size();
+        stage.renderer.resize(size)?;
+        let eye = control.eye(size[0] as f32 / size[1] as f32);
+        let scale = (TEXT_SCALE * self.window.scale_factor()).round().max(1.0) as u32;
+        let settings = settings(stage, control, self.camera, self.canvas.mode().name());
+        let status = Status { rate: self.clock.rate(), settings: &settings, loading: &self.loading };
+        let lines = self.hud.lines(now, &status, Overlay::columns(size, scale));
+        self.overlay.set_text(self.canvas.slot(), &lines, size, scale);
+        // Screenshots are of the scene alone.
+        let overlay = (!self.screenshot).then_some(&self.overlay);
+        self.canvas.show(acquired, &mut stage.renderer, eye, overlay, &self.window)?;
+        if std::mem::take(&mut self.screenshot) {
+            self.worker.start(Job::Screenshot { pixels: self.canvas.read(&stage.renderer)?, size });
+        }
+        self.frames += 1;
+        if self.frames == 1 {
+            println!("pbr-vr: window {}x{} on {}", size[0], size[1], self.gpu.info().name);
+        }
+        self.write_title(now);
+        Ok(())
+    }
+
+    /// Starts loading a file that was named or dropped.
+    pub fn open(&mut self, path: &Path) {
+        let extension = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
+        let path: PathBuf = path.into();
+        let name = file_name(&path);
+        let job = match extension.as_str() {
+            "hdr" | "exr" => Job::Panorama { path },
+            "toml" | "obj" => self.scene_job(path),
+            _ => {
+                let remedy = "drop a scene (.toml, .obj) or a panorama (.hdr, .exr)";
+                return self.complain(&Error::Usage(format!("{name} cannot be shown; {remedy}")));
+            }
+        };
+        self.start(name, job);
+    }
+
+    /// Starts loading the scene that the window was opened for, whatever its name; failing is final.
+    pub fn open_first(&mut self, path: PathBuf) {
+        let name = file_name(&path);
+        self.window.set_title(&title(&name, None));
+        let job = self.scene_job(path);
+        self.start(name, job);
+    }
+
+    /// Takes what the worker has finished.
+    pub fn collect(&mut self) -> Result<()> {
+        while let Some(done) = self.worker.take()? {
+            match done {
+                Done::Scene(stage) => {
+                    self.loading.pop_front();
+                    match stage {
+                        Ok(stage) => self.enter(stage)?,
+                        Err(error) if self.stage.is_none() => return Err(error),
+                        Err(error) => self.complain(&error),
+                    }
+                }
+                Done::Panorama { name, light } => {
+                    self.loading.pop_front();
+                    match light {
+                        Ok(light) => self.light_with(&name, light)?,
+                        Err(error) => self.complain(&error),
+                    }
+                }
+                Done::Screenshot(written) => {
+                    report_screenshot(&written);
+                    match written {
+                        Ok(path) => self.note(format!("wrote {}", path.display())),
+                        Err(error) => self.hud.error(Instant::now(), error.to_string()),
+                    }
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// A key went down or up; returns whether that ends the program.
+    pub fn key(&mut self, event: &KeyEvent) -> Result<bool> {
+        self.held.follow(event);
+        let wanted = event.state.is_pressed().then(|| action(event, self.modifiers.alt_key())).flatten();
+        match wanted {
+            Some(Action::Quit) => return Ok(true),
+            Some(action) => self.perform(action)?,
+            None => {}
+        }
+        Ok(false)
+    }
+
+    pub fn modifiers(&mut self, state: ModifiersState) {
+        self.modifiers = state;
+    }
+
+    pub fn focus(&mut self, focused: bool) {
+        self.focused = focused;
+        if !focused {
+            self.held.release_all();
+            self.drag = None;
+        }
+    }
+
+    pub fn occlude(&mut self, occluded: bool) {
+        self.occluded = occluded;
+    }
+
+    /// The window has another size or scale.
+    pub fn resized(&mut self) {
+        self.canvas.window_changed();
+    }
+
+    pub fn button(&mut self, state: ElementState, button: MouseButton) {
+        let drag = match button {
+            MouseButton::Left => Drag::Turn,
+            MouseButton::Right | MouseButton::Middle => Drag::Pan,
+            _ => return,
+        };
+        match state {
+            ElementState::Pressed => self.drag = Some(drag),
+            ElementState::Released => self.drag = self.drag.filter(|current| *current != drag),
+        }
+    }
+
+    pub fn pointer(&mut self, position: PhysicalPosition<f64>) {
+        let before = self.pointer.replace(position).unwrap_or(position);
+        let height = f64::from(self.wanted_size()[1].max(1));
+        let moved = Vec2::new((position.x - before.x) as f32, (position.y - before.y) as f32) / height as f32;
+        if let Some((_, control)) = &mut self.stage {
+            match self.drag {
+                Some(Drag::Turn) => control.turn(moved),
+                Some(Drag::Pan) => control.pan(moved),
+                None => {}
+            }
+        }
+    }
+
+    pub fn wheel(&mut self, delta: MouseScrollDelta) {
+        let notches = match delta {
+            MouseScrollDelta::LineDelta(_, lines) => lines,
+            MouseScrollDelta::PixelDelta(by) => (by.y / (PIXELS_PER_NOTCH * self.window.scale_factor())) as f32,
+        };
+        if let Some((_, control)) = &mut self.stage {
+            control.wheel(notches);
+        }
+    }
+
+    fn perform(&mut self, action: Action) -> Result<()> {
+        match action {
+            // `key` has seen to it.
+            Action::Quit => {}
+            Action::Keys => self.hud.switch_keys(),
+            Action::Screenshot => self.screenshot = true,
+            Action::Fullscreen => {
+                let full = self.window.fullscreen().is_none().then_some(Fullscreen::Borderless(None));
+                self.window.set_fullscreen(full);
+            }
+            Action::NextPresentMode => {
+                let mode = self.canvas.next_mode();
+                self.note(format!("showing frames: {}", mode.name()));
+            }
+            Action::NextShading => self.shade(1)?,
+            Action::PreviousShading => self.shade(Shading::value_variants().len() - 1)?,
+            Action::SwitchMode => {
+                if let Some((_, control)) = &mut self.stage {
+                    control.switch_mode();
+                }
+            }
+            Action::NextCamera => self.choose_camera(self.camera + 1),
+            Action::Camera(index) => {
+                let count = self.stage.as_ref().map_or(0, |(stage, _)| stage.cameras.len());
+                if index < count {
+                    self.choose_camera(index);
+                } else {
+                    self.note(format!("there is no camera {}, only {count}", index + 1));
+                }
+            }
+            Action::Reset => self.reset(),
+            Action::Exposure(thirds) => {
+                if let Some((stage, _)) = &mut self.stage {
+                    *stage.renderer.exposure_ev() += f32::from(thirds) / 3.0;
+                }
+            }
+            Action::Turn(steps) => {
+                if let Some((stage, _)) = &mut self.stage {
+                    let turn = stage.renderer.environment_turn();
+                    *turn = (*turn + f32::from(steps) * TURN_STEP).rem_euclid(TAU);
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn choose_camera(&mut self, index: usize) {
+        if let Some((stage, control)) = &mut self.stage {
+            self.camera = index % stage.cameras.len();
+            control.set_camera(&stage.cameras[self.camera]);
+        }
+    }
+
+    fn reset(&mut self) {
+        self.choose_camera(self.camera);
+        if let Some((stage, _)) = &mut self.stage {
+            *stage.renderer.exposure_ev() = stage.exposure_ev;
+            *stage.renderer.environment_turn() = stage.rotation_degrees.to_radians();
+        }
+    }
+
+    fn shade(&mut self, forward: usize) -> Result<()> {
+        let all = Shading::value_variants();
+        let at = all.iter().position(|s| *s == self.shading).unwrap_or(0);
+        self.shading = all[(at + forward) % all.len()];
+        match &mut self.stage {
+            Some((stage, _)) => stage.renderer.set_shading(self.shading),
+            None => Ok(()),
+        }
+    }
+
+    fn scene_job(&self, path: PathBuf) -> Job {
+        Job::Scene { path, shading: self.shading, size: self.wanted_size().map(|s| s.max(1)) }
+    }
+
+    fn start(&mut self, name: String, job: Job) {
+        self.loading.push_back(name);
+        self.worker.start(job);
+    }
+
+    fn enter(&mut self, mut stage: Box<Stage>) -> Result<()> {
+        // It may have been changed while the scene was loading.
+        if stage.renderer.shading() != self.shading {
+            stage.renderer.set_shading(self.shading)?;
+        }
+        if self.stage.is_some() {
+            self.note(format!("{} is here", stage.name));
+        }
+        let mut control = Control::new(&stage.cameras[0], stage.bounds);
+        if self.stage.as_ref().is_some_and(|(_, old)| old.mode() == Mode::Fly) {
+            control.switch_mode();
+        }
+        (self.camera, self.titled) = (0, None);
+        self.stage = Some((stage, control));
+        Ok(())
+    }
+
+    fn light_with(&mut self, name: &str, light: LightMaps) -> Result<()> {
+        if let Some((stage, _)) = &mut self.stage {
+            stage.renderer.set_light(light)?;
+            stage.rotation_degrees = 0.0;
+            self.note(format!("lit by {name}"));
+        }
+        Ok(())
+    }
+
+    #[cfg(feature = "hot-reload")]
+    fn reload_changed_shaders(&mut self) -> Result<()> {
+        let now = Instant::now();
+        let Some((stage, _)) = self.stage.as_mut().filter(|_| self.shader_watch.is_due(now)) else { return Ok(()) };
+        let overlay = Overlay::new(&self.gpu, 1);
+        match stage.renderer.reload_shaders().and(overlay) {
+            Ok(overlay) => {
+                self.overlay = overlay;
+                println!("pbr-vr: shaders reloaded");
+                self.note("shaders reloaded; light maps are made anew with the next panorama or scene");
+                Ok(())
+            }
+            Err(error @ Error::Broken { .. }) => {
+                self.complain(&error);
+                Ok(())
+            }
+            Err(error) => Err(error),
+        }
+    }
+
+    /// The window's size in pixels; 0 while it is minimised, on some systems.
+    fn wanted_size(&self) -> [u32; 2] {
+        self.window.inner_size().into()
+    }
+
+    fn write_title(&mut self, now: Instant) {
+        let Some((stage, _)) = &self.stage else { return };
+        let fresh = self.titled.is_some_and(|at| now < at + Duration::from_millis(500));
+        if !fresh {
+            self.window.set_title(&title(&stage.name, self.clock.rate()));
+            self.titled = Some(now);
+        }
+    }
+
+    fn note(&mut self, text: impl Into<String>) {
+        self.hud.note(Instant::now(), text);
+    }
+
+    /// Tells of something that went wrong and changed nothing.
+    fn complain(&mut self, error: &Error) {
+        eprintln!("pbr-vr: {error}");
+        self.hud.error(Instant::now(), error.to_string());
+    }
+}
+
+/// The settings in words.
+fn settings(stage: &mut Stage, control: &Control, camera: usize, present_mode: &str) -> [String; 6] {
+    let shading = stage.renderer.shading().to_possible_value().map_or_else(String::new, |v| v.get_name().to_owned());
+    let mode = match control.mode() {
+        Mode::Orbit => "orbit",
+        Mode::Fly => "fly",
+    };
+    [
+        shading,
+        format!("{:+.1} EV", *stage.renderer.exposure_ev()),
+        format!("panorama {:.0} deg", stage.renderer.environment_turn().to_degrees()),
+        format!("camera {}", stage.cameras[camera].name),
+        mode.to_owned(),
+        present_mode.to_owned(),
+    ]
+}
