@@ -31,7 +31,7 @@ impl Eye {
     pub fn symmetric(world_from_view: Mat4, vertical_fov_degrees: f32, aspect: f32, distance_metres: f32) -> Self {
         let up = (0.5 * vertical_fov_degrees.to_radians()).tan();
         let right = up * aspect;
-        let near_metres = (NEAR_PART * distance_metres).clamp(f32::EPSILON, NEAR_METRES);
+        let near_metres = (NEAR_PART * distance_metres).clamp(1e-12, NEAR_METRES);
         Self { world_from_view, left: -right, right, down: -up, up, near_metres }
     }
 

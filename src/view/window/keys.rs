@@ -77,7 +77,10 @@ fn of_key(key: &Key, alt: bool) -> Option<Action> {
             "]" => Some(Action::Exposure(1)),
             "," => Some(Action::Turn(-1)),
             "." => Some(Action::Turn(1)),
-            digit => digit.parse().ok().filter(|n| (1..=9).contains(n)).map(|n: usize| Action::Camera(n - 1)),
+            other => match other.as_bytes() {
+                [digit @ b'1'..=b'9'] => Some(Action::Camera(usize::from(digit - b'1'))),
+                _ => None,
+            },
         },
         _ => None,
     }

@@ -213,7 +213,7 @@ impl Viewer {
                 Done::Panorama { name, light } => {
                     self.loading.pop_front();
                     match light {
-                        Ok(light) => self.light_with(&name, light)?,
+                        Ok(light) => self.light_with(&name, *light)?,
                         Err(error) => self.complain(&error),
                     }
                 }

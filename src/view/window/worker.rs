@@ -51,7 +51,7 @@ pub enum Job {
 /// What came of it.
 pub enum Done {
     Scene(Result<Box<Stage>>),
-    Panorama { name: String, light: Result<LightMaps> },
+    Panorama { name: String, light: Result<Box<LightMaps>> },
     Screenshot(Result<PathBuf>),
 }
 
@@ -142,7 +142,8 @@ fn perform(gpu: &Arc<Gpu>, settings: Settings, job: Job) -> Done {
     match job {
         Job::Scene { path, shading, size } => Done::Scene(load_stage(gpu, settings, &path, shading, size, &report)),
         Job::Panorama { path } => {
-            let light = Panorama::load(&path, &report).and_then(|panorama| LightMaps::new(gpu, &panorama));
+            let light =
+                Panorama::load(&path, &report).and_then(|panorama| LightMaps::new(gpu, &panorama)).map(Box::new);
             Done::Panorama { name: file_name(&path), light }
         }
         Job::Screenshot { pixels, size } => Done::Screenshot(write_screenshot(&pixels, size, Path::new(""))),
