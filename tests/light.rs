@@ -55,12 +55,12 @@ fn a_white_furnace_shows_a_metal_by_its_directional_albedo() {
         for roughness in [0.05, 0.3, 0.6, 1.0] {
             let shop = Workshop::new();
             shop.panorama("sky.exr", 64, |_| WHITE);
-            let (size, distance) = (96, 3.5);
+            let (size, distance) = (384, 3.5);
             let scene = scene(&shop, &sphere("m.mtl"), &material(WHITE, 1.0, roughness), distance, "");
             let picture = &shop.render(&scene, &Look { geometry, size: [size, size], ..Look::default() })[0];
             let mut compared = 0;
-            for y in (0..size).step_by(3) {
-                for x in (0..size).step_by(3) {
+            for y in (0..size).step_by(12) {
+                for x in (0..size).step_by(12) {
                     let Some((n, d)) = on_sphere(x, y, size, f64::from(distance)) else { continue };
                     let want = specular_albedo(DVec3::ONE, -n.dot(d), f64::from(roughness), geometry).x;
                     let got = pixel(picture, x, y)[0];
