@@ -128,6 +128,7 @@ fn what_fails_is_status_1_with_file_and_remedy() {
     fails(folder.path(), &["render", "broken.obj", "-o", "x.png"], 1, &["broken.obj"]);
     write("dark.toml", "environment = { panorama = \"dark.hdr\" }\n[[model]]\nfile = \"broken.obj\"\n");
     fails(folder.path(), &["render", "dark.toml", "-o", "x.png"], 1, &["dark.hdr"]);
+    fails(folder.path(), &["render", &scene, "-o", "x.png", "--size", "16000x16000"], 1, &["16000x16000", "smaller"]);
     assert!(!folder.path().join("x.png").exists());
 }
 
