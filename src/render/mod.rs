@@ -235,6 +235,16 @@ fn make_targets(gpu: &Arc<Gpu>, size: [u32; 2], eyes: u32, settings: &Settings) 
         let message = format!("a picture of {}x{} cannot be made; 1x1 to {most}x{most} can", size[0], size[1]);
         return Err(Error::Usage(message));
     }
+    let bytes = Targets::bytes(size, eyes, settings.output, settings.samples);
+    let there = gpu.info().memory;
+    if bytes > there {
+        let what = format!("a picture of {}x{}", size[0], size[1]);
+        let mib = |bytes: u64| bytes >> 20;
+        return Err(Error::GpuMemory {
+            what,
+            problem: format!("{} MiB against {} MiB there are", mib(bytes), mib(there)),
+        });
+    }
     Targets::new(gpu, size, eyes, settings.output, settings.samples)
 }
 
