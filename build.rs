@@ -1,9 +1,10 @@
-//! Compiles every stage file of glsl/ to SPIR-V and lists them for `gpu::shader`.
+//! Compiles every stage file of glsl/ to SPIR-V and lists them for `gpu::shader`; hashes the code of `precompute`.
 
 #[path = "src/gpu/shader_compiler.rs"]
 mod shader_compiler;
 
 use std::fmt::Write as _;
+use std::hash::{DefaultHasher, Hash as _, Hasher as _};
 use std::path::{Path, PathBuf};
 use std::{env, fs, process};
 
@@ -31,7 +32,32 @@ fn run() -> Result<(), String> {
             .map_err(|e| e.to_string())?;
     }
     table.push_str("];\n");
-    write_file(&out.join("shaders.rs"), table.as_bytes())
+    write_file(&out.join("shaders.rs"), table.as_bytes())?;
+    println!("cargo:rustc-env=PBR_VR_PRECOMPUTE_CODE={:016x}", code_hash(&root)?);
+    Ok(())
+}
+
+/// Tells one state of the code that precomputed maps come from apart from another, for those kept on disk.
+fn code_hash(root: &Path) -> Result<u64, String> {
+    let mut hasher = DefaultHasher::new();
+    for folder in ["src/precompute", "src/reference"] {
+        println!("cargo:rerun-if-changed={folder}");
+        hash_folder(&root.join(folder), &mut hasher).map_err(|e| format!("{folder}: {e}"))?;
+    }
+    Ok(hasher.finish())
+}
+
+fn hash_folder(folder: &Path, hasher: &mut DefaultHasher) -> std::io::Result<()> {
+    let mut paths = fs::read_dir(folder)?.map(|entry| Ok(entry?.path())).collect::<std::io::Result<Vec<_>>>()?;
+    paths.sort();
+    for path in paths {
+        if path.is_dir() {
+            hash_folder(&path, hasher)?;
+        } else {
+            (path.file_name(), fs::read(&path)?).hash(hasher);
+        }
+    }
+    Ok(())
 }
 
 fn write_file(path: &Path, bytes: &[u8]) -> Result<(), String> {

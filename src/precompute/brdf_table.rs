@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use super::cache::{Cache, cached};
 use crate::Result;
 use crate::gpu::{
     Bind, Format, Gpu, Image, ImageDesc, ImageUsageFlags, PassTime, Pipeline, Set, SetLayout, Shape, Slot, Use, run,
@@ -20,24 +21,29 @@ pub struct BrdfTable {
 }
 
 impl BrdfTable {
-    /// Computes the table for one geometry term.
-    pub fn new(gpu: &Arc<Gpu>, geometry: Geometry) -> Result<Self> {
-        let usage = ImageUsageFlags::SAMPLED | ImageUsageFlags::STORAGE | ImageUsageFlags::TRANSFER_SRC;
+    /// Computes the table for one geometry term, or takes it from the cache.
+    pub fn new(gpu: &Arc<Gpu>, geometry: Geometry, cache: Option<&Cache>) -> Result<Self> {
+        let copies = ImageUsageFlags::TRANSFER_SRC | ImageUsageFlags::TRANSFER_DST;
+        let usage = ImageUsageFlags::SAMPLED | ImageUsageFlags::STORAGE | copies;
         let desc = ImageDesc { shape: Shape::Flat, ..ImageDesc::flat(Format::R16G16B16A16_SFLOAT, [SIZE; 2], usage) };
         let image = Image::new(gpu, "BRDF table", desc)?;
-        let layout = SetLayout::new(gpu, "BRDF table", &[Slot::StorageImage])?;
-        let set = Set::new(gpu, "BRDF table", &layout, &[Bind::StorageImage(&image, 0)])?;
-        let constants = [(0, geometry as u32), (1, LOG2_SAMPLES)];
-        let pipeline = Pipeline::compute(gpu, "brdf_table.comp", &constants, &[&layout], 0)?;
-        let times = run(gpu, |commands| {
-            commands.prepare(&image, Use::Storage);
-            commands.pass("BRDF table", |commands| {
-                commands.bind(&pipeline, &[&set]);
-                commands.dispatch([SIZE.div_ceil(8), SIZE.div_ceil(8), 1]);
-            });
-            commands.prepare(&image, Use::Sampled);
-            Ok(())
-        })?;
+        let compute = || {
+            let layout = SetLayout::new(gpu, "BRDF table", &[Slot::StorageImage])?;
+            let set = Set::new(gpu, "BRDF table", &layout, &[Bind::StorageImage(&image, 0)])?;
+            let constants = [(0, geometry as u32), (1, LOG2_SAMPLES)];
+            let pipeline = Pipeline::compute(gpu, "brdf_table.comp", &constants, &[&layout], 0)?;
+            run(gpu, |commands| {
+                commands.prepare(&image, Use::Storage);
+                commands.pass("BRDF table", |commands| {
+                    commands.bind(&pipeline, &[&set]);
+                    commands.dispatch([SIZE.div_ceil(8), SIZE.div_ceil(8), 1]);
+                });
+                commands.prepare(&image, Use::Sampled);
+                Ok(())
+            })
+        };
+        let source = [&(geometry as u32).to_le_bytes()[..]];
+        let times = cached(gpu, cache, "BRDF table from the cache", &source, &[("BRDF table", &image)], compute)?;
         Ok(Self { image, times })
     }
 }

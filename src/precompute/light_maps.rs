@@ -2,6 +2,8 @@
 
 use std::sync::Arc;
 
+use super::Options;
+use super::cache::cached;
 use crate::asset::Panorama;
 use crate::gpu::{
     Bind, Commands, Edge, Format, Gpu, Image, ImageDesc, ImageUsageFlags, PassTime, Pipeline, Sampler, Set, SetLayout,
@@ -10,14 +12,12 @@ use crate::gpu::{
 use crate::reference::levels::alpha_from_level;
 use crate::{Error, Result};
 
-/// Texels along a face of the environment cube and of specular level 0.
-const CUBE_SIZE: u32 = 256;
-/// Specular levels: faces of 256 down to 4 texels, alpha 0, 1/32 … 1.
-const LEVELS: u32 = 7;
+/// Texels along a face that the environment cube and specular level 0 may have, powers of two.
+const FACE_SIZES: std::ops::RangeInclusive<u32> = 16..=1024;
 /// Texels along a face of the irradiance map; the clamped cosine leaves nothing finer.
 const IRRADIANCE_SIZE: u32 = 32;
-/// The environment's mip that irradiance is summed from: 32 texels along a face.
-const IRRADIANCE_SOURCE_MIP: usize = 3;
+/// Texels along a face of the environment's mip that irradiance is summed from, unless the largest is smaller.
+const IRRADIANCE_SOURCE_SIZE: u32 = 32;
 /// Samples per texel of a specular level.
 const LOG2_SAMPLES: u32 = 8;
 /// Radiance that the half-float maps hold at most before they are scaled.
@@ -37,29 +37,58 @@ pub struct LightMaps {
 }
 
 impl LightMaps {
-    /// Uploads a panorama and computes its maps.
+    /// Uploads a panorama and computes its maps, or takes them from the cache.
     ///
     /// # Errors
-    /// A panorama wider than the GPU's images, or no memory.
-    pub fn new(gpu: &Arc<Gpu>, panorama: &Panorama) -> Result<Self> {
+    /// A face size that is none, a panorama wider than the GPU's images, or no memory.
+    pub fn new(gpu: &Arc<Gpu>, panorama: &Panorama, options: &Options) -> Result<Self> {
+        check_face_size(options.face_size)?;
+        let size = options.face_size;
         let peak = panorama.texels.iter().flatten().copied().fold(0.0, f32::max);
         let scale = (peak / HALF_LIMIT).max(1.0).log2().ceil().exp2();
         let image = upload(gpu, panorama)?;
-        let environment = cube(gpu, "environment", CUBE_SIZE, CUBE_SIZE.ilog2() + 1)?;
         let irradiance = cube(gpu, "irradiance", IRRADIANCE_SIZE, 1)?;
-        let specular = cube(gpu, "specular levels", CUBE_SIZE, LEVELS)?;
-        let passes = Passes::new(gpu, panorama, &image, &environment, &irradiance, &specular)?;
-        let times = run(gpu, |commands| {
-            passes.record(commands, &environment, &irradiance, &specular, scale);
-            Ok(())
-        })?;
+        // Faces down to 4 texels; 7 levels from 256.
+        let specular = cube(gpu, "specular levels", size, size.ilog2() - 1)?;
+        let compute = || {
+            let environment = cube(gpu, "environment", size, size.ilog2() + 1)?;
+            let passes = Passes::new(gpu, panorama, &image, &environment, &irradiance, &specular)?;
+            run(gpu, |commands| {
+                passes.record(commands, &environment, &irradiance, &specular, scale);
+                Ok(())
+            })
+        };
+        let sides = [panorama.width, panorama.height];
+        let source = [bytemuck::cast_slice(&sides), bytemuck::cast_slice(&panorama.texels)];
+        let maps = [("irradiance", &irradiance), ("specular levels", &specular)];
+        let times = cached(gpu, options.cache.as_ref(), "light maps from the cache", &source, &maps, compute)?;
         Ok(Self { panorama: image, irradiance_over_pi: irradiance, specular, scale, times })
+    }
+
+    /// The specular levels' cubes.
+    pub fn specular_cubes(&self) -> Vec<&Image> {
+        vec![&self.specular]
+    }
+
+    /// Roughness of what `specular_cubes` hold: mip 0 of each cube, then mip 1 of each, and so on.
+    pub fn specular_roughness(&self) -> Vec<f64> {
+        let last = f64::from(self.last_level());
+        (0..self.specular.desc().mips).map(|level| alpha_from_level(f64::from(level), last).sqrt()).collect()
     }
 
     /// Index of the last specular level.
     pub fn last_level(&self) -> f32 {
         (self.specular.desc().mips - 1) as f32
     }
+}
+
+/// Fails with bad usage unless maps can be made with this many texels along a face.
+pub fn check_face_size(size: u32) -> Result<()> {
+    if FACE_SIZES.contains(&size) && size.is_power_of_two() {
+        return Ok(());
+    }
+    let (least, most) = (FACE_SIZES.start(), FACE_SIZES.end());
+    Err(Error::Usage(format!("faces of {size} texels cannot be made; a power of two from {least} to {most} can")))
 }
 
 fn upload(gpu: &Arc<Gpu>, panorama: &Panorama) -> Result<Image> {
@@ -128,36 +157,38 @@ impl Passes {
         let cube_sampler = Sampler::new(gpu, "cube", Edge::Clamp, false)?;
         let sample_to_store = SetLayout::new(gpu, "sample to store", &[Slot::Sampled, Slot::StorageImage])?;
         let load_to_store = SetLayout::new(gpu, "load to store", &[Slot::StorageImage, Slot::StorageImage])?;
+        let face_size = environment.desc().size[0];
         // Two taps for each panorama texel that a cube texel spans at the equator.
-        let taps = (panorama.width.div_ceil(4 * CUBE_SIZE) * 2).clamp(2, 16);
+        let taps = (panorama.width.div_ceil(4 * face_size) * 2).clamp(2, 16);
         let set = |layout: &SetLayout, binds: &[Bind<'_>]| Set::new(gpu, "precompute", layout, binds);
         let to_cube = Pass {
             pipeline: Pipeline::compute(gpu, "panorama_to_cube.comp", &[(0, taps)], &[&sample_to_store], 4)?,
             sets: vec![(
                 set(&sample_to_store, &[Bind::Sampled(image, &sampler), Bind::StorageImage(environment, 0)])?,
-                CUBE_SIZE,
+                face_size,
             )],
         };
         let halving = |mip: usize| {
             let binds = [Bind::StorageImage(environment, mip), Bind::StorageImage(environment, mip + 1)];
-            Ok((set(&load_to_store, &binds)?, CUBE_SIZE >> (mip + 1)))
+            Ok((set(&load_to_store, &binds)?, face_size >> (mip + 1)))
         };
         let mips = Pass {
             pipeline: Pipeline::compute(gpu, "cube_mip.comp", &[], &[&load_to_store], 0)?,
-            sets: (0..CUBE_SIZE.ilog2() as usize).map(halving).collect::<Result<_>>()?,
+            sets: (0..face_size.ilog2() as usize).map(halving).collect::<Result<_>>()?,
         };
-        let source = Bind::StorageImage(environment, IRRADIANCE_SOURCE_MIP);
+        let source_mip = (face_size / IRRADIANCE_SOURCE_SIZE).max(1).ilog2() as usize;
+        let source = Bind::StorageImage(environment, source_mip);
         let irradiance = Pass {
             pipeline: Pipeline::compute(gpu, "irradiance.comp", &[], &[&load_to_store], 0)?,
             sets: vec![(set(&load_to_store, &[source, Bind::StorageImage(irradiance, 0)])?, IRRADIANCE_SIZE)],
         };
         let level = |level: usize| {
             let binds = [Bind::Sampled(environment, &cube_sampler), Bind::StorageImage(specular, level)];
-            Ok((set(&sample_to_store, &binds)?, CUBE_SIZE >> level))
+            Ok((set(&sample_to_store, &binds)?, face_size >> level))
         };
         let specular = Pass {
             pipeline: Pipeline::compute(gpu, "specular.comp", &[(0, LOG2_SAMPLES)], &[&sample_to_store], 4)?,
-            sets: (0..LEVELS as usize).map(level).collect::<Result<_>>()?,
+            sets: (0..specular.desc().mips as usize).map(level).collect::<Result<_>>()?,
         };
         Ok(Self { to_cube, mips, irradiance, specular })
     }
@@ -188,8 +219,9 @@ impl Passes {
         commands.prepare(environment, Use::Sampled);
         commands.prepare(specular, Use::Storage);
         commands.pass("specular levels", |commands| {
-            for level in 1..LEVELS {
-                let alpha = alpha_from_level(f64::from(level), f64::from(LEVELS - 1));
+            let levels = specular.desc().mips;
+            for level in 1..levels {
+                let alpha = alpha_from_level(f64::from(level), f64::from(levels - 1));
                 self.specular.dispatch(commands, level as usize, &[alpha as f32]);
             }
         });

@@ -56,6 +56,7 @@ impl Workshop {
             frames: 1,
             shading: look.shading,
             geometry: look.geometry,
+            cache: None,
         };
         let gpu = GpuOptions { validate: true, ..GpuOptions::default() };
         let facts = render(&request, gpu, &Report::silent()).expect("a render without validation messages");
