@@ -58,7 +58,8 @@ impl LightMaps {
                 Ok(())
             })
         };
-        let sides = [panorama.width, panorama.height];
+        // The irradiance map depends on the face size too, though its own size does not.
+        let sides = [panorama.width, panorama.height, size];
         let source = [bytemuck::cast_slice(&sides), bytemuck::cast_slice(&panorama.texels)];
         let maps = [("irradiance", &irradiance), ("specular levels", &specular)];
         let times = cached(gpu, options.cache.as_ref(), "light maps from the cache", &source, &maps, compute)?;

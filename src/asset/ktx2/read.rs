@@ -94,12 +94,12 @@ fn check_shape(size: [u32; 2], depth: u32, layers: u32, faces: u32, levels: u32)
     Ok(())
 }
 
-/// A stretch of the file at or after `from`.
-fn section(bytes: &[u8], start: u32, length: u32, from: usize, what: &str) -> Parsed<Range<usize>> {
+/// A stretch of the file that must begin where the one before ended.
+fn section(bytes: &[u8], start: u32, length: u32, expected: usize, what: &str) -> Parsed<Range<usize>> {
     let (start, length) = (start as usize, length as usize);
     let end = start.checked_add(length).filter(|end| *end <= bytes.len());
     match end {
-        Some(end) if start >= from && start.is_multiple_of(4) => Ok(start..end),
+        Some(end) if start == expected => Ok(start..end),
         _ => Err(format!("its {what} ({length} bytes at {start}) lies where it cannot")),
     }
 }
@@ -126,7 +126,7 @@ fn parse_key_values(mut rest: &[u8]) -> Parsed<BTreeMap<String, Vec<u8>>> {
     Ok(all)
 }
 
-/// The levels lie one after another, the smallest first, after `from`.
+/// The levels lie one after another, aligned, the smallest first, after `from`.
 fn parse_levels(bytes: &[u8], texture: &Ktx2, count: u32, from: usize) -> Parsed<Vec<Vec<u8>>> {
     let mut places = Vec::new();
     let mut end = from as u64;
@@ -139,7 +139,7 @@ fn parse_levels(bytes: &[u8], texture: &Ktx2, count: u32, from: usize) -> Parsed
             return Err(format!("level {level} has {length} bytes and should have {expected}"));
         }
         let next = start.saturating_add(length);
-        if start < end || !start.is_multiple_of(u64::from(format.bytes())) || next > bytes.len() as u64 {
+        if start != end.next_multiple_of(u64::from(format.bytes())) || next > bytes.len() as u64 {
             return Err(format!("level {level} ({length} bytes at {start}) lies where it cannot"));
         }
         // Both are within the file.
@@ -235,7 +235,7 @@ mod tests {
                 if let Ok(read) = Ktx2::from_bytes(Path::new("a"), &bytes)
                     && at < HEADER_BYTES + 3 * LEVEL_BYTES + 92
                 {
-                    panic!("byte {at} of header, index or descriptor went unseen: {read:?}");
+                    panic!("byte {at} of header, index or descriptor went unseen: {:?}", read.key_values);
                 }
             }
         }
