@@ -52,6 +52,15 @@ impl Scene {
         (fs::read(&output).expect("the picture"), facts)
     }
 
+    /// The files that are baked, and how many of light maps and BRDF table came from the cache.
+    fn bake(&self, face_size: u32, cache: Option<&Cache>) -> (BTreeMap<PathBuf, Vec<u8>>, usize) {
+        let (panorama, folder) = (self.shop.path("sky.exr"), self.shop.path("baked"));
+        let request = BakeRequest { panorama: &panorama, folder: &folder, face_size, cache };
+        let facts = bake(&request, validated(), &Report::silent()).expect("baking without validation messages");
+        let passes = facts.stages.iter().flat_map(|stage| &stage.gpu);
+        (entries(&folder), passes.filter(|pass| pass.name.ends_with("from the cache")).count())
+    }
+
     fn entries(&self) -> BTreeMap<PathBuf, Vec<u8>> {
         entries(&self.shop.path("cache"))
     }
@@ -92,7 +101,7 @@ fn cached_and_uncached_renders_are_the_same_bytes_and_the_work_is_skipped() {
 #[test]
 fn broken_and_foreign_entries_are_made_again() {
     let scene = Scene::new();
-    let (picture, _) = scene.render(Some(&scene.cache), Geometry::Smith);
+    let (files, _) = scene.bake(16, Some(&scene.cache));
     let good = scene.entries();
     type Harm = fn(&[u8], &[u8]) -> Vec<u8>;
     let harms: [(&str, Harm); 6] = [
@@ -112,38 +121,28 @@ fn broken_and_foreign_entries_are_made_again() {
         for (i, (path, bytes)) in good.iter().enumerate() {
             fs::write(path, harm(bytes, contents[(i + 1) % contents.len()])).expect("harm");
         }
-        let (again, facts) = scene.render(Some(&scene.cache), Geometry::Smith);
-        assert_eq!(passes(&facts).0, 0, "{name}: {:?}", facts.precompute);
-        assert!(again == picture, "{name}: another picture");
+        assert!(scene.bake(16, Some(&scene.cache)) == (files.clone(), 0), "{name}: taken, or baked otherwise");
         assert!(scene.entries() == good, "{name}: not made again");
     }
     // One lost file of two that belong together, and a folder in an entry's place.
     let (first, _) = good.first_key_value().expect("entries");
     fs::remove_file(first).expect("an entry");
     fs::create_dir(first).expect("a folder in its place");
-    let (again, _) = scene.render(Some(&scene.cache), Geometry::Smith);
-    assert!(again == picture);
+    assert!(scene.bake(16, Some(&scene.cache)).0 == files);
 }
 
 #[test]
 fn sizes_share_no_entries_and_an_entry_of_another_shape_is_not_taken() {
     let scene = Scene::new();
-    let (panorama, folder) = (scene.shop.path("sky.exr"), scene.shop.path("baked"));
-    // The files, and whether the light maps came from the cache.
-    let baked = |face_size, cache| {
-        let request = BakeRequest { panorama: &panorama, folder: &folder, face_size, cache };
-        let facts = bake(&request, validated(), &Report::silent()).expect("baking");
-        let light = facts.stages.iter().find(|stage| stage.name == "light maps").expect("a stage");
-        (entries(&folder), light.gpu[0].name.ends_with("from the cache"))
-    };
-    let [(small, _), (large, _)] = [16, 32].map(|size| baked(size, None));
+    let [(small, _), (large, _)] = [16, 32].map(|size| scene.bake(size, None));
     assert!(small != large);
     let cache = Some(&scene.cache);
-    assert!(baked(16, cache) == (small.clone(), false));
+    assert!(scene.bake(16, cache) == (small.clone(), 0));
     let of_small = scene.entries();
-    assert!(baked(32, cache) == (large.clone(), false));
+    // The BRDF table is the same.
+    assert!(scene.bake(32, cache) == (large.clone(), 1));
     let of_large: Vec<PathBuf> = scene.entries().into_keys().filter(|path| !of_small.contains_key(path)).collect();
-    assert!(baked(16, cache) == (small, true) && baked(32, cache) == (large.clone(), true));
+    assert!(scene.bake(16, cache) == (small, 2) && scene.bake(32, cache) == (large.clone(), 2));
     let read = |path: &PathBuf| Ktx2::read(path, 1 << 30).expect("an entry");
     let shape = |texture: &Ktx2| (texture.size, texture.faces, texture.levels.len());
     let mut forgeries = 0;
@@ -154,7 +153,7 @@ fn sizes_share_no_entries_and_an_entry_of_another_shape_is_not_taken() {
                 // It says that it is the right one, and its texels are whole.
                 forged.set_text("pbrvrKey", &path.file_stem().expect("a name").to_string_lossy());
                 forged.write(path).expect("a forged entry");
-                assert!(baked(32, cache) == (large.clone(), false), "{:?} was taken", shape(&forged));
+                assert!(scene.bake(32, cache) == (large.clone(), 1), "{:?} was taken", shape(&forged));
                 forgeries += 1;
             }
         }

@@ -86,12 +86,12 @@ impl TexelFormat {
         let ids = &[0u32, 1, 2, 15][..self.channels() as usize];
         let block = 24 + 16 * self.channels();
         // Model RGBSDA with BT.709 primaries, linear, alpha not premultiplied; one texel per block, in one plane.
-        let mut words = vec![4 + block, 0, 2 | block << 16, 1 | 1 << 8 | 1 << 16, 0, self.bytes(), 0];
+        let mut words = vec![4 + block, 0, 2 | (block << 16), 1 | (1 << 8) | (1 << 16), 0, self.bytes(), 0];
         let bits = 8 * self.channel_bytes();
         for (i, id) in (0u32..).zip(ids) {
             // Signed floats, where −1 and 1 are themselves.
             let kind = id | 0x80 | 0x40;
-            words.extend([i * bits | (bits - 1) << 16 | kind << 24, 0, (-1f32).to_bits(), 1f32.to_bits()]);
+            words.extend([(i * bits) | ((bits - 1) << 16) | (kind << 24), 0, (-1f32).to_bits(), 1f32.to_bits()]);
         }
         words.into_iter().flat_map(u32::to_le_bytes).collect()
     }

@@ -159,7 +159,7 @@ fn word_at(bytes: &[u8], at: usize) -> u32 {
 }
 
 fn long_at(bytes: &[u8], at: usize) -> u64 {
-    u64::from(word_at(bytes, at)) | u64::from(word_at(bytes, at + 4)) << 32
+    u64::from(word_at(bytes, at)) | (u64::from(word_at(bytes, at + 4)) << 32)
 }
 
 #[cfg(test)]
