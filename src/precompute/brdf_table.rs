@@ -21,6 +21,9 @@ pub struct BrdfTable {
 }
 
 impl BrdfTable {
+    /// What a texel says, for other programs.
+    pub const MEANING: &str = "specular albedo = R * F0 + G; x: n.v, y: roughness";
+
     /// Computes the table for one geometry term, or takes it from the cache.
     pub fn new(gpu: &Arc<Gpu>, geometry: Geometry, cache: Option<&Cache>) -> Result<Self> {
         let copies = ImageUsageFlags::TRANSFER_SRC | ImageUsageFlags::TRANSFER_DST;

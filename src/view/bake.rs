@@ -133,7 +133,7 @@ fn write(gpu: &Arc<Gpu>, folder: &Path, light: &LightMaps, table: &BrdfTable) ->
     let roughness: Vec<String> = light.specular_roughness().iter().map(f64::to_string).collect();
     specular.set_text("pbrvrRoughness", &roughness.join(" "));
     let mut brdf = read_texture(gpu, &[&table.image])?;
-    brdf.set_text("pbrvrContent", "specular albedo = R * F0 + G; x: n.v, y: roughness");
+    brdf.set_text("pbrvrContent", BrdfTable::MEANING);
     [("irradiance.ktx2", irradiance), ("specular.ktx2", specular), ("brdf.ktx2", brdf)]
         .map(|(name, texture)| write_file(folder.join(name), &texture))
         .into_iter()
