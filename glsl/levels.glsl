@@ -1,19 +1,36 @@
-// Which specular level holds which roughness; twin of src/reference/levels.rs; no bindings.
+// Which specular level holds which lobe, and where levels lie; twin of src/reference/levels.rs; no bindings.
 #ifndef PBR_VR_LEVELS
 #define PBR_VR_LEVELS
 
-// alpha of a stored level: 0 at level 0 (the panorama itself), then doubling up to 1 at the last, as texels double in size.
-float alpha_from_level(float level, float last_level)
+const float LAST_LEVEL = 13.0;
+const float LAST_SPREAD = 0.4;
+const float SPREAD_RATIO = 1.5;
+const float LOG2_SPREAD_RATIO = 0.58496250072115618;
+
+// The fractional level for a lobe whose mean vector has length 1 - spread. Mixing two levels mixes their mean vectors, so
+// between two levels it is linear in the spread: what it shows of a linear environment is exact.
+float level_from_spread(float spread)
 {
-    return level < 1.0 ? level * exp2(1.0 - last_level) : exp2(level - last_level);
+    float first = LAST_SPREAD * exp2((1.0 - LAST_LEVEL) * LOG2_SPREAD_RATIO);
+    if (spread < first)
+        return max(spread, 0.0) / first;
+    float level = floor(LAST_LEVEL + log2(spread / LAST_SPREAD) / LOG2_SPREAD_RATIO);
+    float over = spread / (LAST_SPREAD * exp2((level - LAST_LEVEL) * LOG2_SPREAD_RATIO)) - 1.0;
+    return min(level + over / (SPREAD_RATIO - 1.0), LAST_LEVEL);
 }
 
-// The fractional level for a roughness, alpha = roughness^2; the inverse of the above.
-float level_from_roughness(float roughness, float last_level)
+struct LevelMix {
+    float even_mip;
+    float odd_mip;
+    float odd_share; // of the odd level; the even one has the rest
+};
+
+// The two levels around a fractional one. Even levels are the mips of one cube map, odd ones those of another, so each of
+// two neighbours is one fetch.
+LevelMix level_mix(float level)
 {
-    float alpha = roughness * roughness;
-    float first = exp2(1.0 - last_level);
-    return alpha < first ? alpha / first : last_level + log2(min(alpha, 1.0));
+    float odd_mip = floor(0.5 * level);
+    return LevelMix(floor(0.5 * level + 0.5), odd_mip, 1.0 - abs(level - (2.0 * odd_mip + 1.0)));
 }
 
 #endif

@@ -1,7 +1,9 @@
-//! Panorama to cube pyramid, irradiance, specular levels; BRDF table. All on the GPU.
+//! Panorama to cube, specular levels and irradiance; BRDF table. On the GPU, but for lists of what to sum.
 
 mod brdf_table;
+mod kernel_sum;
 mod light_maps;
+mod node_lists;
 
 pub use brdf_table::BrdfTable;
 pub use light_maps::LightMaps;

@@ -1,16 +1,47 @@
-//! Which specular level holds which roughness; twin of `glsl/levels.glsl`.
+//! Which specular level holds which lobe, and which levels stand for a lobe; twin of `glsl/levels.glsl`.
+//!
+//! A lobe is known by its spread, 1 − |its mean vector|. Mixing two levels mixes their mean vectors, so the level for a
+//! spread is found on a straight line between the two: what it shows of a linear environment is exact.
 
-/// alpha of a stored level: 0 at level 0 (the panorama itself), then doubling up to 1 at `last_level`, as texels double
-/// in size. Linear in alpha below level 1.
-pub fn alpha_from_level(level: f64, last_level: f64) -> f64 {
-    if level < 1.0 { level * (1.0 - last_level).exp2() } else { (level - last_level).exp2() }
+use super::lobe::kernel_spread;
+
+/// Specular levels: a mirror and thirteen lobes. Two share a texel size, half as many texels a side for each two: even
+/// levels are the mips of one cube map, odd levels those of another.
+pub const LEVELS: usize = 14;
+/// Spread of the last level. The cosine's (α = 1) is 1/3; rough surfaces seen at grazing angles have wider lobes.
+pub const LAST_SPREAD: f64 = 0.4;
+/// From level to level the spread grows by this, α by about √1.5.
+pub const SPREAD_RATIO: f64 = 1.5;
+
+/// Spread of a stored level's lobe; 0 at level 0, the panorama itself.
+pub fn spread_from_level(level: usize) -> f64 {
+    if level == 0 { 0.0 } else { LAST_SPREAD * SPREAD_RATIO.powi(level as i32 - (LEVELS - 1) as i32) }
 }
 
-/// The fractional level for a roughness in [0, 1], alpha = roughness²; the inverse of [`alpha_from_level`].
-pub fn level_from_roughness(roughness: f64, last_level: f64) -> f64 {
-    let alpha = roughness * roughness;
-    let first = (1.0 - last_level).exp2();
-    if alpha < first { alpha / first } else { last_level + alpha.min(1.0).log2() }
+/// alpha of a stored level's lobe, by bisection.
+pub fn alpha_from_level(level: usize) -> f64 {
+    if level == 0 {
+        return 0.0;
+    }
+    let spread = spread_from_level(level);
+    let (mut low, mut high) = (1e-4f64.ln(), 1e2f64.ln());
+    for _ in 0..60 {
+        let middle = 0.5 * (low + high);
+        if kernel_spread(middle.exp()) < spread { low = middle } else { high = middle }
+    }
+    low.exp()
+}
+
+/// The fractional level for a lobe of this spread; beyond the last level's, the last level.
+pub fn level_from_spread(spread: f64) -> f64 {
+    let last = (LEVELS - 1) as f64;
+    let first = spread_from_level(1);
+    if spread < first {
+        return spread / first;
+    }
+    let level = (last + (spread / LAST_SPREAD).log(SPREAD_RATIO)).floor();
+    let step = spread / (LAST_SPREAD * SPREAD_RATIO.powf(level - last)) - 1.0;
+    (level + step / (SPREAD_RATIO - 1.0)).min(last)
 }
 
 #[cfg(test)]
@@ -18,13 +49,26 @@ mod tests {
     use super::*;
 
     #[test]
-    fn levels_and_roughness_are_inverse_and_meet_their_ends() {
-        assert_eq!(level_from_roughness(0.0, 6.0), 0.0);
-        assert_eq!(level_from_roughness(1.0, 6.0), 6.0);
-        for i in 0..=60 {
-            let level = f64::from(i) / 10.0;
-            let back = level_from_roughness(alpha_from_level(level, 6.0).sqrt(), 6.0);
-            assert!((back - level).abs() < 1e-12, "{level} came back as {back}");
+    fn levels_hold_the_spread_they_are_found_by() {
+        assert_eq!((level_from_spread(0.0), level_from_spread(0.6)), (0.0, 13.0));
+        for level in 0..LEVELS {
+            let spread = kernel_spread(alpha_from_level(level));
+            assert!((spread - spread_from_level(level)).abs() < 1e-9 * spread, "{level}: {spread}");
+            let back = level_from_spread(spread);
+            assert!((back - level as f64).abs() < 1e-6, "{level} came back as {back}");
+        }
+        assert!((0.01..0.02).contains(&alpha_from_level(1)), "{}", alpha_from_level(1));
+    }
+
+    #[test]
+    fn a_mix_of_levels_has_the_spread_asked_for() {
+        for i in 0..=400 {
+            let spread = f64::from(i) / 1000.0;
+            let level = level_from_spread(spread);
+            let low = (level as usize).min(LEVELS - 2);
+            let share = level - low as f64;
+            let mixed = (1.0 - share) * spread_from_level(low) + share * spread_from_level(low + 1);
+            assert!((mixed - spread).abs() < 1e-12, "{spread} became {mixed}");
         }
     }
 }
