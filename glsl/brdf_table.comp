@@ -14,7 +14,7 @@
 
 const int PHI_NODES = 8;
 const int S_NODES = 16;
-const float SMALLEST_ALPHA = 1e-5;
+const float SMALLEST_ALPHA = 1e-7;
 
 layout(local_size_x = 8, local_size_y = 8) in;
 layout(constant_id = 0) const int GEOMETRY = 0;

@@ -13,7 +13,7 @@ use crate::reference::quadrature::gauss_legendre;
 use crate::reference::table::{SplitSum, table_arguments};
 
 /// Texels along n·v and along roughness: what bilinear lookups lose is below 1e-3.
-pub const SIZE: u32 = 96;
+pub const SIZE: [u32; 2] = [128, 96];
 /// Quadrature nodes over φ and s; `glsl/brdf_table.comp` knows them, too.
 const NODES: [usize; 2] = [8, 16];
 
@@ -28,10 +28,10 @@ impl BrdfTable {
     /// Computes the table for one geometry term and one way to look up the environment.
     pub fn new(gpu: &Arc<Gpu>, geometry: Geometry, split_sum: SplitSum) -> Result<Self> {
         let usage = ImageUsageFlags::SAMPLED | ImageUsageFlags::STORAGE | ImageUsageFlags::TRANSFER_SRC;
-        let flat = ImageDesc::flat(Format::R32G32B32A32_SFLOAT, [SIZE; 2], usage);
+        let flat = ImageDesc::flat(Format::R32G32B32A32_SFLOAT, SIZE, usage);
         let image = Image::new(gpu, "BRDF table", ImageDesc { shape: Shape::Layers(2), ..flat })?;
         let nodes = storage(gpu, "quadrature", &quadrature())?;
-        let spreads: Vec<f32> = (0..SIZE).map(|row| classic_spread(row) as f32).collect();
+        let spreads: Vec<f32> = (0..SIZE[1]).map(|row| classic_spread(row) as f32).collect();
         let spreads = storage(gpu, "kernel spreads", &spreads)?;
         let layout = SetLayout::new(gpu, "BRDF table", &[Slot::Storage, Slot::Storage, Slot::StorageImage])?;
         let binds = [Bind::Storage(&nodes), Bind::Storage(&spreads), Bind::StorageImage(&image, 0)];
@@ -42,7 +42,7 @@ impl BrdfTable {
             commands.prepare(&image, Use::Storage);
             commands.pass("BRDF table", |commands| {
                 commands.bind(&pipeline, &[&set]);
-                commands.dispatch([SIZE.div_ceil(8), SIZE.div_ceil(8), 1]);
+                commands.dispatch([SIZE[0].div_ceil(8), SIZE[1].div_ceil(8), 1]);
             });
             commands.prepare(&image, Use::Sampled);
             Ok(())

@@ -86,7 +86,9 @@ impl<'a> KernelSum<'a> {
         let set = |layout: &SetLayout, binds: &[Bind<'_>]| Set::new(gpu, "kernel sum", layout, binds);
         let variants = |shader, constant, taps: Option<u32>, layout: &SetLayout, push_bytes: usize| {
             let variant = |white: usize| {
-                let constants: Vec<_> = taps.map(|taps| (0, taps)).into_iter().chain([(constant, white as u32)]).collect();
+                // White light needs few taps: it is the same all over a texel.
+                let taps = taps.map(|taps| (0, if white == WHITE { 2 } else { taps }));
+                let constants: Vec<_> = taps.into_iter().chain([(constant, white as u32)]).collect();
                 Pipeline::compute(gpu, shader, &constants, &[layout], push_bytes as u32)
             };
             Ok::<_, crate::Error>([variant(LIGHT)?, variant(WHITE)?])

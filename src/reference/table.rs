@@ -74,13 +74,19 @@ impl Lobe {
     }
 }
 
-/// Octaves of n·v in the table; the same in `glsl/table.glsl`.
-const OCTAVES: f64 = 11.0;
+/// How much finer the table is at n·v = 0 than at 1; the same in `glsl/table.glsl`.
+const STEEPNESS: f64 = 1024.0;
 
-/// n·v and roughness of a texel of a table of size² texels; twin of `table_arguments` in `glsl/table.glsl`.
-pub fn table_arguments([x, y]: [u32; 2], size: u32) -> [f64; 2] {
-    let at = |i: u32| f64::from(i) / f64::from(size - 1);
-    [((at(x) - 1.0) * OCTAVES).exp2(), at(y).powi(3)]
+/// n·v and roughness of a texel of a table of this size; twin of `table_arguments` in `glsl/table.glsl`.
+pub fn table_arguments(texel: [u32; 2], size: [u32; 2]) -> [f64; 2] {
+    let [x, y] = std::array::from_fn(|i| f64::from(texel[i]) / f64::from(size[i] - 1));
+    [((1.0 + STEEPNESS).powf(x) - 1.0) / STEEPNESS, y.powi(3)]
+}
+
+/// Where in [0, 1]² from the first texel's centre to the last's the table holds n·v and a roughness; the inverse of
+/// [`table_arguments`], and what `table_coordinate` in `glsl/table.glsl` makes texture coordinates of.
+pub fn table_place(nv: f64, roughness: f64) -> [f64; 2] {
+    [(STEEPNESS * nv).ln_1p() / STEEPNESS.ln_1p(), roughness.cbrt()]
 }
 
 /// The table's entry at n·v = nv in [0, 1] and a roughness in [0, 1]; relative to the integral good to 1e-7.
