@@ -2,21 +2,26 @@
 #ifndef PBR_VR_LEVELS
 #define PBR_VR_LEVELS
 
-const float LAST_LEVEL = 13.0;
-const float LAST_SPREAD = 0.4;
-const float SPREAD_RATIO = 1.5;
-const float LOG2_SPREAD_RATIO = 0.58496250072115618;
+const float LAST_LEVEL = 9.0;
 
-// The fractional level for a lobe whose mean vector has length 1 - spread. Mixing two levels mixes their mean vectors, so
-// between two levels it is linear in the spread: what it shows of a linear environment is exact.
+// Spread of the lobe of level 1 and above; its fourth root grows evenly.
+float spread_from_level(float level)
+{
+    float root = 0.165 + 0.07 * level;
+    return root * root * root * root;
+}
+
+// The fractional level for a lobe whose mean vector has length 1 - spread. Mixing two lobes mixes their mean vectors, so
+// between two levels it is linear in the spread: what it shows of a linear environment is exact. Below the first lobe it
+// is linear in the spread's root, about alpha.
 float level_from_spread(float spread)
 {
-    float first = LAST_SPREAD * exp2((1.0 - LAST_LEVEL) * LOG2_SPREAD_RATIO);
+    float first = spread_from_level(1.0);
     if (spread < first)
-        return max(spread, 0.0) / first;
-    float level = floor(LAST_LEVEL + log2(spread / LAST_SPREAD) / LOG2_SPREAD_RATIO);
-    float over = spread / (LAST_SPREAD * exp2((level - LAST_LEVEL) * LOG2_SPREAD_RATIO)) - 1.0;
-    return min(level + over / (SPREAD_RATIO - 1.0), LAST_LEVEL);
+        return sqrt(max(spread, 0.0) / first);
+    float low = clamp(floor((sqrt(sqrt(spread)) - 0.165) / 0.07), 1.0, LAST_LEVEL - 1.0);
+    float below = spread_from_level(low);
+    return low + min((spread - below) / (spread_from_level(low + 1.0) - below), 1.0);
 }
 
 struct LevelMix {

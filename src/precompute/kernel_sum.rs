@@ -71,9 +71,7 @@ impl<'a> KernelSum<'a> {
             .map(|level| Target { size: size >> (level / 2), alpha: alpha_from_level(level) })
             .chain([Target { size: irradiance.desc().size[0], alpha: 1.0 }])
             .collect();
-        let started = std::time::Instant::now();
         let lists = NodeLists::new(size / 2, &targets);
-        eprintln!("LISTS {:?} entries {} evals {:?}", started.elapsed(), lists.entries.len(), lists.evals(&targets));
         let norms: u32 = targets.iter().map(|target| target.size * target.size).sum();
         let buffers = [
             Buffer::new(gpu, "nodes", BufferKind::Storage, u64::from(node_count(size / 2)) * NODE_BYTES)?,

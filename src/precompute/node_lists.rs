@@ -54,7 +54,6 @@ struct Cell {
 }
 
 impl NodeLists {
-    pub fn evals(&self, t: &[Target]) -> Vec<f64> { (0..t.len()).map(|i| { let a=self.first_tile[i] as usize; let b=if i+1<t.len() {self.first_tile[i+1] as usize} else {self.tiles.len()}; self.tiles[a..b].iter().map(|x| x[1] as f64*64e-6).sum() }).collect() }
     /// Lists for all targets; the finest nodes are texels of faces of `finest`, a power of two.
     pub fn new(finest: u32, targets: &[Target]) -> Self {
         let shapes = Shapes::new(finest);
@@ -82,12 +81,16 @@ impl NodeLists {
 /// far outside; what the lobe bends over that enters by the second moment. Less for wide lobes, whose levels are small
 /// and cost little.
 fn node_per_lobe(alpha: f64) -> f64 {
-    if alpha < 0.03 { 1.0 } else { 0.7 }
+    match alpha {
+        a if a < 0.06 => 1.0,
+        a if a < 0.15 => 0.7,
+        _ => 0.5,
+    }
 }
 
 /// Nodes that the horizon crosses are at most this wide, in radians, for the clamped cosine: it turns sharply there, and
 /// the second moment knows nothing of that. Narrower lobes have less weight at the horizon.
-const NODE_AT_HORIZON: f64 = 0.1;
+const NODE_AT_HORIZON: f64 = 0.08;
 
 /// The largest radius of a node that the horizon crosses. The error grows with its square and with the kernel's slope at
 /// the horizon, c/q² → 1/q², as part of its integral; for the cosine that is 1/π.

@@ -7,7 +7,7 @@ use glam::{DVec2, DVec3, Vec3};
 use half::f16;
 use pbr_vr::asset::Panorama;
 use pbr_vr::gpu::{Gpu, GpuOptions, Image, Messages, Part, read_image};
-use pbr_vr::reference::cube::cube_direction;
+use pbr_vr::reference::cube::{cube_direction, cube_face};
 use pbr_vr::reference::panorama_sums::prefiltered_around;
 
 /// A GPU with validation on.
@@ -103,4 +103,15 @@ pub fn level_errors(cube: &[DVec3], alpha: f64, panorama: &Panorama, count: usiz
     let directions: Vec<DVec3> = chosen.iter().map(|(d, _)| *d).collect();
     let wanted = prefiltered_around(&directions, alpha, [panorama.width, panorama.height], &panorama.texels);
     Errors::new(chosen.iter().zip(wanted).map(|((_, got), want)| relative(*got, want)).collect())
+}
+
+/// A cube's value in a direction, bilinear inside faces.
+pub fn look_up(cube: &[DVec3], d: DVec3) -> DVec3 {
+    let size = (cube.len() as f64 / 6.0).sqrt().round() as usize;
+    let (face, st) = cube_face(d);
+    let at = (st * size as f64 - 0.5).clamp(DVec2::ZERO, DVec2::splat(size as f64 - 1.0));
+    let (x, y) = ((at.x as usize).min(size - 2), (at.y as usize).min(size - 2));
+    let texel = |x: usize, y: usize| cube[(face as usize * size + y) * size + x];
+    let row = |y: usize| texel(x, y).lerp(texel(x + 1, y), at.x - x as f64);
+    row(y).lerp(row(y + 1), at.y - y as f64)
 }
