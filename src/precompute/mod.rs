@@ -2,6 +2,7 @@
 
 mod brdf_table;
 mod light_maps;
+mod lobe;
 
 pub use brdf_table::BrdfTable;
 pub use light_maps::LightMaps;
