@@ -19,7 +19,7 @@ const LEVELS: u32 = 7;
 const IRRADIANCE_SIZE: u32 = 32;
 /// The environment's mip that irradiance is summed from: 32 texels along a face.
 const IRRADIANCE_SOURCE_MIP: usize = 3;
-/// Samples per texel of specular levels 1, 2 …: twice as many where texels become four times fewer.
+/// Samples per texel of specular levels 1, 2 …: more where texels are fewer.
 const LOG2_SAMPLES: [u32; LEVELS as usize - 1] = [8, 8, 9, 10, 11, 12];
 /// Radiance that the half-float maps hold at most before they are scaled.
 const HALF_LIMIT: f32 = 60_000.0;
