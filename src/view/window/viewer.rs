@@ -155,10 +155,10 @@ impl Viewer {
         let size = self.canvas.size();
         stage.renderer.resize(size)?;
         let eye = control.eye(size[0] as f32 / size[1] as f32);
-        let scale = (TEXT_SCALE * self.window.scale_factor()).round().max(1.0) as u32;
+        let largest = (TEXT_SCALE * self.window.scale_factor()).round().max(1.0) as u32;
         let settings = settings(stage, control, self.camera, self.canvas.mode().name());
         let status = Status { rate: self.clock.rate(), settings: &settings, loading: &self.loading };
-        let lines = self.hud.lines(now, &status, Overlay::columns(size, scale));
+        let (lines, scale) = self.hud.fit(now, &status, largest, |scale| Overlay::grid(size, scale));
         self.overlay.set_text(self.canvas.slot(), &lines, size, scale);
         // Screenshots are of the scene alone.
         let overlay = (!self.screenshot).then_some(&self.overlay);
