@@ -12,11 +12,15 @@ use std::time::{Duration, Instant};
 use pbr_vr::asset::picture::{Picture, compare};
 use x11rb::CURRENT_TIME;
 use x11rb::connection::Connection;
+use x11rb::protocol::Event;
 use x11rb::protocol::xproto::{
-    ConfigureWindowAux, ConnectionExt as _, InputFocus, KEY_PRESS_EVENT, KEY_RELEASE_EVENT, MapState, Window,
+    Atom, ClientMessageEvent, ConfigureWindowAux, ConnectionExt as _, CreateWindowAux, EventMask, InputFocus,
+    KEY_PRESS_EVENT, KEY_RELEASE_EVENT, MapState, PropMode, SELECTION_NOTIFY_EVENT, SelectionNotifyEvent, Window,
+    WindowClass,
 };
 use x11rb::protocol::xtest::ConnectionExt as _;
 use x11rb::rust_connection::RustConnection;
+use x11rb::wrapper::ConnectionExt as _;
 
 use common::{Workshop, material, sphere};
 
@@ -201,6 +205,61 @@ impl Hands {
     }
 }
 
+/// A file manager with one file under the pointer: the source's side of XDND, version 5.
+struct FileManager<'a> {
+    hands: &'a Hands,
+    window: Window,
+}
+
+impl<'a> FileManager<'a> {
+    fn new(hands: &'a Hands) -> Self {
+        let window = hands.x.generate_id().expect("an id");
+        let (class, screen_visual) = (WindowClass::INPUT_ONLY, 0);
+        let none = CreateWindowAux::new();
+        hands.x.create_window(0, window, hands.root, 0, 0, 1, 1, 0, class, screen_visual, &none).expect("a window");
+        Self { hands, window }
+    }
+
+    fn atom(&self, name: &str) -> Atom {
+        self.hands.x.intern_atom(false, name.as_bytes()).expect("a request").reply().expect("an atom").atom
+    }
+
+    fn send(&self, message: &str, data: [u32; 4]) {
+        let data = [self.window, data[0], data[1], data[2], data[3]];
+        let event = ClientMessageEvent::new(32, self.hands.window, self.atom(message), data);
+        let target = self.hands.window;
+        self.hands.x.send_event(false, target, EventMask::NO_EVENT, event).expect("a request").check().expect("sent");
+    }
+
+    /// Drags a file onto the window and lets go.
+    fn drop(&self, file: &Path) {
+        let x = &self.hands.x;
+        let (selection, list) = (self.atom("XdndSelection"), self.atom("text/uri-list"));
+        x.set_selection_owner(self.window, selection, CURRENT_TIME).expect("a request").check().expect("the selection");
+        self.send("XdndEnter", [5 << 24, list, 0, 0]);
+        self.send("XdndPosition", [0, 10 << 16 | 10, CURRENT_TIME, self.atom("XdndActionCopy")]);
+        let request = loop {
+            if let Event::SelectionRequest(request) = x.wait_for_event().expect("an event") {
+                break request;
+            }
+        };
+        let uri = format!("file://{}\r\n", file.display());
+        x.change_property8(PropMode::REPLACE, request.requestor, request.property, list, uri.as_bytes())
+            .expect("the name");
+        let answer = SelectionNotifyEvent {
+            response_type: SELECTION_NOTIFY_EVENT,
+            sequence: 0,
+            time: request.time,
+            requestor: request.requestor,
+            selection: request.selection,
+            target: request.target,
+            property: request.property,
+        };
+        x.send_event(false, request.requestor, EventMask::NO_EVENT, answer).expect("a request").check().expect("sent");
+        self.send("XdndDrop", [0, CURRENT_TIME, 0, 0]);
+    }
+}
+
 // Codes of a PC keyboard under X: evdev's plus 8.
 const ESCAPE: u8 = 9;
 const TAB: u8 = 23;
@@ -322,6 +381,50 @@ fn a_screenshot_is_what_render_writes_and_keys_change_it() {
     assert!(apart > 1e-3, "the cameras look alike: {apart}");
     let mean = |picture: &Picture| picture.pixels.iter().flatten().map(|c| f64::from(*c)).sum::<f64>();
     assert!(mean(&shot(3)) > 1.02 * mean(&shot(2)), "a third of a stop brightens nothing");
+}
+
+#[test]
+fn dropped_files_are_shown_or_refused_and_refusals_change_nothing() {
+    let Some(display) = Display::start() else { return };
+    let (workshop, _) = small_scene();
+    workshop.write("broken.toml", "environment = 3\n");
+    workshop.write("notes.txt", "not a scene");
+    workshop.write("red.mtl", &material([0.9, 0.05, 0.05], 0.0, 0.6));
+    workshop.write("red.obj", &sphere("red.mtl"));
+    let text = "environment = { panorama = \"sky.exr\" }\n[[model]]\nfile = \"red.obj\"\n";
+    workshop.write("red.toml", text);
+    workshop.panorama("night.exr", 64, |_| [0.001, 0.001, 0.01]);
+    let mut program = Program::start(&display, workshop.0.path(), "scene.toml", &[]);
+    program.wait_for("window");
+    let hands = Hands::on(&display);
+    hands.resize([320, 200]);
+    let files = FileManager::new(&hands);
+    let shot = |n: u32, program: &mut Program| {
+        hands.press(&[P]);
+        program.wait_for(&format!("wrote pbr-vr-{n}.png"));
+        Picture::read(&workshop.path(&format!("pbr-vr-{n}.png"))).expect("a picture")
+    };
+    let before = shot(1, &mut program);
+    files.drop(&workshop.path("notes.txt"));
+    files.drop(&workshop.path("broken.toml"));
+    // One thread does one thing after another: this screenshot is written when the broken scene has been read.
+    let after = shot(2, &mut program);
+    assert_eq!(before.pixels, after.pixels, "a refused file changed the picture");
+    files.drop(&workshop.path("red.toml"));
+    program.wait_for("showing red.toml");
+    let red = shot(3, &mut program);
+    files.drop(&workshop.path("night.exr"));
+    program.wait_for("lit by night.exr");
+    let dark = shot(4, &mut program);
+    hands.press(&[ESCAPE]);
+    let (code, errors) = program.end();
+    assert_eq!(code, Some(0), "{errors}");
+    assert!(errors.contains("notes.txt cannot be shown") && errors.contains("broken.toml:1"), "{errors}");
+
+    let middle = |picture: &Picture| picture.pixels[100 * 320 + 160];
+    let (red, dark) = (middle(&red), middle(&dark));
+    assert!(red[0] > 2.0 * red[1] && red[0] > 0.2, "not the red ball: {red:?}");
+    assert!(dark.iter().sum::<f32>() < 0.5 * red.iter().sum::<f32>(), "not night: {dark:?} after {red:?}");
 }
 
 #[test]

@@ -113,6 +113,8 @@ struct Passes {
     mips: Pass,
     irradiance: Pass,
     specular: Pass,
+    // The sets refer to them.
+    _samplers: [Sampler; 2],
 }
 
 impl Passes {
@@ -159,7 +161,7 @@ impl Passes {
             pipeline: Pipeline::compute(gpu, "specular.comp", &[(0, LOG2_SAMPLES)], &[&sample_to_store], 4)?,
             sets: (0..LEVELS as usize).map(level).collect::<Result<_>>()?,
         };
-        Ok(Self { to_cube, mips, irradiance, specular })
+        Ok(Self { to_cube, mips, irradiance, specular, _samplers: [sampler, cube_sampler] })
     }
 
     fn record(

@@ -41,6 +41,12 @@ impl Hud {
         self.push(now + ERROR_TIME, text.into());
     }
 
+    /// Takes all messages away: what they told of is mended.
+    #[cfg(feature = "hot-reload")]
+    pub fn forget(&mut self) {
+        self.notes.clear();
+    }
+
     /// Shows or hides the list of keys.
     pub fn switch_keys(&mut self) {
         self.keys = !self.keys;

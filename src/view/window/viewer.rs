@@ -383,7 +383,7 @@ impl Viewer {
             stage.renderer.set_shading(self.shading)?;
         }
         if self.stage.is_some() {
-            self.note(format!("{} is here", stage.name));
+            self.tell(format!("showing {}", stage.name));
         }
         let mut control = Control::new(&stage.cameras[0], stage.bounds);
         if self.stage.as_ref().is_some_and(|(_, old)| old.mode() == Mode::Fly) {
@@ -398,7 +398,7 @@ impl Viewer {
         if let Some((stage, _)) = &mut self.stage {
             stage.renderer.set_light(light)?;
             stage.rotation_degrees = 0.0;
-            self.note(format!("lit by {name}"));
+            self.tell(format!("lit by {name}"));
         }
         Ok(())
     }
@@ -411,8 +411,8 @@ impl Viewer {
         match stage.renderer.reload_shaders().and(overlay) {
             Ok(overlay) => {
                 self.overlay = overlay;
-                println!("pbr-vr: shaders reloaded");
-                self.note("shaders reloaded; light maps are made anew with the next panorama or scene");
+                self.hud.forget();
+                self.tell("shaders reloaded; light maps are made anew with the next panorama or scene".into());
                 Ok(())
             }
             Err(error @ Error::Broken { .. }) => {
@@ -439,6 +439,12 @@ impl Viewer {
 
     fn note(&mut self, text: impl Into<String>) {
         self.hud.note(Instant::now(), text);
+    }
+
+    /// A note that stays on the terminal.
+    fn tell(&mut self, text: String) {
+        println!("pbr-vr: {text}");
+        self.note(text);
     }
 
     /// Tells of something that went wrong and changed nothing.
