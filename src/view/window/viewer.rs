@@ -1,18 +1,17 @@
-//! What stands behind one window: scene, camera, text, and what keys, mouse and dropped files do to them.
+//! What stands behind one window: scene, camera and text, and how a frame is made of them; files that are opened.
+
+mod input;
 
 use std::collections::VecDeque;
-use std::f32::consts::TAU;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use clap::ValueEnum;
-use glam::Vec2;
 use winit::dpi::PhysicalPosition;
-use winit::event::{ElementState, KeyEvent, MouseButton, MouseScrollDelta};
 use winit::event_loop::{ControlFlow, EventLoopProxy};
 use winit::keyboard::ModifiersState;
-use winit::window::{Fullscreen, Window};
+use winit::window::Window;
 
 use super::super::control::{Control, Mode};
 use super::super::frame_clock::FrameClock;
@@ -20,17 +19,13 @@ use super::canvas::Canvas;
 #[cfg(feature = "hot-reload")]
 use super::hot_reload::ShaderWatch;
 use super::hud::{Hud, Status, title};
-use super::keys::{Action, Held, action};
+use super::keys::Held;
 use super::worker::{Done, Job, Stage, Worker, file_name, report_screenshot};
 use crate::gpu::Gpu;
 use crate::precompute::LightMaps;
 use crate::render::{Overlay, Settings, Shading};
 use crate::{Error, Result};
 
-/// Radians of one step of the panorama.
-const TURN_STEP: f32 = TAU / 72.0;
-/// Pixels of a touchpad's scrolling, at scale 1, that count as one notch of a wheel.
-const PIXELS_PER_NOTCH: f64 = 40.0;
 /// A minimised window is looked at this often.
 const DOZE: Duration = Duration::from_millis(100);
 /// Pixels per pixel of the font, at scale 1.
@@ -229,30 +224,7 @@ impl Viewer {
         Ok(())
     }
 
-    /// A key went down or up; returns whether that ends the program.
-    pub fn key(&mut self, event: &KeyEvent) -> Result<bool> {
-        self.held.follow(event);
-        let wanted = event.state.is_pressed().then(|| action(event, self.modifiers.alt_key())).flatten();
-        match wanted {
-            Some(Action::Quit) => return Ok(true),
-            Some(action) => self.perform(action)?,
-            None => {}
-        }
-        Ok(false)
-    }
-
-    pub fn modifiers(&mut self, state: ModifiersState) {
-        self.modifiers = state;
-    }
-
-    pub fn focus(&mut self, focused: bool) {
-        self.focused = focused;
-        if !focused {
-            self.held.release_all();
-            self.drag = None;
-        }
-    }
-
+    /// Other windows cover it wholly, or no longer.
     pub fn occlude(&mut self, occluded: bool) {
         self.occluded = occluded;
     }
@@ -260,112 +232,6 @@ impl Viewer {
     /// The window has another size or scale.
     pub fn resized(&mut self) {
         self.canvas.window_changed();
-    }
-
-    pub fn button(&mut self, state: ElementState, button: MouseButton) {
-        let drag = match button {
-            MouseButton::Left => Drag::Turn,
-            MouseButton::Right | MouseButton::Middle => Drag::Pan,
-            _ => return,
-        };
-        match state {
-            ElementState::Pressed => self.drag = Some(drag),
-            ElementState::Released => self.drag = self.drag.filter(|current| *current != drag),
-        }
-    }
-
-    pub fn pointer(&mut self, position: PhysicalPosition<f64>) {
-        let before = self.pointer.replace(position).unwrap_or(position);
-        let height = f64::from(self.wanted_size()[1].max(1));
-        let moved = Vec2::new((position.x - before.x) as f32, (position.y - before.y) as f32) / height as f32;
-        if let Some((_, control)) = &mut self.stage {
-            match self.drag {
-                Some(Drag::Turn) => control.turn(moved),
-                Some(Drag::Pan) => control.pan(moved),
-                None => {}
-            }
-        }
-    }
-
-    pub fn wheel(&mut self, delta: MouseScrollDelta) {
-        let notches = match delta {
-            MouseScrollDelta::LineDelta(_, lines) => lines,
-            MouseScrollDelta::PixelDelta(by) => (by.y / (PIXELS_PER_NOTCH * self.window.scale_factor())) as f32,
-        };
-        if let Some((_, control)) = &mut self.stage {
-            control.wheel(notches);
-        }
-    }
-
-    fn perform(&mut self, action: Action) -> Result<()> {
-        match action {
-            // `key` has seen to it.
-            Action::Quit => {}
-            Action::Keys => self.hud.switch_keys(),
-            Action::Screenshot => self.screenshot = true,
-            Action::Fullscreen => {
-                let full = self.window.fullscreen().is_none().then_some(Fullscreen::Borderless(None));
-                self.window.set_fullscreen(full);
-            }
-            Action::NextPresentMode => {
-                let mode = self.canvas.next_mode();
-                self.note(format!("showing frames: {}", mode.name()));
-            }
-            Action::NextShading => self.shade(1)?,
-            Action::PreviousShading => self.shade(Shading::value_variants().len() - 1)?,
-            Action::SwitchMode => {
-                if let Some((_, control)) = &mut self.stage {
-                    control.switch_mode();
-                }
-            }
-            Action::NextCamera => self.choose_camera(self.camera + 1),
-            Action::Camera(index) => {
-                let count = self.stage.as_ref().map_or(0, |(stage, _)| stage.cameras.len());
-                if index < count {
-                    self.choose_camera(index);
-                } else {
-                    self.note(format!("there is no camera {}, only {count}", index + 1));
-                }
-            }
-            Action::Reset => self.reset(),
-            Action::Exposure(thirds) => {
-                if let Some((stage, _)) = &mut self.stage {
-                    *stage.renderer.exposure_ev() += f32::from(thirds) / 3.0;
-                }
-            }
-            Action::Turn(steps) => {
-                if let Some((stage, _)) = &mut self.stage {
-                    let turn = stage.renderer.environment_turn();
-                    *turn = (*turn + f32::from(steps) * TURN_STEP).rem_euclid(TAU);
-                }
-            }
-        }
-        Ok(())
-    }
-
-    fn choose_camera(&mut self, index: usize) {
-        if let Some((stage, control)) = &mut self.stage {
-            self.camera = index % stage.cameras.len();
-            control.set_camera(&stage.cameras[self.camera]);
-        }
-    }
-
-    fn reset(&mut self) {
-        self.choose_camera(self.camera);
-        if let Some((stage, _)) = &mut self.stage {
-            *stage.renderer.exposure_ev() = stage.exposure_ev;
-            *stage.renderer.environment_turn() = stage.rotation_degrees.to_radians();
-        }
-    }
-
-    fn shade(&mut self, forward: usize) -> Result<()> {
-        let all = Shading::value_variants();
-        let at = all.iter().position(|s| *s == self.shading).unwrap_or(0);
-        self.shading = all[(at + forward) % all.len()];
-        match &mut self.stage {
-            Some((stage, _)) => stage.renderer.set_shading(self.shading),
-            None => Ok(()),
-        }
     }
 
     fn scene_job(&self, path: PathBuf) -> Job {
