@@ -60,6 +60,8 @@ pub struct Viewer {
     modifiers: ModifiersState,
     drag: Option<Drag>,
     pointer: Option<PhysicalPosition<f64>>,
+    /// The window's, pixels.
+    size: [u32; 2],
     occluded: bool,
     focused: bool,
     screenshot: bool,
@@ -99,6 +101,7 @@ impl Viewer {
             modifiers: ModifiersState::empty(),
             drag: None,
             pointer: None,
+            size: window.inner_size().into(),
             occluded: false,
             focused: false,
             screenshot: false,
@@ -121,7 +124,7 @@ impl Viewer {
     /// When the next frame is due: at once (`Poll`), later, or after some event.
     pub fn pace(&mut self) -> ControlFlow {
         let now = Instant::now();
-        let pace = if self.stage.is_none() || self.occluded || self.wanted_size().contains(&0) {
+        let pace = if self.stage.is_none() || self.occluded || self.size.contains(&0) {
             ControlFlow::Wait
         } else if !self.focused && self.window.is_minimized() == Some(true) {
             // X11 tells of minimising only who asks.
@@ -139,7 +142,7 @@ impl Viewer {
     pub fn draw(&mut self) -> Result<()> {
         #[cfg(feature = "hot-reload")]
         self.reload_changed_shaders()?;
-        let wanted = self.wanted_size();
+        let wanted = self.size;
         let Some((stage, control)) = self.stage.as_mut().filter(|_| !wanted.contains(&0)) else { return Ok(()) };
         let (acquired, times) = self.canvas.begin(wanted)?;
         self.clock.add_gpu(&times);
@@ -229,13 +232,14 @@ impl Viewer {
         self.occluded = occluded;
     }
 
-    /// The window has another size or scale.
-    pub fn resized(&mut self) {
+    /// The window has another size, pixels; 0 while it is minimised, on some systems.
+    pub fn resized(&mut self, size: [u32; 2]) {
+        self.size = size;
         self.canvas.window_changed();
     }
 
     fn scene_job(&self, path: PathBuf) -> Job {
-        Job::Scene { path, shading: self.shading, size: self.wanted_size().map(|s| s.max(1)) }
+        Job::Scene { path, shading: self.shading, size: self.size.map(|s| s.max(1)) }
     }
 
     fn start(&mut self, name: String, job: Job) {
@@ -287,11 +291,6 @@ impl Viewer {
             }
             Err(error) => Err(error),
         }
-    }
-
-    /// The window's size in pixels; 0 while it is minimised, on some systems.
-    fn wanted_size(&self) -> [u32; 2] {
-        self.window.inner_size().into()
     }
 
     fn write_title(&mut self, now: Instant) {

@@ -62,7 +62,7 @@ impl Viewer {
     /// The mouse pointer is somewhere else.
     pub fn pointer(&mut self, position: PhysicalPosition<f64>) {
         let before = self.pointer.replace(position).unwrap_or(position);
-        let height = f64::from(self.wanted_size()[1].max(1));
+        let height = f64::from(self.size[1].max(1));
         let moved = Vec2::new((position.x - before.x) as f32, (position.y - before.y) as f32) / height as f32;
         if let Some((_, control)) = &mut self.stage {
             match self.drag {
