@@ -257,6 +257,7 @@ fn make_device(instance: &Instance, chosen: &choice::Candidate, present: bool) -
         .scalar_block_layout(true)
         .shader_output_layer(true);
     let mut v13 = vk::PhysicalDeviceVulkan13Features::default()
+        .maintenance4(true)
         .dynamic_rendering(true)
         .synchronization2(true)
         .shader_demote_to_helper_invocation(true);
