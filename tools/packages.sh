@@ -1,10 +1,10 @@
 # Sourced by tools/run and tools/test: installs missing Debian or Ubuntu packages, and checks for Rust.
 # shellcheck shell=bash
 
-# What the program needs to be built and to run: compiler and CMake (shaderc), Vulkan with a CPU driver, the libraries that a window loads.
+# What the program needs to be built and to run: compiler, shaderc in parts, Vulkan with a CPU driver, the libraries that a window loads.
 # The two sourcing scripts read these lists.
 # shellcheck disable=SC2034
-PACKAGES_TO_RUN=(g++ cmake ninja-build pkg-config python3 libshaderc-dev libvulkan1 mesa-vulkan-drivers
+PACKAGES_TO_RUN=(g++ pkg-config libshaderc-dev glslang-dev spirv-tools libvulkan1 mesa-vulkan-drivers
     libxkbcommon0 libxkbcommon-x11-0 libx11-6 libx11-xcb1 libxcursor1 libxi6 libxrandr2 libwayland-client0)
 # shellcheck disable=SC2034
 PACKAGES_TO_TEST=(vulkan-validationlayers xvfb xauth xdotool)
@@ -52,4 +52,46 @@ find_cargo() {
         echo "Rust is missing. Install it from https://rustup.rs (curl https://sh.rustup.rs -sSf | sh), then start again." >&2
         exit 1
     fi
+}
+
+# Gives cargo a shaderc that links. Debian's library calls glslang without naming it (undefined references); together with
+# the static libraries of the parts it is whole. Where that fails, shaderc is built from source, which takes about ten minutes.
+# Needs the checkout's folder; writes only .cargo/ there, which git ignores.
+prepare_shaderc() {
+    local home=$1/.cargo from part
+    if [ -n "${SHADERC_LIB_DIR:-}${VULKAN_SDK:-}" ] || ! command -v dpkg-query >/dev/null || [ -e "$home/config.toml" ]; then
+        return
+    fi
+    from=/usr/lib/$(g++ -print-multiarch)
+    mkdir -p "$home/shaderc"
+    {
+        echo "create libshaderc_combined.a"
+        for part in shaderc_combined glslang MachineIndependent GenericCodeGen OSDependent OGLCompiler HLSL SPIRV \
+            SPIRV-Tools-opt SPIRV-Tools; do
+            # Later glslang versions have fewer parts.
+            [ ! -f "$from/lib$part.a" ] || echo "addlib $from/lib$part.a"
+        done
+        echo save
+        echo end
+    } | (cd "$home/shaderc" && ar -M) || true
+    if ! links_shaderc "$home/shaderc"; then
+        rm -f "$home/shaderc/libshaderc_combined.a"
+        echo "shaderc's packages do not link here: building it from source, which takes about ten minutes." >&2
+        install_packages cmake ninja-build python3
+    fi
+    printf '# Made by tools/packages.sh: the shaderc that build.rs links; without it, one is built from source.\n[env]\n%s\n' \
+        'SHADERC_LIB_DIR = { value = ".cargo/shaderc", relative = true }' >"$home/config.toml"
+    # An earlier build may have remembered another shaderc.
+    rm -rf "$1"/target/*/build/shaderc-sys-* "$1"/target/*/.fingerprint/shaderc-sys-*
+}
+
+links_shaderc() {
+    local program
+    program=$(mktemp)
+    echo '#include <shaderc/shaderc.h>
+int main() { shaderc_compiler_release(shaderc_compiler_initialize()); }' |
+        g++ -x c++ - -x none -o "$program" -L"$1" -lshaderc_combined -lpthread 2>/dev/null && "$program"
+    local linked=$?
+    rm -f "$program"
+    return $linked
 }

@@ -104,25 +104,32 @@ pub(super) fn check_size(path: &Path, width: u64, height: u64) -> Result<()> {
     Ok(())
 }
 
+/// Negative values down to this part of the mean radiance are what lossy compression leaves around bright texels.
+const RINGING: f64 = 0.01;
+
 /// One NaN would spread to the whole last level of every filtered copy, so it never gets past here.
 fn clear_unusable(path: &Path, width: u32, texels: &mut [[f32; 3]], report: &Report) {
-    let (mut count, mut first) = (0, 0);
-    for (i, texel) in texels.iter_mut().enumerate() {
-        if texel.iter().all(|v| v.is_finite() && *v >= 0.0) {
-            continue;
-        }
-        *texel = texel.map(|v| if v.is_finite() { v.max(0.0) } else { 0.0 });
-        if count == 0 {
-            first = i;
-        }
-        count += 1;
+    let unusable = |texel: &[f32; 3]| !texel.iter().all(|v| v.is_finite() && *v >= 0.0);
+    let bad: Vec<usize> = (0..texels.len()).filter(|i| unusable(&texels[*i])).collect();
+    let Some(first) = bad.first() else { return };
+    let (x, y) = (first % width as usize, first / width as usize);
+    // A NaN or an infinity is never ringing.
+    let lowest = bad
+        .iter()
+        .flat_map(|i| texels[*i])
+        .fold(0.0, |low, v| if v.is_finite() { f32::min(low, v) } else { f32::NEG_INFINITY });
+    for i in &bad {
+        texels[*i] = texels[*i].map(|v| if v.is_finite() { v.max(0.0) } else { 0.0 });
     }
-    if count > 0 {
-        let (x, y) = (first % width as usize, first / width as usize);
-        let name = file::short_name(path);
-        report.warn(format!(
-            "{name}: {count} texel(s) with negative or non-finite values, the first at ({x}, {y}); set to 0"
-        ));
+    let sum: f64 = texels.iter().flatten().map(|v| f64::from(*v)).sum();
+    let mean = sum / (3 * texels.len()) as f64;
+    let (name, count) = (file::short_name(path), bad.len());
+    let message =
+        format!("{name}: {count} texel(s) with negative or non-finite values, the first at ({x}, {y}); set to 0");
+    if f64::from(lowest) < -RINGING * mean {
+        report.warn(message);
+    } else {
+        tracing::info!("{message}");
     }
 }
 

@@ -4,6 +4,8 @@ use std::fs;
 use std::path::Path;
 
 /// The stage files of a folder, sorted: `*.vert`, `*.frag`, `*.comp`.
+// At run time, shaders are asked for by name.
+#[cfg_attr(feature = "hot-reload", allow(dead_code))]
 pub fn stage_files(folder: &Path) -> Result<Vec<String>, String> {
     let entries = fs::read_dir(folder).map_err(|e| format!("{}: {e}", folder.display()))?;
     let mut names: Vec<String> = entries

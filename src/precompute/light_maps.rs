@@ -121,8 +121,9 @@ struct Passes {
     mips: Pass,
     irradiance: Pass,
     specular: Pass,
-    /// Kept while `specular` refers to them.
+    // The sets refer to them.
     _lobes: Vec<Buffer>,
+    _samplers: [Sampler; 2],
 }
 
 impl Passes {
@@ -186,7 +187,7 @@ impl Passes {
             pipeline: Pipeline::compute(gpu, "specular.comp", &[], &[&specular_layout], 0)?,
             sets: (1..).zip(&lobes).map(level).collect::<Result<_>>()?,
         };
-        Ok(Self { to_cube, mips, irradiance, specular, _lobes: lobes })
+        Ok(Self { to_cube, mips, irradiance, specular, _lobes: lobes, _samplers: [sampler, cube_sampler] })
     }
 
     fn record(

@@ -18,7 +18,7 @@ pub use overlay::Overlay;
 pub use shared::MAX_EYES;
 pub use targets::Output;
 
-use crate::asset::{Panorama, Report};
+use crate::asset::Report;
 use crate::gpu::{Bind, Buffer, BufferKind, Commands, Edge, Gpu, Image, PassTime, Sampler, Set, SetLayout, Slot};
 use crate::precompute::{BrdfTable, LightMaps};
 use crate::reference::brdf::Geometry;
@@ -157,9 +157,8 @@ impl Renderer {
         Ok(())
     }
 
-    /// Puts the scene under another panorama, unturned.
-    pub fn set_panorama(&mut self, panorama: &Panorama) -> Result<()> {
-        let light = LightMaps::new(&self.gpu, panorama)?;
+    /// Puts the scene under another panorama's light, unturned.
+    pub fn set_light(&mut self, light: LightMaps) -> Result<()> {
         self.frames = make_frames(&self.gpu, &self.frame_layout, &self.world, &light, &self.table, &self.samplers)?;
         self.light = light;
         self.environment_turn = 0.0;
@@ -237,6 +236,16 @@ fn make_targets(gpu: &Arc<Gpu>, size: [u32; 2], eyes: u32, settings: &Settings) 
     if size.iter().any(|s| !(1..=most).contains(s)) {
         let message = format!("a picture of {}x{} cannot be made; 1x1 to {most}x{most} can", size[0], size[1]);
         return Err(Error::Usage(message));
+    }
+    let bytes = Targets::bytes(size, eyes, settings.output, settings.samples);
+    let there = gpu.info().memory;
+    if bytes > there {
+        let what = format!("a picture of {}x{}", size[0], size[1]);
+        let mib = |bytes: u64| bytes >> 20;
+        return Err(Error::GpuMemory {
+            what,
+            problem: format!("{} MiB against {} MiB there are", mib(bytes), mib(there)),
+        });
     }
     Targets::new(gpu, size, eyes, settings.output, settings.samples)
 }

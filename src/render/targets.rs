@@ -58,6 +58,14 @@ impl Targets {
         })
     }
 
+    /// GPU memory that such targets take, about.
+    pub fn bytes(size: [u32; 2], eyes: u32, output: Output, samples: u32) -> u64 {
+        let depth_bytes = 4;
+        let multisampled = if samples > 1 { u64::from(samples) * output.bytes() } else { 0 };
+        let per_pixel = multisampled + u64::from(samples) * depth_bytes + output.bytes();
+        size.map(u64::from).iter().product::<u64>() * u64::from(eyes) * per_pixel
+    }
+
     /// Clears and draws all eyes at once.
     pub fn render(&self, commands: &mut Commands<'_>, record: impl FnOnce(&mut Commands<'_>)) {
         commands.prepare_fresh(&self.depth, Use::Depth);

@@ -1,0 +1,149 @@
+//! The command-line contract: what is written where, and every exit status.
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+/// Runs the program in `folder`, without a display or a headset.
+fn run(folder: &Path, arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_pbr-vr"))
+        .args(arguments)
+        .current_dir(folder)
+        .env("PBR_VR_ASSETS", Path::new(env!("CARGO_MANIFEST_DIR")).join("assets"))
+        .env("XDG_CONFIG_HOME", folder)
+        .env_remove("DISPLAY")
+        .env_remove("WAYLAND_DISPLAY")
+        .output()
+        .expect("the program starts")
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8_lossy(bytes).into_owned()
+}
+
+/// Fails with status `code` and one line on stderr that holds all of `parts`.
+fn fails(folder: &Path, arguments: &[&str], code: i32, parts: &[&str]) {
+    let output = run(folder, arguments);
+    let error = text(&output.stderr);
+    assert_eq!(output.status.code(), Some(code), "{arguments:?}: {error}");
+    let line =
+        error.lines().find(|line| line.starts_with("pbr-vr: ")).unwrap_or_else(|| panic!("{arguments:?}: {error}"));
+    for part in parts {
+        assert!(line.contains(part), "{arguments:?}: `{line}` does not say `{part}`");
+    }
+    assert_eq!(error.lines().filter(|line| line.starts_with("pbr-vr: ")).count(), 1, "{error}");
+}
+
+fn succeeds(folder: &Path, arguments: &[&str]) -> String {
+    let output = run(folder, arguments);
+    assert!(output.status.success(), "{arguments:?}: {}", text(&output.stderr));
+    text(&output.stdout)
+}
+
+fn teapot() -> String {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/scenes/teapot.toml").display().to_string()
+}
+
+#[test]
+fn without_a_display_the_demo_becomes_a_picture_and_one_line_says_why() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let said = succeeds(folder.path(), &[]);
+    assert_eq!(said.lines().count(), 1, "{said}");
+    assert!(said.contains("pbr-vr.png") && said.contains("display"), "{said}");
+    let picture = image::open(folder.path().join("pbr-vr.png")).expect("a picture").to_rgb8();
+    let distinct: std::collections::HashSet<_> = picture.pixels().collect();
+    assert!(distinct.len() > 10_000, "only {} colours", distinct.len());
+}
+
+#[test]
+fn view_without_display_or_headset_fails_where_one_is_demanded() {
+    let folder = tempfile::tempdir().expect("a folder");
+    fails(folder.path(), &["view", "--on", "window"], 1, &["display", "pbr-vr render"]);
+    fails(folder.path(), &["view", "--on", "headset"], 1, &["headset", "--on window"]);
+}
+
+#[test]
+fn render_writes_png_exr_stereo_and_json() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = |name: &str| -> PathBuf { folder.path().join(name) };
+    let scene = teapot();
+    let size = ["--size", "96x64"];
+    let json = ["render", &scene, "-o", "a.png", "--json", "a.json", "--frames", "3", size[0], size[1]];
+    succeeds(folder.path(), &json);
+    let facts: serde_json::Value =
+        serde_json::from_slice(&std::fs::read(path("a.json")).expect("the facts")).expect("JSON");
+    assert_eq!(facts["frames"], 3);
+    assert_eq!(facts["gpu_frames"].as_array().map(Vec::len), Some(3));
+    assert!(facts["gpu_frames"][0][0]["ms"].as_f64().is_some_and(|ms| ms > 0.0), "{facts}");
+    assert!(facts["load_ms"].as_f64().is_some_and(|ms| ms > 0.0), "{facts}");
+    succeeds(folder.path(), &["render", &scene, "-o", "b.exr", "--stereo", size[0], size[1], "--validate"]);
+    assert!(path("b-left.exr").is_file() && path("b-right.exr").is_file() && !path("b.exr").exists());
+    let said = succeeds(folder.path(), &["compare", "a.png", "a.png", "--json", "c.json"]);
+    assert!(said.contains("FLIP"), "{said}");
+    let same: serde_json::Value =
+        serde_json::from_slice(&std::fs::read(path("c.json")).expect("the numbers")).expect("JSON");
+    assert_eq!((same["flip_mean"].as_f64(), same["max_error"].as_f64()), (Some(0.0), Some(0.0)));
+}
+
+#[test]
+fn a_bare_model_is_framed_and_lit() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let model = Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/scenes/sphere.obj").display().to_string();
+    succeeds(folder.path(), &["render", &model, "-o", "m.png", "--size", "64x64", "--camera", "auto"]);
+    assert!(folder.path().join("m.png").is_file());
+}
+
+#[test]
+fn bad_usage_is_status_2() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let scene = teapot();
+    for arguments in [
+        vec!["frobnicate"],
+        vec!["render", &scene],
+        vec!["render", &scene, "-o", "x.png", "--size", "0x5"],
+        vec!["render", &scene, "-o", "x.png", "--size", "5"],
+        vec!["render", &scene, "-o", "x.png", "--shading", "cartoon"],
+        vec!["render", &scene, "-o", "x.png", "--frames", "0"],
+        vec!["view", "--on", "toaster"],
+    ] {
+        assert_eq!(run(folder.path(), &arguments).status.code(), Some(2), "{arguments:?}");
+    }
+    fails(folder.path(), &["render", &scene, "-o", "x.bmp"], 2, &["x.bmp", ".png or .exr"]);
+    fails(folder.path(), &["render", "scene.fbx", "-o", "x.png"], 2, &["scene.fbx", ".toml or an .obj"]);
+    fails(folder.path(), &["render", &scene, "-o", "x.png", "--camera", "nadir"], 2, &["nadir", "there are"]);
+    fails(folder.path(), &["render", &scene, "-o", "x.png", "--gpu", "voodoo"], 2, &["voodoo", "there are"]);
+    fails(folder.path(), &["render", &scene, "-o", "x.png", "--size", "100000x100000"], 2, &["100000x100000"]);
+}
+
+#[test]
+fn what_fails_is_status_1_with_file_and_remedy() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let scene = teapot();
+    fails(folder.path(), &["render", "none.toml", "-o", "x.png"], 1, &["none.toml", "check"]);
+    fails(folder.path(), &["render", &scene, "-o", "no/such/folder/x.png", "--size", "8x8"], 1, &["x.png"]);
+    fails(folder.path(), &["compare", "none.png", "none.png"], 1, &["none.png"]);
+    let write = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).expect("a file");
+    write("typo.toml", "exposure_ev = 0.0\n\n[[model]]\nfile = \"a.obj\"\nscalle = 2\n");
+    fails(folder.path(), &["render", "typo.toml", "-o", "x.png"], 1, &["typo.toml:5", "scalle"]);
+    write("broken.obj", "v 0 0 0\nv 1 0 0\nf 1 2 9\n");
+    fails(folder.path(), &["render", "broken.obj", "-o", "x.png"], 1, &["broken.obj"]);
+    write("dark.toml", "environment = { panorama = \"dark.hdr\" }\n[[model]]\nfile = \"broken.obj\"\n");
+    fails(folder.path(), &["render", "dark.toml", "-o", "x.png"], 1, &["dark.hdr"]);
+    fails(folder.path(), &["render", &scene, "-o", "x.png", "--size", "16000x16000"], 1, &["16000x16000", "smaller"]);
+    assert!(!folder.path().join("x.png").exists());
+}
+
+#[test]
+fn doctor_lists_what_is_there() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let said = succeeds(folder.path(), &["doctor"]);
+    for part in ["GPU", "Vulkan 1.", "validation", "display", "OpenVR", "assets"] {
+        assert!(said.contains(part), "{said}");
+    }
+}
+
+#[test]
+fn help_and_version_are_status_0() {
+    let folder = tempfile::tempdir().expect("a folder");
+    assert!(succeeds(folder.path(), &["--help"]).contains("render"));
+    assert!(succeeds(folder.path(), &["--version"]).contains(env!("CARGO_PKG_VERSION")));
+}
