@@ -13,6 +13,20 @@ layout(set = 0, binding = 1, rgba16f) uniform writeonly image2DArray cube;
 layout(set = 0, binding = 2, scalar) writeonly buffer Nodes { Node nodes[]; };
 layout(push_constant) uniform Push { float inverse_scale; } push;
 
+// Mean radiance along the parallel through d, over an arc as long as the taps lie apart. Close to the poles, where such an
+// arc spans many texels, no texel is missed; elsewhere it is one look-up.
+vec3 arc_mean(vec3 d, float arc_radians)
+{
+    vec2 uv = panorama_uv(d);
+    float arc = min(arc_radians / (2.0 * PI * max(length(d.xz), MIN_COS)), 1.0); // of the whole parallel
+    float width = float(textureSize(panorama, 0).x);
+    float points = arc * width > 1.0 ? ceil(2.0 * arc * width) : 1.0;
+    vec3 sum = vec3(0.0);
+    for (float i = 0.5; i < points; ++i)
+        sum += textureLod(panorama, vec2(uv.x + arc * (i / points - 0.5), uv.y), 0.0).rgb;
+    return sum / points;
+}
+
 void main()
 {
     uvec3 id = gl_GlobalInvocationID;
@@ -35,14 +49,14 @@ void main()
             vec3 direction = cube_direction(id.z, st);
             vec3 light = vec3(w);
             if (!WHITE)
-                light *= push.inverse_scale * textureLod(panorama, panorama_uv(direction), 0.0).rgb;
+                light *= push.inverse_scale * arc_mean(direction, 2.0 * sqrt(w) / float(size * TAPS));
             sum += vec4(light, w);
             float l = node_weight(light);
             directions += l * direction;
             lights += l;
         }
         if (!WHITE)
-            imageStore(cube, ivec3(texel, id.z), vec4(sum.rgb / sum.a, 1.0));
+            imageStore(cube, ivec3(texel, id.z), vec4(round_to_half(sum.rgb / sum.a), 1.0));
         // The taps' weights add up to the texel's solid angle only nearly.
         float exact = cube_texel_solid_angle(texel, size) / sum.a;
         flux += exact * sum.rgb;

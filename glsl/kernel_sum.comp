@@ -54,6 +54,6 @@ void main()
         if (NORMS)
             norms[norm] = sum[j].x;
         else
-            imageStore(level, ivec3(texel, group.z), vec4(sum[j] / norms[norm], 1.0));
+            imageStore(level, ivec3(texel, group.z), vec4(round_to_half(sum[j] / norms[norm]), 1.0));
     }
 }

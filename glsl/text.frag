@@ -9,8 +9,10 @@ layout(location = 0) out vec4 colour;
 
 void main()
 {
-    uvec2 p = min(uvec2(in_cell), uvec2(7u));
-    uint rows = font[2u * min(character, 127u) + p.y / 4u];
-    bool ink = ((rows >> (8u * (p.y % 4u) + p.x)) & 1u) != 0u;
+    ivec2 p = ivec2(floor(in_cell));
+    bool inside = p.y >= 0 && p.y < 8;
+    p = clamp(p, ivec2(0), ivec2(7));
+    uint rows = font[2u * min(character, 127u) + uint(p.y) / 4u];
+    bool ink = inside && ((rows >> (8 * (p.y % 4) + p.x)) & 1u) != 0u;
     colour = ink ? vec4(1.0) : vec4(0.0, 0.0, 0.0, 0.6);
 }

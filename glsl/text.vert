@@ -11,7 +11,7 @@ layout(push_constant, scalar) uniform Push {
 } push;
 layout(set = 0, binding = 0, scalar) readonly buffer Cells { uint cells[]; }; // column, row << 8, character << 16
 
-layout(location = 0) out vec2 in_cell; // 0..8
+layout(location = 0) out vec2 in_cell; // font pixels, 0..8 and -1..9: a row of air above and below
 layout(location = 1) flat out uint character;
 
 void main()
@@ -20,7 +20,7 @@ void main()
     vec2 corner = vec2(gl_VertexIndex == 1 || gl_VertexIndex == 2 || gl_VertexIndex == 4,
                        gl_VertexIndex == 2 || gl_VertexIndex == 4 || gl_VertexIndex == 5);
     vec2 at = vec2(cell & 255u, (cell >> 8) & 255u) + corner;
-    in_cell = 8.0 * corner;
+    in_cell = vec2(8.0, 10.0) * corner - vec2(0.0, 1.0);
     character = cell >> 16;
     gl_Position = vec4(push.origin_ndc + at * push.cell_ndc, 0.0, 1.0);
     gl_Layer = int(gl_InstanceIndex % EYES);

@@ -15,7 +15,7 @@ use pbr_vr::{Error, Result};
 
 /// Physically based materials under real light, in a headset, a window or a picture.
 #[derive(Parser)]
-#[command(version, about, args_conflicts_with_subcommands = true)]
+#[command(version, about)]
 struct Cli {
     #[command(flatten)]
     global: Global,
@@ -212,19 +212,20 @@ fn parse_size(text: &str) -> std::result::Result<[u32; 2], String> {
 }
 
 fn start_log(verbose: u8) {
-    let level = match verbose {
-        0 => tracing::Level::WARN,
-        1 => tracing::Level::INFO,
-        _ => tracing::Level::DEBUG,
+    use tracing_subscriber::filter::{LevelFilter, Targets};
+    use tracing_subscriber::layer::SubscriberExt as _;
+    use tracing_subscriber::util::SubscriberInitExt as _;
+    // What libraries say about the desktop is of use only to who looks for a defect.
+    let (ours, others) = match verbose {
+        0 => (LevelFilter::WARN, LevelFilter::ERROR),
+        1 => (LevelFilter::INFO, LevelFilter::WARN),
+        _ => (LevelFilter::DEBUG, LevelFilter::DEBUG),
     };
     let ansi = std::io::IsTerminal::is_terminal(&std::io::stderr());
-    tracing_subscriber::fmt()
-        .with_max_level(level)
-        .with_writer(std::io::stderr)
-        .with_ansi(ansi)
-        .without_time()
-        .with_target(false)
-        .init();
+    let layer =
+        tracing_subscriber::fmt::layer().with_writer(std::io::stderr).with_ansi(ansi).without_time().with_target(false);
+    let levels = Targets::new().with_default(others).with_target("pbr_vr", ours);
+    tracing_subscriber::registry().with(layer).with(levels).init();
 }
 
 impl From<GeometryName> for Geometry {

@@ -81,6 +81,8 @@ prepare_shaderc() {
     fi
     printf '# Made by tools/packages.sh: the shaderc that build.rs links; without it, one is built from source.\n[env]\n%s\n' \
         'SHADERC_LIB_DIR = { value = ".cargo/shaderc", relative = true }' >"$home/config.toml"
+    # An earlier build may have remembered another shaderc.
+    rm -rf "$1"/target/*/build/shaderc-sys-* "$1"/target/*/.fingerprint/shaderc-sys-*
 }
 
 links_shaderc() {

@@ -10,6 +10,9 @@ use super::device::Gpu;
 use super::image::{Image, Use};
 use crate::{Error, Result};
 
+/// How long the window system may keep all images: a hidden window's may never come back, and events wait meanwhile.
+const ACQUIRE_NS: u64 = 1_000_000_000;
+
 /// When pictures are shown.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PresentMode {
@@ -22,6 +25,15 @@ pub enum PresentMode {
 }
 
 impl PresentMode {
+    /// For people.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Vsync => "vsync",
+            Self::Mailbox => "mailbox",
+            Self::Immediate => "immediate",
+        }
+    }
+
     fn raw(self) -> vk::PresentModeKHR {
         match self {
             Self::Vsync => vk::PresentModeKHR::FIFO,
@@ -50,7 +62,7 @@ pub struct Swapchain {
     images: Vec<vk::Image>,
     size: [u32; 2],
     mode: PresentMode,
-    /// One pair per frame in flight plus one, taken in turn.
+    /// One more than images, taken in turn: an acquisition's semaphore has been waited for before it comes round again.
     ready: Vec<vk::Semaphore>,
     /// One per image: presenting an image again proves its last wait is over.
     done: Vec<vk::Semaphore>,
@@ -166,20 +178,21 @@ impl Swapchain {
         Ok(())
     }
 
-    /// The next image to draw to, or `None` where the swapchain no longer fits the window: `resize` it.
+    /// The next image to draw to, or `None` where the swapchain does not fit the window any more, or the window system
+    /// has given no image for a second: `resize` it.
     pub fn acquire(&mut self) -> Result<Option<Acquired>> {
         if self.images.is_empty() {
             return Ok(None);
         }
         let ready = self.ready[self.turn % self.ready.len()];
         // SAFETY: the swapchain is alive; the semaphore's last wait was `images + 1` acquisitions ago.
-        let acquired = unsafe { self.api.acquire_next_image(self.raw, u64::MAX, ready, vk::Fence::null()) };
+        let acquired = unsafe { self.api.acquire_next_image(self.raw, ACQUIRE_NS, ready, vk::Fence::null()) };
         match acquired {
             Ok((index, _)) => {
                 self.turn += 1;
                 Ok(Some(Acquired { index, ready, done: self.done[index as usize] }))
             }
-            Err(vk::Result::ERROR_OUT_OF_DATE_KHR) => Ok(None),
+            Err(vk::Result::ERROR_OUT_OF_DATE_KHR | vk::Result::TIMEOUT | vk::Result::NOT_READY) => Ok(None),
             Err(result) => Err(Error::Vulkan { doing: "taking a window image", result }),
         }
     }

@@ -94,8 +94,9 @@ impl<'a> KernelSum<'a> {
 
         let layout = SetLayout::new(gpu, "panorama to cube", &[Slot::Sampled, Slot::StorageImage, Slot::Storage])?;
         let binds = [Bind::Sampled(panorama, &sampler), Bind::StorageImage(&specular[0], 0), Bind::Storage(nodes)];
-        // Two taps for each panorama texel that a cube texel spans at the equator.
-        let taps = (panorama.desc().size[0].div_ceil(4 * size) * 2).clamp(2, 16);
+        // Two taps or more for each panorama texel that a cube texel spans, at the equator and from pole to pole.
+        let [width, height] = panorama.desc().size;
+        let taps = width.max(2 * height).div_ceil(2 * size).clamp(2, 16);
         let to_cube = variants("cube_and_nodes.comp", 1, Some(taps), &layout, size_of::<f32>())?;
         let to_cube_set = set(&layout, &binds)?;
 

@@ -75,3 +75,7 @@ fn cube(gpu: &Arc<Gpu>, name: &str, size: u32, mips: u32) -> Result<Image> {
     let flat = ImageDesc::flat(Format::R16G16B16A16_SFLOAT, [size; 2], usage);
     Image::new(gpu, name, ImageDesc { shape: Shape::Cube, mips, ..flat })
 }
+
+#[cfg(test)]
+#[path = "light_maps_tests.rs"]
+mod tests;

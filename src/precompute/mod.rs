@@ -7,3 +7,10 @@ mod node_lists;
 
 pub use brdf_table::BrdfTable;
 pub use light_maps::LightMaps;
+
+#[cfg(test)]
+mod brdf_glsl_tests;
+#[cfg(test)]
+mod glsl_tests;
+#[cfg(test)]
+pub(crate) mod harness_tests;

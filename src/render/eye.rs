@@ -4,8 +4,10 @@ use glam::{Affine3A, Mat3, Mat4, Vec3, Vec4};
 
 use crate::scene::Camera;
 
-/// Metres from the eye to the near plane; the far plane is at infinity.
+/// Metres from an eye to its near plane at most; the far plane is at infinity.
 pub const NEAR_METRES: f32 = 0.02;
+/// The near plane lies no farther than this part of the way to what is looked at, so that tiny scenes are not cut.
+const NEAR_PART: f32 = 0.01;
 
 /// Mean distance between human pupils, metres (Dodgson 2004, "Variation and extrema of human interpupillary distance").
 pub const IPD_METRES: f32 = 0.063;
@@ -20,19 +22,27 @@ pub struct Eye {
     pub right: f32,
     pub down: f32,
     pub up: f32,
+    /// Distance to the near plane; more than 0.
+    pub near_metres: f32,
 }
 
 impl Eye {
+    /// A symmetric eye with a rigid `world_from_view`, whose attention is `distance_metres` away.
+    pub fn symmetric(world_from_view: Mat4, vertical_fov_degrees: f32, aspect: f32, distance_metres: f32) -> Self {
+        let up = (0.5 * vertical_fov_degrees.to_radians()).tan();
+        let right = up * aspect;
+        let near_metres = (NEAR_PART * distance_metres).clamp(1e-12, NEAR_METRES);
+        Self { world_from_view, left: -right, right, down: -up, up, near_metres }
+    }
+
     /// A symmetric eye that looks from `position` to `target`, upright.
     pub fn looking(position: Vec3, target: Vec3, vertical_fov_degrees: f32, aspect: f32) -> Self {
         let backward = (position - target).try_normalize().unwrap_or(Vec3::Z);
         // Looking straight up or down leaves no way to tell what is upright: take −Z for up.
         let side = Vec3::Y.cross(backward).try_normalize().unwrap_or(Vec3::X);
         let axes = Mat3::from_cols(side, backward.cross(side), backward);
-        let up = (0.5 * vertical_fov_degrees.to_radians()).tan();
-        let right = up * aspect;
         let world_from_view = Mat4::from(Affine3A::from_mat3_translation(axes, position));
-        Self { world_from_view, left: -right, right, down: -up, up }
+        Self::symmetric(world_from_view, vertical_fov_degrees, aspect, position.distance(target))
     }
 
     /// The eye of a scene's camera.
@@ -61,7 +71,7 @@ impl Eye {
             Vec4::new(2.0 / width, 0.0, 0.0, 0.0),
             Vec4::new(0.0, -2.0 / height, 0.0, 0.0),
             Vec4::new((self.right + self.left) / width, -(self.up + self.down) / height, 0.0, -1.0),
-            Vec4::new(0.0, 0.0, NEAR_METRES, 0.0),
+            Vec4::new(0.0, 0.0, self.near_metres, 0.0),
         )
     }
 
@@ -82,7 +92,14 @@ mod tests {
 
     #[test]
     fn the_frustum_maps_to_the_clip_square() {
-        let eye = Eye { world_from_view: Mat4::IDENTITY, left: -1.5, right: 0.5, down: -0.25, up: 0.75 };
+        let eye = Eye {
+            world_from_view: Mat4::IDENTITY,
+            left: -1.5,
+            right: 0.5,
+            down: -0.25,
+            up: 0.75,
+            near_metres: NEAR_METRES,
+        };
         let corner = |x, y| ndc(&eye, Vec3::new(x, y, -1.0) * 3.0);
         assert!((corner(-1.5, 0.75) - Vec3::new(-1.0, -1.0, NEAR_METRES / 3.0)).length() < 1e-6);
         assert!((corner(0.5, -0.25) - Vec3::new(1.0, 1.0, NEAR_METRES / 3.0)).length() < 1e-6);
@@ -90,9 +107,18 @@ mod tests {
 
     #[test]
     fn depth_is_one_at_the_near_plane_and_zero_far_away() {
-        let eye = Eye::looking(Vec3::ZERO, Vec3::NEG_Z, 60.0, 1.0);
+        let eye = Eye::looking(Vec3::ZERO, 5.0 * Vec3::NEG_Z, 60.0, 1.0);
         assert!((ndc(&eye, Vec3::new(0.0, 0.0, -NEAR_METRES)).z - 1.0).abs() < 1e-6);
         assert!(ndc(&eye, Vec3::new(0.0, 0.0, -1e9)).z < 1e-9);
+    }
+
+    #[test]
+    fn scenes_of_any_size_lie_behind_the_near_plane() {
+        for distance in [1e-4, 0.01, 1.0, 1e6] {
+            let eye = Eye::looking(Vec3::ZERO, Vec3::new(0.0, 0.0, -distance), 60.0, 1.0);
+            let depth = ndc(&eye, Vec3::new(0.0, 0.0, -0.5 * distance)).z;
+            assert!(depth > 0.0 && depth < 1.0, "{distance} m: depth {depth}");
+        }
     }
 
     #[test]

@@ -4,6 +4,8 @@ mod eye;
 mod forward;
 mod overlay;
 mod shared;
+#[cfg(test)]
+mod shared_tests;
 mod targets;
 mod world;
 
@@ -16,7 +18,7 @@ pub use overlay::Overlay;
 pub use shared::MAX_EYES;
 pub use targets::Output;
 
-use crate::asset::{Panorama, Report};
+use crate::asset::Report;
 use crate::gpu::{Bind, Buffer, BufferKind, Commands, Edge, Gpu, Image, PassTime, Sampler, Set, SetLayout, Slot};
 use crate::precompute::{BrdfTable, LightMaps};
 use crate::reference::brdf::Geometry;
@@ -165,9 +167,8 @@ impl Renderer {
         Ok(())
     }
 
-    /// Puts the scene under another panorama, unturned.
-    pub fn set_panorama(&mut self, panorama: &Panorama) -> Result<()> {
-        let light = LightMaps::new(&self.gpu, panorama)?;
+    /// Puts the scene under another panorama's light, unturned.
+    pub fn set_light(&mut self, light: LightMaps) -> Result<()> {
         self.frames = make_frames(&self.gpu, &self.frame_layout, &self.world, &light, &self.table, &self.samplers)?;
         self.light = light;
         self.environment_turn = 0.0;

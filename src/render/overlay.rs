@@ -10,8 +10,9 @@ use crate::gpu::{Bind, Buffer, BufferKind, Commands, Depth, Gpu, GraphicsDesc, P
 
 /// Characters that fit on the screen's grid at most; more are cut.
 const MAX_CHARACTERS: usize = 4096;
-/// Pixels from the picture's corner.
-const MARGIN: f32 = 8.0;
+/// Font pixels: a cell's size, with a little room between lines, and the distance from the picture's corner.
+const CELL: [f32; 2] = [8.0, 10.0];
+const MARGIN: f32 = 6.0;
 
 /// Text in the picture's upper left corner.
 pub struct Overlay {
@@ -68,9 +69,15 @@ impl Overlay {
         self.frames[slot].0.write(0, bytemuck::cast_slice(&cells));
         self.count = cells.len() as u32;
         let pixel = picture.map(|s| 2.0 / s as f32);
-        let (cell, margin) = (8.0 * scale as f32, MARGIN * scale as f32);
-        self.cell_ndc = pixel.map(|p| p * cell);
-        self.origin_ndc = pixel.map(|p| p * margin - 1.0);
+        let scale = scale as f32;
+        self.cell_ndc = [pixel[0] * CELL[0] * scale, pixel[1] * CELL[1] * scale];
+        self.origin_ndc = pixel.map(|p| p * MARGIN * scale - 1.0);
+    }
+
+    /// How many columns and rows of text fit.
+    pub fn grid(picture: [u32; 2], scale: u32) -> [usize; 2] {
+        let fits = |i: usize| ((picture[i] as f32 / scale as f32 - 2.0 * MARGIN) / CELL[i]).max(0.0) as usize;
+        [fits(0), fits(1)]
     }
 
     /// Draws the text set for `slot`; called while rendering.

@@ -1,6 +1,8 @@
 //! Where eyes come from and where pictures go: window, picture file; camera control.
 
+mod control;
 pub mod doctor;
+mod frame_clock;
 mod picture;
 mod window;
 

@@ -1,0 +1,118 @@
+//! Frame times: the step of the running frame, and averages for people to read.
+
+use std::time::{Duration, Instant};
+
+use crate::gpu::PassTime;
+
+/// Averages are made over this time.
+const PERIOD: Duration = Duration::from_millis(500);
+/// The longest step that a frame is told of; after a stall, moving goes on where it was.
+const LONGEST_STEP: Duration = Duration::from_millis(100);
+
+/// Averages over the last period.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Rate {
+    pub frames_per_second: f64,
+    /// Wall time from frame to frame.
+    pub frame_ms: f64,
+    /// GPU time of each pass.
+    pub passes: Vec<PassTime>,
+}
+
+impl Rate {
+    /// GPU time of all passes.
+    pub fn gpu_ms(&self) -> f64 {
+        self.passes.iter().map(|pass| pass.ms).sum()
+    }
+}
+
+/// Fed once per frame.
+#[derive(Default)]
+pub struct FrameClock {
+    last: Option<Instant>,
+    frames: u32,
+    time: Duration,
+    /// Sums, and over how many frames.
+    passes: Vec<(PassTime, u32)>,
+    rate: Option<Rate>,
+}
+
+impl FrameClock {
+    /// A frame begins; returns seconds since the one before, 0 for the first after a pause.
+    pub fn tick(&mut self, now: Instant) -> f32 {
+        let Some(last) = self.last.replace(now) else { return 0.0 };
+        let step = now.saturating_duration_since(last);
+        self.frames += 1;
+        self.time += step;
+        if self.time >= PERIOD {
+            self.finish_period();
+        }
+        step.min(LONGEST_STEP).as_secs_f32()
+    }
+
+    /// Nothing is drawn for a while; that time does not count.
+    pub fn pause(&mut self) {
+        self.last = None;
+    }
+
+    /// Notes the GPU times of one finished frame.
+    pub fn add_gpu(&mut self, times: &[PassTime]) {
+        for time in times {
+            match self.passes.iter_mut().find(|(sum, _)| sum.name == time.name) {
+                Some((sum, count)) => (sum.ms, *count) = (sum.ms + time.ms, *count + 1),
+                None => self.passes.push((time.clone(), 1)),
+            }
+        }
+    }
+
+    /// The last full period's averages.
+    pub fn rate(&self) -> Option<&Rate> {
+        self.rate.as_ref()
+    }
+
+    fn finish_period(&mut self) {
+        let seconds = self.time.as_secs_f64();
+        let frames = f64::from(self.frames);
+        let mean = |(sum, count): (PassTime, u32)| PassTime { ms: sum.ms / f64::from(count), ..sum };
+        self.rate = Some(Rate {
+            frames_per_second: frames / seconds,
+            frame_ms: 1e3 * seconds / frames,
+            passes: self.passes.drain(..).map(mean).collect(),
+        });
+        (self.frames, self.time) = (0, Duration::ZERO);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn pass(name: &'static str, ms: f64) -> PassTime {
+        PassTime { name, ms }
+    }
+
+    #[test]
+    fn a_steady_rate_is_told_with_its_gpu_times() {
+        let (mut clock, start) = (FrameClock::default(), Instant::now());
+        for frame in 0..=50 {
+            let step = clock.tick(start + Duration::from_millis(20 * frame));
+            assert!((step - if frame == 0 { 0.0 } else { 0.02 }).abs() < 1e-6);
+            clock.add_gpu(&[pass("scene", if frame % 2 == 0 { 2.0 } else { 4.0 }), pass("text", 0.5)]);
+        }
+        let rate = clock.rate().expect("a second has passed");
+        assert!((rate.frames_per_second - 50.0).abs() < 1e-9 && (rate.frame_ms - 20.0).abs() < 1e-9);
+        assert!((rate.gpu_ms() - 3.5).abs() < 0.2, "{rate:?}");
+        assert_eq!(rate.passes.iter().map(|p| p.name).collect::<Vec<_>>(), ["scene", "text"]);
+    }
+
+    #[test]
+    fn stalls_do_not_fling_and_pauses_do_not_count() {
+        let (mut clock, start) = (FrameClock::default(), Instant::now());
+        clock.tick(start);
+        assert_eq!(clock.tick(start + Duration::from_secs(3)), 0.1);
+        assert!((clock.rate().expect("three seconds").frames_per_second - 1.0 / 3.0).abs() < 1e-9);
+        clock.pause();
+        assert_eq!(clock.tick(start + Duration::from_secs(60)), 0.0);
+        assert!((clock.rate().expect("as before").frames_per_second - 1.0 / 3.0).abs() < 1e-9);
+    }
+}

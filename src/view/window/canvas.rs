@@ -1,0 +1,117 @@
+//! One window's pictures: swapchain and frames in flight, made anew whenever the window changes.
+
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use winit::raw_window_handle::{HasDisplayHandle, HasWindowHandle};
+use winit::window::Window;
+
+use crate::gpu::{Acquired, Gpu, Part, PassTime, PresentMode, Recorder, Swapchain, Use, read_image};
+use crate::render::{Eye, FRAMES_IN_FLIGHT, Overlay, Renderer};
+use crate::{Error, Result};
+
+/// After an image could not be had, this long passes before the next try.
+const RETRY: Duration = Duration::from_millis(20);
+
+/// Where frames go.
+pub struct Canvas {
+    gpu: Arc<Gpu>,
+    swapchain: Swapchain,
+    recorders: Vec<Recorder>,
+    /// Which recorder is next.
+    slot: usize,
+    mode: PresentMode,
+    /// The swapchain does not fit the window any more.
+    stale: bool,
+    retry_at: Option<Instant>,
+}
+
+impl Canvas {
+    /// For a window on the display that the GPU was opened for.
+    ///
+    /// # Safety
+    /// The window must live until the canvas is dropped, and its event loop as long.
+    pub unsafe fn new(gpu: &Arc<Gpu>, window: &Window) -> Result<Self> {
+        let no_handle = |e| Error::Window { problem: format!("it has no handle ({e})") };
+        let display = window.display_handle().map_err(no_handle)?.as_raw();
+        let handle = window.window_handle().map_err(no_handle)?.as_raw();
+        // SAFETY: the caller keeps the window and the event loop alive for as long.
+        let swapchain = unsafe { Swapchain::new(gpu, display, handle) }?;
+        let recorders = (0..FRAMES_IN_FLIGHT).map(|_| Recorder::new(gpu)).collect::<Result<_>>()?;
+        let gpu = Arc::clone(gpu);
+        Ok(Self { gpu, swapchain, recorders, slot: 0, mode: PresentMode::Vsync, stale: true, retry_at: None })
+    }
+
+    /// The window has another size now.
+    pub fn window_changed(&mut self) {
+        self.stale = true;
+    }
+
+    /// Takes the next of the surface's present modes.
+    pub fn next_mode(&mut self) -> PresentMode {
+        let modes = self.swapchain.modes();
+        let at = modes.iter().position(|mode| *mode == self.mode).unwrap_or(0);
+        self.mode = modes.get((at + 1) % modes.len().max(1)).copied().unwrap_or(PresentMode::Vsync);
+        self.stale = true;
+        self.mode
+    }
+
+    /// How pictures are shown.
+    pub fn mode(&self) -> PresentMode {
+        self.mode
+    }
+
+    /// The slot of the frame that `show` draws next.
+    pub fn slot(&self) -> usize {
+        self.slot
+    }
+
+    /// The size of its images, pixels.
+    pub fn size(&self) -> [u32; 2] {
+        self.swapchain.size()
+    }
+
+    /// When to try again, if the last try to get an image failed.
+    pub fn retry_at(&self) -> Option<Instant> {
+        self.retry_at
+    }
+
+    /// Waits for the frame that had the slot, and for an image to show the next one with; `wanted` is the window's size.
+    /// Without an image there is nothing to draw to now. The times are the waited-for frame's.
+    pub fn begin(&mut self, wanted: [u32; 2]) -> Result<(Option<Acquired>, Vec<PassTime>)> {
+        let times = self.recorders[self.slot].finish()?;
+        if self.stale {
+            self.swapchain.resize(wanted, self.mode)?;
+            self.stale = false;
+        }
+        let acquired = self.swapchain.acquire()?;
+        self.stale = acquired.is_none();
+        self.retry_at = self.stale.then(|| Instant::now() + RETRY);
+        Ok((acquired, times))
+    }
+
+    /// Draws a frame and shows it.
+    pub fn show(
+        &mut self,
+        acquired: Acquired,
+        renderer: &mut Renderer,
+        eye: Eye,
+        overlay: Option<&Overlay>,
+        window: &Window,
+    ) -> Result<()> {
+        let (mut commands, _) = self.recorders[self.slot].begin()?;
+        renderer.record(&mut commands, self.slot, &[eye], overlay);
+        commands.prepare(renderer.picture(), Use::CopyFrom);
+        self.swapchain.copy(&mut commands, renderer.picture(), Part { mip: 0, layer: 0 }, &acquired);
+        commands.submit(Some(&acquired))?;
+        self.slot = (self.slot + 1) % FRAMES_IN_FLIGHT;
+        window.pre_present_notify();
+        self.stale |= !self.swapchain.present(acquired)?;
+        Ok(())
+    }
+
+    /// The picture last shown: RGBA, 8 bits a channel, rows from the top.
+    pub fn read(&self, renderer: &Renderer) -> Result<Vec<u8>> {
+        read_image(&self.gpu, renderer.picture(), Part { mip: 0, layer: 0 }, 4)
+    }
+}

@@ -1,0 +1,71 @@
+//! Watches the shaders' sources and says when they have changed and come to rest.
+
+use std::path::Path;
+use std::sync::mpsc::{Receiver, channel};
+use std::time::{Duration, Instant};
+
+use notify::{EventKind, RecommendedWatcher, RecursiveMode, Watcher};
+
+use crate::{Error, Result};
+
+/// Editors write a file in several steps; this long after the last of them, it is whole.
+const REST: Duration = Duration::from_millis(200);
+
+/// A watched folder.
+pub struct ShaderWatch {
+    // Watching ends when it is dropped.
+    _watcher: RecommendedWatcher,
+    changes: Receiver<()>,
+    due: Option<Instant>,
+}
+
+impl ShaderWatch {
+    /// Watches a folder.
+    pub fn new(folder: &Path) -> Result<Self> {
+        let failed = |e: notify::Error| Error::read(folder)(std::io::Error::other(e));
+        let (sender, changes) = channel();
+        let on_event = move |event: notify::Result<notify::Event>| {
+            // Reading is an event, too; compiling would set itself off.
+            let changed = |kind| matches!(kind, EventKind::Create(_) | EventKind::Modify(_) | EventKind::Remove(_));
+            if event.is_ok_and(|event| changed(event.kind)) {
+                // Nobody listens any more only while the window closes.
+                let _ = sender.send(());
+            }
+        };
+        let mut watcher = notify::recommended_watcher(on_event).map_err(failed)?;
+        watcher.watch(folder, RecursiveMode::NonRecursive).map_err(failed)?;
+        Ok(Self { _watcher: watcher, changes, due: None })
+    }
+
+    /// Whether something has changed and been left alone since; true once per change.
+    pub fn is_due(&mut self, now: Instant) -> bool {
+        if self.changes.try_iter().count() > 0 {
+            self.due = Some(now + REST);
+        }
+        self.due.take_if(|due| *due <= now).is_some()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_change_is_told_once_and_only_after_a_rest() {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let file = folder.path().join("a.frag");
+        std::fs::write(&file, "1").expect("a test file");
+        let mut watch = ShaderWatch::new(folder.path()).expect("a watch");
+        assert!(!watch.is_due(Instant::now()));
+        std::fs::write(&file, "2").expect("a test file");
+        let started = Instant::now();
+        while watch.due.is_none() && started.elapsed() < Duration::from_secs(10) {
+            assert!(!watch.is_due(Instant::now()), "told at once");
+            std::thread::sleep(Duration::from_millis(5));
+        }
+        assert!(watch.is_due(Instant::now() + 2 * REST));
+        std::fs::read(&file).expect("as written");
+        std::thread::sleep(Duration::from_millis(50));
+        assert!(!watch.is_due(Instant::now() + 4 * REST), "reading counts as a change");
+    }
+}

@@ -1,0 +1,163 @@
+//! What keys do: commands by what is printed on the key, movement by where the key lies.
+
+use std::collections::HashSet;
+
+use glam::Vec3;
+use winit::event::KeyEvent;
+use winit::keyboard::{Key, KeyCode, NamedKey, PhysicalKey};
+
+/// A command given by a key.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Action {
+    Quit,
+    /// Orbit or fly.
+    SwitchMode,
+    NextCamera,
+    /// One of the scene's cameras, from 0.
+    Camera(usize),
+    /// View, exposure and panorama as the scene has them.
+    Reset,
+    Fullscreen,
+    NextPresentMode,
+    /// Show or hide the list of keys.
+    Keys,
+    Screenshot,
+    NextShading,
+    PreviousShading,
+    /// Thirds of a stop.
+    Exposure(i8),
+    /// Steps of the panorama's turn.
+    Turn(i8),
+}
+
+/// Keys and what they do, for people.
+pub const HELP: [(&str, &str); 15] = [
+    ("drag left", "orbit; look around while flying"),
+    ("drag right", "pan (also the middle button)"),
+    ("wheel", "zoom; speed while flying"),
+    ("Tab", "orbit or fly"),
+    ("W A S D Q E", "fly; with Shift faster"),
+    ("1-9  C", "cameras of the scene; the next one"),
+    ("R", "reset view, exposure and panorama"),
+    ("M  N", "next, previous shading"),
+    ("[  ]", "exposure -, + 1/3 stop"),
+    (",  .", "turn the panorama"),
+    ("V", "vsync, mailbox, immediate"),
+    ("P  F12", "write a screenshot"),
+    ("F11", "fullscreen (also Alt+Enter)"),
+    ("drop a file", "scene .toml .obj, panorama .hdr .exr"),
+    ("H  Esc", "these keys; quit"),
+];
+
+/// What a pressed key asks for; a held key repeats only where that makes sense.
+pub fn action(event: &KeyEvent, alt: bool) -> Option<Action> {
+    let action = of_key(&event.logical_key, alt)?;
+    (!event.repeat || matches!(action, Action::Exposure(_) | Action::Turn(_))).then_some(action)
+}
+
+fn of_key(key: &Key, alt: bool) -> Option<Action> {
+    match key {
+        Key::Named(named) => match named {
+            NamedKey::Escape => Some(Action::Quit),
+            NamedKey::Tab if !alt => Some(Action::SwitchMode),
+            NamedKey::F11 => Some(Action::Fullscreen),
+            NamedKey::Enter if alt => Some(Action::Fullscreen),
+            NamedKey::F12 => Some(Action::Screenshot),
+            _ => None,
+        },
+        Key::Character(text) => match text.to_lowercase().as_str() {
+            "c" => Some(Action::NextCamera),
+            "r" => Some(Action::Reset),
+            "v" => Some(Action::NextPresentMode),
+            "h" => Some(Action::Keys),
+            "p" => Some(Action::Screenshot),
+            "m" => Some(Action::NextShading),
+            "n" => Some(Action::PreviousShading),
+            "[" => Some(Action::Exposure(-1)),
+            "]" => Some(Action::Exposure(1)),
+            "," => Some(Action::Turn(-1)),
+            "." => Some(Action::Turn(1)),
+            other => match other.as_bytes() {
+                [digit @ b'1'..=b'9'] => Some(Action::Camera(usize::from(digit - b'1'))),
+                _ => None,
+            },
+        },
+        _ => None,
+    }
+}
+
+/// The keys that are down.
+#[derive(Default)]
+pub struct Held(HashSet<KeyCode>);
+
+impl Held {
+    /// Follows one key.
+    pub fn follow(&mut self, event: &KeyEvent) {
+        if let PhysicalKey::Code(code) = event.physical_key {
+            if event.state.is_pressed() {
+                self.0.insert(code)
+            } else {
+                self.0.remove(&code)
+            };
+        }
+    }
+
+    /// The keyboard went to somebody else, who will see the keys go up.
+    pub fn release_all(&mut self) {
+        self.0.clear();
+    }
+
+    /// Movement right, up and forward, each −1 to 1.
+    pub fn movement(&self) -> Vec3 {
+        let axis = |plus, minus| f32::from(i8::from(self.0.contains(&plus)) - i8::from(self.0.contains(&minus)));
+        Vec3::new(
+            axis(KeyCode::KeyD, KeyCode::KeyA),
+            axis(KeyCode::KeyE, KeyCode::KeyQ),
+            axis(KeyCode::KeyW, KeyCode::KeyS),
+        )
+    }
+
+    /// Whether Shift is down.
+    pub fn fast(&self) -> bool {
+        self.0.contains(&KeyCode::ShiftLeft) || self.0.contains(&KeyCode::ShiftRight)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn character(text: &str) -> Option<Action> {
+        of_key(&Key::Character(text.into()), false)
+    }
+
+    #[test]
+    fn letters_work_in_both_cases_and_digits_choose_cameras() {
+        assert_eq!(character("m"), Some(Action::NextShading));
+        assert_eq!(character("M"), Some(Action::NextShading));
+        assert_eq!((character("1"), character("9")), (Some(Action::Camera(0)), Some(Action::Camera(8))));
+        assert_eq!((character("0"), character("+1"), character("z")), (None, None, None));
+    }
+
+    #[test]
+    fn enter_needs_alt() {
+        let enter = Key::Named(NamedKey::Enter);
+        assert_eq!((of_key(&enter, false), of_key(&enter, true)), (None, Some(Action::Fullscreen)));
+    }
+
+    #[test]
+    fn commands_do_not_sit_on_movement_keys() {
+        for key in ["w", "a", "s", "d", "q", "e"] {
+            assert_eq!(character(key), None);
+        }
+    }
+
+    #[test]
+    fn held_keys_add_up_and_opposites_cancel() {
+        let mut held = Held::default();
+        held.0.extend([KeyCode::KeyW, KeyCode::KeyD, KeyCode::KeyA, KeyCode::KeyE, KeyCode::ShiftRight]);
+        assert_eq!((held.movement(), held.fast()), (Vec3::new(0.0, 1.0, 1.0), true));
+        held.release_all();
+        assert_eq!((held.movement(), held.fast()), (Vec3::ZERO, false));
+    }
+}
