@@ -43,8 +43,10 @@ void main()
     uvec2 list = tiles[push.first_tile + (group.z * across + group.y) * across + group.x];
     for (uint i = list.x; i < list.x + list.y; ++i) {
         Node node = nodes[lists[i]];
-        for (uint j = 0u; j < ROWS; ++j)
-            sum[j] += lobe_mean(lobe, dot(r[j], node.mean), node.spread) * node.flux;
+        for (uint j = 0u; j < ROWS; ++j) {
+            vec2 weights = lobe_mean(lobe, dot(r[j], node.mean), node.spread);
+            sum[j] += weights.x * node.flux + weights.y * (r[j] * node.moment);
+        }
     }
     for (uint j = 0u; j < ROWS; ++j) {
         uvec2 texel = corner + uvec2(0u, 2u * j);
