@@ -22,9 +22,10 @@ void main()
     float alpha = roughness * roughness, a2 = alpha * alpha;
     vec3 v = vec3(sqrt(1.0 - nv * nv), 0.0, nv);
     float towards_v = nv + sqrt(a2 + (1.0 - a2) * nv * nv);
+    float middle = 0.5 / float(1u << LOG2_SAMPLES); // of the strip that each point stands for
     vec2 sum = vec2(0.0);
     for (uint i = 0u; i < (1u << LOG2_SAMPLES); ++i) {
-        vec3 h = sample_vndf(v, hammersley(i, LOG2_SAMPLES), alpha);
+        vec3 h = sample_vndf(v, hammersley(i, LOG2_SAMPLES) + middle, alpha);
         float vh = max(dot(v, h), 0.0);
         float nl = 2.0 * vh * h.z - nv;
         if (nl <= 0.0)
@@ -36,5 +37,5 @@ void main()
         float f = schlick_weight(vh);
         sum += weight * vec2(1.0 - f, f);
     }
-    imageStore(table, ivec3(id.xy, 0), vec4(sum / float(1u << LOG2_SAMPLES), 0.0, 0.0));
+    imageStore(table, ivec3(id.xy, 0), vec4(round_to_half(vec3(sum / float(1u << LOG2_SAMPLES), 0.0)), 0.0));
 }

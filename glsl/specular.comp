@@ -1,16 +1,18 @@
 // One specular level: radiance averaged by the GGX lobe of one alpha for n = v = r (Karis 2013, section "Pre-Filtered
 // Environment Map"), by filtered importance sampling: each sample reads the mip whose texels are as large as the solid
 // angle it stands for (Křivánek and Colbert, "Real-time Shading with Filtered Importance Sampling", 2008, eq. 13).
+// The samples are the same around every r, so the CPU makes them: precompute::lobe.
 #version 460
 #extension GL_GOOGLE_include_directive : require
+#extension GL_EXT_scalar_block_layout : require
 #include "cube.glsl"
 #include "sampling.glsl"
 
 layout(local_size_x = 8, local_size_y = 8) in;
-layout(constant_id = 0) const uint LOG2_SAMPLES = 8;
 layout(set = 0, binding = 0) uniform samplerCube environment;
 layout(set = 0, binding = 1, rgba16f) uniform writeonly image2DArray level;
-layout(push_constant) uniform Push { float alpha; } push;
+// xyz: direction, +Z being r; w: mip.
+layout(set = 0, binding = 2, scalar) readonly buffer Samples { vec4 samples[]; };
 
 void main()
 {
@@ -18,19 +20,11 @@ void main()
     uint size = uint(imageSize(level).x);
     if (id.x >= size || id.y >= size)
         return;
-    vec3 n = cube_direction(id.z, (vec2(id.xy) + 0.5) / float(size));
-    mat3 world_from_lobe = basis(n);
-    float texels = 6.0 * float(textureSize(environment, 0).x) * float(textureSize(environment, 0).x);
-    float samples = float(1u << LOG2_SAMPLES);
+    mat3 world_from_lobe = basis(cube_direction(id.z, (vec2(id.xy) + 0.5) / float(size)));
     vec4 sum = vec4(0.0);
-    for (uint i = 0u; i < (1u << LOG2_SAMPLES); ++i) {
-        vec3 h = sample_ggx(hammersley(i, LOG2_SAMPLES), push.alpha);
-        vec3 l = 2.0 * h.z * h - vec3(0.0, 0.0, 1.0); // v = n
-        if (l.z <= 0.0)
-            continue;
-        float pdf = pdf_ggx(vec3(0.0, 0.0, 1.0), h, push.alpha);
-        float lod = 0.5 * log2(texels / (4.0 * PI * samples * pdf)) + 1.0;
-        sum += l.z * vec4(textureLod(environment, world_from_lobe * l, max(lod, 0.0)).rgb, 1.0);
+    for (uint i = 0u; i < samples.length(); ++i) {
+        vec4 l = samples[i];
+        sum += l.z * vec4(textureLod(environment, world_from_lobe * l.xyz, l.w).rgb, 1.0);
     }
-    imageStore(level, ivec3(id), vec4(sum.rgb / sum.a, 1.0));
+    imageStore(level, ivec3(id), vec4(round_to_half(sum.rgb / sum.a), 1.0));
 }

@@ -41,3 +41,7 @@ impl BrdfTable {
         Ok(Self { image, times })
     }
 }
+
+#[cfg(test)]
+#[path = "brdf_table_tests.rs"]
+mod tests;

@@ -2,10 +2,11 @@
 
 use std::sync::Arc;
 
+use super::lobe;
 use crate::asset::Panorama;
 use crate::gpu::{
-    Bind, Commands, Edge, Format, Gpu, Image, ImageDesc, ImageUsageFlags, PassTime, Pipeline, Sampler, Set, SetLayout,
-    Shape, Slot, Upload, Use, run,
+    Bind, Buffer, BufferKind, Commands, Edge, Format, Gpu, Image, ImageDesc, ImageUsageFlags, PassTime, Pipeline,
+    Sampler, Set, SetLayout, Shape, Slot, Upload, Use, run,
 };
 use crate::reference::levels::alpha_from_level;
 use crate::{Error, Result};
@@ -18,10 +19,12 @@ const LEVELS: u32 = 7;
 const IRRADIANCE_SIZE: u32 = 32;
 /// The environment's mip that irradiance is summed from: 32 texels along a face.
 const IRRADIANCE_SOURCE_MIP: usize = 3;
-/// Samples per texel of a specular level.
-const LOG2_SAMPLES: u32 = 8;
+/// Samples per texel of specular levels 1, 2 …: more where texels are fewer.
+const LOG2_SAMPLES: [u32; LEVELS as usize - 1] = [8, 8, 9, 10, 11, 12];
 /// Radiance that the half-float maps hold at most before they are scaled.
 const HALF_LIMIT: f32 = 60_000.0;
+
+const HALF_FLOAT: Format = Format::R16G16B16A16_SFLOAT;
 
 /// Light of one panorama, ready for shading. Maps hold radiance / `scale`.
 pub struct LightMaps {
@@ -45,9 +48,9 @@ impl LightMaps {
         let peak = panorama.texels.iter().flatten().copied().fold(0.0, f32::max);
         let scale = (peak / HALF_LIMIT).max(1.0).log2().ceil().exp2();
         let image = upload(gpu, panorama)?;
-        let environment = cube(gpu, "environment", CUBE_SIZE, CUBE_SIZE.ilog2() + 1)?;
-        let irradiance = cube(gpu, "irradiance", IRRADIANCE_SIZE, 1)?;
-        let specular = cube(gpu, "specular levels", CUBE_SIZE, LEVELS)?;
+        let environment = environment_cube(gpu)?;
+        let irradiance = cube(gpu, "irradiance", HALF_FLOAT, IRRADIANCE_SIZE, 1)?;
+        let specular = cube(gpu, "specular levels", HALF_FLOAT, CUBE_SIZE, LEVELS)?;
         let passes = Passes::new(gpu, panorama, &image, &environment, &irradiance, &specular)?;
         let times = run(gpu, |commands| {
             passes.record(commands, &environment, &irradiance, &specular, scale);
@@ -84,10 +87,15 @@ fn upload(gpu: &Arc<Gpu>, panorama: &Panorama) -> Result<Image> {
     Ok(image)
 }
 
-fn cube(gpu: &Arc<Gpu>, name: &str, size: u32, mips: u32) -> Result<Image> {
+/// In f32, so that no rounding adds up from mip to mip.
+fn environment_cube(gpu: &Arc<Gpu>) -> Result<Image> {
+    cube(gpu, "environment", Format::R32G32B32A32_SFLOAT, CUBE_SIZE, CUBE_SIZE.ilog2() + 1)
+}
+
+fn cube(gpu: &Arc<Gpu>, name: &str, format: Format, size: u32, mips: u32) -> Result<Image> {
     let copies = ImageUsageFlags::TRANSFER_SRC | ImageUsageFlags::TRANSFER_DST;
     let usage = ImageUsageFlags::SAMPLED | ImageUsageFlags::STORAGE | copies;
-    let flat = ImageDesc::flat(Format::R16G16B16A16_SFLOAT, [size; 2], usage);
+    let flat = ImageDesc::flat(format, [size; 2], usage);
     Image::new(gpu, name, ImageDesc { shape: Shape::Cube, mips, ..flat })
 }
 
@@ -114,6 +122,7 @@ struct Passes {
     irradiance: Pass,
     specular: Pass,
     // The sets refer to them.
+    _lobes: Vec<Buffer>,
     _samplers: [Sampler; 2],
 }
 
@@ -128,15 +137,25 @@ impl Passes {
     ) -> Result<Self> {
         let sampler = Sampler::new(gpu, "panorama", Edge::Panorama, false)?;
         let cube_sampler = Sampler::new(gpu, "cube", Edge::Clamp, false)?;
-        let sample_to_store = SetLayout::new(gpu, "sample to store", &[Slot::Sampled, Slot::StorageImage])?;
+        let to_cube_layout =
+            SetLayout::new(gpu, "panorama to cube", &[Slot::Sampled, Slot::StorageImage, Slot::StorageImage])?;
+        let specular_layout =
+            SetLayout::new(gpu, "specular level", &[Slot::Sampled, Slot::StorageImage, Slot::Storage])?;
         let load_to_store = SetLayout::new(gpu, "load to store", &[Slot::StorageImage, Slot::StorageImage])?;
-        // Two taps for each panorama texel that a cube texel spans at the equator.
-        let taps = (panorama.width.div_ceil(4 * CUBE_SIZE) * 2).clamp(2, 16);
+        // Two taps or more for each panorama texel that a cube texel spans, at the equator and from pole to pole.
+        let taps = panorama.width.max(2 * panorama.height).div_ceil(2 * CUBE_SIZE).clamp(2, 16);
         let set = |layout: &SetLayout, binds: &[Bind<'_>]| Set::new(gpu, "precompute", layout, binds);
         let to_cube = Pass {
-            pipeline: Pipeline::compute(gpu, "panorama_to_cube.comp", &[(0, taps)], &[&sample_to_store], 4)?,
+            pipeline: Pipeline::compute(gpu, "panorama_to_cube.comp", &[(0, taps)], &[&to_cube_layout], 4)?,
             sets: vec![(
-                set(&sample_to_store, &[Bind::Sampled(image, &sampler), Bind::StorageImage(environment, 0)])?,
+                set(
+                    &to_cube_layout,
+                    &[
+                        Bind::Sampled(image, &sampler),
+                        Bind::StorageImage(environment, 0),
+                        Bind::StorageImage(specular, 0),
+                    ],
+                )?,
                 CUBE_SIZE,
             )],
         };
@@ -153,15 +172,22 @@ impl Passes {
             pipeline: Pipeline::compute(gpu, "irradiance.comp", &[], &[&load_to_store], 0)?,
             sets: vec![(set(&load_to_store, &[source, Bind::StorageImage(irradiance, 0)])?, IRRADIANCE_SIZE)],
         };
-        let level = |level: usize| {
-            let binds = [Bind::Sampled(environment, &cube_sampler), Bind::StorageImage(specular, level)];
-            Ok((set(&sample_to_store, &binds)?, CUBE_SIZE >> level))
+        let lobes = (1u32..).zip(LOG2_SAMPLES).map(|(level, log2_count)| {
+            let alpha = alpha_from_level(f64::from(level), f64::from(LEVELS - 1));
+            let samples = lobe::samples(alpha, log2_count, CUBE_SIZE);
+            Buffer::with_bytes(gpu, "lobe", BufferKind::StorageFromCpu, bytemuck::cast_slice(&samples))
+        });
+        let lobes: Vec<Buffer> = lobes.collect::<Result<_>>()?;
+        let level = |(level, lobe): (usize, &Buffer)| {
+            let environment = Bind::Sampled(environment, &cube_sampler);
+            let binds = [environment, Bind::StorageImage(specular, level), Bind::Storage(lobe)];
+            Ok((set(&specular_layout, &binds)?, CUBE_SIZE >> level))
         };
         let specular = Pass {
-            pipeline: Pipeline::compute(gpu, "specular.comp", &[(0, LOG2_SAMPLES)], &[&sample_to_store], 4)?,
-            sets: (0..LEVELS as usize).map(level).collect::<Result<_>>()?,
+            pipeline: Pipeline::compute(gpu, "specular.comp", &[], &[&specular_layout], 0)?,
+            sets: (1..).zip(&lobes).map(level).collect::<Result<_>>()?,
         };
-        Ok(Self { to_cube, mips, irradiance, specular, _samplers: [sampler, cube_sampler] })
+        Ok(Self { to_cube, mips, irradiance, specular, _lobes: lobes, _samplers: [sampler, cube_sampler] })
     }
 
     fn record(
@@ -174,7 +200,7 @@ impl Passes {
     ) {
         commands.prepare(environment, Use::Storage);
         commands.prepare(irradiance, Use::Storage);
-        commands.prepare(specular, Use::CopyTo);
+        commands.prepare(specular, Use::Storage);
         commands.pass("panorama to cube", |commands| self.to_cube.dispatch(commands, 0, &[scale.recip()]));
         commands.pass("cube mips", |commands| {
             for mip in 0..self.mips.sets.len() {
@@ -184,18 +210,15 @@ impl Passes {
         });
         commands.prepare(environment, Use::Storage);
         commands.pass("irradiance", |commands| self.irradiance.dispatch(commands, 0, &[]));
-        // Level 0 is the environment itself.
-        commands.prepare(environment, Use::CopyFrom);
-        commands.copy_mip0(environment, specular);
         commands.prepare(environment, Use::Sampled);
-        commands.prepare(specular, Use::Storage);
         commands.pass("specular levels", |commands| {
-            for level in 1..LEVELS {
-                let alpha = alpha_from_level(f64::from(level), f64::from(LEVELS - 1));
-                self.specular.dispatch(commands, level as usize, &[alpha as f32]);
-            }
+            (0..self.specular.sets.len()).for_each(|set| self.specular.dispatch(commands, set, &[]));
         });
         commands.prepare(specular, Use::Sampled);
         commands.prepare(irradiance, Use::Sampled);
     }
 }
+
+#[cfg(test)]
+#[path = "light_maps_tests.rs"]
+mod tests;

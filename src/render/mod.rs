@@ -4,6 +4,8 @@ mod eye;
 mod forward;
 mod overlay;
 mod shared;
+#[cfg(test)]
+mod shared_tests;
 mod targets;
 mod world;
 
