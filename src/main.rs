@@ -9,6 +9,7 @@ use pbr_vr::asset::Report;
 use pbr_vr::asset::picture::{Picture, compare, write_atomically};
 use pbr_vr::gpu::GpuOptions;
 use pbr_vr::reference::brdf::Geometry;
+use pbr_vr::reference::table::SplitSum;
 use pbr_vr::render::Shading;
 use pbr_vr::view::{self, RenderRequest, ViewRequest, doctor};
 use pbr_vr::{Error, Result};
@@ -79,11 +80,14 @@ struct Look {
     /// Masking and shadowing term.
     #[arg(long, value_enum, default_value = "smith")]
     geometry: GeometryName,
+    /// How surfaces mirror the panorama.
+    #[arg(long, value_enum, default_value = "moment")]
+    split_sum: SplitSumName,
 }
 
 impl Default for Look {
     fn default() -> Self {
-        Self { shading: Shading::Pbr, geometry: GeometryName::Smith }
+        Self { shading: Shading::Pbr, geometry: GeometryName::Smith, split_sum: SplitSumName::Moment }
     }
 }
 
@@ -93,6 +97,14 @@ enum GeometryName {
     Smith,
     /// Schlick's approximation with Karis's k, as in the thesis.
     Karis2013,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum SplitSumName {
+    /// Along the mean direction of the light that the surface mirrors.
+    Moment,
+    /// Along the mirror direction, as in the thesis.
+    Classic,
 }
 
 #[derive(Args)]
@@ -159,6 +171,7 @@ fn run_view(args: &View, gpu: GpuOptions<'_>) -> Result<()> {
         frames: args.frames,
         shading: args.look.shading,
         geometry: args.look.geometry.into(),
+        split_sum: args.look.split_sum.into(),
     };
     match args.on {
         On::Auto => view::auto(&request, gpu),
@@ -177,6 +190,7 @@ fn run_render(args: &Render, gpu: GpuOptions<'_>) -> Result<()> {
         frames: args.frames,
         shading: args.look.shading,
         geometry: args.look.geometry.into(),
+        split_sum: args.look.split_sum.into(),
     };
     let facts = view::render(&request, gpu, &Report::to_terminal())?;
     match &args.json {
@@ -226,6 +240,15 @@ fn start_log(verbose: u8) {
         tracing_subscriber::fmt::layer().with_writer(std::io::stderr).with_ansi(ansi).without_time().with_target(false);
     let levels = Targets::new().with_default(others).with_target("pbr_vr", ours);
     tracing_subscriber::registry().with(layer).with(levels).init();
+}
+
+impl From<SplitSumName> for SplitSum {
+    fn from(name: SplitSumName) -> Self {
+        match name {
+            SplitSumName::Moment => Self::Moment,
+            SplitSumName::Classic => Self::Classic,
+        }
+    }
 }
 
 impl From<GeometryName> for Geometry {

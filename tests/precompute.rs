@@ -2,7 +2,6 @@
 
 mod common;
 
-
 use common::light::{Errors, level_errors, look_up, open_gpu, panorama, read_cube, relative};
 use glam::DVec3;
 use pbr_vr::precompute::LightMaps;
@@ -85,9 +84,10 @@ fn roughness_between_levels_is_close_to_its_own_lobe() {
             let wanted = prefiltered_around(&directions, alpha, [panorama.width, panorama.height], &panorama.texels);
             let at = level_from_spread(kernel_spread(alpha));
             let (low, share) = ((at as usize).min(LEVELS - 2), at - at.floor().min((LEVELS - 2) as f64));
-            let errors = directions.iter().zip(wanted).map(|(d, want)| {
-                relative(look_up(&cubes[low], *d).lerp(look_up(&cubes[low + 1], *d), share), want)
-            });
+            let errors = directions
+                .iter()
+                .zip(wanted)
+                .map(|(d, want)| relative(look_up(&cubes[low], *d).lerp(look_up(&cubes[low + 1], *d), share), want));
             let errors = Errors::new(errors.collect());
             println!("sun {sun}, roughness {roughness:.2}, level {at:.2}: {errors}");
             means.push((alpha, errors.mean));

@@ -46,15 +46,13 @@ impl Table {
         let low: [usize; 2] = std::array::from_fn(|i| (at[i] as usize).min(self.size[i] - 2));
         let part = [at[0] - low[0] as f64, at[1] - low[1] as f64];
         let value = |layer: usize, channel: usize| {
-            let texel = |x: usize, y: usize| f64::from(self.layers[layer][(low[1] + y) * self.size[0] + low[0] + x][channel]);
+            let texel =
+                |x: usize, y: usize| f64::from(self.layers[layer][(low[1] + y) * self.size[0] + low[0] + x][channel]);
             let row = |y| texel(0, y) * (1.0 - part[0]) + texel(1, y) * part[0];
             row(0) * (1.0 - part[1]) + row(1) * part[1]
         };
-        let part = |i: usize| LobePart {
-            weight: value(0, i),
-            along: value(0, 2 + i).powi(2),
-            across_over_sine: value(1, i),
-        };
+        let part =
+            |i: usize| LobePart { weight: value(0, i), along: value(0, 2 + i).powi(2), across_over_sine: value(1, i) };
         Lobe { base: part(0), fresnel: part(1) }
     }
 }

@@ -4,8 +4,8 @@ use std::sync::Arc;
 
 use crate::Result;
 use crate::gpu::{
-    Bind, Buffer, BufferKind, Format, Gpu, Image, ImageDesc, ImageUsageFlags, PassTime, Pipeline, Set, SetLayout, Shape,
-    Slot, Use, run,
+    Bind, Buffer, BufferKind, Format, Gpu, Image, ImageDesc, ImageUsageFlags, PassTime, Pipeline, Set, SetLayout,
+    Shape, Slot, Use, run,
 };
 use crate::reference::brdf::Geometry;
 use crate::reference::lobe::kernel_spread;

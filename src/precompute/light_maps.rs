@@ -39,10 +39,8 @@ impl LightMaps {
         let panorama = upload(gpu, panorama)?;
         let irradiance_over_pi = cube(gpu, "irradiance", IRRADIANCE_SIZE, 1)?;
         let mips = (LEVELS / 2) as u32;
-        let specular = [
-            cube(gpu, "even specular levels", CUBE_SIZE, mips)?,
-            cube(gpu, "odd specular levels", CUBE_SIZE, mips)?,
-        ];
+        let specular =
+            [cube(gpu, "even specular levels", CUBE_SIZE, mips)?, cube(gpu, "odd specular levels", CUBE_SIZE, mips)?];
         let times = KernelSum::new(gpu, &panorama, &specular, &irradiance_over_pi)?.run(gpu, scale)?;
         Ok(Self { panorama, irradiance_over_pi, specular, scale, times })
     }

@@ -187,7 +187,9 @@ const AXES: [[IVec3; 3]; 6] = [
 /// A direction turned as face 0 is turned to `face`.
 fn on_axes(face: u32, d: DVec3) -> DVec3 {
     let ([s, t, middle], [s0, t0, middle0]) = (AXES[face as usize], AXES[0]);
-    s.as_dvec3() * d.dot(s0.as_dvec3()) + t.as_dvec3() * d.dot(t0.as_dvec3()) + middle.as_dvec3() * d.dot(middle0.as_dvec3())
+    s.as_dvec3() * d.dot(s0.as_dvec3())
+        + t.as_dvec3() * d.dot(t0.as_dvec3())
+        + middle.as_dvec3() * d.dot(middle0.as_dvec3())
 }
 
 impl Cell {

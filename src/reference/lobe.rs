@@ -109,7 +109,10 @@ mod tests {
                 let k = |c| kernel(c, alpha);
                 let numeric = (k(c + h) - 2.0 * k(c) + k(c - h)) / (h * h);
                 let exact = kernel_second_derivative(c, alpha);
-                assert!((numeric - exact).abs() < 1e-3 * exact.abs().max(1.0), "{numeric}, {exact}: alpha {alpha}, {c}");
+                assert!(
+                    (numeric - exact).abs() < 1e-3 * exact.abs().max(1.0),
+                    "{numeric}, {exact}: alpha {alpha}, {c}"
+                );
             }
         }
         assert_eq!(kernel_second_derivative(-0.1, 0.3), 0.0);

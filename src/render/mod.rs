@@ -113,15 +113,8 @@ impl Renderer {
         let world = World::new(gpu, scene, report)?;
         let light = LightMaps::new(gpu, &scene.environment.panorama)?;
         let table = BrdfTable::new(gpu, settings.geometry, settings.split_sum)?;
-        let slots = [
-            Slot::Uniform,
-            Slot::Storage,
-            Slot::Sampled,
-            Slot::Sampled,
-            Slot::Sampled,
-            Slot::Sampled,
-            Slot::Sampled,
-        ];
+        let slots =
+            [Slot::Uniform, Slot::Storage, Slot::Sampled, Slot::Sampled, Slot::Sampled, Slot::Sampled, Slot::Sampled];
         let frame_layout = SetLayout::new(gpu, "frame", &slots)?;
         let samplers =
             [Sampler::new(gpu, "panorama", Edge::Panorama, false)?, Sampler::new(gpu, "clamped", Edge::Clamp, false)?];

@@ -13,6 +13,7 @@ pub use picture::{RenderFacts, RenderRequest, render};
 use crate::asset::{Report, shipped};
 use crate::gpu::GpuOptions;
 use crate::reference::brdf::Geometry;
+use crate::reference::table::SplitSum;
 use crate::render::Shading;
 use crate::{Error, Result};
 
@@ -25,6 +26,7 @@ pub struct ViewRequest<'a> {
     pub frames: Option<u64>,
     pub shading: Shading,
     pub geometry: Geometry,
+    pub split_sum: SplitSum,
 }
 
 impl ViewRequest<'_> {
@@ -60,6 +62,7 @@ pub fn auto(request: &ViewRequest<'_>, gpu: GpuOptions<'_>) -> Result<()> {
         frames: request.frames.unwrap_or(1),
         shading: request.shading,
         geometry: request.geometry,
+        split_sum: request.split_sum,
     };
     render(&still, gpu, &Report::to_terminal())?;
     println!("pbr-vr: wrote {FALLBACK}, because {no_window}; start it in a desktop session to get a window");

@@ -10,6 +10,7 @@ use crate::asset::picture::Picture;
 use crate::asset::{Report, shipped};
 use crate::gpu::{Gpu, GpuOptions, Part, PassTime, Recorder, read_image};
 use crate::reference::brdf::Geometry;
+use crate::reference::table::SplitSum;
 use crate::render::{Eye, FRAMES_IN_FLIGHT, IPD_METRES, Output, Renderer, Settings, Shading};
 use crate::scene::load::{LoadOptions, load};
 use crate::scene::{Camera, Scene};
@@ -27,6 +28,7 @@ pub struct RenderRequest<'a> {
     pub frames: u64,
     pub shading: Shading,
     pub geometry: Geometry,
+    pub split_sum: SplitSum,
 }
 
 /// What a render was made of, for `--json`.
@@ -70,7 +72,7 @@ pub fn render(request: &RenderRequest<'_>, gpu: GpuOptions<'_>, report: &Report)
     let started = Instant::now();
     let gpu = Gpu::open(gpu)?;
     let messages = gpu.messages();
-    let settings = Settings { geometry: request.geometry, output, ..Settings::default() };
+    let settings = Settings { geometry: request.geometry, split_sum: request.split_sum, output, ..Settings::default() };
     let mut renderer = Renderer::new(&gpu, &scene, settings, request.shading, request.size, eyes.len() as u32, report)?;
     let prepare_ms = ms_since(started);
     let started = Instant::now();

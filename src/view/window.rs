@@ -68,7 +68,8 @@ impl App<'_> {
         let display = event_loop.display_handle().map_err(window_error)?.as_raw();
         let gpu = Gpu::open(GpuOptions { display: Some(display), ..self.options })?;
         self.messages = Some(gpu.messages());
-        let settings = Settings { geometry: self.request.geometry, ..Settings::default() };
+        let (geometry, split_sum) = (self.request.geometry, self.request.split_sum);
+        let settings = Settings { geometry, split_sum, ..Settings::default() };
         // SAFETY: `exiting` drops the viewer while the event loop still runs.
         let mut viewer = unsafe { Viewer::new(gpu, window, settings, self.request.shading, self.proxy.clone()) }?;
         viewer.open_first(scene);

@@ -10,6 +10,7 @@ use pbr_vr::asset::Report;
 use pbr_vr::asset::picture::Picture;
 use pbr_vr::gpu::GpuOptions;
 use pbr_vr::reference::brdf::Geometry;
+use pbr_vr::reference::table::SplitSum;
 use pbr_vr::render::Shading;
 use pbr_vr::view::{RenderRequest, render};
 
@@ -58,6 +59,7 @@ impl Workshop {
             frames: 1,
             shading: look.shading,
             geometry: look.geometry,
+            split_sum: look.split_sum,
         };
         let gpu = GpuOptions { validate: true, ..GpuOptions::default() };
         let facts = render(&request, gpu, &Report::silent()).expect("a render without validation messages");
@@ -74,6 +76,7 @@ pub struct Look<'a> {
     pub stereo: bool,
     pub shading: Shading,
     pub geometry: Geometry,
+    pub split_sum: SplitSum,
 }
 
 impl Default for Look<'_> {
@@ -85,6 +88,7 @@ impl Default for Look<'_> {
             stereo: false,
             shading: Shading::Pbr,
             geometry: Geometry::Smith,
+            split_sum: SplitSum::Moment,
         }
     }
 }
