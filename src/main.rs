@@ -11,13 +11,14 @@ use pbr_vr::asset::picture::{Picture, compare};
 use pbr_vr::gpu::GpuOptions;
 use pbr_vr::precompute::{Cache, Options};
 use pbr_vr::reference::brdf::Geometry;
+use pbr_vr::reference::table::SplitSum;
 use pbr_vr::render::Shading;
 use pbr_vr::view::{self, BakeRequest, RenderRequest, ViewRequest, doctor};
 use pbr_vr::{Error, Result};
 
 /// Physically based materials under real light, in a headset, a window or a picture.
 #[derive(Parser)]
-#[command(version, about, args_conflicts_with_subcommands = true)]
+#[command(version, about)]
 struct Cli {
     #[command(flatten)]
     global: Global,
@@ -86,11 +87,14 @@ struct Look {
     /// Masking and shadowing term.
     #[arg(long, value_enum, default_value = "smith")]
     geometry: GeometryName,
+    /// How surfaces mirror the panorama.
+    #[arg(long, value_enum, default_value = "moment")]
+    split_sum: SplitSumName,
 }
 
 impl Default for Look {
     fn default() -> Self {
-        Self { shading: Shading::Pbr, geometry: GeometryName::Smith }
+        Self { shading: Shading::Pbr, geometry: GeometryName::Smith, split_sum: SplitSumName::Moment }
     }
 }
 
@@ -100,6 +104,14 @@ enum GeometryName {
     Smith,
     /// Schlick's approximation with Karis's k, as in the thesis.
     Karis2013,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum SplitSumName {
+    /// Along the mean direction of the light that the surface mirrors.
+    Moment,
+    /// Along the mirror direction, as in the thesis.
+    Classic,
 }
 
 #[derive(Args)]
@@ -135,7 +147,7 @@ struct Bake {
     /// The folder for irradiance.ktx2, specular.ktx2 and brdf.ktx2; made if it is not there.
     #[arg(short, long, value_name = "DIR")]
     output: PathBuf,
-    /// Texels along a face of the largest specular level: a power of two from 16 to 1024.
+    /// Texels along a face of the largest specular levels: a power of two from 16 to 1024.
     #[arg(long, value_name = "N", default_value_t = Options::default().face_size)]
     size: u32,
     /// Write times and facts.
@@ -184,6 +196,7 @@ fn run_view(args: &View, gpu: GpuOptions<'_>, cache: Option<&Cache>) -> Result<(
         frames: args.frames,
         shading: args.look.shading,
         geometry: args.look.geometry.into(),
+        split_sum: args.look.split_sum.into(),
         cache,
     };
     match args.on {
@@ -203,6 +216,7 @@ fn run_render(args: &Render, gpu: GpuOptions<'_>, cache: Option<&Cache>) -> Resu
         frames: args.frames,
         shading: args.look.shading,
         geometry: args.look.geometry.into(),
+        split_sum: args.look.split_sum.into(),
         cache,
     };
     let facts = view::render(&request, gpu, &Report::to_terminal())?;
@@ -263,6 +277,15 @@ fn start_log(verbose: u8) {
         tracing_subscriber::fmt::layer().with_writer(std::io::stderr).with_ansi(ansi).without_time().with_target(false);
     let levels = Targets::new().with_default(others).with_target("pbr_vr", ours);
     tracing_subscriber::registry().with(layer).with(levels).init();
+}
+
+impl From<SplitSumName> for SplitSum {
+    fn from(name: SplitSumName) -> Self {
+        match name {
+            SplitSumName::Moment => Self::Moment,
+            SplitSumName::Classic => Self::Classic,
+        }
+    }
 }
 
 impl From<GeometryName> for Geometry {

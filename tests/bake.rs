@@ -14,6 +14,8 @@ use pbr_vr::asset::{Panorama, Report};
 use pbr_vr::gpu::{Format, Gpu, Image, ImageDesc, ImageUsageFlags, Part, Shape, read_image, write_mips};
 use pbr_vr::precompute::{BrdfTable, LightMaps, Options, read_texture};
 use pbr_vr::reference::brdf::Geometry;
+use pbr_vr::reference::levels::{LEVELS, alpha_from_level};
+use pbr_vr::reference::table::SplitSum;
 use pbr_vr::view::{BakeRequest, bake};
 
 const FILES: [&str; 3] = ["brdf.ktx2", "irradiance.ktx2", "specular.ktx2"];
@@ -76,21 +78,20 @@ fn files_hold_the_maps_bit_for_bit_and_another_reader_agrees() {
     let gpu = Gpu::open(validated()).expect("a GPU");
     let panorama = Panorama::load(&panorama, &Report::silent()).expect("the panorama");
     let light = LightMaps::new(&gpu, &panorama, &Options { face_size: 64, cache: None }).expect("maps");
-    let table = BrdfTable::new(&gpu, Geometry::Smith, None).expect("a table");
+    let table = BrdfTable::new(&gpu, Geometry::Smith, SplitSum::Moment, None).expect("a table");
     assert_eq!(irradiance.levels, texels(&gpu, &light.irradiance_over_pi, irradiance.format));
     assert_eq!(brdf.levels, texels(&gpu, &table.image, brdf.format));
-    let cubes = light.specular_cubes();
-    let per_cube: Vec<_> = cubes.iter().map(|cube| texels(&gpu, cube, specular.format)).collect();
-    let expected: Vec<Vec<u8>> =
-        (0..per_cube[0].len()).map(|mip| per_cube.iter().flat_map(|cube| cube[mip].clone()).collect()).collect();
+    assert_eq!((brdf.format, brdf.layers, brdf.faces), (TexelFormat::Rgba32Float, 2, 1));
+    let [even, odd] = light.specular.each_ref().map(|cube| texels(&gpu, cube, specular.format));
+    let expected: Vec<Vec<u8>> = even.into_iter().zip(odd).map(|(even, odd)| [even, odd].concat()).collect();
     assert_eq!(specular.levels, expected);
     assert!(specular.levels[0].chunks_exact(8).any(|t| t != &specular.levels[0][..8]), "it holds a picture");
-    assert_eq!((specular.size, specular.faces), ([64, 64], 6));
+    assert_eq!((specular.size, specular.layers, specular.faces, specular.levels.len()), ([64, 64], 2, 6, LEVELS / 2));
     let roughness: Vec<f64> =
         specular.text("pbrvrRoughness").expect("a key").split(' ').map(|r| r.parse().expect("a number")).collect();
-    assert_eq!(roughness, light.specular_roughness());
-    assert_eq!(roughness.len(), specular.levels.len() * cubes.len());
+    assert_eq!(roughness, (0..LEVELS).map(|level| alpha_from_level(level).sqrt()).collect::<Vec<_>>());
     assert!(roughness[0] == 0.0 && roughness.last() >= Some(&1.0) && roughness.is_sorted(), "{roughness:?}");
+    assert!(specular.text("pbrvrContent").is_some_and(|content| content.contains("mip i / 2 of layer i % 2")));
     let messages = gpu.messages();
     drop((light, table, gpu));
     messages.check().expect("no validation message");
@@ -105,8 +106,9 @@ fn a_sun_beyond_halves_is_written_in_floats_and_keeps_its_radiance() {
     let panorama = Panorama::load(&panorama, &Report::silent()).expect("the panorama");
     let light = LightMaps::new(&gpu, &panorama, &Options { face_size: 16, cache: None }).expect("maps");
     assert!(light.scale > 1.0);
-    for (name, map) in [("irradiance.ktx2", vec![&light.irradiance_over_pi]), ("specular.ktx2", light.specular_cubes())]
-    {
+    let maps =
+        [("irradiance.ktx2", vec![&light.irradiance_over_pi]), ("specular.ktx2", light.specular.iter().collect())];
+    for (name, map) in maps {
         let file = read(&shop, name);
         check_with_other_reader(&shop.path("new/folder").join(name), &file);
         assert_eq!(file.format, TexelFormat::Rgba32Float);

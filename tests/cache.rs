@@ -11,6 +11,7 @@ use pbr_vr::asset::Report;
 use pbr_vr::asset::ktx2::Ktx2;
 use pbr_vr::precompute::Cache;
 use pbr_vr::reference::brdf::Geometry;
+use pbr_vr::reference::table::SplitSum;
 use pbr_vr::render::Shading;
 use pbr_vr::view::{BakeRequest, RenderFacts, RenderRequest, bake, render};
 
@@ -35,7 +36,11 @@ impl Scene {
     }
 
     /// The picture's bytes, and what is told about it.
-    fn render(&self, cache: Option<&Cache>, geometry: Geometry) -> (Vec<u8>, RenderFacts) {
+    fn render(&self, cache: Option<&Cache>) -> (Vec<u8>, RenderFacts) {
+        self.render_with(cache, Geometry::Smith, SplitSum::Moment)
+    }
+
+    fn render_with(&self, cache: Option<&Cache>, geometry: Geometry, split_sum: SplitSum) -> (Vec<u8>, RenderFacts) {
         let output = self.shop.path("out.exr");
         let request = RenderRequest {
             scene: &self.scene,
@@ -46,6 +51,7 @@ impl Scene {
             frames: 1,
             shading: Shading::Pbr,
             geometry,
+            split_sum,
             cache,
         };
         let facts = render(&request, validated(), &Report::silent()).expect("a render without validation messages");
@@ -75,25 +81,29 @@ fn passes(facts: &RenderFacts) -> (usize, usize) {
 #[test]
 fn cached_and_uncached_renders_are_the_same_bytes_and_the_work_is_skipped() {
     let scene = Scene::new();
-    let (uncached, facts) = scene.render(None, Geometry::Smith);
+    let (uncached, facts) = scene.render(None);
     let work = passes(&facts);
     assert!(work.0 == 0 && work.1 > 1, "{:?}", facts.precompute);
     assert!(scene.entries().is_empty(), "without a cache nothing is kept");
-    let (cold, facts) = scene.render(Some(&scene.cache), Geometry::Smith);
+    let (cold, facts) = scene.render(Some(&scene.cache));
     assert_eq!(passes(&facts), work);
     let kept = scene.entries();
-    assert!(kept.len() >= 3 && kept.keys().all(|path| path.extension().is_some_and(|e| e == "ktx2")), "{kept:?}");
-    let (warm, facts) = scene.render(Some(&scene.cache), Geometry::Smith);
+    assert!(kept.len() == 4 && kept.keys().all(|path| path.extension().is_some_and(|e| e == "ktx2")), "{kept:?}");
+    let (warm, facts) = scene.render(Some(&scene.cache));
     assert_eq!(passes(&facts), (2, 0), "{:?}", facts.precompute);
     assert!(uncached == cold && cold == warm, "the cache changes the picture");
     assert_eq!(scene.entries(), kept);
-    // Another table, the same light.
-    let (_, facts) = scene.render(Some(&scene.cache), Geometry::Karis2013);
-    assert_eq!(passes(&facts), (1, 1), "{:?}", facts.precompute);
-    assert_eq!(scene.entries().len(), kept.len() + 1);
+    // Other tables, the same light.
+    let others = [(Geometry::Karis2013, SplitSum::Moment), (Geometry::Smith, SplitSum::Classic)];
+    for (i, (geometry, split_sum)) in others.into_iter().enumerate() {
+        let (other, facts) = scene.render_with(Some(&scene.cache), geometry, split_sum);
+        assert_eq!(passes(&facts), (1, 1), "{:?}", facts.precompute);
+        assert_eq!(scene.entries().len(), kept.len() + 1 + i);
+        assert!(other != warm, "another table must change the picture");
+    }
     // Another panorama, the same tables.
     scene.shop.sky(3.5);
-    let (other, facts) = scene.render(Some(&scene.cache), Geometry::Smith);
+    let (other, facts) = scene.render(Some(&scene.cache));
     assert_eq!(passes(&facts), (1, work.1 - 1), "{:?}", facts.precompute);
     assert!(other != warm, "a changed panorama must change the picture");
 }
@@ -176,7 +186,7 @@ fn two_processes_at_once_and_no_cache() {
     both.into_iter().for_each(|child| drop(succeeds(child)));
     let kept = entries(&maps);
     assert!(
-        kept.len() >= 3 && kept.keys().all(|path| path.extension().is_some_and(|e| e == "ktx2")),
+        kept.len() == 4 && kept.keys().all(|path| path.extension().is_some_and(|e| e == "ktx2")),
         "{:?}",
         kept.keys()
     );

@@ -14,6 +14,7 @@ use crate::asset::{Panorama, Report};
 use crate::gpu::{Gpu, GpuOptions, PassTime};
 use crate::precompute::{BrdfTable, Cache, LightMaps, Options, check_face_size, read_texture};
 use crate::reference::brdf::Geometry;
+use crate::reference::table::SplitSum;
 use crate::{Error, Result};
 
 /// What to bake and where to.
@@ -22,7 +23,7 @@ pub struct BakeRequest<'a> {
     pub panorama: &'a Path,
     /// Made if it is not there.
     pub folder: &'a Path,
-    /// Texels along a face of the largest specular level.
+    /// Texels along a face of the largest specular levels.
     pub face_size: u32,
     pub cache: Option<&'a Cache>,
 }
@@ -75,7 +76,8 @@ impl fmt::Display for BakedFile {
     }
 }
 
-/// Precomputes a panorama's light and writes `irradiance.ktx2`, `specular.ktx2` and `brdf.ktx2`.
+/// Precomputes a panorama's light and writes `irradiance.ktx2`, `specular.ktx2` and `brdf.ktx2`. The second is an array of
+/// two cubes: level i of `reference::levels` is mip i / 2 of layer i % 2.
 ///
 /// # Errors
 /// A bad size, an unreadable panorama, an unwritable folder, whatever stops the GPU; a validation message where
@@ -90,7 +92,7 @@ pub fn bake(request: &BakeRequest<'_>, gpu: GpuOptions<'_>, report: &Report) -> 
     let messages = gpu.messages();
     let options = Options { face_size: request.face_size, cache: request.cache.cloned() };
     let light = stages.run("light maps", || LightMaps::new(&gpu, &panorama, &options), |light| &light.times)?;
-    let table = || BrdfTable::new(&gpu, Geometry::Smith, request.cache);
+    let table = || BrdfTable::new(&gpu, Geometry::Smith, SplitSum::Moment, request.cache);
     let table = stages.run("BRDF table", table, |table| &table.times)?;
     let files = stages.run("write files", || write(&gpu, request.folder, &light, &table), |_| &[])?;
     let facts = BakeFacts {
@@ -128,9 +130,9 @@ impl Stages {
 fn write(gpu: &Arc<Gpu>, folder: &Path, light: &LightMaps, table: &BrdfTable) -> Result<Vec<BakedFile>> {
     let mut irradiance = radiance(gpu, &[&light.irradiance_over_pi], light.scale)?;
     irradiance.set_text("pbrvrContent", "irradiance / pi");
-    let mut specular = radiance(gpu, &light.specular_cubes(), light.scale)?;
-    specular.set_text("pbrvrContent", "radiance filtered by GGX lobes");
-    let roughness: Vec<String> = light.specular_roughness().iter().map(f64::to_string).collect();
+    let mut specular = radiance(gpu, &light.specular.each_ref(), light.scale)?;
+    specular.set_text("pbrvrContent", "radiance filtered by GGX lobes; level i: mip i / 2 of layer i % 2");
+    let roughness: Vec<String> = LightMaps::specular_roughness().iter().map(f64::to_string).collect();
     specular.set_text("pbrvrRoughness", &roughness.join(" "));
     let mut brdf = read_texture(gpu, &[&table.image])?;
     brdf.set_text("pbrvrContent", BrdfTable::MEANING);

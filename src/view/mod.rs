@@ -16,6 +16,7 @@ use crate::asset::{Report, shipped};
 use crate::gpu::GpuOptions;
 use crate::precompute::Cache;
 use crate::reference::brdf::Geometry;
+use crate::reference::table::SplitSum;
 use crate::render::Shading;
 use crate::{Error, Result};
 
@@ -28,6 +29,7 @@ pub struct ViewRequest<'a> {
     pub frames: Option<u64>,
     pub shading: Shading,
     pub geometry: Geometry,
+    pub split_sum: SplitSum,
     /// Where precomputed light is kept.
     pub cache: Option<&'a Cache>,
 }
@@ -65,6 +67,7 @@ pub fn auto(request: &ViewRequest<'_>, gpu: GpuOptions<'_>) -> Result<()> {
         frames: request.frames.unwrap_or(1),
         shading: request.shading,
         geometry: request.geometry,
+        split_sum: request.split_sum,
         cache: request.cache,
     };
     render(&still, gpu, &Report::to_terminal())?;

@@ -11,6 +11,7 @@ use crate::asset::{Report, shipped};
 use crate::gpu::{Gpu, GpuOptions, Part, PassTime, Recorder, read_image};
 use crate::precompute::{Cache, Options};
 use crate::reference::brdf::Geometry;
+use crate::reference::table::SplitSum;
 use crate::render::{Eye, FRAMES_IN_FLIGHT, IPD_METRES, Output, Renderer, Settings, Shading};
 use crate::scene::load::{LoadOptions, load};
 use crate::scene::{Camera, Scene};
@@ -28,6 +29,7 @@ pub struct RenderRequest<'a> {
     pub frames: u64,
     pub shading: Shading,
     pub geometry: Geometry,
+    pub split_sum: SplitSum,
     /// Where precomputed light is kept.
     pub cache: Option<&'a Cache>,
 }
@@ -73,8 +75,9 @@ pub fn render(request: &RenderRequest<'_>, gpu: GpuOptions<'_>, report: &Report)
     let started = Instant::now();
     let gpu = Gpu::open(gpu)?;
     let messages = gpu.messages();
+    let (geometry, split_sum) = (request.geometry, request.split_sum);
     let precompute = Options { cache: request.cache.cloned(), ..Options::default() };
-    let settings = Settings { geometry: request.geometry, output, precompute, ..Settings::default() };
+    let settings = Settings { geometry, split_sum, output, precompute, ..Settings::default() };
     let mut renderer = Renderer::new(&gpu, &scene, settings, request.shading, request.size, eyes.len() as u32, report)?;
     let prepare_ms = ms_since(started);
     let started = Instant::now();

@@ -45,7 +45,10 @@ pub fn run(request: &ViewRequest<'_>, gpu: GpuOptions<'_>) -> Result<()> {
 }
 
 fn window_error(error: impl std::fmt::Display) -> Error {
-    Error::Window { problem: error.to_string() }
+    let text = error.to_string();
+    // Winit begins with the line of its source, which tells its users nothing.
+    let what = text.strip_prefix("os error at ").and_then(|rest| rest.split_once(": "));
+    Error::Window { problem: what.map_or(text.as_str(), |(_, what)| what).to_owned() }
 }
 
 struct App<'a> {
@@ -66,8 +69,9 @@ impl App<'_> {
         let display = event_loop.display_handle().map_err(window_error)?.as_raw();
         let gpu = Gpu::open(GpuOptions { display: Some(display), ..self.options })?;
         self.messages = Some(gpu.messages());
+        let (geometry, split_sum) = (self.request.geometry, self.request.split_sum);
         let precompute = Options { cache: self.request.cache.cloned(), ..Options::default() };
-        let settings = Settings { geometry: self.request.geometry, precompute, ..Settings::default() };
+        let settings = Settings { geometry, split_sum, precompute, ..Settings::default() };
         // SAFETY: `exiting` drops the viewer while the event loop still runs.
         let mut viewer = unsafe { Viewer::new(gpu, window, settings, self.request.shading, self.proxy.clone()) }?;
         viewer.open_first(scene);
@@ -120,7 +124,11 @@ impl ApplicationHandler<()> for App<'_> {
         self.with(event_loop, |viewer| {
             match event {
                 WindowEvent::CloseRequested => event_loop.exit(),
-                WindowEvent::Resized(_) | WindowEvent::ScaleFactorChanged { .. } => viewer.resized(),
+                WindowEvent::Destroyed => {
+                    return Err(Error::Window { problem: "another program has destroyed it".into() });
+                }
+                // A change of scale changes the size, too.
+                WindowEvent::Resized(size) => viewer.resized(size.into()),
                 WindowEvent::Occluded(occluded) => viewer.occlude(occluded),
                 WindowEvent::Focused(focused) => viewer.focus(focused),
                 WindowEvent::ModifiersChanged(modifiers) => viewer.modifiers(modifiers.state()),

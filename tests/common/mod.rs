@@ -1,6 +1,8 @@
 //! Small scenes and renders that the end-to-end tests share.
 #![allow(dead_code)]
 
+pub mod light;
+
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::fs;
@@ -11,6 +13,7 @@ use pbr_vr::asset::Report;
 use pbr_vr::asset::picture::Picture;
 use pbr_vr::gpu::GpuOptions;
 use pbr_vr::reference::brdf::Geometry;
+use pbr_vr::reference::table::SplitSum;
 use pbr_vr::render::Shading;
 use pbr_vr::view::{RenderRequest, render};
 
@@ -67,6 +70,7 @@ impl Workshop {
             frames: 1,
             shading: look.shading,
             geometry: look.geometry,
+            split_sum: look.split_sum,
             cache: None,
         };
         let facts = render(&request, validated(), &Report::silent()).expect("a render without validation messages");
@@ -83,6 +87,7 @@ pub struct Look<'a> {
     pub stereo: bool,
     pub shading: Shading,
     pub geometry: Geometry,
+    pub split_sum: SplitSum,
 }
 
 impl Default for Look<'_> {
@@ -94,6 +99,7 @@ impl Default for Look<'_> {
             stereo: false,
             shading: Shading::Pbr,
             geometry: Geometry::Smith,
+            split_sum: SplitSum::Moment,
         }
     }
 }
