@@ -132,7 +132,7 @@ fn write(gpu: &Arc<Gpu>, folder: &Path, light: &LightMaps, table: &BrdfTable) ->
     irradiance.set_text("pbrvrContent", "irradiance / pi");
     let mut specular = radiance(gpu, &light.specular.each_ref(), light.scale)?;
     specular.set_text("pbrvrContent", "radiance filtered by GGX lobes; level i: mip i / 2 of layer i % 2");
-    let roughness: Vec<String> = LightMaps::specular_roughness().iter().map(f64::to_string).collect();
+    let roughness: Vec<String> = LightMaps::specular_roughness().map(|r| format!("{r:.6}")).into();
     specular.set_text("pbrvrRoughness", &roughness.join(" "));
     let mut brdf = read_texture(gpu, &[&table.image])?;
     brdf.set_text("pbrvrContent", BrdfTable::MEANING);
