@@ -13,6 +13,7 @@ use pbr_vr::precompute::BrdfTable;
 use pbr_vr::reference::brdf::Geometry;
 use pbr_vr::reference::integrals::{PanoramaView, Surface, reflected};
 use pbr_vr::reference::levels::{alpha_from_level, level_from_spread};
+use pbr_vr::reference::lobe::kernel_spread;
 use pbr_vr::reference::panorama_sums::prefiltered_around;
 use pbr_vr::reference::sampling::hammersley;
 use pbr_vr::reference::table::{Lobe, LobePart, SplitSum, table_lobe, table_place};
@@ -104,6 +105,10 @@ fn the_table_has_the_spot_values() {
         let got = table.lookup(nv, roughness);
         let off = (got.base.weight - scale).abs().max((got.fresnel.weight - bias).abs());
         assert!(off <= 1e-3, "({nv}, {roughness}): {got:?}");
+        // The classic way: along r, by the roughness's own lobe.
+        let spread = kernel_spread(roughness * roughness);
+        assert_eq!((got.base.across_over_sine, got.fresnel.across_over_sine), (0.0, 0.0));
+        assert!((got.base.along - spread).abs() <= 1e-3 && (got.fresnel.along - spread).abs() <= 1e-3, "{got:?}");
     }
 }
 
