@@ -28,7 +28,7 @@ struct Table {
 impl Table {
     fn new(geometry: Geometry, split_sum: SplitSum) -> Self {
         let (gpu, messages) = open_gpu();
-        let table = BrdfTable::new(&gpu, geometry, split_sum).expect("a table");
+        let table = BrdfTable::new(&gpu, geometry, split_sum, None).expect("a table");
         println!("{:?}", table.times);
         let layer = |layer| {
             let bytes = read_image(&gpu, &table.image, Part { mip: 0, layer }, 16).expect("a layer");

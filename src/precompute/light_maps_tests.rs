@@ -71,7 +71,7 @@ struct Maps {
 impl Maps {
     fn of(panorama: &Panorama) -> Self {
         let maps = with_gpu(|gpu| {
-            let maps = LightMaps::new(gpu, panorama).unwrap();
+            let maps = LightMaps::new(gpu, panorama, &Options::default()).unwrap();
             Self {
                 irradiance: Level::read(gpu, &maps.irradiance_over_pi, 0, maps.scale),
                 specular: (0..LEVELS)

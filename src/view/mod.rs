@@ -1,5 +1,6 @@
-//! Where eyes come from and where pictures go: window, picture file; camera control.
+//! Where eyes come from and where pictures go: window, picture file; baked maps; camera control.
 
+mod bake;
 mod control;
 pub mod doctor;
 mod frame_clock;
@@ -8,10 +9,12 @@ mod window;
 
 use std::path::{Path, PathBuf};
 
+pub use bake::{BakeFacts, BakeRequest, bake};
 pub use picture::{RenderFacts, RenderRequest, render};
 
 use crate::asset::{Report, shipped};
 use crate::gpu::GpuOptions;
+use crate::precompute::Cache;
 use crate::reference::brdf::Geometry;
 use crate::reference::table::SplitSum;
 use crate::render::Shading;
@@ -27,6 +30,8 @@ pub struct ViewRequest<'a> {
     pub shading: Shading,
     pub geometry: Geometry,
     pub split_sum: SplitSum,
+    /// Where precomputed light is kept.
+    pub cache: Option<&'a Cache>,
 }
 
 impl ViewRequest<'_> {
@@ -63,6 +68,7 @@ pub fn auto(request: &ViewRequest<'_>, gpu: GpuOptions<'_>) -> Result<()> {
         shading: request.shading,
         geometry: request.geometry,
         split_sum: request.split_sum,
+        cache: request.cache,
     };
     render(&still, gpu, &Report::to_terminal())?;
     println!("pbr-vr: wrote {FALLBACK}, because {no_window}; start it in a desktop session to get a window");
