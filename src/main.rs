@@ -8,6 +8,7 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 use pbr_vr::asset::Report;
 use pbr_vr::asset::picture::{Picture, compare, write_atomically};
 use pbr_vr::gpu::GpuOptions;
+use pbr_vr::measure::{self, MeasureRequest};
 use pbr_vr::reference::brdf::Geometry;
 use pbr_vr::render::Shading;
 use pbr_vr::view::{self, RenderRequest, ViewRequest, doctor};
@@ -43,6 +44,8 @@ enum Command {
     View(View),
     /// Write a picture of a scene.
     Render(Render),
+    /// Measure speed against accuracy: tables and charts.
+    Measure(Measure),
     /// Say how different two pictures are.
     Compare(Compare),
     /// Say what this machine has, what is missing, and what to do.
@@ -122,6 +125,39 @@ struct Render {
 }
 
 #[derive(Args)]
+struct Measure {
+    /// What to measure; everything if left out.
+    names: Vec<String>,
+    /// The folder for CSV, JSON and charts; made if it is not there.
+    #[arg(short, long, value_name = "DIR", required_unless_present = "list")]
+    output: Option<PathBuf>,
+    /// Write everything that was measured.
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+    /// A few sizes and parameters: minutes. The default.
+    #[arg(long, conflicts_with = "full")]
+    quick: bool,
+    /// All sizes and parameters, more texels: an hour on a CPU.
+    #[arg(long)]
+    full: bool,
+    /// Say what can be measured.
+    #[arg(long)]
+    list: bool,
+    /// Measure with this panorama instead of the synthetic and shipped ones; may be repeated.
+    #[arg(long = "panorama", value_name = "FILE")]
+    panoramas: Vec<PathBuf>,
+    /// Measure this method alone; may be repeated.
+    #[arg(long = "method", value_name = "NAME")]
+    methods: Vec<String>,
+    /// Texels along the cube's faces; may be repeated.
+    #[arg(long = "size", value_name = "N")]
+    sizes: Vec<u32>,
+    /// Also judge cube maps that cmgen wrote (-f exr --no-mirror) from the one panorama.
+    #[arg(long, value_name = "DIR")]
+    judge: Option<PathBuf>,
+}
+
+#[derive(Args)]
 struct Compare {
     a: PathBuf,
     b: PathBuf,
@@ -148,6 +184,7 @@ fn run(cli: &Cli) -> Result<()> {
     match cli.command.as_ref().unwrap_or(&Command::View(view)) {
         Command::View(view) => run_view(view, gpu),
         Command::Render(render) => run_render(render, gpu),
+        Command::Measure(measure) => run_measure(measure, gpu),
         Command::Compare(compare) => run_compare(compare),
         Command::Doctor => doctor::run(),
     }
@@ -182,6 +219,28 @@ fn run_render(args: &Render, gpu: GpuOptions<'_>) -> Result<()> {
     match &args.json {
         Some(path) => write_json(path, &facts),
         None => Ok(()),
+    }
+}
+
+fn run_measure(args: &Measure, gpu: GpuOptions<'_>) -> Result<()> {
+    if args.list {
+        measure::NAMES.iter().for_each(|(name, what)| println!("{name:12} {what}"));
+        println!("methods      {}", measure::METHODS.join(", "));
+        return Ok(());
+    }
+    let request = MeasureRequest {
+        names: &args.names,
+        output: args.output.as_deref().unwrap_or(std::path::Path::new(".")),
+        full: args.full,
+        panoramas: &args.panoramas,
+        methods: &args.methods,
+        sizes: &args.sizes,
+        judge: args.judge.as_deref(),
+    };
+    let sweep = measure::run(&request, gpu, &Report::to_terminal())?;
+    match (&args.json, sweep) {
+        (Some(path), Some(sweep)) => write_json(path, &sweep),
+        _ => Ok(()),
     }
 }
 

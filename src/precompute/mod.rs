@@ -1,5 +1,6 @@
 //! Panorama to cube pyramid, irradiance, specular levels; BRDF table. All on the GPU.
 
+pub mod alternatives;
 mod brdf_table;
 mod light_maps;
 

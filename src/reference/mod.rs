@@ -5,10 +5,13 @@
 
 pub mod brdf;
 pub mod cube;
+pub mod harmonics;
 pub mod integrals;
 pub mod math;
 pub mod levels;
+pub mod lobe;
 pub mod metrics;
+pub mod panorama_sums;
 pub mod sampling;
 pub mod table;
 pub mod tone;
