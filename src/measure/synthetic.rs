@@ -120,7 +120,7 @@ mod tests {
 
     #[test]
     fn it_has_what_it_promises() {
-        let texels = panorama(256, true).texels;
+        let texels = panorama(512, true).texels;
         let peak = texels.iter().flatten().copied().fold(0.0, f32::max);
         assert_eq!(peak, SUN_RADIANCE);
         assert!(texels.contains(&[WINDOW_NITS; 3]));

@@ -9,7 +9,7 @@ use super::{Environment, Job, Method, Target};
 use crate::asset::Panorama;
 use crate::gpu::{Gpu, GpuOptions, Part, read_image};
 use crate::precompute::LightMaps;
-use crate::reference::cube::{cube_direction, panorama_uv};
+use crate::reference::cube::{cube_direction, panorama_texel_solid_angle, panorama_uv};
 use crate::reference::panorama_sums::prefiltered_around;
 
 static GPU: LazyLock<Arc<Gpu>> =
@@ -89,7 +89,7 @@ fn linear_light_is_kept_as_far_as_each_method_can() {
         let mean = prefiltered_around(&[slope.normalize()], alpha, [256, 128], &panorama.texels)[0];
         move |_: usize, d: DVec3| DVec3::splat(1.0) + (mean.x - 1.0) * d.dot(slope.normalize())
     };
-    for (log2_samples, bound) in [(6, 0.06), (10, 0.012)] {
+    for (log2_samples, bound) in [(6, 0.03), (10, 0.004)] {
         for method in specular_methods(log2_samples) {
             for (target, texels) in LOBES.iter().zip(fill(&panorama, 64, method, &LOBES)) {
                 let error = worst(&texels, truth(target.alpha));
@@ -115,8 +115,11 @@ fn sun(towards: DVec3) -> Panorama {
     let solid_angle = std::f64::consts::TAU * (1.0 - 0.265f64.to_radians().cos());
     let uv = panorama_uv(towards);
     let (x, y) = ((uv.x * f64::from(width)) as u32, (uv.y * f64::from(height)) as u32);
-    let texel = crate::reference::cube::panorama_texel_solid_angle(y, [width, height]);
-    panorama.texels[(y * width + x) as usize] = [(50_000.0 * solid_angle / texel) as f32; 3];
+    let patch = 4.0 * panorama_texel_solid_angle(y, [width, height]);
+    // Four texels: the cube's taps weigh a single one by up to a seventh too much.
+    for (dx, dy) in [(0, 0), (1, 0), (0, 1), (1, 1)] {
+        panorama.texels[((y + dy) * width + x + dx) as usize] = [(50_000.0 * solid_angle / patch) as f32; 3];
+    }
     panorama
 }
 
@@ -129,11 +132,11 @@ fn a_small_sun_is_missed_by_fixed_steps_and_sparkles_in_samples() {
     let facing = |filled: &[Vec<(DVec3, DVec3)>]| filled[0][8 * 16 + 8].1.x;
 
     let want = truth(towards, 1.0);
-    assert!((want - 1.17).abs() < 0.01, "{want}");
+    assert!((want - 1.17).abs() < 0.02, "{want}");
     let missed = facing(&fill(&panorama, 256, Method::FixedStep { step_radians: 0.025, with_sine: true }, &IRRADIANCE));
     assert!(missed < 0.15 * want, "{missed} against {want}");
     let harmonics = facing(&fill(&panorama, 256, Method::Harmonics { order: 8 }, &IRRADIANCE));
-    assert!((harmonics / want - 1.0).abs() < 0.02, "{harmonics} against {want}");
+    assert!((harmonics / want - 1.0).abs() < 0.05, "{harmonics} against {want}");
 
     let lobe = [Target { alpha: 0.25, size: 16 }];
     let near = |filled: &[Vec<(DVec3, DVec3)>]| -> f64 {
@@ -142,6 +145,6 @@ fn a_small_sun_is_missed_by_fixed_steps_and_sparkles_in_samples() {
     };
     let naive = near(&fill(&panorama, 256, Method::MonteCarlo { log2_samples: 6 }, &lobe));
     let filtered = near(&fill(&panorama, 256, Method::FilteredSampling { log2_samples: 6 }, &lobe));
-    assert!(naive > 0.9, "one tap a sample no longer fails: {naive}");
-    assert!(filtered < 0.6 && filtered < 0.5 * naive, "{filtered} against {naive}");
+    assert!(naive > 5.0, "one tap a sample no longer fails: {naive}");
+    assert!(filtered < 0.5, "{filtered}");
 }
