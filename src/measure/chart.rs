@@ -11,6 +11,11 @@ use crate::precompute::alternatives::Quantity;
 use crate::{Error, Result};
 
 const SIZE: (u32, u32) = (960, 470);
+/// Height of title, legend and caption together.
+const FOOT: u32 = 82;
+/// Width of a letter of the legend, about; backends without fonts cannot tell.
+const LETTER: i32 = 8;
+const FRONT: RGBAColor = RGBAColor(0, 0, 0, 0.25);
 const FONT: &str = "sans-serif";
 
 /// Method, colour (Okabe and Ito's palette, which colour-blind readers tell apart) and shape.
@@ -18,9 +23,9 @@ const LOOKS: [(&str, RGBColor, Shape); 6] = [
     ("ours", RGBColor(213, 94, 0), Shape::Circle),
     ("monte-carlo", RGBColor(0, 114, 178), Shape::Triangle),
     ("filtered-sampling", RGBColor(0, 158, 115), Shape::Square),
-    ("fixed-step", RGBColor(0, 114, 178), Shape::Triangle),
+    ("fixed-step", RGBColor(86, 180, 233), Shape::Triangle),
     ("fixed-step-without-sine", RGBColor(204, 121, 167), Shape::Diamond),
-    ("spherical-harmonics", RGBColor(0, 158, 115), Shape::Square),
+    ("spherical-harmonics", RGBColor(230, 159, 0), Shape::Square),
 ];
 
 #[derive(Clone, Copy)]
@@ -80,10 +85,11 @@ fn draw(rows: &[&Row], title: &str, caption: &str) -> std::result::Result<String
         let text = |e: DrawingAreaErrorKind<_>| e.to_string();
         root.fill(&WHITE).map_err(text)?;
         let root = root.titled(title, (FONT, 19)).map_err(text)?;
-        let (panels, foot) = root.split_vertically(SIZE.1 - 56);
+        let (panels, foot) = root.split_vertically(SIZE.1 - FOOT);
+        legend(&foot, rows)?;
         let middle = Pos::new(HPos::Center, VPos::Center);
         let style = (FONT, 12).into_font().color(&BLACK.mix(0.75)).pos(middle);
-        foot.draw(&Text::new(caption.to_owned(), (SIZE.0 as i32 / 2, 12), style)).map_err(text)?;
+        foot.draw(&Text::new(caption.to_owned(), (SIZE.0 as i32 / 2, 38), style)).map_err(text)?;
         let (left, right) = panels.split_horizontally(SIZE.0 / 2);
         for (area, quantity, name) in
             [(left, Quantity::Specular, "specular levels"), (right, Quantity::Irradiance, "irradiance")]
@@ -146,42 +152,47 @@ fn panel(area: &Area<'_, '_>, points: &[Point], name: &str) -> Drawn<()> {
         .configure_mesh()
         .x_desc("GPU time, ms")
         .y_desc("mean relative error, %")
-        .light_line_style(BLACK.mix(0.05))
-        .bold_line_style(BLACK.mix(0.12))
+        .max_light_lines(0)
+        .bold_line_style(BLACK.mix(0.1))
         .label_style((FONT, 12))
         .axis_desc_style((FONT, 13))
-        .x_label_formatter(&|v| short(*v))
-        .y_label_formatter(&|v| short(*v))
+        .x_label_formatter(&|v| tick(*v, x))
+        .y_label_formatter(&|v| tick(*v, y))
         .draw()?;
     let best: Vec<(f64, f64)> = front(points).iter().map(|p| (p.ms, p.percent)).collect();
-    chart
-        .draw_series(LineSeries::new(best.iter().copied(), BLACK.mix(0.25).stroke_width(7)))?
-        .label("Pareto front")
-        .legend(|(x, y)| PathElement::new([(x, y), (x + 14, y)], BLACK.mix(0.25).stroke_width(7)));
-    chart.draw_series(best.iter().map(|at| Circle::new(*at, 9, BLACK.mix(0.35).stroke_width(2))))?;
+    chart.draw_series(LineSeries::new(best.iter().copied(), FRONT.stroke_width(7)))?;
+    chart.draw_series(best.iter().map(|at| Circle::new(*at, 9, FRONT.stroke_width(2))))?;
     for (method, colour, shape) in LOOKS {
         let own: Vec<&Point> = points.iter().filter(|p| p.method == method).collect();
         if own.is_empty() {
             continue;
         }
         chart.draw_series(LineSeries::new(own.iter().map(|p| (p.ms, p.percent)), colour.mix(0.6)))?;
-        chart
-            .draw_series(own.iter().map(|p| EmptyElement::at((p.ms, p.percent)) + marker((0, 0), colour, shape)))?
-            .label(method)
-            .legend(move |(x, y)| marker((x + 7, y), colour, shape));
+        chart.draw_series(own.iter().map(|p| EmptyElement::at((p.ms, p.percent)) + marker((0, 0), colour, shape)))?;
         let style = (FONT, 11).into_font().color(&BLACK.mix(0.8)).pos(Pos::new(HPos::Left, VPos::Bottom));
         chart
             .draw_series(own.iter().map(|p| {
                 EmptyElement::at((p.ms, p.percent)) + Text::new(p.parameter.clone(), (6, -5), style.clone())
             }))?;
     }
-    chart
-        .configure_series_labels()
-        .position(SeriesLabelPosition::LowerLeft)
-        .background_style(WHITE.mix(0.85))
-        .border_style(BLACK.mix(0.2))
-        .label_font((FONT, 12))
-        .draw()?;
+    Ok(())
+}
+
+/// One line that names the Pareto front and every method there is a row of.
+fn legend(area: &Area<'_, '_>, rows: &[&Row]) -> std::result::Result<(), String> {
+    let text = |e: DrawingAreaErrorKind<_>| e.to_string();
+    let known = LOOKS.into_iter().filter(|(method, ..)| rows.iter().any(|row| row.method == *method));
+    let style = (FONT, 13).into_font().color(&BLACK).pos(Pos::new(HPos::Left, VPos::Center));
+    let write = |name: &str, x: i32| area.draw(&Text::new(name.to_owned(), (x, 14), style.clone()));
+    let mut x = 60;
+    area.draw(&PathElement::new([(x - 7, 14), (x + 7, 14)], FRONT.stroke_width(7))).map_err(text)?;
+    write("Pareto front", x + 14).map_err(text)?;
+    x += 14 + 12 * LETTER;
+    for (method, colour, shape) in known {
+        area.draw(&marker((x, 14), colour, shape)).map_err(text)?;
+        write(method, x + 12).map_err(text)?;
+        x += 12 + (method.len() as i32 + 3) * LETTER;
+    }
     Ok(())
 }
 
@@ -201,9 +212,15 @@ fn range(values: impl Iterator<Item = f64>, margin: f64) -> (f64, f64) {
     (low / margin, high * margin)
 }
 
-/// As few digits as tell a tick of a logarithmic axis.
-fn short(value: f64) -> String {
-    let digits = if value >= 1.0 { 0 } else { (-value.log10()).ceil() as usize };
+/// A tick's label with as few digits as tell it; empty where a logarithmic axis over `range` would be too crowded.
+fn tick(value: f64, range: (f64, f64)) -> String {
+    let decade = value.log10().floor();
+    let mantissa = (value / 10f64.powf(decade)).round() as u32;
+    let shown: &[u32] = if range.1 / range.0 > 300.0 { &[1, 10] } else { &[1, 2, 5, 10] };
+    if !shown.contains(&mantissa) {
+        return String::new();
+    }
+    let digits = (-decade).max(0.0) as usize;
     format!("{value:.digits$}")
 }
 
@@ -224,6 +241,9 @@ mod tests {
 
     #[test]
     fn ticks_are_short() {
-        assert_eq!([0.01, 0.2, 1.0, 30.0, 1000.0].map(short), ["0.01", "0.2", "1", "30", "1000"]);
+        let near = [0.01, 0.2, 1.0, 30.0, 50.0, 1000.0].map(|v| tick(v, (1.0, 100.0)));
+        assert_eq!(near, ["0.01", "0.2", "1", "", "50", "1000"]);
+        let far = [0.1, 0.2, 1.0, 50.0, 10_000.0].map(|v| tick(v, (0.1, 10_000.0)));
+        assert_eq!(far, ["0.1", "", "1", "", "10000"]);
     }
 }
