@@ -1,4 +1,4 @@
-//! Compiles every stage file of glsl/ to SPIR-V and lists them for `gpu::shader`.
+//! Compiles every stage file of glsl/ to SPIR-V and lists them for `gpu::shader`; those of tests/glsl/ in a list apart.
 
 #[path = "src/gpu/shader_compiler.rs"]
 mod shader_compiler;
@@ -22,16 +22,27 @@ fn run() -> Result<(), String> {
     let debug = variable("PROFILE")? == "debug";
     let glsl = root.join("glsl");
     println!("cargo:rerun-if-changed=glsl");
+    println!("cargo:rerun-if-changed=tests/glsl");
     println!("cargo:rerun-if-changed=src/gpu/shader_compiler.rs");
-    let mut table = String::from("pub static COMPILED: &[(&str, &[u8])] = &[\n");
-    for name in shader_compiler::stage_files(&glsl)? {
-        let spirv = shader_compiler::compile(&glsl, &name, debug)?;
-        write_file(&out.join(format!("{name}.spv")), &spirv)?;
-        writeln!(table, "    ({name:?}, include_bytes!(concat!(env!(\"OUT_DIR\"), \"/{name}.spv\"))),")
+    let ours = table("COMPILED", &glsl, &glsl, &out, debug)?;
+    write_file(&out.join("shaders.rs"), ours.as_bytes())?;
+    // Only unit tests include this one.
+    let tests = table("FOR_TESTS", &root.join("tests/glsl"), &glsl, &out, debug)?;
+    write_file(&out.join("test_shaders.rs"), tests.as_bytes())
+}
+
+/// Rust source of a list of all stage files of `folder`, compiled into `out`.
+fn table(list: &str, folder: &Path, includes: &Path, out: &Path, debug: bool) -> Result<String, String> {
+    let mut table = format!("static {list}: &[(&str, &[u8])] = &[\n");
+    for name in shader_compiler::stage_files(folder)? {
+        let spirv = shader_compiler::compile(&folder.join(&name), includes, debug)?;
+        let file = format!("{list}_{name}.spv");
+        write_file(&out.join(&file), &spirv)?;
+        writeln!(table, "    ({name:?}, include_bytes!(concat!(env!(\"OUT_DIR\"), \"/{file}\"))),")
             .map_err(|e| e.to_string())?;
     }
     table.push_str("];\n");
-    write_file(&out.join("shaders.rs"), table.as_bytes())
+    Ok(table)
 }
 
 fn write_file(path: &Path, bytes: &[u8]) -> Result<(), String> {

@@ -1,40 +1,82 @@
-// The split sum's table: x = n·v, y = roughness, at texel centres; R scales F0, G is added to it. Karis (2013), eq. 8;
-// the sum runs over half vectors that v sees (sample_vndf).
-// Twin: reference::integrals::brdf_table_entry.
+// The split sum's table: for each n.v and roughness the lobe BRDF · n.l over the light's directions, in two parts, weighted
+// with Schlick's (1 - v.h)^5 (B) and with the rest of 1 (A): Karis (2013), eq. 8. Layer 0: A, B, and of each part's mean
+// vector the square root of `along`; layer 1: `across` / sin (environment.glsl). Twin: reference::table.
+//
+// The integral is ∫ V · 4 nl · vh / nh · D nh dh over half vectors h = (θ, φ) (Walter et al. 2007, eqs. 14 and 35), where
+// tan θ = α tan s turns D nh dh into 2 sin s cos s ds dφ / 2π. l is above the surface exactly for θ < (ψ + π/2) / 2 with
+// tan ψ = tan θv cos φ. So the integrand is smooth inside, and Gauss's rule over φ and s good to 1e-4, its nodes over s
+// crowded at the horizon, where V turns sharply.
 #version 460
 #extension GL_GOOGLE_include_directive : require
+#extension GL_EXT_scalar_block_layout : require
 #include "brdf.glsl"
-#include "sampling.glsl"
+#include "table.glsl"
+
+const int PHI_NODES = 8;
+const int S_NODES = 16;
+const float SMALLEST_ALPHA = 1e-7;
 
 layout(local_size_x = 8, local_size_y = 8) in;
 layout(constant_id = 0) const int GEOMETRY = 0;
-layout(constant_id = 1) const uint LOG2_SAMPLES = 10;
-layout(set = 0, binding = 0, rgba16f) uniform writeonly image2DArray table;
+layout(constant_id = 1) const bool MATCH_MOMENTS = true;
+layout(set = 0, binding = 0, scalar) readonly buffer Nodes {
+    vec2 phi_nodes[PHI_NODES]; // in (0, 1), and weights that add up to 1
+    vec2 s_nodes[S_NODES];
+};
+layout(set = 0, binding = 1, scalar) readonly buffer Spreads { float kernel_spreads[]; }; // by row
+layout(set = 0, binding = 2, rgba32f) uniform writeonly image2DArray table;
+
+// Both parts: their integrals, and those of 1 - l.r and l.t.
+struct Parts {
+    vec2 weight;
+    vec2 along;
+    vec2 across;
+};
+
+void add_quarter(float quarter, float nv, float sv, float roughness, float alpha, inout Parts parts)
+{
+    for (int i = 0; i < PHI_NODES; ++i) {
+        float cos_phi = cos((quarter + phi_nodes[i].x) * 0.5 * PI);
+        float theta_max = 0.5 * (atan(sv * cos_phi, nv) + 0.5 * PI);
+        float s_max = atan(sin(theta_max), alpha * cos(theta_max));
+        for (int j = 0; j < S_NODES; ++j) {
+            float s = s_nodes[j].x * s_max;
+            float sin_s = sin(s), cos_s = cos(s);
+            float over = inversesqrt(alpha * alpha * sin_s * sin_s + cos_s * cos_s);
+            float nh = cos_s * over;
+            vec2 h = vec2(alpha * sin_s * over * cos_phi, nh); // in the plane of incidence
+            float vh = max(dot(vec2(sv, nv), h), 0.0);
+            float nl = max(2.0 * vh * nh - nv, MIN_COS);
+            float lx = 2.0 * vh * h.x - sv;
+            // cos s / nh = 1 / over; φ and −φ are alike.
+            float density = phi_nodes[i].y * s_nodes[j].y * s_max * sin_s / over;
+            float value = density * 4.0 * nl * vh * v_environment(nl, nv, roughness, GEOMETRY);
+            float f = schlick_weight(vh);
+            vec2 weight = value * vec2(1.0 - f, f);
+            parts.weight += weight;
+            // r = (-sv, nv), t = (nv, sv).
+            parts.along += weight * max(1.0 + sv * lx - nv * nl, 0.0);
+            parts.across += weight * (nv * lx + sv * nl);
+        }
+    }
+}
 
 void main()
 {
-    uvec3 id = gl_GlobalInvocationID;
-    uvec2 size = uvec2(imageSize(table).xy);
-    if (any(greaterThanEqual(id.xy, size)))
+    uvec2 id = gl_GlobalInvocationID.xy, size = uvec2(imageSize(table).xy);
+    if (any(greaterThanEqual(id, size)))
         return;
-    vec2 at = (vec2(id.xy) + 0.5) / vec2(size);
-    float nv = at.x, roughness = at.y;
-    float alpha = roughness * roughness, a2 = alpha * alpha;
-    vec3 v = vec3(sqrt(1.0 - nv * nv), 0.0, nv);
-    float towards_v = nv + sqrt(a2 + (1.0 - a2) * nv * nv);
-    vec2 sum = vec2(0.0);
-    for (uint i = 0u; i < (1u << LOG2_SAMPLES); ++i) {
-        vec3 h = sample_vndf(v, hammersley(i, LOG2_SAMPLES), alpha);
-        float vh = max(dot(v, h), 0.0);
-        float nl = 2.0 * vh * h.z - nv;
-        if (nl <= 0.0)
-            continue;
-        float visibility = GEOMETRY == GEOMETRY_KARIS2013 ? v_karis2013_ibl(nl, nv, roughness)
-                                                          : v_smith_height_correlated(nl, nv, alpha);
-        // D V nl over the density of l, in which D cancels.
-        float weight = 2.0 * visibility * nl * towards_v;
-        float f = schlick_weight(vh);
-        sum += weight * vec2(1.0 - f, f);
-    }
-    imageStore(table, ivec3(id.xy, 0), vec4(sum / float(1u << LOG2_SAMPLES), 0.0, 0.0));
+    vec2 arguments = table_arguments(id, size);
+    // At n.v = 1 there is no plane of incidence; across / sin has a limit.
+    float nv = min(arguments.x, 0.99999), roughness = arguments.y;
+    float sv = sqrt(1.0 - nv * nv);
+    float alpha = max(roughness * roughness, SMALLEST_ALPHA);
+    Parts parts = Parts(vec2(0.0), vec2(0.0), vec2(0.0));
+    add_quarter(0.0, nv, sv, sqrt(alpha), alpha, parts);
+    add_quarter(1.0, nv, sv, sqrt(alpha), alpha, parts);
+    vec2 over = 1.0 / max(parts.weight, vec2(TINY));
+    vec2 along = MATCH_MOMENTS ? parts.along * over : vec2(kernel_spreads[id.y]);
+    vec2 across = MATCH_MOMENTS ? parts.across * over / sv : vec2(0.0);
+    imageStore(table, ivec3(id, 0), vec4(parts.weight, sqrt(along)));
+    imageStore(table, ivec3(id, 1), vec4(across, 0.0, 0.0));
 }

@@ -78,11 +78,12 @@ vec3 panorama_direction(vec2 uv)
 }
 
 // Solid angle in sr of a texel in `row` of a panorama of size (width, height), exactly: the zone between two latitudes.
-// The difference of their sines is written as a product, which keeps its digits.
+// The difference of their sines is written as a product, and rows below the equator as their mirror images: both keep
+// their digits.
 float panorama_texel_solid_angle(uint row, uvec2 size)
 {
     float step_radians = PI / float(size.y);
-    float polar = (float(row) + 0.5) * step_radians;
+    float polar = (float(min(row, size.y - 1u - row)) + 0.5) * step_radians;
     return (4.0 * PI / float(size.x)) * sin(polar) * sin(0.5 * step_radians);
 }
 

@@ -5,6 +5,7 @@
 #include "shared.glsl"
 #include "cube.glsl"
 #include "levels.glsl"
+#include "table.glsl"
 
 // World direction to the frame that the panorama was stored in.
 vec3 panorama_from_world(vec3 d)
@@ -18,18 +19,42 @@ vec3 environment_diffuse(vec3 n)
     return texture(irradiance_over_pi, panorama_from_world(n)).rgb * frame.environment_scale;
 }
 
-// Radiance from around r, averaged by the lobe of this roughness for n = v = r.
-vec3 environment_specular(vec3 r, float roughness)
+// What the specular term does with light from all around.
+struct SpecularLobe {
+    vec3 reflectance; // its integral over the light's directions, F0 A + B: Karis (2013), eq. 8
+    vec3 towards;     // where the light comes from, of any length
+    float level;      // and from how far around
+};
+
+// The lobe at a surface, from the table's two parts: with the Fresnel weight and without. By default each part has the
+// mean vector of the BRDF's own lobe, (1 - along) r + across t, t in the plane of incidence and towards n; the table holds
+// across / sin, and (n - nv r) = sin t.
+SpecularLobe specular_lobe(vec3 n, vec3 v, float nv, vec3 f0, float roughness)
 {
-    float level = level_from_roughness(roughness, frame.last_level);
-    return textureLod(specular_levels, panorama_from_world(r), level).rgb * frame.environment_scale;
+    vec2 at = table_coordinate(nv, roughness, vec2(textureSize(brdf_table, 0).xy));
+    vec4 parts = textureLod(brdf_table, vec3(at, 0.0), 0.0);
+    vec2 across_over_sine = textureLod(brdf_table, vec3(at, 1.0), 0.0).xy;
+    vec2 share = vec2(dot(f0, vec3(1.0 / 3.0)), 1.0) * parts.xy;
+    share /= max(share.x + share.y, TINY);
+    float along = dot(share, parts.zw * parts.zw);
+    float lean = dot(share, across_over_sine);
+    float across2 = lean * lean * (1.0 - nv * nv);
+    float mean = sqrt((1.0 - along) * (1.0 - along) + across2);
+    vec3 r = reflect(-v, n);
+    SpecularLobe lobe;
+    lobe.reflectance = f0 * parts.x + parts.y;
+    lobe.towards = (1.0 - along) * r + lean * (n - nv * r);
+    lobe.level = level_from_spread((2.0 * along - along * along - across2) / (1.0 + mean)); // 1 - mean, without its loss
+    return lobe;
 }
 
-// Directional albedo of the specular term, F0 A + B: Karis (2013), eq. 8.
-vec3 environment_reflectance(vec3 f0, float nv, float roughness)
+// Mean radiance over a lobe.
+vec3 environment_specular(SpecularLobe lobe)
 {
-    vec2 ab = textureLod(brdf_table, vec2(nv, roughness), 0.0).rg;
-    return f0 * ab.x + ab.y;
+    vec3 d = panorama_from_world(lobe.towards);
+    LevelMix levels = level_mix(lobe.level);
+    vec3 even = textureLod(even_levels, d, levels.even_mip).rgb, odd = textureLod(odd_levels, d, levels.odd_mip).rgb;
+    return mix(even, odd, levels.odd_share) * frame.environment_scale;
 }
 
 #endif

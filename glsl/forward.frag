@@ -112,11 +112,11 @@ struct Split {
 // What the environment gives: the split sum. The diffuse part is what the specular part leaves, 1 - (F0 A + B).
 Split environment(Surface s)
 {
-    vec3 reflectance = environment_reflectance(f0_from_metallic(s.albedo, s.metallic), s.nv, s.roughness);
-    vec3 left = (1.0 - reflectance) * (1.0 - s.metallic);
+    SpecularLobe lobe = specular_lobe(s.n, s.v, s.nv, f0_from_metallic(s.albedo, s.metallic), s.roughness);
+    vec3 left = (1.0 - lobe.reflectance) * (1.0 - s.metallic);
     Split split;
     split.diffuse = left * s.albedo * environment_diffuse(s.n) * s.occlusion;
-    split.specular = reflectance * environment_specular(reflect(-s.v, s.n), s.roughness) * s.occlusion;
+    split.specular = lobe.reflectance * environment_specular(lobe) * s.occlusion;
     return split;
 }
 

@@ -50,15 +50,17 @@ float pdf_ggx(vec3 v, vec3 h, float alpha)
 }
 
 // Half vector among those that v sees: Dupuy and Benyoub, "Sampling Visible GGX Normals with Spherical Caps" (2023),
-// section 3. The cap's sine is a product, not 1 - z^2.
+// section 3. The cap's sine is a product, not 1 - z^2, in which 1 - stretched.z keeps its digits when written as `below`; the
+// cap's height, rise - stretched.z, is not formed: the sum takes it back.
 vec3 sample_vndf(vec3 v, vec2 u, float alpha)
 {
     vec3 stretched = normalize(vec3(alpha * v.xy, max(v.z, MIN_COS)));
     float rise = (1.0 - u.y) * (1.0 + stretched.z);
-    float sine = sqrt(max((1.0 + stretched.z) * u.y * (1.0 - stretched.z + rise), 0.0));
+    float below = dot(stretched.xy, stretched.xy) / (1.0 + stretched.z);
+    float sine = sqrt((1.0 + stretched.z) * u.y * (below + rise));
     float phi = 2.0 * PI * u.x;
-    vec3 h = vec3(sine * cos(phi), sine * sin(phi), rise - stretched.z) + stretched;
-    return normalize(vec3(alpha * h.xy, max(h.z, MIN_COS)));
+    vec2 across = sine * vec2(cos(phi), sin(phi)) + stretched.xy;
+    return normalize(vec3(alpha * across, max(rise, MIN_COS)));
 }
 
 // Density of l = reflect(-v, h) over solid angle for h from sample_vndf: Heitz, "Sampling the GGX Distribution of Visible

@@ -48,7 +48,6 @@ layout(set = 0, binding = 0, scalar) uniform Frame {
     vec2 environment_turn; // cos, sin
     float exposure;
     float environment_scale;
-    float last_level;
     uint light_count;
 } frame;
 
@@ -58,7 +57,8 @@ layout(set = 0, binding = 1, scalar) readonly buffer Lights {
 
 layout(set = 0, binding = 2) uniform sampler2D panorama;
 layout(set = 0, binding = 3) uniform samplerCube irradiance_over_pi;
-layout(set = 0, binding = 4) uniform samplerCube specular_levels;
-layout(set = 0, binding = 5) uniform sampler2D brdf_table;
+layout(set = 0, binding = 4) uniform samplerCube even_levels;
+layout(set = 0, binding = 5) uniform samplerCube odd_levels;
+layout(set = 0, binding = 6) uniform sampler2DArray brdf_table;
 
 #endif

@@ -16,7 +16,7 @@ use pbr_vr::{Error, Result};
 
 /// Physically based materials under real light, in a headset, a window or a picture.
 #[derive(Parser)]
-#[command(version, about, args_conflicts_with_subcommands = true)]
+#[command(version, about)]
 struct Cli {
     #[command(flatten)]
     global: Global,

@@ -120,7 +120,7 @@ fn examine(instance: &Instance, physical: vk::PhysicalDevice, present: bool) -> 
 }
 
 struct Features {
-    needed: [(&'static str, vk::Bool32); 7],
+    needed: [(&'static str, vk::Bool32); 8],
     anisotropy: bool,
 }
 
@@ -135,6 +135,7 @@ impl Features {
         let needed = [
             ("dynamicRendering", v13.dynamic_rendering),
             ("synchronization2", v13.synchronization2),
+            ("maintenance4", v13.maintenance4),
             ("shaderDemoteToHelperInvocation", v13.shader_demote_to_helper_invocation),
             ("timelineSemaphore", v12.timeline_semaphore),
             ("hostQueryReset", v12.host_query_reset),

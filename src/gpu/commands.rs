@@ -206,21 +206,6 @@ impl Commands<'_> {
         unsafe { self.device().cmd_copy_image_to_buffer(self.recorder.raw, image.raw, layout, to.raw, &[region]) };
     }
 
-    /// Copies mip 0, all layers, between images of one format and size, prepared for `CopyFrom` and `CopyTo`.
-    pub fn copy_mip0(&mut self, from: &Image, to: &Image) {
-        let [width, height] = from.desc().size;
-        let region = vk::ImageCopy::default()
-            .src_subresource(self.layers(from, 0))
-            .dst_subresource(self.layers(to, 0))
-            .extent(vk::Extent3D { width, height, depth: 1 });
-        let (from_layout, to_layout) = (Use::CopyFrom.parts().0, Use::CopyTo.parts().0);
-        // SAFETY: the command buffer is being recorded; both images are alive and in these layouts.
-        unsafe {
-            let device = &self.recorder.gpu.device;
-            device.cmd_copy_image(self.recorder.raw, from.raw, from_layout, to.raw, to_layout, &[region]);
-        }
-    }
-
     /// Makes host reads of readback buffers see the copies recorded so far.
     pub fn copies_to_host(&mut self) {
         let barrier = [vk::MemoryBarrier2::default()

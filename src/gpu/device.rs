@@ -184,7 +184,8 @@ impl Gpu {
         let _ = self.allocator().free(allocation);
     }
 
-    /// Takes over an object; it is destroyed once everything submitted up to the next submission has finished.
+    /// Takes over an object; it is destroyed once everything submitted up to the next submission has finished. A recording
+    /// that uses it must have been submitted by now: the next submission may be another thread's.
     pub(super) fn retire(&self, object: Retired) {
         let after = self.queue().submitted + 1;
         self.graveyard.lock().unwrap_or_else(PoisonError::into_inner).push_back((after, object));
@@ -256,6 +257,7 @@ fn make_device(instance: &Instance, chosen: &choice::Candidate, present: bool) -
         .scalar_block_layout(true)
         .shader_output_layer(true);
     let mut v13 = vk::PhysicalDeviceVulkan13Features::default()
+        .maintenance4(true)
         .dynamic_rendering(true)
         .synchronization2(true)
         .shader_demote_to_helper_invocation(true);

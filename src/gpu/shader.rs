@@ -4,6 +4,11 @@ use crate::{Error, Result};
 
 include!(concat!(env!("OUT_DIR"), "/shaders.rs"));
 
+#[cfg(not(test))]
+const FOR_TESTS: &[(&str, &[u8])] = &[];
+#[cfg(test)]
+include!(concat!(env!("OUT_DIR"), "/test_shaders.rs"));
+
 /// The SPIR-V words of `glsl/name`.
 ///
 /// # Errors
@@ -13,7 +18,7 @@ pub(super) fn load(name: &str) -> Result<Vec<u32>> {
     if let Some(words) = on_disk::load(name)? {
         return Ok(words);
     }
-    let bytes = COMPILED.iter().find(|(n, _)| *n == name).map(|(_, bytes)| *bytes);
+    let bytes = COMPILED.iter().chain(FOR_TESTS).find(|(n, _)| *n == name).map(|(_, bytes)| *bytes);
     // Names are constants of our own, and build.rs fails where a file does; so this is a defect, caught by any test.
     let bytes = bytes.ok_or_else(|| Error::Usage(format!("there is no shader named {name}")))?;
     words(bytes).ok_or_else(|| Error::Usage(format!("shader {name} is not SPIR-V")))
@@ -41,14 +46,11 @@ pub mod on_disk {
         if !folder.join(name).is_file() {
             return Ok(None);
         }
-        let spirv = crate::gpu::shader_compiler::compile(&folder, name, cfg!(debug_assertions)).map_err(|problem| {
-            Error::Broken {
-                path: folder.join(name),
-                what: "shader",
-                problem,
-                remedy: "mend it; the last good one stays",
-            }
-        })?;
+        let path = folder.join(name);
+        let spirv =
+            crate::gpu::shader_compiler::compile(&path, &folder, cfg!(debug_assertions)).map_err(|problem| {
+                Error::Broken { path, what: "shader", problem, remedy: "mend it; the last good one stays" }
+            })?;
         Ok(words(&spirv))
     }
 }

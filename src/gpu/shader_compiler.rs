@@ -3,24 +3,23 @@
 use std::fs;
 use std::path::Path;
 
-/// The stage files of `glsl`, sorted: `*.vert`, `*.frag`, `*.comp`.
+/// The stage files of a folder, sorted: `*.vert`, `*.frag`, `*.comp`.
 // At run time, shaders are asked for by name.
 #[cfg_attr(feature = "hot-reload", allow(dead_code))]
-pub fn stage_files(glsl: &Path) -> Result<Vec<String>, String> {
-    let entries = fs::read_dir(glsl).map_err(|e| format!("{}: {e}", glsl.display()))?;
+pub fn stage_files(folder: &Path) -> Result<Vec<String>, String> {
+    let entries = fs::read_dir(folder).map_err(|e| format!("{}: {e}", folder.display()))?;
     let mut names: Vec<String> = entries
         .filter_map(|entry| entry.ok()?.file_name().into_string().ok())
-        .filter(|name| kind(name).is_some())
+        .filter(|name| kind(Path::new(name)).is_some())
         .collect();
     names.sort();
     Ok(names)
 }
 
-/// Compiles one stage file; includes are looked up in `glsl`. The message of an error begins with file and line.
-pub fn compile(glsl: &Path, name: &str, debug: bool) -> Result<Vec<u8>, String> {
-    let path = glsl.join(name);
-    let source = fs::read_to_string(&path).map_err(|e| format!("{}: {e}", path.display()))?;
-    let kind = kind(name).ok_or_else(|| format!("{}: not a shader stage", path.display()))?;
+/// Compiles one stage file; includes are looked up in `includes`. The message of an error begins with file and line.
+pub fn compile(path: &Path, includes: &Path, debug: bool) -> Result<Vec<u8>, String> {
+    let source = fs::read_to_string(path).map_err(|e| format!("{}: {e}", path.display()))?;
+    let kind = kind(path).ok_or_else(|| format!("{}: not a shader stage", path.display()))?;
     let compiler = shaderc::Compiler::new().map_err(|e| format!("shaderc: {e}"))?;
     let mut options = shaderc::CompileOptions::new().map_err(|e| format!("shaderc: {e}"))?;
     options.set_target_env(shaderc::TargetEnv::Vulkan, shaderc::EnvVersion::Vulkan1_3 as u32);
@@ -30,7 +29,7 @@ pub fn compile(glsl: &Path, name: &str, debug: bool) -> Result<Vec<u8>, String> 
         options.set_generate_debug_info();
     }
     options.set_include_callback(|wanted, _, _, _| {
-        let path = glsl.join(wanted);
+        let path = includes.join(wanted);
         let content = fs::read_to_string(&path).map_err(|e| format!("{}: {e}", path.display()))?;
         Ok(shaderc::ResolvedInclude { resolved_name: path.display().to_string(), content })
     });
@@ -40,8 +39,8 @@ pub fn compile(glsl: &Path, name: &str, debug: bool) -> Result<Vec<u8>, String> 
     Ok(spirv.as_binary_u8().to_vec())
 }
 
-fn kind(name: &str) -> Option<shaderc::ShaderKind> {
-    match Path::new(name).extension()?.to_str()? {
+fn kind(path: &Path) -> Option<shaderc::ShaderKind> {
+    match path.extension()?.to_str()? {
         "vert" => Some(shaderc::ShaderKind::Vertex),
         "frag" => Some(shaderc::ShaderKind::Fragment),
         "comp" => Some(shaderc::ShaderKind::Compute),

@@ -9,7 +9,7 @@ use crate::Result;
 use crate::gpu::{Gpu, Image, Part, PassTime, read_image};
 use crate::precompute::LightMaps;
 use crate::precompute::alternatives::{Quantity, Target};
-use crate::reference::levels::alpha_from_level;
+use crate::reference::levels::{LEVELS, alpha_from_level};
 
 /// One map: its lobe, its size and, face by face and row by row, its texels.
 pub struct Map {
@@ -42,11 +42,10 @@ pub const OWN_SIZE: u32 = 256;
 
 /// The specular maps that the program's own stage makes, scaled to cubes of `size`; the mirror level is left out.
 pub fn specular_targets(size: u32) -> Vec<(u32, Target)> {
-    const LAST: u32 = 6;
-    (1..=LAST)
+    (1..LEVELS)
         .map(|level| {
-            let alpha = alpha_from_level(f64::from(level), f64::from(LAST));
-            (level, Target { alpha, size: (size >> level).max(1) })
+            let target = Target { alpha: alpha_from_level(level), size: (size >> (level / 2)).max(1) };
+            (level as u32, target)
         })
         .collect()
 }
@@ -58,7 +57,7 @@ pub const IRRADIANCE: Target = Target { alpha: 1.0, size: 32 };
 pub fn own_maps(gpu: &Arc<Gpu>, light: &LightMaps) -> Result<Vec<Map>> {
     let mut maps = Vec::new();
     for (level, target) in specular_targets(OWN_SIZE) {
-        let texels = read_cube(gpu, &light.specular, level, light.scale)?;
+        let texels = read_cube(gpu, &light.specular[level as usize % 2], level / 2, light.scale)?;
         maps.push(Map { quantity: Quantity::Specular, level, target, texels });
     }
     let texels = read_cube(gpu, &light.irradiance_over_pi, 0, light.scale)?;

@@ -1,43 +1,69 @@
-//! The split sum's table of directional albedo, over n·v and roughness.
+//! The split sum's table over n·v and roughness: directional albedo, and where the lobe points.
 
 use std::sync::Arc;
 
 use crate::Result;
 use crate::gpu::{
-    Bind, Format, Gpu, Image, ImageDesc, ImageUsageFlags, PassTime, Pipeline, Set, SetLayout, Shape, Slot, Use, run,
+    Bind, Buffer, BufferKind, Format, Gpu, Image, ImageDesc, ImageUsageFlags, PassTime, Pipeline, Set, SetLayout,
+    Shape, Slot, Use, run,
 };
 use crate::reference::brdf::Geometry;
+use crate::reference::lobe::kernel_spread;
+use crate::reference::quadrature::gauss_legendre;
+use crate::reference::table::{SplitSum, table_arguments};
 
-/// Texels along n·v and along roughness.
-const SIZE: u32 = 128;
-/// Its samples are well spread; 1024 leave an error below that of storing halves.
-const LOG2_SAMPLES: u32 = 10;
+/// Texels along n·v and along roughness: what bilinear lookups lose is below 1e-3.
+pub const SIZE: [u32; 2] = [128, 96];
+/// Quadrature nodes over φ and s; `glsl/brdf_table.comp` knows them, too.
+const NODES: [usize; 2] = [8, 16];
 
-/// R scales F0, G is added to it: Karis, "Real Shading in Unreal Engine 4" (2013), eq. 8. x = n·v, y = roughness.
+/// Two layers in f32, halves being too coarse near 1: the two parts' albedos and `along`, and their `across`
+/// (`reference::table`).
 pub struct BrdfTable {
     pub image: Image,
     pub times: Vec<PassTime>,
 }
 
 impl BrdfTable {
-    /// Computes the table for one geometry term.
-    pub fn new(gpu: &Arc<Gpu>, geometry: Geometry) -> Result<Self> {
+    /// Computes the table for one geometry term and one way to look up the environment.
+    pub fn new(gpu: &Arc<Gpu>, geometry: Geometry, split_sum: SplitSum) -> Result<Self> {
         let usage = ImageUsageFlags::SAMPLED | ImageUsageFlags::STORAGE | ImageUsageFlags::TRANSFER_SRC;
-        let desc = ImageDesc { shape: Shape::Flat, ..ImageDesc::flat(Format::R16G16B16A16_SFLOAT, [SIZE; 2], usage) };
-        let image = Image::new(gpu, "BRDF table", desc)?;
-        let layout = SetLayout::new(gpu, "BRDF table", &[Slot::StorageImage])?;
-        let set = Set::new(gpu, "BRDF table", &layout, &[Bind::StorageImage(&image, 0)])?;
-        let constants = [(0, geometry as u32), (1, LOG2_SAMPLES)];
+        let flat = ImageDesc::flat(Format::R32G32B32A32_SFLOAT, SIZE, usage);
+        let image = Image::new(gpu, "BRDF table", ImageDesc { shape: Shape::Layers(2), ..flat })?;
+        let nodes = storage(gpu, "quadrature", &quadrature())?;
+        let spreads: Vec<f32> = (0..SIZE[1]).map(|row| classic_spread(row) as f32).collect();
+        let spreads = storage(gpu, "kernel spreads", &spreads)?;
+        let layout = SetLayout::new(gpu, "BRDF table", &[Slot::Storage, Slot::Storage, Slot::StorageImage])?;
+        let binds = [Bind::Storage(&nodes), Bind::Storage(&spreads), Bind::StorageImage(&image, 0)];
+        let set = Set::new(gpu, "BRDF table", &layout, &binds)?;
+        let constants = [(0, geometry as u32), (1, u32::from(split_sum == SplitSum::Moment))];
         let pipeline = Pipeline::compute(gpu, "brdf_table.comp", &constants, &[&layout], 0)?;
         let times = run(gpu, |commands| {
             commands.prepare(&image, Use::Storage);
             commands.pass("BRDF table", |commands| {
                 commands.bind(&pipeline, &[&set]);
-                commands.dispatch([SIZE.div_ceil(8), SIZE.div_ceil(8), 1]);
+                commands.dispatch([SIZE[0].div_ceil(8), SIZE[1].div_ceil(8), 1]);
             });
             commands.prepare(&image, Use::Sampled);
             Ok(())
         })?;
         Ok(Self { image, times })
     }
+}
+
+fn storage<T: bytemuck::Pod>(gpu: &Arc<Gpu>, name: &str, values: &[T]) -> Result<Buffer> {
+    Buffer::with_bytes(gpu, name, BufferKind::StorageFromCpu, bytemuck::cast_slice(values))
+}
+
+/// Nodes and weights over φ, then over s; these run as 1 − (1 − t)² towards the horizon.
+fn quadrature() -> Vec<[f32; 2]> {
+    let [phi, s] = NODES.map(gauss_legendre);
+    let crowded = s.into_iter().map(|[t, w]| [1.0 - (1.0 - t).powi(2), 2.0 * (1.0 - t) * w]);
+    phi.into_iter().chain(crowded).map(|node| node.map(|v| v as f32)).collect()
+}
+
+/// Spread of the level that the classic split sum looks up for a row's roughness.
+fn classic_spread(row: u32) -> f64 {
+    let roughness = table_arguments([0, row], SIZE)[1];
+    kernel_spread(roughness * roughness)
 }

@@ -2,24 +2,16 @@
 
 use std::sync::Arc;
 
+use super::kernel_sum::KernelSum;
 use crate::asset::Panorama;
-use crate::gpu::{
-    Bind, Commands, Edge, Format, Gpu, Image, ImageDesc, ImageUsageFlags, PassTime, Pipeline, Sampler, Set, SetLayout,
-    Shape, Slot, Upload, Use, run,
-};
-use crate::reference::levels::alpha_from_level;
+use crate::gpu::{Format, Gpu, Image, ImageDesc, ImageUsageFlags, PassTime, Shape, Upload};
+use crate::reference::levels::LEVELS;
 use crate::{Error, Result};
 
-/// Texels along a face of the environment cube and of specular level 0.
-const CUBE_SIZE: u32 = 256;
-/// Specular levels: faces of 256 down to 4 texels, alpha 0, 1/32 … 1.
-const LEVELS: u32 = 7;
+/// Texels along a face of specular levels 0 and 1.
+pub const CUBE_SIZE: u32 = 256;
 /// Texels along a face of the irradiance map; the clamped cosine leaves nothing finer.
-const IRRADIANCE_SIZE: u32 = 32;
-/// The environment's mip that irradiance is summed from: 32 texels along a face.
-const IRRADIANCE_SOURCE_MIP: usize = 3;
-/// Samples per texel of a specular level.
-const LOG2_SAMPLES: u32 = 8;
+pub const IRRADIANCE_SIZE: u32 = 32;
 /// Radiance that the half-float maps hold at most before they are scaled.
 const HALF_LIMIT: f32 = 60_000.0;
 
@@ -29,8 +21,8 @@ pub struct LightMaps {
     pub panorama: Image,
     /// Irradiance over pi.
     pub irradiance_over_pi: Image,
-    /// Level i holds the lobe of `alpha_from_level(i)`.
-    pub specular: Image,
+    /// The even and the odd levels of `reference::levels`: level i is mip i / 2 of cube i % 2.
+    pub specular: [Image; 2],
     /// A power of two, 1 unless the panorama is brighter than half floats go.
     pub scale: f32,
     pub times: Vec<PassTime>,
@@ -44,21 +36,13 @@ impl LightMaps {
     pub fn new(gpu: &Arc<Gpu>, panorama: &Panorama) -> Result<Self> {
         let peak = panorama.texels.iter().flatten().copied().fold(0.0, f32::max);
         let scale = (peak / HALF_LIMIT).max(1.0).log2().ceil().exp2();
-        let image = upload(gpu, panorama)?;
-        let environment = cube(gpu, "environment", CUBE_SIZE, CUBE_SIZE.ilog2() + 1)?;
-        let irradiance = cube(gpu, "irradiance", IRRADIANCE_SIZE, 1)?;
-        let specular = cube(gpu, "specular levels", CUBE_SIZE, LEVELS)?;
-        let passes = Passes::new(gpu, panorama, &image, &environment, &irradiance, &specular)?;
-        let times = run(gpu, |commands| {
-            passes.record(commands, &environment, &irradiance, &specular, scale);
-            Ok(())
-        })?;
-        Ok(Self { panorama: image, irradiance_over_pi: irradiance, specular, scale, times })
-    }
-
-    /// Index of the last specular level.
-    pub fn last_level(&self) -> f32 {
-        (self.specular.desc().mips - 1) as f32
+        let panorama = upload(gpu, panorama)?;
+        let irradiance_over_pi = cube(gpu, "irradiance", IRRADIANCE_SIZE, 1)?;
+        let mips = (LEVELS / 2) as u32;
+        let specular =
+            [cube(gpu, "even specular levels", CUBE_SIZE, mips)?, cube(gpu, "odd specular levels", CUBE_SIZE, mips)?];
+        let times = KernelSum::new(gpu, &panorama, &specular, &irradiance_over_pi)?.run(gpu, scale)?;
+        Ok(Self { panorama, irradiance_over_pi, specular, scale, times })
     }
 }
 
@@ -85,115 +69,11 @@ fn upload(gpu: &Arc<Gpu>, panorama: &Panorama) -> Result<Image> {
 }
 
 fn cube(gpu: &Arc<Gpu>, name: &str, size: u32, mips: u32) -> Result<Image> {
-    let copies = ImageUsageFlags::TRANSFER_SRC | ImageUsageFlags::TRANSFER_DST;
-    let usage = ImageUsageFlags::SAMPLED | ImageUsageFlags::STORAGE | copies;
+    let usage = ImageUsageFlags::SAMPLED | ImageUsageFlags::STORAGE | ImageUsageFlags::TRANSFER_SRC;
     let flat = ImageDesc::flat(Format::R16G16B16A16_SFLOAT, [size; 2], usage);
     Image::new(gpu, name, ImageDesc { shape: Shape::Cube, mips, ..flat })
 }
 
-/// A compute pipeline with one descriptor set per dispatch, and the faces' size of each.
-struct Pass {
-    pipeline: Pipeline,
-    sets: Vec<(Set, u32)>,
-}
-
-impl Pass {
-    fn dispatch(&self, commands: &mut Commands<'_>, index: usize, push: &[f32]) {
-        let (set, size) = &self.sets[index];
-        commands.bind(&self.pipeline, &[set]);
-        if !push.is_empty() {
-            commands.push(&self.pipeline, bytemuck::cast_slice(push));
-        }
-        commands.dispatch([size.div_ceil(8), size.div_ceil(8), 6]);
-    }
-}
-
-struct Passes {
-    to_cube: Pass,
-    mips: Pass,
-    irradiance: Pass,
-    specular: Pass,
-}
-
-impl Passes {
-    fn new(
-        gpu: &Arc<Gpu>,
-        panorama: &Panorama,
-        image: &Image,
-        environment: &Image,
-        irradiance: &Image,
-        specular: &Image,
-    ) -> Result<Self> {
-        let sampler = Sampler::new(gpu, "panorama", Edge::Panorama, false)?;
-        let cube_sampler = Sampler::new(gpu, "cube", Edge::Clamp, false)?;
-        let sample_to_store = SetLayout::new(gpu, "sample to store", &[Slot::Sampled, Slot::StorageImage])?;
-        let load_to_store = SetLayout::new(gpu, "load to store", &[Slot::StorageImage, Slot::StorageImage])?;
-        // Two taps for each panorama texel that a cube texel spans at the equator.
-        let taps = (panorama.width.div_ceil(4 * CUBE_SIZE) * 2).clamp(2, 16);
-        let set = |layout: &SetLayout, binds: &[Bind<'_>]| Set::new(gpu, "precompute", layout, binds);
-        let to_cube = Pass {
-            pipeline: Pipeline::compute(gpu, "panorama_to_cube.comp", &[(0, taps)], &[&sample_to_store], 4)?,
-            sets: vec![(
-                set(&sample_to_store, &[Bind::Sampled(image, &sampler), Bind::StorageImage(environment, 0)])?,
-                CUBE_SIZE,
-            )],
-        };
-        let halving = |mip: usize| {
-            let binds = [Bind::StorageImage(environment, mip), Bind::StorageImage(environment, mip + 1)];
-            Ok((set(&load_to_store, &binds)?, CUBE_SIZE >> (mip + 1)))
-        };
-        let mips = Pass {
-            pipeline: Pipeline::compute(gpu, "cube_mip.comp", &[], &[&load_to_store], 0)?,
-            sets: (0..CUBE_SIZE.ilog2() as usize).map(halving).collect::<Result<_>>()?,
-        };
-        let source = Bind::StorageImage(environment, IRRADIANCE_SOURCE_MIP);
-        let irradiance = Pass {
-            pipeline: Pipeline::compute(gpu, "irradiance.comp", &[], &[&load_to_store], 0)?,
-            sets: vec![(set(&load_to_store, &[source, Bind::StorageImage(irradiance, 0)])?, IRRADIANCE_SIZE)],
-        };
-        let level = |level: usize| {
-            let binds = [Bind::Sampled(environment, &cube_sampler), Bind::StorageImage(specular, level)];
-            Ok((set(&sample_to_store, &binds)?, CUBE_SIZE >> level))
-        };
-        let specular = Pass {
-            pipeline: Pipeline::compute(gpu, "specular.comp", &[(0, LOG2_SAMPLES)], &[&sample_to_store], 4)?,
-            sets: (0..LEVELS as usize).map(level).collect::<Result<_>>()?,
-        };
-        Ok(Self { to_cube, mips, irradiance, specular })
-    }
-
-    fn record(
-        &self,
-        commands: &mut Commands<'_>,
-        environment: &Image,
-        irradiance: &Image,
-        specular: &Image,
-        scale: f32,
-    ) {
-        commands.prepare(environment, Use::Storage);
-        commands.prepare(irradiance, Use::Storage);
-        commands.prepare(specular, Use::CopyTo);
-        commands.pass("panorama to cube", |commands| self.to_cube.dispatch(commands, 0, &[scale.recip()]));
-        commands.pass("cube mips", |commands| {
-            for mip in 0..self.mips.sets.len() {
-                commands.prepare(environment, Use::Storage);
-                self.mips.dispatch(commands, mip, &[]);
-            }
-        });
-        commands.prepare(environment, Use::Storage);
-        commands.pass("irradiance", |commands| self.irradiance.dispatch(commands, 0, &[]));
-        // Level 0 is the environment itself.
-        commands.prepare(environment, Use::CopyFrom);
-        commands.copy_mip0(environment, specular);
-        commands.prepare(environment, Use::Sampled);
-        commands.prepare(specular, Use::Storage);
-        commands.pass("specular levels", |commands| {
-            for level in 1..LEVELS {
-                let alpha = alpha_from_level(f64::from(level), f64::from(LEVELS - 1));
-                self.specular.dispatch(commands, level as usize, &[alpha as f32]);
-            }
-        });
-        commands.prepare(specular, Use::Sampled);
-        commands.prepare(irradiance, Use::Sampled);
-    }
-}
+#[cfg(test)]
+#[path = "light_maps_tests.rs"]
+mod tests;

@@ -17,6 +17,17 @@ pub fn normalize_or(v: DVec3, otherwise: DVec3) -> DVec3 {
     if size > TINY && size < 1e30 { (v / size).normalize() } else { otherwise }
 }
 
+/// The nearest number of a half float's ten binary digits, for x ≥ 0 from 6e-5 on, ties upwards.
+pub fn round_to_half(x: DVec3) -> DVec3 {
+    x.map(|c| {
+        if c == 0.0 {
+            return c;
+        }
+        let step = (c.log2().floor() - 10.0).exp2();
+        (c / step + 0.5).floor() * step
+    })
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -1,6 +1,6 @@
 //! The truth in f64, no Vulkan: BRDF terms, sampling, integrals, colour, picture metrics.
 //!
-//! `math`, `brdf`, `sampling`, `cube` and `tone` are the twins of the files of the same name in `glsl/`: same functions, same
+//! `math`, `brdf`, `sampling`, `cube`, `harmonics` and `tone` are the twins of the files of the same name in `glsl/`: same functions, same
 //! arguments, same constants.
 
 pub mod brdf;
@@ -12,6 +12,7 @@ pub mod levels;
 pub mod lobe;
 pub mod metrics;
 pub mod panorama_sums;
+pub mod quadrature;
 pub mod sampling;
 pub mod table;
 pub mod tone;

@@ -47,10 +47,11 @@ pub fn pdf_ggx(v: DVec3, h: DVec3, alpha: f64) -> f64 {
 pub fn sample_vndf(v: DVec3, u: DVec2, alpha: f64) -> DVec3 {
     let stretched = DVec3::new(alpha * v.x, alpha * v.y, v.z.max(MIN_COS)).normalize();
     let rise = (1.0 - u.y) * (1.0 + stretched.z);
-    let sine = ((1.0 + stretched.z) * u.y * (1.0 - stretched.z + rise)).max(0.0).sqrt();
+    let below = (stretched.x * stretched.x + stretched.y * stretched.y) / (1.0 + stretched.z);
+    let sine = ((1.0 + stretched.z) * u.y * (below + rise)).sqrt();
     let (sin_phi, cos_phi) = (TAU * u.x).sin_cos();
-    let h = DVec3::new(sine * cos_phi, sine * sin_phi, rise - stretched.z) + stretched;
-    DVec3::new(alpha * h.x, alpha * h.y, h.z.max(MIN_COS)).normalize()
+    let across = sine * DVec2::new(cos_phi, sin_phi) + DVec2::new(stretched.x, stretched.y);
+    DVec3::new(alpha * across.x, alpha * across.y, rise.max(MIN_COS)).normalize()
 }
 
 /// Density of l = reflect(−v, h) in 1/sr for h from [`sample_vndf`]: Heitz, "Sampling the GGX Distribution of Visible

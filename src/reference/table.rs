@@ -1,4 +1,4 @@
-//! The split-sum BRDF table's entries, by quadrature good to 1e-7.
+//! The split sum's table: directional albedo and the lobe's mean vector, by quadrature good to 1e-7.
 
 use std::{
     f64::consts::{FRAC_PI_2, PI},
@@ -9,7 +9,7 @@ use glam::DVec3;
 
 use super::{
     brdf::{Geometry, schlick_weight, v_environment},
-    math::MIN_COS,
+    math::{MIN_COS, TINY},
 };
 
 /// What the specular BRDF reflects of light from all sides, as a line in F0: F0 · scale + bias. Karis (2013), eq. 8.
@@ -35,21 +35,87 @@ static NODES: LazyLock<Vec<[f64; 2]>> = LazyLock::new(|| {
     (-HALF..=HALF).map(node).collect()
 });
 
+/// How a pixel looks the environment up for the specular term.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum SplitSum {
+    /// Along r, at the level of the roughness: Karis (2013), section "Environment Map Lighting" with n = v = r.
+    Classic,
+    /// Along the mean vector of the BRDF's own lobe, at the level whose lobe has a mean vector as long: exact wherever
+    /// radiance is linear in direction.
+    #[default]
+    Moment,
+}
+
+/// One part of the lobe BRDF · n·l over the light's directions l. With r = reflect(−v, n), and t the unit vector
+/// perpendicular to r in the plane of incidence on n's side, its mean vector is (1 − along) r + across t.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct LobePart {
+    /// The part's integral.
+    pub weight: f64,
+    pub along: f64,
+    /// across / sin(θv), which has a limit where n = v.
+    pub across_over_sine: f64,
+}
+
+/// The specular lobe at n·v and a roughness for F0: its part without Schlick's weight times F0, and its part with it.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Lobe {
+    pub base: LobePart,
+    pub fresnel: LobePart,
+}
+
+impl Lobe {
+    /// The mean vector for a grey F0, as (1 − along, across): along r, and across it towards n.
+    pub fn mean(&self, f0: f64, nv: f64) -> [f64; 2] {
+        let (base, fresnel) = (f0 * self.base.weight, self.fresnel.weight);
+        let mix = |a: f64, b: f64| (base * a + fresnel * b) / (base + fresnel);
+        let across_over_sine = mix(self.base.across_over_sine, self.fresnel.across_over_sine);
+        [1.0 - mix(self.base.along, self.fresnel.along), across_over_sine * (1.0 - nv * nv).max(0.0).sqrt()]
+    }
+}
+
+/// How much finer the table is at n·v = 0 than at 1; the same in `glsl/table.glsl`.
+const STEEPNESS: f64 = 1024.0;
+
+/// n·v and roughness of a texel of a table of this size; twin of `table_arguments` in `glsl/table.glsl`.
+pub fn table_arguments(texel: [u32; 2], size: [u32; 2]) -> [f64; 2] {
+    let [x, y] = std::array::from_fn(|i| f64::from(texel[i]) / f64::from(size[i] - 1));
+    [((1.0 + STEEPNESS).powf(x) - 1.0) / STEEPNESS, y.powi(3)]
+}
+
+/// Where in [0, 1]² from the first texel's centre to the last's the table holds n·v and a roughness; the inverse of
+/// [`table_arguments`], and what `table_coordinate` in `glsl/table.glsl` makes texture coordinates of.
+pub fn table_place(nv: f64, roughness: f64) -> [f64; 2] {
+    [(STEEPNESS * nv).ln_1p() / STEEPNESS.ln_1p(), roughness.cbrt()]
+}
+
 /// The table's entry at n·v = nv in [0, 1] and a roughness in [0, 1]; relative to the integral good to 1e-7.
+pub fn table_entry(nv: f64, roughness: f64, geometry: Geometry) -> Entry {
+    let lobe = table_lobe(nv, roughness, geometry);
+    Entry { scale: lobe.base.weight, bias: lobe.fresnel.weight }
+}
+
+/// The lobe at n·v = nv in [0, 1] and a roughness in [0, 1]; relative to the integrals good to 1e-7.
 ///
 /// Integrates V · 4 nl · vh / nh over half vectors drawn from D (Walter et al. 2007, eqs. 14 and 35), with weights
 /// (1 − v·h)⁵ apart. h is (θ, φ); l is above the surface exactly for θ < (ψ + π/2) / 2 with tan ψ = tan(θv) cos φ, and there
 /// nl = R sin(2 (θmax − θ)), so the integrand is smooth inside and the horizon costs no accuracy.
-pub fn table_entry(nv: f64, roughness: f64, geometry: Geometry) -> Entry {
-    let nv = nv.clamp(MIN_COS, 1.0);
+pub fn table_lobe(nv: f64, roughness: f64, geometry: Geometry) -> Lobe {
+    let nv = nv.clamp(MIN_COS, 1.0 - 1e-9);
     let alpha = roughness * roughness;
     if alpha < 1e-9 {
         // A mirror: D is a point, G is 1.
         let weight = schlick_weight(nv);
-        return Entry { scale: 1.0 - weight, bias: weight };
+        let part = |weight| LobePart { weight, ..LobePart::default() };
+        return Lobe { base: part(1.0 - weight), fresnel: part(weight) };
     }
     let sv = (1.0 - nv * nv).sqrt();
-    let mut entry = Entry { scale: 0.0, bias: 0.0 };
+    let mut lobe = Lobe::default();
+    let add = |part: &mut LobePart, value: f64, along: f64, across: f64| {
+        part.weight += value;
+        part.along += value * along;
+        part.across_over_sine += value * across / sv;
+    };
     for half in [0.0, 1.0] {
         for [x, wx] in NODES.iter() {
             let cos_phi = ((half + x) * FRAC_PI_2).cos();
@@ -72,12 +138,19 @@ pub fn table_entry(nv: f64, roughness: f64, geometry: Geometry) -> Entry {
                 // φ and −φ are alike: twice a quarter turn over 2π is ½.
                 let value = wx * wy * 0.5 * brdf * s_max * 2.0 * sin_s * cos_s;
                 let weight = schlick_weight(vh);
-                entry.scale += value * (1.0 - weight);
-                entry.bias += value * weight;
+                // r is (−sv, nv) and t is (nv, sv) in the plane of incidence.
+                let lx = 2.0 * vh * sin_theta * cos_phi - sv;
+                let (along, across) = (1.0 + sv * lx - nv * nl, nv * lx + sv * nl);
+                add(&mut lobe.base, value * (1.0 - weight), along, across);
+                add(&mut lobe.fresnel, value * weight, along, across);
             }
         }
     }
-    entry
+    for part in [&mut lobe.base, &mut lobe.fresnel] {
+        part.along /= part.weight.max(TINY);
+        part.across_over_sine /= part.weight.max(TINY);
+    }
+    lobe
 }
 
 /// Share of light from all sides that the specular BRDF reflects towards v; the same, by reciprocity, as the share of a

@@ -4,6 +4,8 @@ mod eye;
 mod forward;
 mod overlay;
 mod shared;
+#[cfg(test)]
+mod shared_tests;
 mod targets;
 mod world;
 
@@ -20,6 +22,7 @@ use crate::asset::Report;
 use crate::gpu::{Bind, Buffer, BufferKind, Commands, Edge, Gpu, Image, PassTime, Sampler, Set, SetLayout, Slot};
 use crate::precompute::{BrdfTable, LightMaps};
 use crate::reference::brdf::Geometry;
+use crate::reference::table::SplitSum;
 use crate::scene::Scene;
 use crate::{Error, Result};
 use forward::Forward;
@@ -66,6 +69,7 @@ pub enum Shading {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Settings {
     pub geometry: Geometry,
+    pub split_sum: SplitSum,
     pub output: Output,
     /// Samples per pixel: 1 or 4.
     pub samples: u32,
@@ -73,7 +77,7 @@ pub struct Settings {
 
 impl Default for Settings {
     fn default() -> Self {
-        Self { geometry: Geometry::Smith, output: Output::Display, samples: 4 }
+        Self { geometry: Geometry::Smith, split_sum: SplitSum::Moment, output: Output::Display, samples: 4 }
     }
 }
 
@@ -108,8 +112,9 @@ impl Renderer {
     ) -> Result<Self> {
         let world = World::new(gpu, scene, report)?;
         let light = LightMaps::new(gpu, &scene.environment.panorama)?;
-        let table = BrdfTable::new(gpu, settings.geometry)?;
-        let slots = [Slot::Uniform, Slot::Storage, Slot::Sampled, Slot::Sampled, Slot::Sampled, Slot::Sampled];
+        let table = BrdfTable::new(gpu, settings.geometry, settings.split_sum)?;
+        let slots =
+            [Slot::Uniform, Slot::Storage, Slot::Sampled, Slot::Sampled, Slot::Sampled, Slot::Sampled, Slot::Sampled];
         let frame_layout = SetLayout::new(gpu, "frame", &slots)?;
         let samplers =
             [Sampler::new(gpu, "panorama", Edge::Panorama, false)?, Sampler::new(gpu, "clamped", Edge::Clamp, false)?];
@@ -210,7 +215,6 @@ impl Renderer {
             environment_turn: [self.environment_turn.cos(), self.environment_turn.sin()],
             exposure: self.exposure_ev.exp2(),
             environment_scale: self.light.scale,
-            last_level: self.light.last_level(),
             light_count: self.world.light_count,
             ..Default::default()
         };
@@ -263,7 +267,8 @@ fn make_frames(
             Bind::Storage(&world.lights),
             Bind::Sampled(&light.panorama, panorama),
             Bind::Sampled(&light.irradiance_over_pi, clamped),
-            Bind::Sampled(&light.specular, clamped),
+            Bind::Sampled(&light.specular[0], clamped),
+            Bind::Sampled(&light.specular[1], clamped),
             Bind::Sampled(&table.image, clamped),
         ];
         let set = Set::new(gpu, "frame", layout, &binds)?;

@@ -74,9 +74,10 @@ impl Overlay {
         self.origin_ndc = pixel.map(|p| p * MARGIN * scale - 1.0);
     }
 
-    /// How many characters fit side by side.
-    pub fn columns(picture: [u32; 2], scale: u32) -> usize {
-        ((picture[0] as f32 / scale as f32 - 2.0 * MARGIN) / CELL[0]).max(0.0) as usize
+    /// How many columns and rows of text fit.
+    pub fn grid(picture: [u32; 2], scale: u32) -> [usize; 2] {
+        let fits = |i: usize| ((picture[i] as f32 / scale as f32 - 2.0 * MARGIN) / CELL[i]).max(0.0) as usize;
+        [fits(0), fits(1)]
     }
 
     /// Draws the text set for `slot`; called while rendering.

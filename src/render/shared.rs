@@ -30,8 +30,6 @@ pub struct FrameBlock {
     pub exposure: f32,
     /// Multiplies what the environment's maps hold.
     pub environment_scale: f32,
-    /// Index of the last specular level.
-    pub last_level: f32,
     pub light_count: u32,
 }
 
@@ -74,8 +72,8 @@ const _: () = {
     assert!(size_of::<EyeBlock>() == 144);
     assert!(offset_of!(FrameBlock, environment_turn) == 144 * MAX_EYES);
     assert!(offset_of!(FrameBlock, exposure) == 144 * MAX_EYES + 8);
-    assert!(offset_of!(FrameBlock, light_count) == 144 * MAX_EYES + 20);
-    assert!(size_of::<FrameBlock>() == 144 * MAX_EYES + 24);
+    assert!(offset_of!(FrameBlock, light_count) == 144 * MAX_EYES + 16);
+    assert!(size_of::<FrameBlock>() == 144 * MAX_EYES + 20);
     assert!(offset_of!(MaterialBlock, metallic) == 12 && size_of::<MaterialBlock>() == 24);
     assert!(offset_of!(LightBlock, intensity) == 12 && size_of::<LightBlock>() == 24);
     assert!(size_of::<DrawBlock>() == 64);

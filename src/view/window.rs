@@ -44,7 +44,10 @@ pub fn run(request: &ViewRequest<'_>, gpu: GpuOptions<'_>) -> Result<()> {
 }
 
 fn window_error(error: impl std::fmt::Display) -> Error {
-    Error::Window { problem: error.to_string() }
+    let text = error.to_string();
+    // Winit begins with the line of its source, which tells its users nothing.
+    let what = text.strip_prefix("os error at ").and_then(|rest| rest.split_once(": "));
+    Error::Window { problem: what.map_or(text.as_str(), |(_, what)| what).to_owned() }
 }
 
 struct App<'a> {
@@ -118,7 +121,11 @@ impl ApplicationHandler<()> for App<'_> {
         self.with(event_loop, |viewer| {
             match event {
                 WindowEvent::CloseRequested => event_loop.exit(),
-                WindowEvent::Resized(_) | WindowEvent::ScaleFactorChanged { .. } => viewer.resized(),
+                WindowEvent::Destroyed => {
+                    return Err(Error::Window { problem: "another program has destroyed it".into() });
+                }
+                // A change of scale changes the size, too.
+                WindowEvent::Resized(size) => viewer.resized(size.into()),
                 WindowEvent::Occluded(occluded) => viewer.occlude(occluded),
                 WindowEvent::Focused(focused) => viewer.focus(focused),
                 WindowEvent::ModifiersChanged(modifiers) => viewer.modifiers(modifiers.state()),

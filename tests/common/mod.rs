@@ -1,6 +1,8 @@
 //! Small scenes and renders that the end-to-end tests share.
 #![allow(dead_code)]
 
+pub mod light;
+
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 

@@ -1,19 +1,14 @@
 //! Every method against f64 where the answer is known, and where the naive ones fail.
 
-use std::sync::{Arc, LazyLock};
-
 use glam::{DVec2, DVec3, Vec3};
-use half::f16;
 
 use super::{Environment, Job, Method, Target};
 use crate::asset::Panorama;
-use crate::gpu::{Gpu, GpuOptions, Part, read_image};
+use crate::gpu::Part;
 use crate::precompute::LightMaps;
+use crate::precompute::harness_tests::{texels, with_gpu};
 use crate::reference::cube::{cube_direction, panorama_texel_solid_angle, panorama_uv};
 use crate::reference::panorama_sums::prefiltered_around;
-
-static GPU: LazyLock<Arc<Gpu>> =
-    LazyLock::new(|| Gpu::open(GpuOptions { validate: true, ..GpuOptions::default() }).expect("a GPU"));
 
 const IRRADIANCE: [Target; 1] = [Target { alpha: 1.0, size: 16 }];
 const LOBES: [Target; 3] =
@@ -27,21 +22,18 @@ fn direction(i: usize, size: u32) -> DVec3 {
 
 /// What `method` makes of a panorama, through a cube of `size`: for each target its texels with their directions.
 fn fill(panorama: &Panorama, size: u32, method: Method, targets: &[Target]) -> Vec<Vec<(DVec3, DVec3)>> {
-    let gpu = &*GPU;
-    let light = LightMaps::new(gpu, panorama).unwrap();
-    let environment = Environment::new(gpu, &light.panorama, light.scale, size).unwrap();
-    let job = Job::new(gpu, &environment, method, targets).unwrap();
-    assert!(job.run(gpu).unwrap()[0].ms > 0.0);
-    let half = |b: &[u8]| f16::from_le_bytes([b[0], b[1]]).to_f64() * f64::from(environment.scale);
-    let cube = |cube: &_, size| {
-        let bytes: Vec<u8> =
-            (0..6).flat_map(|layer| read_image(gpu, cube, Part { mip: 0, layer }, 8).unwrap()).collect();
-        let value = |t: &[u8]| DVec3::new(half(&t[..2]), half(&t[2..4]), half(&t[4..6]));
-        bytes.chunks_exact(8).enumerate().map(|(i, t)| (direction(i, size), value(t))).collect()
-    };
-    let filled = job.cubes.iter().zip(targets).map(|(image, target)| cube(image, target.size)).collect();
-    assert_eq!(gpu.messages().all(), Vec::<String>::new());
-    filled
+    with_gpu(|gpu| {
+        let light = LightMaps::new(gpu, panorama).unwrap();
+        let environment = Environment::new(gpu, &light.panorama, light.scale, size).unwrap();
+        let job = Job::new(gpu, &environment, method, targets).unwrap();
+        assert!(job.run(gpu).unwrap()[0].ms > 0.0);
+        let cube = |(image, target): (&_, &Target)| {
+            let faces = (0..6).flat_map(|layer| texels(gpu, image, Part { mip: 0, layer }));
+            let value = |(i, value)| (direction(i, target.size), value * f64::from(environment.scale));
+            faces.enumerate().map(value).collect()
+        };
+        job.cubes.iter().zip(targets).map(cube).collect()
+    })
 }
 
 fn worst(texels: &[(DVec3, DVec3)], truth: impl Fn(usize, DVec3) -> DVec3) -> f64 {

@@ -41,13 +41,39 @@ impl Hud {
         self.push(now + ERROR_TIME, text.into());
     }
 
+    /// Takes all messages away: what they told of is mended.
+    #[cfg(feature = "hot-reload")]
+    pub fn forget(&mut self) {
+        self.notes.clear();
+    }
+
     /// Shows or hides the list of keys.
     pub fn switch_keys(&mut self) {
         self.keys = !self.keys;
     }
 
+    /// The lines to show now, and at which scale they all fit: the largest, or else 1. `grid` tells columns and rows at
+    /// a scale.
+    pub fn fit(
+        &mut self,
+        now: Instant,
+        status: &Status<'_>,
+        largest: u32,
+        grid: impl Fn(u32) -> [usize; 2],
+    ) -> (Vec<String>, u32) {
+        let mut scale = largest;
+        loop {
+            let [columns, rows] = grid(scale);
+            let lines = self.lines(now, status, columns);
+            if scale <= 1 || lines.len() <= rows {
+                return (lines, scale);
+            }
+            scale -= 1;
+        }
+    }
+
     /// The lines to show now, none longer than `columns`.
-    pub fn lines(&mut self, now: Instant, status: &Status<'_>, columns: usize) -> Vec<String> {
+    fn lines(&mut self, now: Instant, status: &Status<'_>, columns: usize) -> Vec<String> {
         self.notes.retain(|(until, _)| *until > now);
         let mut lines = Vec::new();
         if let Some(rate) = status.rate {
@@ -149,6 +175,17 @@ mod tests {
         let lines = hud.lines(now, &status(&["pbr".into()], &VecDeque::new()), 80);
         assert_eq!(lines.len(), 1 + HELP.len());
         assert!(lines.iter().any(|line| line.starts_with("F11") && line.contains("fullscreen")));
+    }
+
+    #[test]
+    fn text_shrinks_until_it_fits_and_no_further() {
+        let (mut hud, now, none) = (Hud::default(), Instant::now(), VecDeque::new());
+        hud.switch_keys();
+        let mut scale_in = |[width, height]: [usize; 2]| {
+            let grid = |scale: u32| [width / (8 * scale as usize), height / (10 * scale as usize)];
+            hud.fit(now, &status(&[], &none), 4, grid).1
+        };
+        assert_eq!([[4000, 2000], [1280, 500], [640, 400], [10, 10]].map(&mut scale_in), [4, 3, 1, 1]);
     }
 
     #[test]

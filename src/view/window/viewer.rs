@@ -1,18 +1,17 @@
-//! What stands behind one window: scene, camera, text, and what keys, mouse and dropped files do to them.
+//! What stands behind one window: scene, camera and text, and how a frame is made of them; files that are opened.
+
+mod input;
 
 use std::collections::VecDeque;
-use std::f32::consts::TAU;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use clap::ValueEnum;
-use glam::Vec2;
 use winit::dpi::PhysicalPosition;
-use winit::event::{ElementState, KeyEvent, MouseButton, MouseScrollDelta};
 use winit::event_loop::{ControlFlow, EventLoopProxy};
 use winit::keyboard::ModifiersState;
-use winit::window::{Fullscreen, Window};
+use winit::window::Window;
 
 use super::super::control::{Control, Mode};
 use super::super::frame_clock::FrameClock;
@@ -20,17 +19,13 @@ use super::canvas::Canvas;
 #[cfg(feature = "hot-reload")]
 use super::hot_reload::ShaderWatch;
 use super::hud::{Hud, Status, title};
-use super::keys::{Action, Held, action};
+use super::keys::Held;
 use super::worker::{Done, Job, Stage, Worker, file_name, report_screenshot};
 use crate::gpu::Gpu;
 use crate::precompute::LightMaps;
 use crate::render::{Overlay, Settings, Shading};
 use crate::{Error, Result};
 
-/// Radians of one step of the panorama.
-const TURN_STEP: f32 = TAU / 72.0;
-/// Pixels of a touchpad's scrolling, at scale 1, that count as one notch of a wheel.
-const PIXELS_PER_NOTCH: f64 = 40.0;
 /// A minimised window is looked at this often.
 const DOZE: Duration = Duration::from_millis(100);
 /// Pixels per pixel of the font, at scale 1.
@@ -65,6 +60,8 @@ pub struct Viewer {
     modifiers: ModifiersState,
     drag: Option<Drag>,
     pointer: Option<PhysicalPosition<f64>>,
+    /// The window's, pixels.
+    size: [u32; 2],
     occluded: bool,
     focused: bool,
     screenshot: bool,
@@ -104,6 +101,7 @@ impl Viewer {
             modifiers: ModifiersState::empty(),
             drag: None,
             pointer: None,
+            size: window.inner_size().into(),
             occluded: false,
             focused: false,
             screenshot: false,
@@ -126,7 +124,7 @@ impl Viewer {
     /// When the next frame is due: at once (`Poll`), later, or after some event.
     pub fn pace(&mut self) -> ControlFlow {
         let now = Instant::now();
-        let pace = if self.stage.is_none() || self.occluded || self.wanted_size().contains(&0) {
+        let pace = if self.stage.is_none() || self.occluded || self.size.contains(&0) {
             ControlFlow::Wait
         } else if !self.focused && self.window.is_minimized() == Some(true) {
             // X11 tells of minimising only who asks.
@@ -144,7 +142,7 @@ impl Viewer {
     pub fn draw(&mut self) -> Result<()> {
         #[cfg(feature = "hot-reload")]
         self.reload_changed_shaders()?;
-        let wanted = self.wanted_size();
+        let wanted = self.size;
         let Some((stage, control)) = self.stage.as_mut().filter(|_| !wanted.contains(&0)) else { return Ok(()) };
         let (acquired, times) = self.canvas.begin(wanted)?;
         self.clock.add_gpu(&times);
@@ -155,10 +153,10 @@ impl Viewer {
         let size = self.canvas.size();
         stage.renderer.resize(size)?;
         let eye = control.eye(size[0] as f32 / size[1] as f32);
-        let scale = (TEXT_SCALE * self.window.scale_factor()).round().max(1.0) as u32;
+        let largest = (TEXT_SCALE * self.window.scale_factor()).round().max(1.0) as u32;
         let settings = settings(stage, control, self.camera, self.canvas.mode().name());
         let status = Status { rate: self.clock.rate(), settings: &settings, loading: &self.loading };
-        let lines = self.hud.lines(now, &status, Overlay::columns(size, scale));
+        let (lines, scale) = self.hud.fit(now, &status, largest, |scale| Overlay::grid(size, scale));
         self.overlay.set_text(self.canvas.slot(), &lines, size, scale);
         // Screenshots are of the scene alone.
         let overlay = (!self.screenshot).then_some(&self.overlay);
@@ -229,147 +227,19 @@ impl Viewer {
         Ok(())
     }
 
-    /// A key went down or up; returns whether that ends the program.
-    pub fn key(&mut self, event: &KeyEvent) -> Result<bool> {
-        self.held.follow(event);
-        let wanted = event.state.is_pressed().then(|| action(event, self.modifiers.alt_key())).flatten();
-        match wanted {
-            Some(Action::Quit) => return Ok(true),
-            Some(action) => self.perform(action)?,
-            None => {}
-        }
-        Ok(false)
-    }
-
-    pub fn modifiers(&mut self, state: ModifiersState) {
-        self.modifiers = state;
-    }
-
-    pub fn focus(&mut self, focused: bool) {
-        self.focused = focused;
-        if !focused {
-            self.held.release_all();
-            self.drag = None;
-        }
-    }
-
+    /// Other windows cover it wholly, or no longer.
     pub fn occlude(&mut self, occluded: bool) {
         self.occluded = occluded;
     }
 
-    /// The window has another size or scale.
-    pub fn resized(&mut self) {
+    /// The window has another size, pixels; 0 while it is minimised, on some systems.
+    pub fn resized(&mut self, size: [u32; 2]) {
+        self.size = size;
         self.canvas.window_changed();
     }
 
-    pub fn button(&mut self, state: ElementState, button: MouseButton) {
-        let drag = match button {
-            MouseButton::Left => Drag::Turn,
-            MouseButton::Right | MouseButton::Middle => Drag::Pan,
-            _ => return,
-        };
-        match state {
-            ElementState::Pressed => self.drag = Some(drag),
-            ElementState::Released => self.drag = self.drag.filter(|current| *current != drag),
-        }
-    }
-
-    pub fn pointer(&mut self, position: PhysicalPosition<f64>) {
-        let before = self.pointer.replace(position).unwrap_or(position);
-        let height = f64::from(self.wanted_size()[1].max(1));
-        let moved = Vec2::new((position.x - before.x) as f32, (position.y - before.y) as f32) / height as f32;
-        if let Some((_, control)) = &mut self.stage {
-            match self.drag {
-                Some(Drag::Turn) => control.turn(moved),
-                Some(Drag::Pan) => control.pan(moved),
-                None => {}
-            }
-        }
-    }
-
-    pub fn wheel(&mut self, delta: MouseScrollDelta) {
-        let notches = match delta {
-            MouseScrollDelta::LineDelta(_, lines) => lines,
-            MouseScrollDelta::PixelDelta(by) => (by.y / (PIXELS_PER_NOTCH * self.window.scale_factor())) as f32,
-        };
-        if let Some((_, control)) = &mut self.stage {
-            control.wheel(notches);
-        }
-    }
-
-    fn perform(&mut self, action: Action) -> Result<()> {
-        match action {
-            // `key` has seen to it.
-            Action::Quit => {}
-            Action::Keys => self.hud.switch_keys(),
-            Action::Screenshot => self.screenshot = true,
-            Action::Fullscreen => {
-                let full = self.window.fullscreen().is_none().then_some(Fullscreen::Borderless(None));
-                self.window.set_fullscreen(full);
-            }
-            Action::NextPresentMode => {
-                let mode = self.canvas.next_mode();
-                self.note(format!("showing frames: {}", mode.name()));
-            }
-            Action::NextShading => self.shade(1)?,
-            Action::PreviousShading => self.shade(Shading::value_variants().len() - 1)?,
-            Action::SwitchMode => {
-                if let Some((_, control)) = &mut self.stage {
-                    control.switch_mode();
-                }
-            }
-            Action::NextCamera => self.choose_camera(self.camera + 1),
-            Action::Camera(index) => {
-                let count = self.stage.as_ref().map_or(0, |(stage, _)| stage.cameras.len());
-                if index < count {
-                    self.choose_camera(index);
-                } else {
-                    self.note(format!("there is no camera {}, only {count}", index + 1));
-                }
-            }
-            Action::Reset => self.reset(),
-            Action::Exposure(thirds) => {
-                if let Some((stage, _)) = &mut self.stage {
-                    *stage.renderer.exposure_ev() += f32::from(thirds) / 3.0;
-                }
-            }
-            Action::Turn(steps) => {
-                if let Some((stage, _)) = &mut self.stage {
-                    let turn = stage.renderer.environment_turn();
-                    *turn = (*turn + f32::from(steps) * TURN_STEP).rem_euclid(TAU);
-                }
-            }
-        }
-        Ok(())
-    }
-
-    fn choose_camera(&mut self, index: usize) {
-        if let Some((stage, control)) = &mut self.stage {
-            self.camera = index % stage.cameras.len();
-            control.set_camera(&stage.cameras[self.camera]);
-        }
-    }
-
-    fn reset(&mut self) {
-        self.choose_camera(self.camera);
-        if let Some((stage, _)) = &mut self.stage {
-            *stage.renderer.exposure_ev() = stage.exposure_ev;
-            *stage.renderer.environment_turn() = stage.rotation_degrees.to_radians();
-        }
-    }
-
-    fn shade(&mut self, forward: usize) -> Result<()> {
-        let all = Shading::value_variants();
-        let at = all.iter().position(|s| *s == self.shading).unwrap_or(0);
-        self.shading = all[(at + forward) % all.len()];
-        match &mut self.stage {
-            Some((stage, _)) => stage.renderer.set_shading(self.shading),
-            None => Ok(()),
-        }
-    }
-
     fn scene_job(&self, path: PathBuf) -> Job {
-        Job::Scene { path, shading: self.shading, size: self.wanted_size().map(|s| s.max(1)) }
+        Job::Scene { path, shading: self.shading, size: self.size.map(|s| s.max(1)) }
     }
 
     fn start(&mut self, name: String, job: Job) {
@@ -383,7 +253,7 @@ impl Viewer {
             stage.renderer.set_shading(self.shading)?;
         }
         if self.stage.is_some() {
-            self.note(format!("{} is here", stage.name));
+            self.tell(format!("showing {}", stage.name));
         }
         let mut control = Control::new(&stage.cameras[0], stage.bounds);
         if self.stage.as_ref().is_some_and(|(_, old)| old.mode() == Mode::Fly) {
@@ -398,7 +268,7 @@ impl Viewer {
         if let Some((stage, _)) = &mut self.stage {
             stage.renderer.set_light(light)?;
             stage.rotation_degrees = 0.0;
-            self.note(format!("lit by {name}"));
+            self.tell(format!("lit by {name}"));
         }
         Ok(())
     }
@@ -411,8 +281,8 @@ impl Viewer {
         match stage.renderer.reload_shaders().and(overlay) {
             Ok(overlay) => {
                 self.overlay = overlay;
-                println!("pbr-vr: shaders reloaded");
-                self.note("shaders reloaded; light maps are made anew with the next panorama or scene");
+                self.hud.forget();
+                self.tell("shaders reloaded; light maps are made anew with the next panorama or scene".into());
                 Ok(())
             }
             Err(error @ Error::Broken { .. }) => {
@@ -421,11 +291,6 @@ impl Viewer {
             }
             Err(error) => Err(error),
         }
-    }
-
-    /// The window's size in pixels; 0 while it is minimised, on some systems.
-    fn wanted_size(&self) -> [u32; 2] {
-        self.window.inner_size().into()
     }
 
     fn write_title(&mut self, now: Instant) {
@@ -439,6 +304,12 @@ impl Viewer {
 
     fn note(&mut self, text: impl Into<String>) {
         self.hud.note(Instant::now(), text);
+    }
+
+    /// A note that stays on the terminal.
+    fn tell(&mut self, text: String) {
+        println!("pbr-vr: {text}");
+        self.note(text);
     }
 
     /// Tells of something that went wrong and changed nothing.

@@ -1,0 +1,59 @@
+// One specular level, or irradiance over pi: radiance around each direction r averaged by the lobe K (lobe.glsl),
+//   E(r) = ∫ L(l) K(r.l) dl / ∫ K dl  ≈  Σ flux · mean of K over the node / the same sum where radiance is 1,
+// the sum over nodes that cover all of the sphere above the horizon once. Which nodes, precompute::node_lists has decided
+// for each tile of 8x8 texels: smaller than the lobe is where they lie, so K hardly bends over one, and the bend that is
+// left enters by the light's second moment in the node. No sample and no random number: the same light gives the same
+// bits. The sums for radiance 1 (NORMS) are the same on every face, and divide out most of what is left of the error.
+// Twin: reference::integrals::prefiltered; at alpha = 1 reference::integrals::irradiance over pi.
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#include "cube.glsl"
+#include "lobe.glsl"
+#include "nodes.glsl"
+
+// Texels per invocation, so that a node is fetched once for several. 16 invocations share an 8x8 tile.
+const uint ROWS = 4;
+
+layout(local_size_x = 16) in;
+layout(constant_id = 0) const bool NORMS = false;
+layout(set = 0, binding = 0, scalar) readonly buffer Nodes { Node nodes[]; };
+layout(set = 0, binding = 1, scalar) readonly buffer Lists { uint lists[]; };
+layout(set = 0, binding = 2, scalar) readonly buffer Tiles { uvec2 tiles[]; }; // first entry of a list, their number
+layout(set = 0, binding = 3, scalar) buffer Norms { float norms[]; }; // rows of one face, level after level
+layout(set = 0, binding = 4, rgba16f) uniform writeonly image2DArray level;
+layout(push_constant, scalar) uniform Push {
+    float alpha2;
+    float k;
+    uint first_tile;
+    uint first_norm;
+} push;
+
+void main()
+{
+    uint size = uint(imageSize(level).x);
+    uvec3 group = gl_WorkGroupID;
+    uint across = gl_NumWorkGroups.x;
+    uvec2 corner = 8u * group.xy + uvec2(gl_LocalInvocationID.x & 7u, gl_LocalInvocationID.x >> 3);
+    vec3 r[ROWS], sum[ROWS];
+    for (uint j = 0u; j < ROWS; ++j) {
+        r[j] = cube_direction(group.z, (vec2(corner + uvec2(0u, 2u * j)) + 0.5) / float(size));
+        sum[j] = vec3(0.0);
+    }
+    Lobe lobe = Lobe(push.alpha2, push.k);
+    uvec2 list = tiles[push.first_tile + (group.z * across + group.y) * across + group.x];
+    for (uint i = list.x; i < list.x + list.y; ++i) {
+        Node node = nodes[lists[i]];
+        for (uint j = 0u; j < ROWS; ++j)
+            sum[j] += lobe_mean(lobe, dot(r[j], node.mean), node.spread) * node.flux;
+    }
+    for (uint j = 0u; j < ROWS; ++j) {
+        uvec2 texel = corner + uvec2(0u, 2u * j);
+        if (texel.x >= size || texel.y >= size)
+            continue;
+        uint norm = push.first_norm + texel.y * size + texel.x;
+        if (NORMS)
+            norms[norm] = sum[j].x;
+        else
+            imageStore(level, ivec3(texel, group.z), vec4(round_to_half(sum[j] / norms[norm]), 1.0));
+    }
+}

@@ -1,0 +1,23 @@
+// The lobe that specular levels are averaged with, in closed form; twin of src/reference/lobe.rs; no bindings.
+#ifndef PBR_VR_LOBE
+#define PBR_VR_LOBE
+
+// A lobe's constants: alpha^2, k = (1 - alpha^2) / 2.
+struct Lobe {
+    float alpha2;
+    float k;
+};
+
+// Mean of K over a small part of the sphere, K(c) = c / q^2 with q = alpha^2 + k (1 - c), by its first moments: c is the
+// mean cosine, `spread` a quarter of the variance 1 - m^2 of the directions around a mean vector of length m. To second
+// order E[K] = K(c) + Var(c)/2 K''(c); half of the variance lies along the meridian towards the lobe's centre, where
+// dc = sin, so Var(c) = (1 - m^2) (1 - c^2) / 2. K'' = 4 k / q^3 + 6 k^2 c / q^4.
+float lobe_mean(Lobe lobe, float c, float spread)
+{
+    float over_q = 1.0 / (lobe.alpha2 + lobe.k * (1.0 - c));
+    float u = lobe.k * over_q;
+    float bend = spread * (1.0 - c * c) * u * (4.0 + 6.0 * u * c);
+    return c > 0.0 ? over_q * over_q * (c + bend) : 0.0;
+}
+
+#endif

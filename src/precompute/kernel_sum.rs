@@ -1,0 +1,189 @@
+//! The passes that sum light over nodes: panorama to cube and finest nodes, coarser nodes, specular levels, irradiance.
+
+use std::sync::Arc;
+
+use bytemuck::{Pod, Zeroable};
+
+use super::node_lists::{NodeLists, Target, first_node, node_count, tiles_across};
+use crate::Result;
+use crate::gpu::{
+    Bind, Buffer, BufferKind, Commands, Edge, Gpu, Image, PassTime, Pipeline, Sampler, Set, SetLayout, Slot, Upload,
+    Use, run,
+};
+use crate::reference::levels::{LEVELS, alpha_from_level};
+
+/// Bytes of `Node` in `glsl/nodes.glsl`.
+const NODE_BYTES: u64 = 32;
+
+/// Push constants of `glsl/node_merge.comp`.
+#[repr(C)]
+#[derive(Clone, Copy, Pod, Zeroable)]
+struct MergeBlock {
+    first_fine: u32,
+    first_coarse: u32,
+    size: u32,
+}
+
+/// Push constants of `glsl/kernel_sum.comp`.
+#[repr(C)]
+#[derive(Clone, Copy, Pod, Zeroable)]
+struct SumBlock {
+    alpha2: f32,
+    k: f32,
+    first_tile: u32,
+    first_norm: u32,
+}
+
+/// One specular level, or irradiance.
+struct Sum {
+    set: Set,
+    block: SumBlock,
+    /// Tiles along a face's side.
+    across: u32,
+}
+
+/// Everything the passes need, for one panorama and its maps. Each pipeline in two variants: for light, and for the
+/// white light that norms are the sums of.
+pub struct KernelSum<'a> {
+    specular: &'a [Image; 2],
+    irradiance: &'a Image,
+    to_cube: [Pipeline; 2],
+    to_cube_set: Set,
+    merge: Pipeline,
+    merge_set: Set,
+    sum: [Pipeline; 2],
+    /// Specular levels 1.., then irradiance.
+    sums: Vec<Sum>,
+    // The sets refer to them.
+    _buffers: [Buffer; 4],
+    _sampler: Sampler,
+}
+
+/// Indices of a pipeline's variants.
+const LIGHT: usize = 0;
+const WHITE: usize = 1;
+
+impl<'a> KernelSum<'a> {
+    /// Makes pipelines and lists; the levels' faces are a power of two, at least 2, texels wide.
+    pub fn new(gpu: &Arc<Gpu>, panorama: &Image, specular: &'a [Image; 2], irradiance: &'a Image) -> Result<Self> {
+        let size = specular[0].desc().size[0];
+        let targets: Vec<Target> = (1..LEVELS)
+            .map(|level| Target { size: size >> (level / 2), alpha: alpha_from_level(level) })
+            .chain([Target { size: irradiance.desc().size[0], alpha: 1.0 }])
+            .collect();
+        let lists = NodeLists::new(size / 2, &targets);
+        let norms: u32 = targets.iter().map(|target| target.size * target.size).sum();
+        let buffers = [
+            Buffer::new(gpu, "nodes", BufferKind::Storage, u64::from(node_count(size / 2)) * NODE_BYTES)?,
+            filled(gpu, "node lists", bytemuck::cast_slice(&lists.entries))?,
+            filled(gpu, "tiles", bytemuck::cast_slice(&lists.tiles))?,
+            Buffer::new(gpu, "norms", BufferKind::Storage, u64::from(norms) * size_of::<f32>() as u64)?,
+        ];
+        let [nodes, entries, tiles, norms] = &buffers;
+        let sampler = Sampler::new(gpu, "panorama", Edge::Panorama, false)?;
+        let set = |layout: &SetLayout, binds: &[Bind<'_>]| Set::new(gpu, "kernel sum", layout, binds);
+        let variants = |shader, constant, taps: Option<u32>, layout: &SetLayout, push_bytes: usize| {
+            let variant = |white: usize| {
+                // White light needs few taps: it is the same all over a texel.
+                let taps = taps.map(|taps| (0, if white == WHITE { 2 } else { taps }));
+                let constants: Vec<_> = taps.into_iter().chain([(constant, white as u32)]).collect();
+                Pipeline::compute(gpu, shader, &constants, &[layout], push_bytes as u32)
+            };
+            Ok::<_, crate::Error>([variant(LIGHT)?, variant(WHITE)?])
+        };
+
+        let layout = SetLayout::new(gpu, "panorama to cube", &[Slot::Sampled, Slot::StorageImage, Slot::Storage])?;
+        let binds = [Bind::Sampled(panorama, &sampler), Bind::StorageImage(&specular[0], 0), Bind::Storage(nodes)];
+        // Two taps or more for each panorama texel that a cube texel spans, at the equator and from pole to pole.
+        let [width, height] = panorama.desc().size;
+        let taps = width.max(2 * height).div_ceil(2 * size).clamp(2, 16);
+        let to_cube = variants("cube_and_nodes.comp", 1, Some(taps), &layout, size_of::<f32>())?;
+        let to_cube_set = set(&layout, &binds)?;
+
+        let layout = SetLayout::new(gpu, "node merge", &[Slot::Storage])?;
+        let merge = Pipeline::compute(gpu, "node_merge.comp", &[], &[&layout], size_of::<MergeBlock>() as u32)?;
+        let merge_set = set(&layout, &[Bind::Storage(nodes)])?;
+
+        let slots = [Slot::Storage, Slot::Storage, Slot::Storage, Slot::Storage, Slot::StorageImage];
+        let layout = SetLayout::new(gpu, "kernel sum", &slots)?;
+        let sum = variants("kernel_sum.comp", 0, None, &layout, size_of::<SumBlock>())?;
+        let outputs = (1..LEVELS).map(|level| (&specular[level % 2], level / 2)).chain([(irradiance, 0)]);
+        let mut first_norm = 0;
+        let mut sums = Vec::new();
+        for ((image, mip), (target, first_tile)) in outputs.zip(targets.iter().zip(&lists.first_tile)) {
+            let [nodes, entries, tiles, norms] = [nodes, entries, tiles, norms].map(Bind::Storage);
+            let alpha2 = target.alpha * target.alpha;
+            let k = 0.5 * (1.0 - alpha2);
+            sums.push(Sum {
+                set: set(&layout, &[nodes, entries, tiles, norms, Bind::StorageImage(image, mip)])?,
+                block: SumBlock { alpha2: alpha2 as f32, k: k as f32, first_tile: *first_tile, first_norm },
+                across: tiles_across(target.size),
+            });
+            first_norm += target.size * target.size;
+        }
+        Ok(Self {
+            specular,
+            irradiance,
+            to_cube,
+            to_cube_set,
+            merge,
+            merge_set,
+            sum,
+            sums,
+            _buffers: buffers,
+            _sampler: sampler,
+        })
+    }
+
+    /// Fills the maps with radiance / `scale` and waits.
+    pub fn run(&self, gpu: &Arc<Gpu>, scale: f32) -> Result<Vec<PassTime>> {
+        run(gpu, |commands| {
+            let maps = [&self.specular[0], &self.specular[1], self.irradiance];
+            maps.iter().for_each(|map| commands.prepare(map, Use::Storage));
+            commands.pass("norms", |commands| {
+                self.nodes(commands, WHITE, 1.0);
+                self.sums.iter().for_each(|sum| self.sum(commands, WHITE, sum));
+            });
+            commands.buffers_written();
+            commands.pass("panorama to cube and nodes", |commands| self.nodes(commands, LIGHT, scale.recip()));
+            let (irradiance, levels) = self.sums.split_last().unzip();
+            let (irradiance, levels) = (irradiance.into_iter(), levels.into_iter().flatten());
+            commands.pass("specular levels", |commands| levels.for_each(|sum| self.sum(commands, LIGHT, sum)));
+            commands.pass("irradiance", |commands| irradiance.for_each(|sum| self.sum(commands, LIGHT, sum)));
+            maps.iter().for_each(|map| commands.prepare(map, Use::Sampled));
+            Ok(())
+        })
+    }
+
+    fn nodes(&self, commands: &mut Commands<'_>, variant: usize, inverse_scale: f32) {
+        let finest = self.specular[0].desc().size[0] / 2;
+        let pipeline = &self.to_cube[variant];
+        commands.bind(pipeline, &[&self.to_cube_set]);
+        commands.push(pipeline, bytemuck::bytes_of(&inverse_scale));
+        commands.dispatch([finest.div_ceil(8), finest.div_ceil(8), 6]);
+        commands.bind(&self.merge, &[&self.merge_set]);
+        for size in (0..finest.ilog2()).rev().map(|level| 1 << level) {
+            commands.buffers_written();
+            let (first_fine, first_coarse) = (first_node(2 * size, finest), first_node(size, finest));
+            commands.push(&self.merge, bytemuck::bytes_of(&MergeBlock { first_fine, first_coarse, size }));
+            commands.dispatch([size.div_ceil(8), size.div_ceil(8), 6]);
+        }
+        commands.buffers_written();
+    }
+
+    /// For light all faces; white light looks the same from each.
+    fn sum(&self, commands: &mut Commands<'_>, variant: usize, sum: &Sum) {
+        let pipeline = &self.sum[variant];
+        commands.bind(pipeline, &[&sum.set]);
+        commands.push(pipeline, bytemuck::bytes_of(&sum.block));
+        commands.dispatch([sum.across, sum.across, if variant == WHITE { 1 } else { 6 }]);
+    }
+}
+
+fn filled(gpu: &Arc<Gpu>, name: &str, bytes: &[u8]) -> Result<Buffer> {
+    let buffer = Buffer::new(gpu, name, BufferKind::Storage, bytes.len() as u64)?;
+    let mut upload = Upload::new(gpu);
+    upload.buffer(&buffer, bytes)?;
+    upload.finish()?;
+    Ok(buffer)
+}

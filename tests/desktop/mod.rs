@@ -1,0 +1,294 @@
+//! A desktop for tests: an X server of one's own, the program on it, and hands on its window.
+
+use std::io::{BufRead, BufReader, Read};
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+use std::sync::mpsc::{Receiver, channel};
+use std::time::{Duration, Instant};
+
+use x11rb::CURRENT_TIME;
+use x11rb::connection::Connection;
+use x11rb::protocol::Event;
+use x11rb::protocol::xproto::{
+    Atom, AtomEnum, ClientMessageEvent, ConfigureWindowAux, ConnectionExt as _, CreateWindowAux, EventMask, InputFocus,
+    KEY_PRESS_EVENT, KEY_RELEASE_EVENT, MapState, PropMode, SELECTION_NOTIFY_EVENT, SelectionNotifyEvent, Window,
+    WindowClass,
+};
+use x11rb::protocol::xtest::ConnectionExt as _;
+use x11rb::rust_connection::RustConnection;
+use x11rb::wrapper::ConnectionExt as _;
+
+const PATIENCE: Duration = Duration::from_secs(180);
+pub const SCREEN: [u16; 2] = [2600, 2000];
+
+/// An X server of a test's own, on a display number nobody has; it ends with the test.
+pub struct Display {
+    server: Child,
+    name: String,
+}
+
+impl Display {
+    /// Starts one; `None`, with the reason printed, where Xvfb is not installed. In CI that is a failure.
+    pub fn start() -> Option<Self> {
+        let screen = format!("{}x{}x24", SCREEN[0], SCREEN[1]);
+        // Xvfb picks a free number itself and tells it on file descriptor 1.
+        let server = Command::new("Xvfb")
+            .args(["-displayfd", "1", "-screen", "0", &screen, "-nolisten", "tcp", "-dpi", "96"])
+            .stdout(Stdio::piped())
+            .stderr(Stdio::null())
+            .spawn();
+        let mut server = match server {
+            Ok(server) => server,
+            Err(error) => {
+                assert!(std::env::var_os("CI").is_none(), "Xvfb does not start: {error}");
+                println!("skipped: Xvfb does not start: {error} (Debian: apt install xvfb)");
+                return None;
+            }
+        };
+        let mut number = String::new();
+        BufReader::new(server.stdout.take().expect("a pipe")).read_line(&mut number).expect("the display's number");
+        assert!(!number.trim().is_empty(), "Xvfb started but found no display number");
+        Some(Self { server, name: format!(":{}", number.trim()) })
+    }
+}
+
+impl Drop for Display {
+    fn drop(&mut self) {
+        let _ = self.server.kill();
+        let _ = self.server.wait();
+    }
+}
+
+/// The program in a folder of its own.
+pub struct Program {
+    child: Child,
+    lines: Receiver<String>,
+    /// Everything it has said on stdout so far.
+    said: Vec<String>,
+}
+
+impl Program {
+    pub fn start(display: &Display, folder: &Path, scene: &str, more: &[&str]) -> Self {
+        let mut child = command(folder)
+            .env("DISPLAY", &display.name)
+            .args(["view", scene, "--on", "window", "--validate"])
+            .args(more)
+            .spawn()
+            .expect("the program");
+        let (sender, lines) = channel();
+        let stdout = BufReader::new(child.stdout.take().expect("a pipe"));
+        std::thread::spawn(move || stdout.lines().map_while(Result::ok).try_for_each(|line| sender.send(line)));
+        Self { child, lines, said: Vec::new() }
+    }
+
+    /// Waits for a line on stdout that contains `part`.
+    pub fn wait_for(&mut self, part: &str) -> String {
+        let started = Instant::now();
+        loop {
+            let left = PATIENCE.saturating_sub(started.elapsed());
+            let Ok(line) = self.lines.recv_timeout(left) else {
+                let _ = self.child.kill();
+                let mut errors = String::new();
+                self.child.stderr.take().expect("a pipe").read_to_string(&mut errors).expect("its errors");
+                panic!("no `{part}` in {:?}; stderr: {errors}", self.said);
+            };
+            self.said.push(line.clone());
+            if line.contains(part) {
+                return line;
+            }
+        }
+    }
+
+    /// CPU time that it takes in some time, in the kernel's ticks, which are a hundredth of a second on Linux.
+    pub fn cpu_ticks_in(&self, time: Duration) -> u64 {
+        let used = || -> u64 {
+            let stat = std::fs::read_to_string(format!("/proc/{}/stat", self.child.id())).expect("a running program");
+            // Fields 14 and 15, counted from the name's closing bracket, which is field 2: proc(5).
+            let fields: Vec<&str> = stat.rsplit(')').next().expect("fields").split_whitespace().collect();
+            fields[11..13].iter().map(|ticks| ticks.parse::<u64>().expect("a number")).sum()
+        };
+        let before = used();
+        std::thread::sleep(time);
+        used() - before
+    }
+
+    /// Waits for its end: exit status and stderr.
+    pub fn end(mut self) -> (Option<i32>, String) {
+        let started = Instant::now();
+        while self.child.try_wait().expect("a child").is_none() {
+            if started.elapsed() > PATIENCE {
+                let _ = self.child.kill();
+                panic!("it does not end");
+            }
+            std::thread::sleep(Duration::from_millis(20));
+        }
+        let mut errors = String::new();
+        self.child.stderr.take().expect("a pipe").read_to_string(&mut errors).expect("its errors");
+        (self.child.wait().expect("a child").code(), errors)
+    }
+}
+
+impl Drop for Program {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+pub fn command(folder: &Path) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_pbr-vr"));
+    command.current_dir(folder).stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
+    // Nothing of the desktop that the tests may run in.
+    for name in ["DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET", "XMODIFIERS"] {
+        command.env_remove(name);
+    }
+    command
+}
+
+/// Hands on the program's window, through a connection of its own.
+pub struct Hands {
+    x: RustConnection,
+    root: Window,
+    window: Window,
+}
+
+impl Hands {
+    /// Finds the program's window: the one that is mapped. Without a window manager nobody else gives it the keyboard.
+    pub fn on(display: &Display) -> Self {
+        let (x, screen) = RustConnection::connect(Some(&display.name)).expect("the display");
+        let root = x.setup().roots[screen].root;
+        let windows = x.query_tree(root).expect("a request").reply().expect("the windows").children;
+        let is_mapped = |window: &Window| {
+            let attributes = x.get_window_attributes(*window).expect("a request").reply();
+            attributes.is_ok_and(|a| a.map_state == MapState::VIEWABLE)
+        };
+        let window = windows.into_iter().find(is_mapped).expect("the program's window");
+        let hands = Self { x, root, window };
+        hands.focus();
+        hands
+    }
+
+    fn atom(&self, name: &str) -> Atom {
+        self.x.intern_atom(false, name.as_bytes()).expect("a request").reply().expect("an atom").atom
+    }
+
+    fn focus(&self) {
+        self.x
+            .set_input_focus(InputFocus::PARENT, self.window, CURRENT_TIME)
+            .expect("a request")
+            .check()
+            .expect("focus");
+    }
+
+    pub fn resize(&self, [width, height]: [u32; 2]) {
+        let size = ConfigureWindowAux::new().width(width).height(height);
+        self.x.configure_window(self.window, &size).expect("a request").check().expect("a resize");
+    }
+
+    /// Presses and releases keys together, given by the codes of a PC keyboard.
+    pub fn press(&self, codes: &[u8]) {
+        let send = |kind, code| {
+            self.x
+                .xtest_fake_input(kind, code, CURRENT_TIME, self.root, 0, 0, 0)
+                .expect("a request")
+                .check()
+                .expect("a key");
+        };
+        codes.iter().for_each(|code| send(KEY_PRESS_EVENT, *code));
+        codes.iter().rev().for_each(|code| send(KEY_RELEASE_EVENT, *code));
+    }
+
+    pub fn map(&self, map: bool) {
+        if map {
+            self.x.map_window(self.window).expect("a request").check().expect("mapping");
+            self.focus();
+        } else {
+            self.x.unmap_window(self.window).expect("a request").check().expect("unmapping");
+        }
+    }
+
+    /// Marks the window as minimised, and takes the keyboard away, as a window manager does; or the reverse.
+    pub fn minimise(&self, minimise: bool) {
+        let (state, hidden) = (self.atom("_NET_WM_STATE"), self.atom("_NET_WM_STATE_HIDDEN"));
+        let states: &[Atom] = if minimise { &[hidden] } else { &[] };
+        let set = self.x.change_property32(PropMode::REPLACE, self.window, state, AtomEnum::ATOM, states);
+        set.expect("a request").check().expect("a property");
+        if minimise {
+            let nobody = self.x.set_input_focus(InputFocus::NONE, self.root, CURRENT_TIME);
+            nobody.expect("a request").check().expect("no focus");
+        } else {
+            self.focus();
+        }
+    }
+
+    /// The window's pixels, row by row, as 0xRRGGBB.
+    pub fn look(&self, [width, height]: [u16; 2]) -> Vec<u32> {
+        let format = x11rb::protocol::xproto::ImageFormat::Z_PIXMAP;
+        let image =
+            self.x.get_image(format, self.window, 0, 0, width, height, !0).expect("a request").reply().expect("pixels");
+        image.data.chunks_exact(4).map(|p| u32::from_le_bytes([p[0], p[1], p[2], 0])).collect()
+    }
+}
+
+/// A file manager with one file under the pointer: the source's side of XDND, version 5.
+pub struct FileManager<'a> {
+    hands: &'a Hands,
+    window: Window,
+}
+
+impl<'a> FileManager<'a> {
+    pub fn new(hands: &'a Hands) -> Self {
+        let window = hands.x.generate_id().expect("an id");
+        let (class, screen_visual) = (WindowClass::INPUT_ONLY, 0);
+        let none = CreateWindowAux::new();
+        hands.x.create_window(0, window, hands.root, 0, 0, 1, 1, 0, class, screen_visual, &none).expect("a window");
+        Self { hands, window }
+    }
+
+    fn send(&self, message: &str, data: [u32; 4]) {
+        let data = [self.window, data[0], data[1], data[2], data[3]];
+        let event = ClientMessageEvent::new(32, self.hands.window, self.hands.atom(message), data);
+        let target = self.hands.window;
+        self.hands.x.send_event(false, target, EventMask::NO_EVENT, event).expect("a request").check().expect("sent");
+    }
+
+    /// Drags a file onto the window and lets go.
+    pub fn drop(&self, file: &Path) {
+        let x = &self.hands.x;
+        let (selection, list) = (self.hands.atom("XdndSelection"), self.hands.atom("text/uri-list"));
+        x.set_selection_owner(self.window, selection, CURRENT_TIME).expect("a request").check().expect("the selection");
+        self.send("XdndEnter", [5 << 24, list, 0, 0]);
+        self.send("XdndPosition", [0, 10 << 16 | 10, CURRENT_TIME, self.hands.atom("XdndActionCopy")]);
+        let request = loop {
+            if let Event::SelectionRequest(request) = x.wait_for_event().expect("an event") {
+                break request;
+            }
+        };
+        let uri = format!("file://{}\r\n", file.display());
+        x.change_property8(PropMode::REPLACE, request.requestor, request.property, list, uri.as_bytes())
+            .expect("the name");
+        let answer = SelectionNotifyEvent {
+            response_type: SELECTION_NOTIFY_EVENT,
+            sequence: 0,
+            time: request.time,
+            requestor: request.requestor,
+            selection: request.selection,
+            target: request.target,
+            property: request.property,
+        };
+        x.send_event(false, request.requestor, EventMask::NO_EVENT, answer).expect("a request").check().expect("sent");
+        self.send("XdndDrop", [0, CURRENT_TIME, 0, 0]);
+    }
+}
+
+// Codes of a PC keyboard under X: evdev's plus 8.
+pub const ESCAPE: u8 = 9;
+pub const TAB: u8 = 23;
+pub const W: u8 = 25;
+pub const P: u8 = 33;
+pub const H: u8 = 43;
+pub const BRACKET_RIGHT: u8 = 35;
+pub const V: u8 = 55;
+pub const C: u8 = 54;
+pub const M: u8 = 58;
+pub const PERIOD: u8 = 60;

@@ -1,0 +1,46 @@
+// What brdf.glsl computes, for src/precompute/brdf_glsl_tests.rs.
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#extension GL_EXT_scalar_block_layout : require
+#include "brdf.glsl"
+
+struct Input {
+    vec3 n, v, l, h, albedo;
+    float metallic, roughness, alpha, nl, nv, vh;
+};
+struct Output {
+    float alpha, d, smith, karis, karis_direct, karis_ibl, direct[2], environment[2], weight, exponent, phong;
+    vec3 schlick, schlick_roughness, lambert, shirley, f0, brdf[2];
+};
+layout(local_size_x = 64) in;
+layout(set = 0, binding = 0, scalar) readonly buffer Inputs { Input inputs[]; };
+layout(set = 0, binding = 1, scalar) writeonly buffer Outputs { Output outputs[]; };
+
+void main()
+{
+    uint id = gl_GlobalInvocationID.x;
+    if (id >= inputs.length())
+        return;
+    Input i = inputs[id];
+    Output o;
+    o.alpha = alpha_from_roughness(i.roughness);
+    o.d = d_ggx(i.n, i.h, i.alpha);
+    o.smith = v_smith_height_correlated(i.nl, i.nv, i.alpha);
+    o.karis = v_karis2013(i.nl, i.nv, i.alpha);
+    o.karis_direct = v_karis2013_direct(i.nl, i.nv, i.roughness);
+    o.karis_ibl = v_karis2013_ibl(i.nl, i.nv, i.roughness);
+    o.weight = schlick_weight(i.vh);
+    o.exponent = phong_exponent(i.roughness);
+    o.phong = phong_specular(i.n, i.v, i.l, i.roughness);
+    o.f0 = f0_from_metallic(i.albedo, i.metallic);
+    o.schlick = f_schlick(i.albedo, i.vh);
+    o.schlick_roughness = f_schlick_roughness(i.albedo, i.nv, i.roughness);
+    o.lambert = diffuse_lambert(i.albedo);
+    o.shirley = diffuse_shirley1997(i.albedo, o.f0, i.nl, i.nv);
+    for (int geometry = 0; geometry < 2; ++geometry) {
+        o.direct[geometry] = v_direct(i.nl, i.nv, i.roughness, geometry);
+        o.environment[geometry] = v_environment(i.nl, i.nv, i.roughness, geometry);
+        o.brdf[geometry] = brdf(i.n, i.v, i.l, i.albedo, i.metallic, i.roughness, geometry);
+    }
+    outputs[id] = o;
+}

@@ -1,0 +1,30 @@
+// Reads every member of shared.glsl's blocks by name, for src/render/shared_tests.rs.
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#include "shared.glsl"
+
+layout(local_size_x = 1) in;
+layout(set = 1, binding = 0, scalar) writeonly buffer Outputs { float outputs[]; };
+
+uint count = 0;
+void put(float value) { outputs[count++] = value; }
+void put(vec4 value) { for (int i = 0; i < 4; ++i) put(value[i]); }
+void put(mat4 value) { for (int i = 0; i < 4; ++i) put(value[i]); }
+
+void main()
+{
+    for (uint i = 0; i < MAX_EYES; ++i) {
+        put(frame.eyes[i].clip_from_world);
+        put(frame.eyes[i].world_from_view);
+        put(frame.eyes[i].tangents);
+    }
+    put(frame.environment_turn.x);
+    put(frame.environment_turn.y);
+    put(frame.exposure);
+    put(frame.environment_scale);
+    put(float(frame.light_count));
+    for (uint i = 0; i < lights.length(); ++i) {
+        put(vec4(lights[i].position, 0.0));
+        put(vec4(lights[i].intensity, 0.0));
+    }
+}

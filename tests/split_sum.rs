@@ -1,0 +1,235 @@
+//! The split sum: its table against f64 quadrature, and what it makes of an environment against the full integral.
+
+mod common;
+
+use std::path::Path;
+
+use common::light::{Errors, open_gpu};
+use common::{Look, Workshop, material, pixel, sphere};
+use glam::{DVec3, Vec3};
+use pbr_vr::asset::{Panorama, Report};
+use pbr_vr::gpu::{Part, read_image};
+use pbr_vr::precompute::BrdfTable;
+use pbr_vr::reference::brdf::Geometry;
+use pbr_vr::reference::integrals::{PanoramaView, Surface, reflected};
+use pbr_vr::reference::levels::{alpha_from_level, level_from_spread};
+use pbr_vr::reference::panorama_sums::prefiltered_around;
+use pbr_vr::reference::sampling::hammersley;
+use pbr_vr::reference::table::{Lobe, LobePart, SplitSum, table_lobe, table_place};
+use pbr_vr::render::Shading;
+
+/// The GPU's table, looked up as a sampler does.
+struct Table {
+    layers: [Vec<[f32; 4]>; 2],
+    size: [usize; 2],
+}
+
+impl Table {
+    fn new(geometry: Geometry, split_sum: SplitSum) -> Self {
+        let (gpu, messages) = open_gpu();
+        let table = BrdfTable::new(&gpu, geometry, split_sum).expect("a table");
+        println!("{:?}", table.times);
+        let layer = |layer| {
+            let bytes = read_image(&gpu, &table.image, Part { mip: 0, layer }, 16).expect("a layer");
+            bytemuck::pod_collect_to_vec(&bytes)
+        };
+        let layers = [layer(0), layer(1)];
+        let size = table.image.desc().size.map(|s| s as usize);
+        drop((table, gpu));
+        messages.check().expect("no validation messages");
+        Self { layers, size }
+    }
+
+    fn lookup(&self, nv: f64, roughness: f64) -> Lobe {
+        let place = table_place(nv, roughness);
+        let at: [f64; 2] = std::array::from_fn(|i| place[i] * (self.size[i] - 1) as f64);
+        let low: [usize; 2] = std::array::from_fn(|i| (at[i] as usize).min(self.size[i] - 2));
+        let part = [at[0] - low[0] as f64, at[1] - low[1] as f64];
+        let value = |layer: usize, channel: usize| {
+            let texel =
+                |x: usize, y: usize| f64::from(self.layers[layer][(low[1] + y) * self.size[0] + low[0] + x][channel]);
+            let row = |y| texel(0, y) * (1.0 - part[0]) + texel(1, y) * part[0];
+            row(0) * (1.0 - part[1]) + row(1) * part[1]
+        };
+        let part =
+            |i: usize| LobePart { weight: value(0, i), along: value(0, 2 + i).powi(2), across_over_sine: value(1, i) };
+        Lobe { base: part(0), fresnel: part(1) }
+    }
+}
+
+/// Points of [0.001, 1]², even and crowded towards 0.
+fn arguments() -> impl Iterator<Item = (f64, f64)> {
+    (0..512).map(|i| {
+        let u = hammersley(i / 2, 8);
+        if i % 2 == 0 {
+            (0.001 + 0.999 * u.x, 0.001 + 0.999 * u.y)
+        } else {
+            (10f64.powf(-3.0 * u.x), 10f64.powf(-2.0 * u.y))
+        }
+    })
+}
+
+#[test]
+fn the_table_holds_what_quadrature_gives() {
+    for geometry in [Geometry::Smith, Geometry::Karis2013] {
+        let table = Table::new(geometry, SplitSum::Moment);
+        let (mut albedo, mut mean) = (0.0f64, 0.0f64);
+        for (nv, roughness) in arguments() {
+            let (got, want) = (table.lookup(nv, roughness), table_lobe(nv, roughness, geometry));
+            let off = (got.base.weight - want.base.weight).abs().max((got.fresnel.weight - want.fresnel.weight).abs());
+            assert!(off <= 1e-3, "{geometry:?} ({nv}, {roughness}): {got:?} against {want:?}");
+            albedo = albedo.max(off);
+            for f0 in [0.04, 1.0] {
+                let (got, want) = (got.mean(f0, nv), want.mean(f0, nv));
+                let off = (got[0] - want[0]).hypot(got[1] - want[1]);
+                assert!(off <= 4e-3, "{geometry:?} ({nv}, {roughness}), F0 {f0}: {got:?} against {want:?}");
+                mean = mean.max(off);
+            }
+        }
+        println!("{geometry:?}: albedo off by {albedo:.1e}, mean vector by {mean:.1e} at most");
+    }
+}
+
+#[test]
+fn the_table_has_the_spot_values() {
+    let table = Table::new(Geometry::Karis2013, SplitSum::Classic);
+    for (nv, roughness, scale, bias) in [
+        (0.001, 0.5, 0.698602, 0.137815),
+        (0.001, 1.0, 0.593434, 0.019658),
+        (0.01, 0.1, 0.092704, 0.536113),
+        (0.01, 0.01, 0.048560, 0.941608),
+        (0.1, 0.5, 0.590177, 0.098367),
+        (0.5, 0.5, 0.728534, 0.018546),
+    ] {
+        let got = table.lookup(nv, roughness);
+        let off = (got.base.weight - scale).abs().max((got.fresnel.weight - bias).abs());
+        assert!(off <= 1e-3, "({nv}, {roughness}): {got:?}");
+    }
+}
+
+/// n·v of 0.2 to 1, seen on a sphere in light that is linear in direction, over the same in even light: a mesh's normals
+/// are too far off for the albedo at grazing angles itself.
+#[test]
+fn linear_light_is_reflected_exactly() {
+    let a = DVec3::new(0.5, 0.7, -0.2);
+    let light = |d: DVec3| 1.0 + 0.5 * a.dot(d);
+    for (f0, roughness) in [(0.04, 0.3), (0.04, 0.7), (1.0, 0.5), (1.0, 0.9)] {
+        let shop = Workshop::new();
+        shop.panorama("sky.exr", 512, |d| [light(d.into()) as f32; 3]);
+        shop.write("m.mtl", &material([f0 as f32; 3], 1.0, roughness as f32));
+        shop.write("model.obj", &sphere("m.mtl"));
+        let scene = "environment = { panorama = \"sky.exr\" }\n[[model]]\nfile = \"model.obj\"\n[[camera]]\nname = \"c\"\n\
+                     position = [0, 0, 30]\ntarget = [0, 0, 0]\nvertical_fov_degrees = 4\n";
+        let scene = shop.write("scene.toml", scene);
+        let look = Look { size: [128, 128], shading: Shading::Specular, ..Look::default() };
+        let picture = &shop.render(&scene, &look)[0];
+        shop.panorama("sky.exr", 512, |_| [1.0; 3]);
+        let even = &shop.render(&scene, &look)[0];
+        let mut worst = 0.0f64;
+        for (x, y) in (0..128).step_by(8).flat_map(|x| (0..128).step_by(8).map(move |y| (x, y))) {
+            let at = |i: u32| ((f64::from(i) + 0.5) / 64.0 - 1.0) * 2f64.to_radians().tan();
+            let (eye, d) = (DVec3::Z * 30.0, DVec3::new(at(x), -at(y), -1.0).normalize());
+            let b = eye.dot(d);
+            let miss2 = eye.length_squared() - b * b;
+            if miss2 > 0.96 {
+                continue;
+            }
+            let n = eye + d * (-b - (1.0 - miss2).sqrt());
+            let nv = -n.dot(d);
+            let lobe = table_lobe(nv, roughness, Geometry::Smith);
+            let [along, across] = lobe.mean(f0, nv);
+            let r = d - 2.0 * d.dot(n) * n;
+            let mean = along * r + across * (n - nv * r).normalize_or_zero();
+            let want = 1.0 + 0.5 * a.dot(mean);
+            let off = (pixel(picture, x, y)[0] / pixel(even, x, y)[0] / want - 1.0).abs();
+            assert!(off <= 0.005, "F0 {f0}, roughness {roughness}, n·v {nv:.3}: {off}");
+            worst = worst.max(off);
+        }
+        println!("F0 {f0}, roughness {roughness}: {worst:.1e}");
+    }
+}
+
+/// Mean radiance that a level pair shows, as the shader mixes it.
+fn mixed(directions: &[DVec3], spread: f64, panorama: &Panorama) -> Vec<DVec3> {
+    let level = level_from_spread(spread);
+    let (low, share) = (level.floor() as usize, level.fract());
+    let size = [panorama.width, panorama.height];
+    let at = |level| prefiltered_around(directions, alpha_from_level(level), size, &panorama.texels);
+    let high = if share > 0.0 { at(low + 1) } else { at(low) };
+    at(low).into_iter().zip(high).map(|(low, high)| low.lerp(high, share)).collect()
+}
+
+/// Errors of the classic split sum and of the matched moment against the full integral, for F0 0.04 and 1.
+fn split_sum_errors(name: &str, panorama: &Panorama) -> [[Errors; 2]; 2] {
+    const F0: [f64; 2] = [0.04, 1.0];
+    let view = PanoramaView::new(panorama.width, panorama.height, &panorama.texels).expect("a panorama");
+    let mut errors: [[Vec<f64>; 2]; 2] = Default::default();
+    for roughness in [0.25, 0.5, 0.75, 1.0] {
+        for nv in [1.0, 0.7, 0.4, 0.1f64] {
+            let lobe = table_lobe(nv, roughness, Geometry::Smith);
+            for i in 0..6 {
+                let u = hammersley(2 * i + 1, 4);
+                let z = 1.0 - 2.0 * u.x;
+                let (sin, cos) = (std::f64::consts::TAU * u.y).sin_cos();
+                let n = DVec3::new((1.0 - z * z).sqrt() * cos, z, (1.0 - z * z).sqrt() * sin);
+                let v = nv * n + (1.0 - nv * nv).sqrt() * n.any_orthonormal_vector();
+                let albedo = DVec3::new(F0[0], F0[1], 0.0);
+                let surface = Surface { n, v, albedo, metallic: 1.0, roughness };
+                let truth = reflected(view, &surface, Geometry::Smith).specular;
+                let r = 2.0 * nv * n - v;
+                let classic = prefiltered_around(
+                    &[r],
+                    roughness * roughness,
+                    [panorama.width, panorama.height],
+                    &panorama.texels,
+                )[0];
+                for (k, f0) in F0.into_iter().enumerate() {
+                    let albedo = f0 * lobe.base.weight + lobe.fresnel.weight;
+                    let [along, across] = lobe.mean(f0, nv);
+                    let mean = along * r + across * (n - nv * r).normalize_or_zero();
+                    let moment = mixed(&[mean.normalize()], 1.0 - mean.length(), panorama)[0];
+                    for (method, light) in [classic, moment].into_iter().enumerate() {
+                        errors[k][method].push((albedo * light[k] / truth[k] - 1.0).abs());
+                    }
+                }
+            }
+        }
+    }
+    let errors = errors.map(|methods| methods.map(Errors::new));
+    for (f0, [classic, moment]) in F0.iter().zip(&errors) {
+        println!("{name}, F0 {f0}: classic {classic}; moment {moment}");
+    }
+    errors
+}
+
+fn grey(panorama: Panorama) -> Panorama {
+    let texels = panorama.texels.iter().map(|[r, g, b]| [(r + g + b) / 3.0; 3]).collect();
+    Panorama { texels, ..panorama }
+}
+
+#[test]
+fn matching_the_moment_halves_the_classic_error() {
+    // From a dim ground to a bright zenith, and with a sharp horizon.
+    let sky = Panorama::from_fn(128, 64, |d| Vec3::splat((0.15 + 0.425 * (1.0 + d.y)).powi(2)));
+    let horizon = Panorama::from_fn(128, 64, |d| Vec3::splat(if d.y > 0.0 { 1.0 - 0.7 * d.y } else { 0.2 }));
+    let sunset = Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/panoramas/sunset.exr");
+    let sunset = half_size(&half_size(&Panorama::load(&sunset, &Report::silent()).expect("the shipped sunset")));
+    let mut good = true;
+    for (name, panorama, most) in [("sky gradient", sky, 0.5), ("horizon", horizon, 0.8), ("sunset", sunset, 0.5)] {
+        for [classic, moment] in split_sum_errors(name, &grey(panorama)) {
+            good &= moment.mean <= most * classic.mean;
+        }
+    }
+    assert!(good, "see above");
+}
+
+/// Four texels become one, weighted alike.
+fn half_size(panorama: &Panorama) -> Panorama {
+    let (width, height) = (panorama.width / 2, panorama.height / 2);
+    let texel = |x: u32, y: u32| Vec3::from(panorama.texels[(y * panorama.width + x) as usize]);
+    let mean = |i: u32| {
+        let (x, y) = (2 * (i % width), 2 * (i / width));
+        ((texel(x, y) + texel(x + 1, y) + texel(x, y + 1) + texel(x + 1, y + 1)) / 4.0).to_array()
+    };
+    Panorama { name: panorama.name.clone(), width, height, texels: (0..width * height).map(mean).collect() }
+}
