@@ -14,7 +14,7 @@ const SIZE: (u32, u32) = (960, 470);
 /// Height of title, legend and caption together.
 const FOOT: u32 = 82;
 /// Width of a letter of the legend, about; backends without fonts cannot tell.
-const LETTER: i32 = 8;
+const LETTER: i32 = 7;
 const FRONT: RGBAColor = RGBAColor(0, 0, 0, 0.25);
 const FONT: &str = "sans-serif";
 
@@ -141,7 +141,7 @@ fn panel(area: &Area<'_, '_>, points: &[Point], name: &str) -> Drawn<()> {
     if points.is_empty() {
         return Ok(());
     }
-    let (x, y) = (range(points.iter().map(|p| p.ms), 1.9), range(points.iter().map(|p| p.percent), 1.6));
+    let (x, y) = (range(points.iter().map(|p| p.ms)), range(points.iter().map(|p| p.percent)));
     let mut chart = ChartBuilder::on(area)
         .caption(name, (FONT, 15))
         .margin(8)
@@ -153,6 +153,8 @@ fn panel(area: &Area<'_, '_>, points: &[Point], name: &str) -> Drawn<()> {
         .x_desc("GPU time, ms")
         .y_desc("mean relative error, %")
         .max_light_lines(0)
+        .x_labels(40)
+        .y_labels(40)
         .bold_line_style(BLACK.mix(0.1))
         .label_style((FONT, 12))
         .axis_desc_style((FONT, 13))
@@ -184,14 +186,14 @@ fn legend(area: &Area<'_, '_>, rows: &[&Row]) -> std::result::Result<(), String>
     let known = LOOKS.into_iter().filter(|(method, ..)| rows.iter().any(|row| row.method == *method));
     let style = (FONT, 13).into_font().color(&BLACK).pos(Pos::new(HPos::Left, VPos::Center));
     let write = |name: &str, x: i32| area.draw(&Text::new(name.to_owned(), (x, 14), style.clone()));
-    let mut x = 60;
+    let mut x = 40;
     area.draw(&PathElement::new([(x - 7, 14), (x + 7, 14)], FRONT.stroke_width(7))).map_err(text)?;
     write("Pareto front", x + 14).map_err(text)?;
-    x += 14 + 12 * LETTER;
+    x += 36 + 12 * LETTER;
     for (method, colour, shape) in known {
         area.draw(&marker((x, 14), colour, shape)).map_err(text)?;
         write(method, x + 12).map_err(text)?;
-        x += 12 + (method.len() as i32 + 3) * LETTER;
+        x += 34 + method.len() as i32 * LETTER;
     }
     Ok(())
 }
@@ -207,16 +209,17 @@ fn marker(at: (i32, i32), colour: RGBColor, shape: Shape) -> Polygon<(i32, i32)>
     Polygon::new(corners.iter().map(|(x, y)| (at.0 + x, at.1 + y)).collect::<Vec<_>>(), colour.filled())
 }
 
-fn range(values: impl Iterator<Item = f64>, margin: f64) -> (f64, f64) {
+/// An axis around positive values; it begins at a power of ten, below whose first the ticks would be missing.
+fn range(values: impl Iterator<Item = f64>) -> (f64, f64) {
     let (low, high) = values.fold((f64::INFINITY, 0.0), |(low, high): (f64, f64), v| (low.min(v), high.max(v)));
-    (low / margin, high * margin)
+    (10f64.powf((low / 1.15).log10().floor()), high * 1.8)
 }
 
 /// A tick's label with as few digits as tell it; empty where a logarithmic axis over `range` would be too crowded.
 fn tick(value: f64, range: (f64, f64)) -> String {
     let decade = value.log10().floor();
     let mantissa = (value / 10f64.powf(decade)).round() as u32;
-    let shown: &[u32] = if range.1 / range.0 > 300.0 { &[1, 10] } else { &[1, 2, 5, 10] };
+    let shown: &[u32] = if range.1 / range.0 > 3000.0 { &[1, 10] } else { &[1, 2, 5, 10] };
     if !shown.contains(&mantissa) {
         return String::new();
     }

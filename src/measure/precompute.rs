@@ -108,8 +108,13 @@ pub fn run(request: &MeasureRequest<'_>, gpu: GpuOptions<'_>, report: &Report) -
             bar.inc(1);
         }
         for size in &extent.sizes {
+            let environment = fastest(|| {
+                let environment = Environment::new(&gpu, &light.panorama, light.scale, *size)?;
+                let ms = total(&environment.times);
+                Ok((environment, ms))
+            })?;
             for method in &extent.methods {
-                keep(alternative(&gpu, &light, *size, *method)?)?;
+                keep(alternative(&gpu, &environment, *size, *method)?)?;
                 bar.inc(1);
             }
         }
@@ -149,23 +154,40 @@ fn sources(request: &MeasureRequest<'_>) -> Result<Vec<Source>> {
     Ok([Source::Synthetic { sun: true }, Source::Synthetic { sun: false }].into_iter().chain(files).collect())
 }
 
-/// The program's own stage.
-fn own(gpu: &Arc<Gpu>, panorama: &Panorama) -> Result<(LightMaps, Made)> {
-    let mut best: Option<(LightMaps, f64, Option<f64>)> = None;
-    for _ in 0..RUNS {
+/// The fastest of several runs, with its GPU and processor time.
+struct Fastest<T> {
+    made: T,
+    ms: f64,
+    cpu_ms: Option<f64>,
+}
+
+/// Runs `work`, which also tells its GPU time, `RUNS` times, or once if that took long.
+fn fastest<T>(mut work: impl FnMut() -> Result<(T, f64)>) -> Result<Fastest<T>> {
+    let mut run = || {
         let before = cpu_ms();
-        let light = LightMaps::new(gpu, panorama)?;
-        let cpu = since(before);
-        let ms = total(&light.times);
-        if best.as_ref().is_none_or(|(_, least, _)| ms < *least) {
-            best = Some((light, ms, cpu));
-        }
-        if ms > LONG_MS {
+        let (made, ms) = work()?;
+        Ok(Fastest { made, ms, cpu_ms: cpu_ms().zip(before).map(|(now, before)| now - before) })
+    };
+    let mut best = run()?;
+    for _ in 1..RUNS {
+        if best.ms > LONG_MS {
             break;
         }
+        let next = run()?;
+        if next.ms < best.ms {
+            best = next;
+        }
     }
-    // RUNS is not 0.
-    let (light, _, cpu_ms) = best.expect("at least one run");
+    Ok(best)
+}
+
+/// The program's own stage.
+fn own(gpu: &Arc<Gpu>, panorama: &Panorama) -> Result<(LightMaps, Made)> {
+    let Fastest { made: light, cpu_ms, .. } = fastest(|| {
+        let light = LightMaps::new(gpu, panorama)?;
+        let ms = total(&light.times);
+        Ok((light, ms))
+    })?;
     let gpu_ms = [Quantity::Specular, Quantity::Irradiance].map(|q| (q, own_ms(&light.times, q)));
     let made = Made {
         method: "ours".into(),
@@ -179,30 +201,17 @@ fn own(gpu: &Arc<Gpu>, panorama: &Panorama) -> Result<(LightMaps, Made)> {
 }
 
 /// One of the usual ways, from a cube of `size`.
-fn alternative(gpu: &Arc<Gpu>, light: &LightMaps, size: u32, method: Method) -> Result<Made> {
+fn alternative(gpu: &Arc<Gpu>, environment: &Fastest<Environment>, size: u32, method: Method) -> Result<Made> {
     let quantity = method.quantity();
     let targets: Vec<(u32, Target)> = match quantity {
         Quantity::Specular => specular_targets(size),
         Quantity::Irradiance => vec![(0, IRRADIANCE)],
     };
-    let before = cpu_ms();
-    let environment = Environment::new(gpu, &light.panorama, light.scale, size)?;
-    let environment_cpu = since(before);
     let only: Vec<Target> = targets.iter().map(|(_, target)| *target).collect();
-    let job = Job::new(gpu, &environment, method, &only)?;
-    let (mut ms, mut cpu) = (f64::INFINITY, None);
-    for _ in 0..RUNS {
-        let before = cpu_ms();
-        let run = total(&job.run(gpu)?);
-        if run < ms {
-            (ms, cpu) = (run, since(before));
-        }
-        if run > LONG_MS {
-            break;
-        }
-    }
+    let job = Job::new(gpu, &environment.made, method, &only)?;
+    let own = fastest(|| Ok(((), total(&job.run(gpu)?))))?;
     let map = |(cube, (level, target)): (&_, &(u32, Target))| {
-        let texels = read_cube(gpu, cube, 0, environment.scale)?;
+        let texels = read_cube(gpu, cube, 0, environment.made.scale)?;
         Ok(Map { quantity, level: *level, target: *target, texels })
     };
     Ok(Made {
@@ -210,8 +219,8 @@ fn alternative(gpu: &Arc<Gpu>, light: &LightMaps, size: u32, method: Method) -> 
         parameter: method.parameter(),
         cube_size: size,
         maps: job.cubes.iter().zip(&targets).map(map).collect::<Result<_>>()?,
-        gpu_ms: [(quantity, total(&environment.times) + ms)].into(),
-        cpu_ms: cpu.zip(environment_cpu).map(|(a, b)| a + b),
+        gpu_ms: [(quantity, environment.ms + own.ms)].into(),
+        cpu_ms: own.cpu_ms.zip(environment.cpu_ms).map(|(a, b)| a + b),
     })
 }
 
@@ -223,10 +232,6 @@ fn foreign(maps: Vec<Map>) -> Made {
 
 fn total(times: &[PassTime]) -> f64 {
     times.iter().map(|pass| pass.ms).sum()
-}
-
-fn since(before: Option<f64>) -> Option<f64> {
-    cpu_ms().zip(before).map(|(now, before)| now - before)
 }
 
 /// What maps of one panorama should hold, computed once for each lobe and size.
