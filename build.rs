@@ -1,9 +1,11 @@
-//! Compiles every stage file of glsl/ to SPIR-V and lists them for `gpu::shader`; those of tests/glsl/ in a list apart.
+//! Compiles every stage file of glsl/ to SPIR-V and lists them for `gpu::shader`, those of tests/glsl/ in a list apart;
+//! hashes the code of `precompute`.
 
 #[path = "src/gpu/shader_compiler.rs"]
 mod shader_compiler;
 
 use std::fmt::Write as _;
+use std::hash::{DefaultHasher, Hash as _, Hasher as _};
 use std::path::{Path, PathBuf};
 use std::{env, fs, process};
 
@@ -28,7 +30,9 @@ fn run() -> Result<(), String> {
     write_file(&out.join("shaders.rs"), ours.as_bytes())?;
     // Only unit tests include this one.
     let tests = table("FOR_TESTS", &root.join("tests/glsl"), &glsl, &out, debug)?;
-    write_file(&out.join("test_shaders.rs"), tests.as_bytes())
+    write_file(&out.join("test_shaders.rs"), tests.as_bytes())?;
+    println!("cargo:rustc-env=PBR_VR_PRECOMPUTE_CODE={:016x}", code_hash(&root)?);
+    Ok(())
 }
 
 /// Rust source of a list of all stage files of `folder`, compiled into `out`.
@@ -43,6 +47,29 @@ fn table(list: &str, folder: &Path, includes: &Path, out: &Path, debug: bool) ->
     }
     table.push_str("];\n");
     Ok(table)
+}
+
+/// Tells one state of the code that precomputed maps come from apart from another, for those kept on disk.
+fn code_hash(root: &Path) -> Result<u64, String> {
+    let mut hasher = DefaultHasher::new();
+    for folder in ["src/precompute", "src/reference"] {
+        println!("cargo:rerun-if-changed={folder}");
+        hash_folder(&root.join(folder), &mut hasher).map_err(|e| format!("{folder}: {e}"))?;
+    }
+    Ok(hasher.finish())
+}
+
+fn hash_folder(folder: &Path, hasher: &mut DefaultHasher) -> std::io::Result<()> {
+    let mut paths = fs::read_dir(folder)?.map(|entry| Ok(entry?.path())).collect::<std::io::Result<Vec<_>>>()?;
+    paths.sort();
+    for path in paths {
+        if path.is_dir() {
+            hash_folder(&path, hasher)?;
+        } else {
+            (path.file_name(), fs::read(&path)?).hash(hasher);
+        }
+    }
+    Ok(())
 }
 
 fn write_file(path: &Path, bytes: &[u8]) -> Result<(), String> {

@@ -33,13 +33,12 @@ void main()
     uint size = uint(imageSize(cube).x);
     if (2u * id.x >= size || 2u * id.y >= size)
         return;
-    vec3 flux = vec3(0.0), weighted_direction = vec3(0.0);
-    float weight = 0.0;
+    vec3 flux = vec3(0.0);
+    mat3 moment = mat3(0.0);
     for (uint i = 0u; i < 4u; ++i) {
         uvec2 texel = 2u * id.xy + uvec2(i & 1u, i >> 1);
         vec4 sum = vec4(0.0);
-        vec3 directions = vec3(0.0);
-        float lights = 0.0;
+        mat3 moments = mat3(0.0);
         for (uint tap = 0u; tap < TAPS * TAPS; ++tap) {
             vec2 st = (vec2(texel) + (vec2(tap % TAPS, tap / TAPS) + 0.5) / float(TAPS)) / float(size);
             vec2 p = 2.0 * st - 1.0;
@@ -51,17 +50,14 @@ void main()
             if (!WHITE)
                 light *= push.inverse_scale * arc_mean(direction, 2.0 * sqrt(w) / float(size * TAPS));
             sum += vec4(light, w);
-            float l = node_weight(light);
-            directions += l * direction;
-            lights += l;
+            moments += outerProduct(direction, light);
         }
         if (!WHITE)
             imageStore(cube, ivec3(texel, id.z), vec4(round_to_half(sum.rgb / sum.a), 1.0));
         // The taps' weights add up to the texel's solid angle only nearly.
         float exact = cube_texel_solid_angle(texel, size) / sum.a;
         flux += exact * sum.rgb;
-        weighted_direction += exact * directions;
-        weight += exact * lights;
+        moment += exact * moments;
     }
-    nodes[(id.z * (size / 2u) + id.y) * (size / 2u) + id.x] = make_node(flux, weighted_direction, weight);
+    nodes[(id.z * (size / 2u) + id.y) * (size / 2u) + id.x] = make_node(flux, moment);
 }

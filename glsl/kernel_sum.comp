@@ -11,10 +11,11 @@
 #include "lobe.glsl"
 #include "nodes.glsl"
 
-// Texels per invocation, so that a node is fetched once for several. 16 invocations share an 8x8 tile.
-const uint ROWS = 4;
+// Texels per invocation, one below the other, so that a node is fetched once for all of them: 8 invocations share an 8x8
+// tile.
+const uint ROWS = 8;
 
-layout(local_size_x = 16) in;
+layout(local_size_x = 8) in;
 layout(constant_id = 0) const bool NORMS = false;
 layout(set = 0, binding = 0, scalar) readonly buffer Nodes { Node nodes[]; };
 layout(set = 0, binding = 1, scalar) readonly buffer Lists { uint lists[]; };
@@ -33,21 +34,23 @@ void main()
     uint size = uint(imageSize(level).x);
     uvec3 group = gl_WorkGroupID;
     uint across = gl_NumWorkGroups.x;
-    uvec2 corner = 8u * group.xy + uvec2(gl_LocalInvocationID.x & 7u, gl_LocalInvocationID.x >> 3);
+    uvec2 corner = 8u * group.xy + uvec2(gl_LocalInvocationID.x, 0u);
     vec3 r[ROWS], sum[ROWS];
     for (uint j = 0u; j < ROWS; ++j) {
-        r[j] = cube_direction(group.z, (vec2(corner + uvec2(0u, 2u * j)) + 0.5) / float(size));
+        r[j] = cube_direction(group.z, (vec2(corner + uvec2(0u, j)) + 0.5) / float(size));
         sum[j] = vec3(0.0);
     }
     Lobe lobe = Lobe(push.alpha2, push.k);
     uvec2 list = tiles[push.first_tile + (group.z * across + group.y) * across + group.x];
     for (uint i = list.x; i < list.x + list.y; ++i) {
         Node node = nodes[lists[i]];
-        for (uint j = 0u; j < ROWS; ++j)
-            sum[j] += lobe_mean(lobe, dot(r[j], node.mean), node.spread) * node.flux;
+        for (uint j = 0u; j < ROWS; ++j) {
+            vec2 weights = lobe_mean(lobe, dot(r[j], node.mean), node.spread);
+            sum[j] += weights.x * node.flux + weights.y * (r[j] * node.moment);
+        }
     }
     for (uint j = 0u; j < ROWS; ++j) {
-        uvec2 texel = corner + uvec2(0u, 2u * j);
+        uvec2 texel = corner + uvec2(0u, j);
         if (texel.x >= size || texel.y >= size)
             continue;
         uint norm = push.first_norm + texel.y * size + texel.x;

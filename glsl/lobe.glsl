@@ -8,16 +8,20 @@ struct Lobe {
     float k;
 };
 
-// Mean of K over a small part of the sphere, K(c) = c / q^2 with q = alpha^2 + k (1 - c), by its first moments: c is the
-// mean cosine, `spread` a quarter of the variance 1 - m^2 of the directions around a mean vector of length m. To second
-// order E[K] = K(c) + Var(c)/2 K''(c); half of the variance lies along the meridian towards the lobe's centre, where
-// dc = sin, so Var(c) = (1 - m^2) (1 - c^2) / 2. K'' = 4 k / q^3 + 6 k^2 c / q^4.
-float lobe_mean(Lobe lobe, float c, float spread)
+// Mean of K over a small part of the sphere, K(c) = c / q^2 with q = alpha^2 + k (1 - c), as weights of the light's integral
+// (x) and of the integral of light times cosine (y), so that each colour has a mean cosine of its own.
+//
+// c is the mean cosine of all colours, `spread` a quarter of the variance 1 - m^2 of the directions around a mean vector of
+// length m. To second order E[K] = K(c) + (E[cosine] - c) K'(c) + Var(c)/2 K''(c); half of the variance lies along the
+// meridian towards the lobe's centre, where dc = sin, so Var(c) = (1 - m^2) (1 - c^2) / 2.
+// K' = 1 / q^2 + 2 k c / q^3, K'' = 4 k / q^3 + 6 k^2 c / q^4.
+vec2 lobe_mean(Lobe lobe, float c, float spread)
 {
     float over_q = 1.0 / (lobe.alpha2 + lobe.k * (1.0 - c));
     float u = lobe.k * over_q;
+    float slope = 1.0 + 2.0 * u * c;
     float bend = spread * (1.0 - c * c) * u * (4.0 + 6.0 * u * c);
-    return c > 0.0 ? over_q * over_q * (c + bend) : 0.0;
+    return c > 0.0 ? over_q * over_q * vec2(c + bend - c * slope, slope) : vec2(0.0);
 }
 
 #endif

@@ -1,4 +1,4 @@
-// Four nodes become one: their light is added, their directions are averaged by how bright they are.
+// Four nodes become one: their light and its moments are added.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "nodes.glsl"
@@ -17,16 +17,13 @@ void main()
     uvec3 id = gl_GlobalInvocationID;
     if (id.x >= push.size || id.y >= push.size)
         return;
-    vec3 flux = vec3(0.0), weighted_direction = vec3(0.0);
-    float weight = 0.0;
+    vec3 flux = vec3(0.0);
+    mat3 moment = mat3(0.0);
     for (uint i = 0u; i < 4u; ++i) {
         uvec2 at = 2u * id.xy + uvec2(i & 1u, i >> 1);
         Node node = nodes[push.first_fine + (id.z * 2u * push.size + at.y) * 2u * push.size + at.x];
-        float w = node_weight(node.flux);
         flux += node.flux;
-        weighted_direction += w * node.mean;
-        weight += w;
+        moment += node.moment;
     }
-    nodes[push.first_coarse + (id.z * push.size + id.y) * push.size + id.x] =
-        make_node(flux, weighted_direction, weight);
+    nodes[push.first_coarse + (id.z * push.size + id.y) * push.size + id.x] = make_node(flux, moment);
 }

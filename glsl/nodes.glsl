@@ -5,24 +5,23 @@
 
 #extension GL_EXT_scalar_block_layout : require
 
-// Shorter than 1 by as much as the light is spread; where there is no light, any vector does.
+// Scalar layout: 64 bytes.
 struct Node {
-    vec3 mean;    // of the directions, weighted by luminance
+    vec3 mean;    // of the directions, weighted by brightness; shorter than 1 by as much as the light is spread
     float spread; // (1 - |mean|^2) / 4
     vec3 flux;    // integral of radiance over the part
-    float unused; // keeps nodes aligned to 16 bytes
+    mat3 moment;  // integral of radiance times direction; a column for each channel
 };
 
 // How much a colour counts where directions are averaged; the weights add up to 1.
-float node_weight(vec3 flux)
-{
-    return dot(flux, vec3(0.25, 0.5, 0.25));
-}
+const vec3 BRIGHTNESS = vec3(0.25, 0.5, 0.25);
 
-Node make_node(vec3 flux, vec3 weighted_direction, float weight)
+// Where there is no light, any mean does.
+Node make_node(vec3 flux, mat3 moment)
 {
-    vec3 mean = weight > 0.0 ? weighted_direction / weight : vec3(0.0);
-    return Node(mean, 0.25 * max(1.0 - dot(mean, mean), 0.0), flux, 0.0);
+    float weight = dot(flux, BRIGHTNESS);
+    vec3 mean = weight > 0.0 ? moment * BRIGHTNESS / weight : vec3(0.0);
+    return Node(mean, 0.25 * max(1.0 - dot(mean, mean), 0.0), flux, moment);
 }
 
 #endif

@@ -6,12 +6,15 @@ use std::process::ExitCode;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
 use pbr_vr::asset::Report;
-use pbr_vr::asset::picture::{Picture, compare, write_atomically};
+use pbr_vr::asset::file::write_atomically;
+use pbr_vr::asset::picture::{Picture, compare};
 use pbr_vr::gpu::GpuOptions;
 use pbr_vr::measure::{self, MeasureRequest};
+use pbr_vr::precompute::{Cache, Options};
 use pbr_vr::reference::brdf::Geometry;
+use pbr_vr::reference::table::SplitSum;
 use pbr_vr::render::Shading;
-use pbr_vr::view::{self, RenderRequest, ViewRequest, doctor};
+use pbr_vr::view::{self, BakeRequest, RenderRequest, ViewRequest, doctor};
 use pbr_vr::{Error, Result};
 
 /// Physically based materials under real light, in a headset, a window or a picture.
@@ -33,6 +36,9 @@ struct Global {
     /// Have every Vulkan call checked; any message is a failure.
     #[arg(long, global = true)]
     validate: bool,
+    /// Compute all light anew, and keep nothing for the next start.
+    #[arg(long, global = true)]
+    no_cache: bool,
     /// Say more; twice, much more.
     #[arg(short, long, global = true, action = clap::ArgAction::Count)]
     verbose: u8,
@@ -44,6 +50,8 @@ enum Command {
     View(View),
     /// Write a picture of a scene.
     Render(Render),
+    /// Write what a panorama is precomputed to, as KTX2 files.
+    Bake(Bake),
     /// Measure speed against accuracy: tables and charts.
     Measure(Measure),
     /// Say how different two pictures are.
@@ -82,11 +90,14 @@ struct Look {
     /// Masking and shadowing term.
     #[arg(long, value_enum, default_value = "smith")]
     geometry: GeometryName,
+    /// How surfaces mirror the panorama.
+    #[arg(long, value_enum, default_value = "moment")]
+    split_sum: SplitSumName,
 }
 
 impl Default for Look {
     fn default() -> Self {
-        Self { shading: Shading::Pbr, geometry: GeometryName::Smith }
+        Self { shading: Shading::Pbr, geometry: GeometryName::Smith, split_sum: SplitSumName::Moment }
     }
 }
 
@@ -96,6 +107,14 @@ enum GeometryName {
     Smith,
     /// Schlick's approximation with Karis's k, as in the thesis.
     Karis2013,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum SplitSumName {
+    /// Along the mean direction of the light that the surface mirrors.
+    Moment,
+    /// Along the mirror direction, as in the thesis.
+    Classic,
 }
 
 #[derive(Args)]
@@ -122,6 +141,21 @@ struct Render {
     json: Option<PathBuf>,
     #[command(flatten)]
     look: Look,
+}
+
+#[derive(Args)]
+struct Bake {
+    /// A Radiance (.hdr) or OpenEXR (.exr) panorama.
+    panorama: PathBuf,
+    /// The folder for irradiance.ktx2, specular.ktx2 and brdf.ktx2; made if it is not there.
+    #[arg(short, long, value_name = "DIR")]
+    output: PathBuf,
+    /// Texels along a face of the largest specular levels: a power of two from 16 to 1024.
+    #[arg(long, value_name = "N", default_value_t = Options::default().face_size)]
+    size: u32,
+    /// Write times and facts.
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
 }
 
 #[derive(Args)]
@@ -180,22 +214,27 @@ fn main() -> ExitCode {
 
 fn run(cli: &Cli) -> Result<()> {
     let gpu = GpuOptions { name: cli.global.gpu.as_deref(), validate: cli.global.validate, display: None };
+    let cache = if cli.global.no_cache { None } else { Cache::of_user() };
+    let cache = cache.as_ref();
     let view = View::default();
     match cli.command.as_ref().unwrap_or(&Command::View(view)) {
-        Command::View(view) => run_view(view, gpu),
-        Command::Render(render) => run_render(render, gpu),
+        Command::View(view) => run_view(view, gpu, cache),
+        Command::Render(render) => run_render(render, gpu, cache),
+        Command::Bake(bake) => run_bake(bake, gpu, cache),
         Command::Measure(measure) => run_measure(measure, gpu),
         Command::Compare(compare) => run_compare(compare),
         Command::Doctor => doctor::run(),
     }
 }
 
-fn run_view(args: &View, gpu: GpuOptions<'_>) -> Result<()> {
+fn run_view(args: &View, gpu: GpuOptions<'_>, cache: Option<&Cache>) -> Result<()> {
     let request = ViewRequest {
         scene: args.scene.as_deref(),
         frames: args.frames,
         shading: args.look.shading,
         geometry: args.look.geometry.into(),
+        split_sum: args.look.split_sum.into(),
+        cache,
     };
     match args.on {
         On::Auto => view::auto(&request, gpu),
@@ -204,7 +243,7 @@ fn run_view(args: &View, gpu: GpuOptions<'_>) -> Result<()> {
     }
 }
 
-fn run_render(args: &Render, gpu: GpuOptions<'_>) -> Result<()> {
+fn run_render(args: &Render, gpu: GpuOptions<'_>, cache: Option<&Cache>) -> Result<()> {
     let request = RenderRequest {
         scene: &args.scene,
         output: &args.output,
@@ -214,8 +253,20 @@ fn run_render(args: &Render, gpu: GpuOptions<'_>) -> Result<()> {
         frames: args.frames,
         shading: args.look.shading,
         geometry: args.look.geometry.into(),
+        split_sum: args.look.split_sum.into(),
+        cache,
     };
     let facts = view::render(&request, gpu, &Report::to_terminal())?;
+    match &args.json {
+        Some(path) => write_json(path, &facts),
+        None => Ok(()),
+    }
+}
+
+fn run_bake(args: &Bake, gpu: GpuOptions<'_>, cache: Option<&Cache>) -> Result<()> {
+    let request = BakeRequest { panorama: &args.panorama, folder: &args.output, face_size: args.size, cache };
+    let facts = view::bake(&request, gpu, &Report::to_terminal())?;
+    facts.files.iter().for_each(|file| println!("{file}"));
     match &args.json {
         Some(path) => write_json(path, &facts),
         None => Ok(()),
@@ -285,6 +336,15 @@ fn start_log(verbose: u8) {
         tracing_subscriber::fmt::layer().with_writer(std::io::stderr).with_ansi(ansi).without_time().with_target(false);
     let levels = Targets::new().with_default(others).with_target("pbr_vr", ours);
     tracing_subscriber::registry().with(layer).with(levels).init();
+}
+
+impl From<SplitSumName> for SplitSum {
+    fn from(name: SplitSumName) -> Self {
+        match name {
+            SplitSumName::Moment => Self::Moment,
+            SplitSumName::Classic => Self::Classic,
+        }
+    }
 }
 
 impl From<GeometryName> for Geometry {

@@ -10,6 +10,8 @@ fn run(folder: &Path, arguments: &[&str]) -> Output {
         .current_dir(folder)
         .env("PBR_VR_ASSETS", Path::new(env!("CARGO_MANIFEST_DIR")).join("assets"))
         .env("XDG_CONFIG_HOME", folder)
+        .env("XDG_CACHE_HOME", folder.join("cache"))
+        .env("LOCALAPPDATA", folder.join("cache"))
         .env_remove("DISPLAY")
         .env_remove("WAYLAND_DISPLAY")
         .output()

@@ -66,7 +66,7 @@ fn a_white_furnace_shows_a_metal_by_its_directional_albedo() {
                     let got = pixel(picture, x, y)[0];
                     // Single scattering: less than 1, as the integral of the BRDF says.
                     let case = format!("{geometry:?}, roughness {roughness}, n·v {:.3}", -n.dot(d));
-                    assert!((got - want).abs() <= 0.01, "{case}: {got} against {want}");
+                    assert!((got - want).abs() <= 0.008, "{case}: {got} against {want}");
                     compared += 1;
                 }
             }

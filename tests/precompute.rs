@@ -4,7 +4,7 @@ mod common;
 
 use common::light::{Errors, level_errors, look_up, open_gpu, panorama, read_cube, relative};
 use glam::DVec3;
-use pbr_vr::precompute::LightMaps;
+use pbr_vr::precompute::{LightMaps, Options};
 use pbr_vr::reference::levels::{LEVELS, alpha_from_level, level_from_spread};
 use pbr_vr::reference::lobe::kernel_spread;
 use pbr_vr::reference::panorama_sums::prefiltered_around;
@@ -19,7 +19,7 @@ fn levels_and_irradiance_hold_what_sums_over_the_panorama_give() {
     let mut good = true;
     for sun in [false, true] {
         let panorama = panorama(WIDTH, sun);
-        let maps = LightMaps::new(&gpu, &panorama).expect("light maps");
+        let maps = LightMaps::new(&gpu, &panorama, &Options::default()).expect("light maps");
         for level in 1..LEVELS {
             let cube = read_cube(&gpu, &maps.specular[level % 2], (level / 2) as u32);
             let errors = level_errors(&cube, alpha_from_level(level), &panorama, 40);
@@ -50,7 +50,7 @@ fn measured_against_every_texel() {
     for sun in [false, true] {
         let panorama = panorama(2048, sun);
         let before = cpu_seconds();
-        let maps = LightMaps::new(&gpu, &panorama).expect("light maps");
+        let maps = LightMaps::new(&gpu, &panorama, &Options::default()).expect("light maps");
         println!("CPU {:.3} s, passes {:?}", cpu_seconds() - before, maps.times);
         for level in 1..LEVELS {
             let cube = read_cube(&gpu, &maps.specular[level % 2], (level / 2) as u32);
@@ -67,7 +67,7 @@ fn roughness_between_levels_is_close_to_its_own_lobe() {
     let (gpu, _messages) = open_gpu();
     for sun in [false, true] {
         let panorama = panorama(WIDTH, sun);
-        let maps = LightMaps::new(&gpu, &panorama).expect("light maps");
+        let maps = LightMaps::new(&gpu, &panorama, &Options::default()).expect("light maps");
         let level = |level: usize| read_cube(&gpu, &maps.specular[level % 2], (level / 2) as u32);
         let cubes: Vec<Vec<DVec3>> = (0..LEVELS).map(level).collect();
         let directions: Vec<DVec3> = (0..32)

@@ -27,7 +27,7 @@ fn normal_mapped_cells_look_like_real_geometry() {
             let (across, down) = patch.agreement(picture);
             // 1 is a perfect sphere; an axis the wrong way round is near −1, swapped axes near 0.
             assert!(
-                across > 0.97 && down > 0.97,
+                across > 0.9 && down > 0.9,
                 "{name}, bowl at {:?}: {across:.3} across, {down:.3} down",
                 patch.centre()
             );

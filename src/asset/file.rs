@@ -1,8 +1,9 @@
-//! Reading files with a limit on their size, and finding the files that other files name.
+//! Reading files with a limit on their size, writing them whole, and finding the files that other files name.
 
 use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU32, Ordering};
 
 use crate::{Error, Result};
 
@@ -18,6 +19,24 @@ pub fn read(path: &Path, what: &'static str, limit: u64) -> Result<Vec<u8>> {
     // Not every file tells its size (devices, pipes): the limit holds for them too.
     file.take(limit + 1).read_to_end(&mut bytes).map_err(Error::read(path))?;
     if bytes.len() as u64 > limit { Err(too_large(format!("over {limit} bytes"))) } else { Ok(bytes) }
+}
+
+/// Writes a file so that a reader, or a crash, meets it whole or not at all: beside its place first, then renamed.
+pub fn write_atomically(path: &Path, bytes: &[u8]) -> Result<()> {
+    static COUNT: AtomicU32 = AtomicU32::new(0);
+    let Some(name) = path.file_name() else {
+        return Err(Error::Usage(format!("{}: not the name of a file", path.display())));
+    };
+    let unique = format!(".{}-{}.tmp", std::process::id(), COUNT.fetch_add(1, Ordering::Relaxed));
+    let mut beside = name.to_owned();
+    beside.push(unique);
+    let beside = path.with_file_name(beside);
+    let done = std::fs::write(&beside, bytes).and_then(|()| std::fs::rename(&beside, path));
+    if done.is_err() {
+        // Nothing more can be done about a file that neither moves nor goes; the first error is the one to tell.
+        let _ = std::fs::remove_file(&beside);
+    }
+    done.map_err(Error::write(path))
 }
 
 /// A file found for a name, and how it is really called where that differs from the name.

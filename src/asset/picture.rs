@@ -4,7 +4,6 @@ use std::{
     fs,
     io::Cursor,
     path::{Path, PathBuf},
-    sync::atomic::{AtomicU32, Ordering},
 };
 
 use exr::prelude::{
@@ -16,6 +15,7 @@ use image::{DynamicImage, ImageDecoder, ImageEncoder, ImageFormat, ImageReader, 
 use rayon::prelude::*;
 use serde::Serialize;
 
+use super::file::write_atomically;
 use crate::{
     Error, Result,
     reference::{metrics, tone},
@@ -182,24 +182,6 @@ pub fn compare(test: &Picture, reference: &Picture) -> Result<Comparison> {
         max_error,
         max_error_at: [at as u32 % width, at as u32 / width],
     })
-}
-
-/// Writes a file so that a reader, or a crash, meets it whole or not at all: beside its place first, then renamed.
-pub fn write_atomically(path: &Path, bytes: &[u8]) -> Result<()> {
-    static COUNT: AtomicU32 = AtomicU32::new(0);
-    let Some(name) = path.file_name() else {
-        return Err(Error::Usage(format!("{}: not the name of a file", path.display())));
-    };
-    let unique = format!(".{}-{}.tmp", std::process::id(), COUNT.fetch_add(1, Ordering::Relaxed));
-    let mut beside = name.to_owned();
-    beside.push(unique);
-    let beside = path.with_file_name(beside);
-    let done = fs::write(&beside, bytes).and_then(|()| fs::rename(&beside, path));
-    if done.is_err() {
-        // Nothing more can be done about a file that neither moves nor goes; the first error is the one to tell.
-        let _ = fs::remove_file(&beside);
-    }
-    done.map_err(Error::write(path))
 }
 
 fn check_pair(test: &Picture, reference: &Picture) -> Result<()> {

@@ -27,7 +27,8 @@ pub use image::{Edge, Image, ImageDesc, Sampler, Shape, Use};
 pub use instance::{Messages, validation_available};
 pub use pipeline::{Constant, DEPTH_FORMAT, Depth, GraphicsDesc, Pipeline};
 pub use recorder::{PassTime, Recorder, run};
+pub use shader::compute_shaders;
 #[cfg(feature = "hot-reload")]
 pub use shader::on_disk::folder as shader_folder;
 pub use swapchain::{Acquired, PresentMode, Swapchain};
-pub use transfer::{Upload, read_buffer, read_image};
+pub use transfer::{Upload, read_buffer, read_image, read_mips, write_mips};

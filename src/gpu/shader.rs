@@ -24,6 +24,15 @@ pub(super) fn load(name: &str) -> Result<Vec<u32>> {
     words(bytes).ok_or_else(|| Error::Usage(format!("shader {name} is not SPIR-V")))
 }
 
+/// All compute shaders as they would be used now: name and SPIR-V words. For who keeps what they made.
+///
+/// # Errors
+/// With `hot-reload`, a shader on disk that does not compile.
+pub fn compute_shaders() -> Result<Vec<(&'static str, Vec<u32>)>> {
+    let names = COMPILED.iter().map(|(name, _)| *name).filter(|name| name.ends_with(".comp"));
+    names.map(|name| Ok((name, load(name)?))).collect()
+}
+
 fn words(bytes: &[u8]) -> Option<Vec<u32>> {
     ash::util::read_spv(&mut std::io::Cursor::new(bytes)).ok()
 }

@@ -6,7 +6,7 @@ use super::buffer::{Buffer, BufferKind};
 use super::commands::{Commands, Part};
 use super::device::Gpu;
 use super::image::{Image, Use};
-use super::recorder::run;
+use super::recorder::{PassTime, run};
 use crate::Result;
 
 /// Staging memory a batch may take before it is sent.
@@ -117,4 +117,67 @@ pub fn read_image(gpu: &Arc<Gpu>, from: &Image, part: Part, bytes_per_texel: u64
         Ok(())
     })?;
     Ok(to.read().to_vec())
+}
+
+/// Copies all of an image back to the CPU: for each mip, layer after layer, tightly packed rows from the top.
+pub fn read_mips(gpu: &Arc<Gpu>, from: &Image, bytes_per_texel: u64) -> Result<Vec<Vec<u8>>> {
+    let parts = parts(from, bytes_per_texel);
+    let size = parts.iter().map(|(_, bytes)| bytes).sum();
+    let to = Buffer::new(gpu, "readback", BufferKind::Readback, size)?;
+    let before = from.state.get();
+    run(gpu, |commands| {
+        commands.prepare(from, Use::CopyFrom);
+        let mut offset = 0;
+        for (part, bytes) in &parts {
+            commands.copy_from_image(from, *part, &to, offset);
+            offset += bytes;
+        }
+        commands.copies_to_host();
+        commands.prepare(from, before);
+        Ok(())
+    })?;
+    let mut rest = to.read();
+    let mut mips = vec![Vec::new(); from.desc().mips as usize];
+    for (part, bytes) in &parts {
+        let (bytes, after) = rest.split_at(usize::try_from(*bytes).unwrap_or(usize::MAX).min(rest.len()));
+        mips[part.mip as usize].extend_from_slice(bytes);
+        rest = after;
+    }
+    Ok(mips)
+}
+
+/// Fills images from what `read_mips` gave for images of the same format and shape; returns the time, named `pass`.
+///
+/// # Panics
+/// If mips are shorter than their image's: a defect of the caller.
+pub fn write_mips(gpu: &Arc<Gpu>, pass: &'static str, images: &[(&Image, &[Vec<u8>])]) -> Result<Vec<PassTime>> {
+    let stage = |(image, mips): &(&Image, &[Vec<u8>])| {
+        let bytes = mips.concat();
+        let texels = parts(image, 1).iter().map(|(_, texels)| texels).sum::<u64>();
+        let bytes_per_texel = bytes.len() as u64 / texels;
+        assert!(bytes_per_texel > 0 && bytes_per_texel * texels == bytes.len() as u64, "mips of another image");
+        Ok((Buffer::with_bytes(gpu, "staging", BufferKind::Upload, &bytes)?, parts(image, bytes_per_texel)))
+    };
+    let staged: Vec<_> = images.iter().map(stage).collect::<Result<_>>()?;
+    run(gpu, |commands| {
+        commands.pass(pass, |commands| {
+            for ((to, _), (staging, parts)) in images.iter().zip(&staged) {
+                commands.prepare_fresh(to, Use::CopyTo);
+                let mut offset = 0;
+                for (part, bytes) in parts {
+                    commands.copy_to_image(staging, offset, to, *part);
+                    offset += bytes;
+                }
+                commands.prepare(to, Use::Sampled);
+            }
+        });
+        Ok(())
+    })
+}
+
+/// All layers of all mips with their sizes, mip 0 first.
+fn parts(image: &Image, bytes_per_texel: u64) -> Vec<(Part, u64)> {
+    let bytes = |mip| image.mip_size(mip).map(u64::from).iter().product::<u64>() * bytes_per_texel;
+    let layers = image.desc().shape.layers();
+    (0..image.desc().mips).flat_map(|mip| (0..layers).map(move |layer| (Part { mip, layer }, bytes(mip)))).collect()
 }

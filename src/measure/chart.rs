@@ -6,7 +6,7 @@ use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
 use super::table::{Row, Sweep};
-use crate::asset::picture::write_atomically;
+use crate::asset::file::write_atomically;
 use crate::precompute::alternatives::Quantity;
 use crate::{Error, Result};
 

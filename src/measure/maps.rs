@@ -37,9 +37,6 @@ pub fn read_cube(gpu: &Arc<Gpu>, image: &Image, mip: u32, scale: f32) -> Result<
     Ok(texels)
 }
 
-/// Faces of the program's own maps; the only size it makes.
-pub const OWN_SIZE: u32 = 256;
-
 /// The specular maps that the program's own stage makes, scaled to cubes of `size`; the mirror level is left out.
 pub fn specular_targets(size: u32) -> Vec<(u32, Target)> {
     (1..LEVELS)
@@ -56,7 +53,7 @@ pub const IRRADIANCE: Target = Target { alpha: 1.0, size: 32 };
 /// Everything that the program's own stage makes, but for the mirror level.
 pub fn own_maps(gpu: &Arc<Gpu>, light: &LightMaps) -> Result<Vec<Map>> {
     let mut maps = Vec::new();
-    for (level, target) in specular_targets(OWN_SIZE) {
+    for (level, target) in specular_targets(light.specular[0].desc().size[0]) {
         let texels = read_cube(gpu, &light.specular[level as usize % 2], level / 2, light.scale)?;
         maps.push(Map { quantity: Quantity::Specular, level, target, texels });
     }

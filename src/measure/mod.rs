@@ -13,6 +13,7 @@ use std::path::{Path, PathBuf};
 
 use crate::asset::Report;
 use crate::gpu::GpuOptions;
+use crate::precompute::check_face_size;
 use crate::{Error, Result};
 
 pub use precompute::METHODS;
@@ -52,9 +53,7 @@ pub fn run(request: &MeasureRequest<'_>, gpu: GpuOptions<'_>, report: &Report) -
     let known = NAMES.map(|(name, _)| name);
     check_names("measurement", request.names, &known)?;
     check_names("method", request.methods, &METHODS)?;
-    if let Some(size) = request.sizes.iter().find(|s| !s.is_power_of_two() || !(16..=2048).contains(*s)) {
-        return Err(Error::Usage(format!("cube size {size}: give a power of two from 16 to 2048")));
-    }
+    request.sizes.iter().try_for_each(|size| check_face_size(*size))?;
     if request.judge.is_some() && request.panoramas.len() != 1 {
         return Err(Error::Usage("--judge needs the one --panorama that its maps were made from".into()));
     }

@@ -7,15 +7,15 @@ use std::sync::Arc;
 use glam::{DVec3, Vec3};
 
 use super::clock::{cpu_ms, today};
-use super::maps::{IRRADIANCE, Map, OWN_SIZE, own_maps, own_ms, read_cube, specular_targets};
+use super::maps::{IRRADIANCE, Map, own_maps, own_ms, read_cube, specular_targets};
 use super::table::{Csv, Row, Sweep};
 use super::texels::{Accuracy, Texel, prefiltered_truth, spread_texels};
 use super::{MeasureRequest, chart, judge, synthetic};
-use crate::asset::picture::write_atomically;
+use crate::asset::file::write_atomically;
 use crate::asset::{Panorama, Report, shipped};
 use crate::gpu::{Gpu, GpuOptions, PassTime};
-use crate::precompute::LightMaps;
 use crate::precompute::alternatives::{Environment, Job, Method, Quantity, Target};
+use crate::precompute::{LightMaps, Options};
 use crate::{Error, Result};
 
 /// The ways by name: the program's own, then the usual ones.
@@ -87,7 +87,7 @@ pub fn run(request: &MeasureRequest<'_>, gpu: GpuOptions<'_>, report: &Report) -
         charts: Vec::new(),
         warnings: Vec::new(),
     };
-    let steps = panoramas.len() * (extent.sizes.len() * extent.methods.len() + usize::from(extent.ours));
+    let steps = panoramas.len() * extent.sizes.len() * (extent.methods.len() + usize::from(extent.ours));
     let bar = report.stage("measuring", steps as u64);
     for source in &panoramas {
         let panorama = source.load(report)?;
@@ -102,12 +102,12 @@ pub fn run(request: &MeasureRequest<'_>, gpu: GpuOptions<'_>, report: &Report) -
             let maps = judge::read_maps(folder, report)?;
             keep(foreign(maps))?;
         }
-        let (light, ours) = own(&gpu, &panorama)?;
-        if extent.ours && extent.sizes.contains(&OWN_SIZE) {
-            keep(ours)?;
-            bar.inc(1);
-        }
         for size in &extent.sizes {
+            let (light, ours) = own(&gpu, &panorama, *size)?;
+            if extent.ours {
+                keep(ours)?;
+                bar.inc(1);
+            }
             let environment = fastest(|| {
                 let environment = Environment::new(&gpu, &light.panorama, light.scale, *size)?;
                 let ms = total(&environment.times);
@@ -182,9 +182,10 @@ fn fastest<T>(mut work: impl FnMut() -> Result<(T, f64)>) -> Result<Fastest<T>> 
 }
 
 /// The program's own stage.
-fn own(gpu: &Arc<Gpu>, panorama: &Panorama) -> Result<(LightMaps, Made)> {
+fn own(gpu: &Arc<Gpu>, panorama: &Panorama, size: u32) -> Result<(LightMaps, Made)> {
+    let options = Options { face_size: size, cache: None };
     let Fastest { made: light, cpu_ms, .. } = fastest(|| {
-        let light = LightMaps::new(gpu, panorama)?;
+        let light = LightMaps::new(gpu, panorama, &options)?;
         let ms = total(&light.times);
         Ok((light, ms))
     })?;
@@ -192,7 +193,7 @@ fn own(gpu: &Arc<Gpu>, panorama: &Panorama) -> Result<(LightMaps, Made)> {
     let made = Made {
         method: "ours".into(),
         parameter: String::new(),
-        cube_size: OWN_SIZE,
+        cube_size: size,
         maps: own_maps(gpu, &light)?,
         gpu_ms: gpu_ms.into(),
         cpu_ms,

@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use super::cache::{Cache, cached};
 use crate::Result;
 use crate::gpu::{
     Bind, Buffer, BufferKind, Format, Gpu, Image, ImageDesc, ImageUsageFlags, PassTime, Pipeline, Set, SetLayout,
@@ -25,30 +26,45 @@ pub struct BrdfTable {
 }
 
 impl BrdfTable {
-    /// Computes the table for one geometry term and one way to look up the environment.
-    pub fn new(gpu: &Arc<Gpu>, geometry: Geometry, split_sum: SplitSum) -> Result<Self> {
-        let usage = ImageUsageFlags::SAMPLED | ImageUsageFlags::STORAGE | ImageUsageFlags::TRANSFER_SRC;
+    /// What a texel says, for other programs.
+    pub const MEANING: &str = "specular albedo = F0 * A + B. Layer 0: A, B, then for the lobes of A and of B \
+        sqrt(1 - m.r), m being a lobe's mean vector and r = reflect(-v, n). Layer 1: for both lobes \
+        m.t / sqrt(1 - (n.v)^2), t being perpendicular to r, towards n. x: log(1 + 1024 n.v) / log(1025), \
+        y: cbrt(roughness), 0 and 1 at the centres of the outermost texels";
+
+    /// Computes the table for one geometry term and one way to look up the environment, or takes it from the cache.
+    pub fn new(gpu: &Arc<Gpu>, geometry: Geometry, split_sum: SplitSum, cache: Option<&Cache>) -> Result<Self> {
+        let copies = ImageUsageFlags::TRANSFER_SRC | ImageUsageFlags::TRANSFER_DST;
+        let usage = ImageUsageFlags::SAMPLED | ImageUsageFlags::STORAGE | copies;
         let flat = ImageDesc::flat(Format::R32G32B32A32_SFLOAT, SIZE, usage);
         let image = Image::new(gpu, "BRDF table", ImageDesc { shape: Shape::Layers(2), ..flat })?;
-        let nodes = storage(gpu, "quadrature", &quadrature())?;
-        let spreads: Vec<f32> = (0..SIZE[1]).map(|row| classic_spread(row) as f32).collect();
-        let spreads = storage(gpu, "kernel spreads", &spreads)?;
-        let layout = SetLayout::new(gpu, "BRDF table", &[Slot::Storage, Slot::Storage, Slot::StorageImage])?;
-        let binds = [Bind::Storage(&nodes), Bind::Storage(&spreads), Bind::StorageImage(&image, 0)];
-        let set = Set::new(gpu, "BRDF table", &layout, &binds)?;
-        let constants = [(0, geometry as u32), (1, u32::from(split_sum == SplitSum::Moment))];
-        let pipeline = Pipeline::compute(gpu, "brdf_table.comp", &constants, &[&layout], 0)?;
-        let times = run(gpu, |commands| {
-            commands.prepare(&image, Use::Storage);
-            commands.pass("BRDF table", |commands| {
-                commands.bind(&pipeline, &[&set]);
-                commands.dispatch([SIZE[0].div_ceil(8), SIZE[1].div_ceil(8), 1]);
-            });
-            commands.prepare(&image, Use::Sampled);
-            Ok(())
-        })?;
+        let choices = [geometry as u32, u32::from(split_sum == SplitSum::Moment)];
+        let compute = || compute(gpu, &image, choices);
+        let source = [bytemuck::bytes_of(&choices)];
+        let times = cached(gpu, cache, "BRDF table from the cache", &source, &[("BRDF table", &image)], compute)?;
         Ok(Self { image, times })
     }
+}
+
+/// Fills the table and waits; `choices` are the shader's constants.
+fn compute(gpu: &Arc<Gpu>, image: &Image, choices: [u32; 2]) -> Result<Vec<PassTime>> {
+    let nodes = storage(gpu, "quadrature", &quadrature())?;
+    let spreads: Vec<f32> = (0..SIZE[1]).map(|row| classic_spread(row) as f32).collect();
+    let spreads = storage(gpu, "kernel spreads", &spreads)?;
+    let layout = SetLayout::new(gpu, "BRDF table", &[Slot::Storage, Slot::Storage, Slot::StorageImage])?;
+    let binds = [Bind::Storage(&nodes), Bind::Storage(&spreads), Bind::StorageImage(image, 0)];
+    let set = Set::new(gpu, "BRDF table", &layout, &binds)?;
+    let constants = [(0, choices[0]), (1, choices[1])];
+    let pipeline = Pipeline::compute(gpu, "brdf_table.comp", &constants, &[&layout], 0)?;
+    run(gpu, |commands| {
+        commands.prepare(image, Use::Storage);
+        commands.pass("BRDF table", |commands| {
+            commands.bind(&pipeline, &[&set]);
+            commands.dispatch([SIZE[0].div_ceil(8), SIZE[1].div_ceil(8), 1]);
+        });
+        commands.prepare(image, Use::Sampled);
+        Ok(())
+    })
 }
 
 fn storage<T: bytemuck::Pod>(gpu: &Arc<Gpu>, name: &str, values: &[T]) -> Result<Buffer> {

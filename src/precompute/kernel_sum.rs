@@ -13,7 +13,7 @@ use crate::gpu::{
 use crate::reference::levels::{LEVELS, alpha_from_level};
 
 /// Bytes of `Node` in `glsl/nodes.glsl`.
-const NODE_BYTES: u64 = 32;
+const NODE_BYTES: u64 = 64;
 
 /// Push constants of `glsl/node_merge.comp`.
 #[repr(C)]

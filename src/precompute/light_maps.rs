@@ -2,14 +2,16 @@
 
 use std::sync::Arc;
 
+use super::Options;
+use super::cache::cached;
 use super::kernel_sum::KernelSum;
 use crate::asset::Panorama;
 use crate::gpu::{Format, Gpu, Image, ImageDesc, ImageUsageFlags, PassTime, Shape, Upload};
-use crate::reference::levels::LEVELS;
+use crate::reference::levels::{LEVELS, alpha_from_level};
 use crate::{Error, Result};
 
-/// Texels along a face of specular levels 0 and 1.
-pub const CUBE_SIZE: u32 = 256;
+/// Texels along a face that specular levels 0 and 1 may have, powers of two.
+const FACE_SIZES: std::ops::RangeInclusive<u32> = 16..=1024;
 /// Texels along a face of the irradiance map; the clamped cosine leaves nothing finer.
 pub const IRRADIANCE_SIZE: u32 = 32;
 /// Radiance that the half-float maps hold at most before they are scaled.
@@ -29,21 +31,42 @@ pub struct LightMaps {
 }
 
 impl LightMaps {
-    /// Uploads a panorama and computes its maps.
+    /// Uploads a panorama and computes its maps, or takes them from the cache.
     ///
     /// # Errors
-    /// A panorama wider than the GPU's images, or no memory.
-    pub fn new(gpu: &Arc<Gpu>, panorama: &Panorama) -> Result<Self> {
+    /// A face size that is none, a panorama wider than the GPU's images, or no memory.
+    pub fn new(gpu: &Arc<Gpu>, panorama: &Panorama, options: &Options) -> Result<Self> {
+        check_face_size(options.face_size)?;
+        let size = options.face_size;
         let peak = panorama.texels.iter().flatten().copied().fold(0.0, f32::max);
         let scale = (peak / HALF_LIMIT).max(1.0).log2().ceil().exp2();
-        let panorama = upload(gpu, panorama)?;
+        let image = upload(gpu, panorama)?;
         let irradiance_over_pi = cube(gpu, "irradiance", IRRADIANCE_SIZE, 1)?;
         let mips = (LEVELS / 2) as u32;
-        let specular =
-            [cube(gpu, "even specular levels", CUBE_SIZE, mips)?, cube(gpu, "odd specular levels", CUBE_SIZE, mips)?];
-        let times = KernelSum::new(gpu, &panorama, &specular, &irradiance_over_pi)?.run(gpu, scale)?;
-        Ok(Self { panorama, irradiance_over_pi, specular, scale, times })
+        let specular = [cube(gpu, "even specular levels", size, mips)?, cube(gpu, "odd specular levels", size, mips)?];
+        let compute = || KernelSum::new(gpu, &image, &specular, &irradiance_over_pi)?.run(gpu, scale);
+        // The irradiance map depends on the face size too, though its own size does not.
+        let sides = [panorama.width, panorama.height, size];
+        let source = [bytemuck::cast_slice(&sides), bytemuck::cast_slice(&panorama.texels)];
+        let [even, odd] = &specular;
+        let maps = [("irradiance", &irradiance_over_pi), ("even specular levels", even), ("odd specular levels", odd)];
+        let times = cached(gpu, options.cache.as_ref(), "light maps from the cache", &source, &maps, compute)?;
+        Ok(Self { panorama: image, irradiance_over_pi, specular, scale, times })
     }
+
+    /// Roughness of each specular level, the square root of its lobe's alpha. The last is above 1.
+    pub fn specular_roughness() -> [f64; LEVELS] {
+        std::array::from_fn(|level| alpha_from_level(level).sqrt())
+    }
+}
+
+/// Fails with bad usage unless maps can be made with this many texels along a face.
+pub fn check_face_size(size: u32) -> Result<()> {
+    if FACE_SIZES.contains(&size) && size.is_power_of_two() {
+        return Ok(());
+    }
+    let (least, most) = (FACE_SIZES.start(), FACE_SIZES.end());
+    Err(Error::Usage(format!("faces of {size} texels cannot be made; a power of two from {least} to {most} can")))
 }
 
 fn upload(gpu: &Arc<Gpu>, panorama: &Panorama) -> Result<Image> {
@@ -69,7 +92,8 @@ fn upload(gpu: &Arc<Gpu>, panorama: &Panorama) -> Result<Image> {
 }
 
 fn cube(gpu: &Arc<Gpu>, name: &str, size: u32, mips: u32) -> Result<Image> {
-    let usage = ImageUsageFlags::SAMPLED | ImageUsageFlags::STORAGE | ImageUsageFlags::TRANSFER_SRC;
+    let copies = ImageUsageFlags::TRANSFER_SRC | ImageUsageFlags::TRANSFER_DST;
+    let usage = ImageUsageFlags::SAMPLED | ImageUsageFlags::STORAGE | copies;
     let flat = ImageDesc::flat(Format::R16G16B16A16_SFLOAT, [size; 2], usage);
     Image::new(gpu, name, ImageDesc { shape: Shape::Cube, mips, ..flat })
 }

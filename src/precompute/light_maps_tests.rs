@@ -71,7 +71,7 @@ struct Maps {
 impl Maps {
     fn of(panorama: &Panorama) -> Self {
         let maps = with_gpu(|gpu| {
-            let maps = LightMaps::new(gpu, panorama).unwrap();
+            let maps = LightMaps::new(gpu, panorama, &Options::default()).unwrap();
             Self {
                 irradiance: Level::read(gpu, &maps.irradiance_over_pi, 0, maps.scale),
                 specular: (0..LEVELS)
@@ -161,8 +161,8 @@ fn a_linear_sky_comes_out_within_half_a_percent() {
         errors(&maps.specular[0], |d| DVec3::new(1.0 + gradient.as_dvec3().dot(d), 1.0 + 0.5 * d.y, 1.0 - 0.5 * d.x));
     // Within half a texel of a pole, 0.7 degrees, the panorama itself holds no gradient.
     assert!(level_0[0] <= 1e-3 && level_0[1] <= 0.006, "level 0: {level_0:?}");
-    // Measured: irradiance 0.03 (at most 0.05) %, levels 0.03 to 0.18 (at most 0.46) %.
-    judge("linear", &maps, view(&panorama), [[0.001, 0.002], [0.003, 0.005]]);
+    // Measured: 0.03 (at most 0.07) %.
+    judge("linear", &maps, view(&panorama), [[0.001, 0.002], [0.001, 0.002]]);
 }
 
 /// Noise of 32×16 texels, drawn 16 times as large, so that filtering hardly widens it.
@@ -190,7 +190,7 @@ static NOISE: LazyLock<(Panorama, Panorama, Maps)> = LazyLock::new(|| {
 #[test]
 fn noise_comes_out_right() {
     let (coarse, _, maps) = &*NOISE;
-    // Measured: irradiance 0.03 (at most 0.05) %, level 1 0.34 (at most 0.95) %, falling to 0.07 (at most 0.13) % at level 6.
+    // Measured: irradiance 0.02 (at most 0.05) %, level 1 0.35 (at most 0.99) %, falling to 0.03 (at most 0.07) % at level 8.
     judge("noise", maps, view(coarse), [[0.001, 0.002], [0.006, 0.02]]);
 }
 
@@ -205,13 +205,12 @@ fn sunny(row: u32) -> Panorama {
     panorama
 }
 
-/// failures.md rows 5 and 6: at middle latitudes, and by the pole. The bounds are what filtered importance sampling of a
-/// single texel reaches. Measured: irradiance 0.9 (at most 5.5) % and 2.3 (at most 12.6) %, where the sun sets; levels
-/// 2.3 to 4.1 (at most 31) % and 3.6 to 7.3 (at most 56) %.
+/// failures.md rows 5 and 6: at middle latitudes, and by the pole. What is lost is lost where the cube's taps miss parts of a
+/// sun of one texel. Measured: mean 0.3 (at most 0.8) %, by the pole 2.4 (at most 4.6) %.
 #[test]
 fn a_small_sun_keeps_its_energy() {
     for (row, irradiance, levels, energy) in
-        [(100, [0.015, 0.08], [0.06, 0.4], 0.03), (3, [0.03, 0.15], [0.1, 0.7], 0.06)]
+        [(100, [0.006, 0.015], [0.006, 0.015], 0.01), (3, [0.04, 0.06], [0.04, 0.06], 0.05)]
     {
         let panorama = sunny(row);
         let maps = Maps::of(&panorama);
@@ -329,7 +328,6 @@ fn turning_the_panorama_turns_the_maps() {
         let off = a.places().map(|p| ((a.at(p) - b.at(b.texel(turn(a.direction(p))))) / a.at(p)).abs().max_element());
         let off = off.fold(0.0, f64::max);
         println!("level {i}, {} texels wide: {off:.5}", a.size);
-        // Samples lie otherwise around the turned direction; what is not sampled agrees but for rounding.
-        assert!(off <= if i == 0 { 0.002 } else { 0.04 }, "level {i}, {} texels wide: {off}", a.size);
+        assert!(off <= 0.002, "level {i}, {} texels wide: {off}", a.size);
     }
 }

@@ -1,13 +1,18 @@
-//! Panorama to cube, specular levels and irradiance; BRDF table. On the GPU, but for lists of what to sum.
+//! Panorama to cube, specular levels and irradiance; BRDF table. On the GPU, but for lists of what to sum; results are
+//! kept on disk.
 
 pub mod alternatives;
 mod brdf_table;
+mod cache;
 mod kernel_sum;
 mod light_maps;
 mod node_lists;
+mod texture;
 
 pub use brdf_table::BrdfTable;
-pub use light_maps::LightMaps;
+pub use cache::Cache;
+pub use light_maps::{LightMaps, check_face_size};
+pub use texture::read_texture;
 
 #[cfg(test)]
 mod brdf_glsl_tests;
@@ -15,3 +20,18 @@ mod brdf_glsl_tests;
 mod glsl_tests;
 #[cfg(test)]
 pub(crate) mod harness_tests;
+
+/// How maps are precomputed.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Options {
+    /// Texels along a face of specular levels 0 and 1: a power of two from 16 to 1024.
+    pub face_size: u32,
+    /// `None` computes always, and keeps nothing.
+    pub cache: Option<Cache>,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self { face_size: 256, cache: None }
+    }
+}

@@ -20,7 +20,7 @@ pub use targets::Output;
 
 use crate::asset::Report;
 use crate::gpu::{Bind, Buffer, BufferKind, Commands, Edge, Gpu, Image, PassTime, Sampler, Set, SetLayout, Slot};
-use crate::precompute::{BrdfTable, LightMaps};
+use crate::precompute::{self, BrdfTable, LightMaps};
 use crate::reference::brdf::Geometry;
 use crate::reference::table::SplitSum;
 use crate::scene::Scene;
@@ -66,18 +66,25 @@ pub enum Shading {
 }
 
 /// How pictures are made.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Settings {
     pub geometry: Geometry,
     pub split_sum: SplitSum,
     pub output: Output,
     /// Samples per pixel: 1 or 4.
     pub samples: u32,
+    pub precompute: precompute::Options,
 }
 
 impl Default for Settings {
     fn default() -> Self {
-        Self { geometry: Geometry::Smith, split_sum: SplitSum::Moment, output: Output::Display, samples: 4 }
+        Self {
+            geometry: Geometry::Smith,
+            split_sum: SplitSum::Moment,
+            output: Output::Display,
+            samples: 4,
+            precompute: precompute::Options::default(),
+        }
     }
 }
 
@@ -111,8 +118,9 @@ impl Renderer {
         report: &Report,
     ) -> Result<Self> {
         let world = World::new(gpu, scene, report)?;
-        let light = LightMaps::new(gpu, &scene.environment.panorama)?;
-        let table = BrdfTable::new(gpu, settings.geometry, settings.split_sum)?;
+        let light = LightMaps::new(gpu, &scene.environment.panorama, &settings.precompute)?;
+        let cache = settings.precompute.cache.as_ref();
+        let table = BrdfTable::new(gpu, settings.geometry, settings.split_sum, cache)?;
         let slots =
             [Slot::Uniform, Slot::Storage, Slot::Sampled, Slot::Sampled, Slot::Sampled, Slot::Sampled, Slot::Sampled];
         let frame_layout = SetLayout::new(gpu, "frame", &slots)?;

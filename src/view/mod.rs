@@ -1,5 +1,6 @@
-//! Where eyes come from and where pictures go: window, picture file; camera control.
+//! Where eyes come from and where pictures go: window, picture file; baked maps; camera control.
 
+mod bake;
 mod control;
 pub mod doctor;
 mod frame_clock;
@@ -8,11 +9,14 @@ mod window;
 
 use std::path::{Path, PathBuf};
 
+pub use bake::{BakeFacts, BakeRequest, bake};
 pub use picture::{RenderFacts, RenderRequest, render};
 
 use crate::asset::{Report, shipped};
 use crate::gpu::GpuOptions;
+use crate::precompute::Cache;
 use crate::reference::brdf::Geometry;
+use crate::reference::table::SplitSum;
 use crate::render::Shading;
 use crate::{Error, Result};
 
@@ -25,6 +29,9 @@ pub struct ViewRequest<'a> {
     pub frames: Option<u64>,
     pub shading: Shading,
     pub geometry: Geometry,
+    pub split_sum: SplitSum,
+    /// Where precomputed light is kept.
+    pub cache: Option<&'a Cache>,
 }
 
 impl ViewRequest<'_> {
@@ -60,6 +67,8 @@ pub fn auto(request: &ViewRequest<'_>, gpu: GpuOptions<'_>) -> Result<()> {
         frames: request.frames.unwrap_or(1),
         shading: request.shading,
         geometry: request.geometry,
+        split_sum: request.split_sum,
+        cache: request.cache,
     };
     render(&still, gpu, &Report::to_terminal())?;
     println!("pbr-vr: wrote {FALLBACK}, because {no_window}; start it in a desktop session to get a window");

@@ -9,7 +9,9 @@ use serde::Serialize;
 use crate::asset::picture::Picture;
 use crate::asset::{Report, shipped};
 use crate::gpu::{Gpu, GpuOptions, Part, PassTime, Recorder, read_image};
+use crate::precompute::{Cache, Options};
 use crate::reference::brdf::Geometry;
+use crate::reference::table::SplitSum;
 use crate::render::{Eye, FRAMES_IN_FLIGHT, IPD_METRES, Output, Renderer, Settings, Shading};
 use crate::scene::load::{LoadOptions, load};
 use crate::scene::{Camera, Scene};
@@ -27,6 +29,9 @@ pub struct RenderRequest<'a> {
     pub frames: u64,
     pub shading: Shading,
     pub geometry: Geometry,
+    pub split_sum: SplitSum,
+    /// Where precomputed light is kept.
+    pub cache: Option<&'a Cache>,
 }
 
 /// What a render was made of, for `--json`.
@@ -44,7 +49,7 @@ pub struct RenderFacts {
     pub load_ms: f64,
     /// Opening the GPU, uploading, precomputing.
     pub prepare_ms: f64,
-    /// GPU time of each precompute pass.
+    /// GPU time of each precompute pass; those from the cache say so by name.
     pub precompute: Vec<PassTime>,
     /// GPU time of each pass, one list per frame.
     pub gpu_frames: Vec<Vec<PassTime>>,
@@ -70,7 +75,9 @@ pub fn render(request: &RenderRequest<'_>, gpu: GpuOptions<'_>, report: &Report)
     let started = Instant::now();
     let gpu = Gpu::open(gpu)?;
     let messages = gpu.messages();
-    let settings = Settings { geometry: request.geometry, output, ..Settings::default() };
+    let (geometry, split_sum) = (request.geometry, request.split_sum);
+    let precompute = Options { cache: request.cache.cloned(), ..Options::default() };
+    let settings = Settings { geometry, split_sum, output, precompute, ..Settings::default() };
     let mut renderer = Renderer::new(&gpu, &scene, settings, request.shading, request.size, eyes.len() as u32, report)?;
     let prepare_ms = ms_since(started);
     let started = Instant::now();
@@ -178,6 +185,6 @@ fn triangles(scene: &Scene) -> usize {
     scene.instances.iter().map(|i| scene.meshes[i.mesh].indices.len() / 3).sum()
 }
 
-fn ms_since(start: Instant) -> f64 {
+pub(super) fn ms_since(start: Instant) -> f64 {
     start.elapsed().as_secs_f64() * 1e3
 }

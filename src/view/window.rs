@@ -19,6 +19,7 @@ use winit::window::{Window, WindowId};
 
 use super::ViewRequest;
 use crate::gpu::{Gpu, GpuOptions, Messages};
+use crate::precompute::Options;
 use crate::render::Settings;
 use crate::{Error, Result};
 use viewer::Viewer;
@@ -68,7 +69,9 @@ impl App<'_> {
         let display = event_loop.display_handle().map_err(window_error)?.as_raw();
         let gpu = Gpu::open(GpuOptions { display: Some(display), ..self.options })?;
         self.messages = Some(gpu.messages());
-        let settings = Settings { geometry: self.request.geometry, ..Settings::default() };
+        let (geometry, split_sum) = (self.request.geometry, self.request.split_sum);
+        let precompute = Options { cache: self.request.cache.cloned(), ..Options::default() };
+        let settings = Settings { geometry, split_sum, precompute, ..Settings::default() };
         // SAFETY: `exiting` drops the viewer while the event loop still runs.
         let mut viewer = unsafe { Viewer::new(gpu, window, settings, self.request.shading, self.proxy.clone()) }?;
         viewer.open_first(scene);

@@ -3,13 +3,17 @@
 
 pub mod light;
 
+use std::collections::BTreeMap;
 use std::fmt::Write as _;
+use std::fs;
 use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Output, Stdio};
 
 use pbr_vr::asset::Report;
 use pbr_vr::asset::picture::Picture;
 use pbr_vr::gpu::GpuOptions;
 use pbr_vr::reference::brdf::Geometry;
+use pbr_vr::reference::table::SplitSum;
 use pbr_vr::render::Shading;
 use pbr_vr::view::{RenderRequest, render};
 
@@ -46,6 +50,14 @@ impl Workshop {
         path
     }
 
+    /// Writes `sky.exr`: a different colour from everywhere; `sun` is the radiance around one direction.
+    pub fn sky(&self, sun: f32) -> PathBuf {
+        self.panorama("sky.exr", 64, |[x, y, z]| {
+            let glow = if x > 0.9 { sun } else { 0.0 };
+            [1.0 + 0.5 * x as f32 + glow, 1.0 + 0.5 * y as f32 + glow, 1.0 + 0.5 * z as f32 + glow]
+        })
+    }
+
     /// Renders with validation on; any message fails the test.
     pub fn render(&self, scene: &Path, look: &Look<'_>) -> Vec<Picture> {
         let output = self.path(look.file);
@@ -58,9 +70,10 @@ impl Workshop {
             frames: 1,
             shading: look.shading,
             geometry: look.geometry,
+            split_sum: look.split_sum,
+            cache: None,
         };
-        let gpu = GpuOptions { validate: true, ..GpuOptions::default() };
-        let facts = render(&request, gpu, &Report::silent()).expect("a render without validation messages");
+        let facts = render(&request, validated(), &Report::silent()).expect("a render without validation messages");
         facts.files.iter().map(|file| Picture::read(file).expect("the written picture")).collect()
     }
 }
@@ -74,6 +87,7 @@ pub struct Look<'a> {
     pub stereo: bool,
     pub shading: Shading,
     pub geometry: Geometry,
+    pub split_sum: SplitSum,
 }
 
 impl Default for Look<'_> {
@@ -85,6 +99,7 @@ impl Default for Look<'_> {
             stereo: false,
             shading: Shading::Pbr,
             geometry: Geometry::Smith,
+            split_sum: SplitSum::Moment,
         }
     }
 }
@@ -150,4 +165,45 @@ pub fn scenes(what: &str) -> Option<PathBuf> {
         println!("skipped: {what} (set PBR_VR_SCENES to the folder of test scenes)");
     }
     folder
+}
+
+/// Any validation message will be a failure.
+pub fn validated() -> GpuOptions<'static> {
+    GpuOptions { validate: true, ..GpuOptions::default() }
+}
+
+/// The program with its cache in `folder`/cache.
+pub fn program(folder: &Path, arguments: &[&str]) -> Child {
+    Command::new(env!("CARGO_BIN_EXE_pbr-vr"))
+        .args(arguments)
+        .current_dir(folder)
+        .env("XDG_CACHE_HOME", folder.join("cache"))
+        .env("LOCALAPPDATA", folder.join("cache"))
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .expect("the program starts")
+}
+
+/// Waits for its end.
+pub fn finish(child: Child) -> Output {
+    child.wait_with_output().expect("its end")
+}
+
+/// Waits for its good end; what it said on stdout.
+pub fn succeeds(child: Child) -> String {
+    let output = finish(child);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    String::from_utf8_lossy(&output.stdout).into_owned()
+}
+
+/// A JSON file's content.
+pub fn json(path: &Path) -> serde_json::Value {
+    serde_json::from_slice(&fs::read(path).expect("the facts")).expect("JSON")
+}
+
+/// All files of a folder with their content; none if there is no folder.
+pub fn entries(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
+    let files = fs::read_dir(folder).into_iter().flatten().map(|entry| entry.expect("an entry").path());
+    files.map(|path| (path.clone(), fs::read(&path).expect("an entry's content"))).collect()
 }

@@ -138,6 +138,7 @@ impl Drop for Program {
 pub fn command(folder: &Path) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_pbr-vr"));
     command.current_dir(folder).stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
+    command.env("XDG_CACHE_HOME", folder.join("cache"));
     // Nothing of the desktop that the tests may run in.
     for name in ["DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET", "XMODIFIERS"] {
         command.env_remove(name);

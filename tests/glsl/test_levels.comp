@@ -26,7 +26,8 @@ void main()
         return;
     Input i = inputs[id];
     Lobe lobe = Lobe(i.alpha * i.alpha, 0.5 * (1.0 - i.alpha * i.alpha));
-    float mean = lobe_mean(lobe, 2.0 * i.spread - 1.0, i.spread / 100.0);
+    float c = 2.0 * i.spread - 1.0;
+    float mean = dot(lobe_mean(lobe, c, i.spread / 100.0), vec2(1.0, c)); // one colour: its mean cosine is c
     outputs[id] = Output(level_from_spread(i.spread), mean, table_coordinate(i.spread, i.alpha, vec2(128.0, 96.0)),
         table_arguments(uvec2(id % 128u, id % 96u), uvec2(128u, 96u)));
 }

@@ -5,8 +5,8 @@ use glam::{DVec2, DVec3, Vec3};
 use super::{Environment, Job, Method, Target};
 use crate::asset::Panorama;
 use crate::gpu::Part;
-use crate::precompute::LightMaps;
 use crate::precompute::harness_tests::{texels, with_gpu};
+use crate::precompute::{LightMaps, Options};
 use crate::reference::cube::{cube_direction, panorama_texel_solid_angle, panorama_uv};
 use crate::reference::panorama_sums::prefiltered_around;
 
@@ -23,7 +23,7 @@ fn direction(i: usize, size: u32) -> DVec3 {
 /// What `method` makes of a panorama, through a cube of `size`: for each target its texels with their directions.
 fn fill(panorama: &Panorama, size: u32, method: Method, targets: &[Target]) -> Vec<Vec<(DVec3, DVec3)>> {
     with_gpu(|gpu| {
-        let light = LightMaps::new(gpu, panorama).unwrap();
+        let light = LightMaps::new(gpu, panorama, &Options { face_size: 16, cache: None }).unwrap();
         let environment = Environment::new(gpu, &light.panorama, light.scale, size).unwrap();
         let job = Job::new(gpu, &environment, method, targets).unwrap();
         assert!(job.run(gpu).unwrap()[0].ms > 0.0);

@@ -77,7 +77,7 @@ impl Worker {
                     continue;
                 }
                 // The window is there until this thread has ended; without an event loop it needs no waking.
-                let _ = sender.send(perform(&gpu, settings, job));
+                let _ = sender.send(perform(&gpu, &settings, job));
                 let _ = wake.send_event(());
             }
         };
@@ -137,13 +137,14 @@ pub fn report_screenshot(written: &Result<PathBuf>) {
     }
 }
 
-fn perform(gpu: &Arc<Gpu>, settings: Settings, job: Job) -> Done {
+fn perform(gpu: &Arc<Gpu>, settings: &Settings, job: Job) -> Done {
     let report = Report::to_terminal();
     match job {
         Job::Scene { path, shading, size } => Done::Scene(load_stage(gpu, settings, &path, shading, size, &report)),
         Job::Panorama { path } => {
-            let light =
-                Panorama::load(&path, &report).and_then(|panorama| LightMaps::new(gpu, &panorama)).map(Box::new);
+            let light = Panorama::load(&path, &report)
+                .and_then(|panorama| LightMaps::new(gpu, &panorama, &settings.precompute))
+                .map(Box::new);
             Done::Panorama { name: file_name(&path), light }
         }
         Job::Screenshot { pixels, size } => Done::Screenshot(write_screenshot(&pixels, size, Path::new(""))),
@@ -152,14 +153,14 @@ fn perform(gpu: &Arc<Gpu>, settings: Settings, job: Job) -> Done {
 
 fn load_stage(
     gpu: &Arc<Gpu>,
-    settings: Settings,
+    settings: &Settings,
     path: &Path,
     shading: Shading,
     size: [u32; 2],
     report: &Report,
 ) -> Result<Box<Stage>> {
     let scene = load_scene(path, report)?;
-    let renderer = Renderer::new(gpu, &scene, settings, shading, size, 1, report)?;
+    let renderer = Renderer::new(gpu, &scene, settings.clone(), shading, size, 1, report)?;
     let bounds = scene.bounds();
     Ok(Box::new(Stage {
         name: file_name(path),

@@ -1,0 +1,189 @@
+//! `bake`: what a panorama is precomputed to, as KTX2 files for other programs.
+
+use std::fmt;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::Instant;
+
+use half::f16;
+use serde::Serialize;
+
+use super::picture::ms_since;
+use crate::asset::ktx2::{Ktx2, TexelFormat};
+use crate::asset::{Panorama, Report};
+use crate::gpu::{Gpu, GpuOptions, PassTime};
+use crate::precompute::{BrdfTable, Cache, LightMaps, Options, check_face_size, read_texture};
+use crate::reference::brdf::Geometry;
+use crate::reference::table::SplitSum;
+use crate::{Error, Result};
+
+/// What to bake and where to.
+#[derive(Clone, Copy)]
+pub struct BakeRequest<'a> {
+    pub panorama: &'a Path,
+    /// Made if it is not there.
+    pub folder: &'a Path,
+    /// Texels along a face of the largest specular levels.
+    pub face_size: u32,
+    pub cache: Option<&'a Cache>,
+}
+
+/// What baking did, for `--json`.
+#[derive(Serialize)]
+pub struct BakeFacts {
+    pub panorama: PathBuf,
+    /// Texels.
+    pub panorama_size: [u32; 2],
+    pub face_size: u32,
+    pub gpu: String,
+    pub driver: String,
+    pub files: Vec<BakedFile>,
+    /// In order; reading the panorama, opening the GPU and writing files are among them.
+    pub stages: Vec<Stage>,
+    pub warnings: Vec<String>,
+}
+
+/// One file that was written.
+#[derive(Serialize)]
+pub struct BakedFile {
+    pub path: PathBuf,
+    pub bytes: u64,
+    /// Vulkan's name.
+    pub format: &'static str,
+    /// Texels of level 0.
+    pub size: [u32; 2],
+    /// 0 if it is no array.
+    pub layers: u32,
+    pub faces: u32,
+    pub levels: usize,
+}
+
+/// One step: how long it took on the clock, and its passes' times on the GPU.
+#[derive(Serialize)]
+pub struct Stage {
+    pub name: &'static str,
+    pub wall_ms: f64,
+    pub gpu: Vec<PassTime>,
+}
+
+impl fmt::Display for BakedFile {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let [width, height] = self.size;
+        let shape = if self.faces == 6 { "cube" } else { "table" };
+        let path = self.path.display();
+        write!(f, "{path}: {shape} {width}x{height}, {} level(s), {}", self.levels, self.format)?;
+        if self.layers > 0 { write!(f, ", {} layers", self.layers) } else { Ok(()) }
+    }
+}
+
+/// Precomputes a panorama's light and writes `irradiance.ktx2`, `specular.ktx2` and `brdf.ktx2`. The second is an array of
+/// two cubes: level i of `reference::levels` is mip i / 2 of layer i % 2.
+///
+/// # Errors
+/// A bad size, an unreadable panorama, an unwritable folder, whatever stops the GPU; a validation message where
+/// validation was asked for.
+pub fn bake(request: &BakeRequest<'_>, gpu: GpuOptions<'_>, report: &Report) -> Result<BakeFacts> {
+    check_face_size(request.face_size)?;
+    let mut stages = Stages(Vec::new());
+    let panorama = stages.run("read panorama", || Panorama::load(request.panorama, report), |_| &[])?;
+    // Better now than after the work.
+    std::fs::create_dir_all(request.folder).map_err(Error::write(request.folder))?;
+    let gpu = stages.run("open GPU", || Gpu::open(gpu), |_| &[])?;
+    let messages = gpu.messages();
+    let options = Options { face_size: request.face_size, cache: request.cache.cloned() };
+    let light = stages.run("light maps", || LightMaps::new(&gpu, &panorama, &options), |light| &light.times)?;
+    let table = || BrdfTable::new(&gpu, Geometry::Smith, SplitSum::Moment, request.cache);
+    let table = stages.run("BRDF table", table, |table| &table.times)?;
+    let files = stages.run("write files", || write(&gpu, request.folder, &light, &table), |_| &[])?;
+    let facts = BakeFacts {
+        panorama: request.panorama.to_owned(),
+        panorama_size: [panorama.width, panorama.height],
+        face_size: request.face_size,
+        gpu: gpu.info().name.clone(),
+        driver: gpu.info().driver.clone(),
+        files,
+        stages: stages.0,
+        warnings: report.warnings(),
+    };
+    // The device says its last words, leaks for one, while it is destroyed.
+    drop((light, table, gpu));
+    messages.check()?;
+    Ok(facts)
+}
+
+struct Stages(Vec<Stage>);
+
+impl Stages {
+    fn run<T>(
+        &mut self,
+        name: &'static str,
+        step: impl FnOnce() -> Result<T>,
+        gpu: impl FnOnce(&T) -> &[PassTime],
+    ) -> Result<T> {
+        let started = Instant::now();
+        let done = step()?;
+        self.0.push(Stage { name, wall_ms: ms_since(started), gpu: gpu(&done).to_vec() });
+        Ok(done)
+    }
+}
+
+fn write(gpu: &Arc<Gpu>, folder: &Path, light: &LightMaps, table: &BrdfTable) -> Result<Vec<BakedFile>> {
+    let mut irradiance = radiance(gpu, &[&light.irradiance_over_pi], light.scale)?;
+    irradiance.set_text("pbrvrContent", "irradiance / pi");
+    let mut specular = radiance(gpu, &light.specular.each_ref(), light.scale)?;
+    specular.set_text("pbrvrContent", "radiance filtered by GGX lobes; level i: mip i / 2 of layer i % 2");
+    let roughness: Vec<String> = LightMaps::specular_roughness().iter().map(f64::to_string).collect();
+    specular.set_text("pbrvrRoughness", &roughness.join(" "));
+    let mut brdf = read_texture(gpu, &[&table.image])?;
+    brdf.set_text("pbrvrContent", BrdfTable::MEANING);
+    [("irradiance.ktx2", irradiance), ("specular.ktx2", specular), ("brdf.ktx2", brdf)]
+        .map(|(name, texture)| write_file(folder.join(name), &texture))
+        .into_iter()
+        .collect()
+}
+
+/// Maps that hold radiance / `scale` as a texture that holds radiance: in halves, bit for bit, unless scale says that
+/// these do not reach far enough.
+fn radiance(gpu: &Arc<Gpu>, maps: &[&crate::gpu::Image], scale: f32) -> Result<Ktx2> {
+    let texture = read_texture(gpu, maps)?;
+    Ok(if scale > 1.0 && texture.format == TexelFormat::Rgba16Float { widen(texture, scale) } else { texture })
+}
+
+/// Halves to floats with RGB times `scale`; exact, as scale is a power of two.
+fn widen(mut texture: Ktx2, scale: f32) -> Ktx2 {
+    let number = |(i, bytes): (usize, &[u8])| {
+        let half = f32::from(f16::from_le_bytes([bytes[0], bytes[1]]));
+        // Rounding to halves may have gone up from the largest of all floats.
+        let value = if i % 4 < 3 { (half * scale).min(f32::MAX) } else { half };
+        value.to_le_bytes()
+    };
+    for level in &mut texture.levels {
+        *level = level.chunks_exact(2).enumerate().flat_map(number).collect();
+    }
+    texture.format = TexelFormat::Rgba32Float;
+    texture
+}
+
+fn write_file(path: PathBuf, texture: &Ktx2) -> Result<BakedFile> {
+    texture.write(&path)?;
+    let bytes = std::fs::metadata(&path).map_err(Error::read(&path))?.len();
+    let Ktx2 { format, size, layers, faces, .. } = *texture;
+    Ok(BakedFile { path, bytes, format: format.name(), size, layers, faces, levels: texture.levels.len() })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn widening_multiplies_colour_and_keeps_alpha() {
+        let halves = [1.5, 65504.0, 0.0, 1.0].map(|v| f16::from_f32(v).to_le_bytes()).concat();
+        let format = TexelFormat::Rgba16Float;
+        let texture = Ktx2 { format, size: [1, 1], layers: 0, faces: 1, levels: vec![halves], key_values: [].into() };
+        let wide = widen(texture.clone(), 4.0);
+        assert_eq!(wide.format, TexelFormat::Rgba32Float);
+        assert_eq!(wide.levels[0], [6f32, 262_016.0, 0.0, 1.0].map(f32::to_le_bytes).concat());
+        let widest = widen(texture, 2f32.powi(113));
+        assert_eq!(widest.levels[0][4..8], f32::MAX.to_le_bytes());
+    }
+}
