@@ -10,5 +10,6 @@ pub mod gpu;
 pub mod precompute;
 pub mod render;
 pub mod view;
+pub mod measure;
 
 pub use error::{Error, Result};

@@ -9,6 +9,7 @@ use pbr_vr::asset::Report;
 use pbr_vr::asset::file::write_atomically;
 use pbr_vr::asset::picture::{Picture, compare};
 use pbr_vr::gpu::GpuOptions;
+use pbr_vr::measure::{self, MeasureRequest};
 use pbr_vr::precompute::{Cache, Options};
 use pbr_vr::reference::brdf::Geometry;
 use pbr_vr::reference::table::SplitSum;
@@ -51,6 +52,8 @@ enum Command {
     Render(Render),
     /// Write what a panorama is precomputed to, as KTX2 files.
     Bake(Bake),
+    /// Measure speed against accuracy: tables and charts.
+    Measure(Measure),
     /// Say how different two pictures are.
     Compare(Compare),
     /// Say what this machine has, what is missing, and what to do.
@@ -156,6 +159,39 @@ struct Bake {
 }
 
 #[derive(Args)]
+struct Measure {
+    /// What to measure; everything if left out.
+    names: Vec<String>,
+    /// The folder for CSV, JSON and charts; made if it is not there.
+    #[arg(short, long, value_name = "DIR", required_unless_present = "list")]
+    output: Option<PathBuf>,
+    /// Write everything that was measured.
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+    /// A few sizes and parameters: minutes. The default.
+    #[arg(long, conflicts_with = "full")]
+    quick: bool,
+    /// All sizes and parameters, more texels: an hour on a CPU.
+    #[arg(long)]
+    full: bool,
+    /// Say what can be measured.
+    #[arg(long)]
+    list: bool,
+    /// Measure with this panorama instead of the synthetic and shipped ones; may be repeated.
+    #[arg(long = "panorama", value_name = "FILE")]
+    panoramas: Vec<PathBuf>,
+    /// Measure this method alone; may be repeated.
+    #[arg(long = "method", value_name = "NAME")]
+    methods: Vec<String>,
+    /// Texels along the cube's faces; may be repeated.
+    #[arg(long = "size", value_name = "N")]
+    sizes: Vec<u32>,
+    /// Also judge cube maps that cmgen wrote (-f exr --no-mirror) from the one panorama.
+    #[arg(long, value_name = "DIR")]
+    judge: Option<PathBuf>,
+}
+
+#[derive(Args)]
 struct Compare {
     a: PathBuf,
     b: PathBuf,
@@ -185,6 +221,7 @@ fn run(cli: &Cli) -> Result<()> {
         Command::View(view) => run_view(view, gpu, cache),
         Command::Render(render) => run_render(render, gpu, cache),
         Command::Bake(bake) => run_bake(bake, gpu, cache),
+        Command::Measure(measure) => run_measure(measure, gpu),
         Command::Compare(compare) => run_compare(compare),
         Command::Doctor => doctor::run(),
     }
@@ -233,6 +270,28 @@ fn run_bake(args: &Bake, gpu: GpuOptions<'_>, cache: Option<&Cache>) -> Result<(
     match &args.json {
         Some(path) => write_json(path, &facts),
         None => Ok(()),
+    }
+}
+
+fn run_measure(args: &Measure, gpu: GpuOptions<'_>) -> Result<()> {
+    if args.list {
+        measure::NAMES.iter().for_each(|(name, what)| println!("{name:12} {what}"));
+        println!("methods      {}", measure::METHODS.join(", "));
+        return Ok(());
+    }
+    let request = MeasureRequest {
+        names: &args.names,
+        output: args.output.as_deref().unwrap_or(std::path::Path::new(".")),
+        full: args.full,
+        panoramas: &args.panoramas,
+        methods: &args.methods,
+        sizes: &args.sizes,
+        judge: args.judge.as_deref(),
+    };
+    let sweep = measure::run(&request, gpu, &Report::to_terminal())?;
+    match (&args.json, sweep) {
+        (Some(path), Some(sweep)) => write_json(path, &sweep),
+        _ => Ok(()),
     }
 }
 

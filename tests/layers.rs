@@ -4,7 +4,8 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// Lowest first; a layer may use itself and those before it. `lib.rs` declares all but `main`.
-const LAYERS: [&str; 9] = ["error", "reference", "asset", "scene", "gpu", "precompute", "render", "view", "main"];
+const LAYERS: [&str; 10] =
+    ["error", "reference", "asset", "scene", "gpu", "precompute", "render", "view", "measure", "main"];
 /// Re-exports at the crate's root, which belong to `error`.
 const ROOT_NAMES: [&str; 2] = ["Error", "Result"];
 const MOST_LINES: usize = 500;

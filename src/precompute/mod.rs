@@ -1,6 +1,7 @@
 //! Panorama to cube, specular levels and irradiance; BRDF table. On the GPU, but for lists of what to sum; results are
 //! kept on disk.
 
+pub mod alternatives;
 mod brdf_table;
 mod cache;
 mod kernel_sum;

@@ -1,10 +1,11 @@
 //! The truth in f64, no Vulkan: BRDF terms, sampling, integrals, colour, picture metrics.
 //!
-//! `math`, `brdf`, `sampling`, `cube` and `tone` are the twins of the files of the same name in `glsl/`: same functions, same
+//! `math`, `brdf`, `sampling`, `cube`, `harmonics` and `tone` are the twins of the files of the same name in `glsl/`: same functions, same
 //! arguments, same constants.
 
 pub mod brdf;
 pub mod cube;
+pub mod harmonics;
 pub mod integrals;
 pub mod math;
 pub mod levels;

@@ -1,0 +1,63 @@
+//! The cube with mips that the alternatives sample.
+
+use std::sync::Arc;
+
+use crate::Result;
+use crate::gpu::{
+    Bind, Edge, Format, Gpu, Image, ImageDesc, ImageUsageFlags, PassTime, Pipeline, Sampler, Set, SetLayout, Shape,
+    Slot, Use, run,
+};
+
+/// A panorama as a cube map with all mips, in half floats: radiance / `scale`.
+pub struct Environment {
+    pub(super) cube: Image,
+    pub scale: f32,
+    pub times: Vec<PassTime>,
+}
+
+impl Environment {
+    /// Computes the cube, `size` texels along a face (a power of two), from a panorama in f32.
+    pub fn new(gpu: &Arc<Gpu>, panorama: &Image, scale: f32, size: u32) -> Result<Self> {
+        let cube = cube(gpu, "environment", size, size.ilog2() + 1)?;
+        let sampler = Sampler::new(gpu, "panorama", Edge::Panorama, false)?;
+        let set = |layout: &SetLayout, binds: &[Bind<'_>]| Set::new(gpu, "environment", layout, binds);
+
+        // Two taps for each panorama texel that a cube texel spans at the equator.
+        let taps = (panorama.desc().size[0].div_ceil(4 * size) * 2).clamp(2, 16);
+        let layout = SetLayout::new(gpu, "panorama to cube", &[Slot::Sampled, Slot::StorageImage])?;
+        let to_cube = Pipeline::compute(gpu, "alternative_cube.comp", &[(0, taps)], &[&layout], 4)?;
+        let to_cube_set = set(&layout, &[Bind::Sampled(panorama, &sampler), Bind::StorageImage(&cube, 0)])?;
+
+        let layout = SetLayout::new(gpu, "cube mips", &[Slot::StorageImage, Slot::StorageImage])?;
+        let halve = Pipeline::compute(gpu, "alternative_mip.comp", &[], &[&layout], 0)?;
+        let mips = (0..size.ilog2() as usize)
+            .map(|mip| set(&layout, &[Bind::StorageImage(&cube, mip), Bind::StorageImage(&cube, mip + 1)]))
+            .collect::<Result<Vec<_>>>()?;
+
+        let times = run(gpu, |commands| {
+            commands.prepare(&cube, Use::Storage);
+            commands.pass("panorama to cube", |commands| {
+                commands.bind(&to_cube, &[&to_cube_set]);
+                commands.push(&to_cube, bytemuck::bytes_of(&scale.recip()));
+                commands.dispatch([size.div_ceil(8), size.div_ceil(8), 6]);
+            });
+            commands.pass("cube mips", |commands| {
+                for (mip, set) in (1u32..).zip(&mips) {
+                    commands.prepare(&cube, Use::Storage);
+                    commands.bind(&halve, &[set]);
+                    let groups = (size >> mip).div_ceil(8);
+                    commands.dispatch([groups, groups, 6]);
+                }
+            });
+            Ok(())
+        })?;
+        Ok(Self { cube, scale, times })
+    }
+}
+
+/// A cube map in half floats that shaders fill and others sample.
+pub(super) fn cube(gpu: &Arc<Gpu>, name: &str, size: u32, mips: u32) -> Result<Image> {
+    let usage = ImageUsageFlags::SAMPLED | ImageUsageFlags::STORAGE | ImageUsageFlags::TRANSFER_SRC;
+    let flat = ImageDesc::flat(Format::R16G16B16A16_SFLOAT, [size; 2], usage);
+    Image::new(gpu, name, ImageDesc { shape: Shape::Cube, mips, ..flat })
+}
