@@ -82,7 +82,7 @@ impl NodeLists {
 /// and cost little.
 fn node_per_lobe(alpha: f64) -> f64 {
     match alpha {
-        a if a < 0.06 => 1.0,
+        a if a < 0.04 => 0.9,
         a if a < 0.15 => 0.7,
         _ => 0.5,
     }
