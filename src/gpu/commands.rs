@@ -198,6 +198,17 @@ impl Commands<'_> {
         unsafe { self.device().cmd_copy_buffer_to_image(self.recorder.raw, from.raw, image.raw, layout, &[region]) };
     }
 
+    /// Copies tightly packed texels into some rows of mip 0 of the first layer; the image must be prepared for `CopyTo`.
+    pub fn copy_rows_to_image(&mut self, from: &Buffer, image: &Image, rows: std::ops::Range<u32>) {
+        let mut region = self.region(image, Part { mip: 0, layer: 0 });
+        // An image has at most 2^15 rows on any GPU.
+        region.image_offset.y = rows.start as i32;
+        region.image_extent.height = rows.end - rows.start;
+        let (layout, ..) = Use::CopyTo.parts();
+        // SAFETY: the command buffer is being recorded; buffer and image are alive.
+        unsafe { self.device().cmd_copy_buffer_to_image(self.recorder.raw, from.raw, image.raw, layout, &[region]) };
+    }
+
     /// Copies one layer of one mip into a buffer, tightly packed; the image must be prepared for `CopyFrom`.
     pub fn copy_from_image(&mut self, image: &Image, part: Part, to: &Buffer, offset: u64) {
         let region = self.region(image, part).buffer_offset(offset);

@@ -31,4 +31,4 @@ pub use shader::compute_shaders;
 #[cfg(feature = "hot-reload")]
 pub use shader::on_disk::folder as shader_folder;
 pub use swapchain::{Acquired, PresentMode, Swapchain};
-pub use transfer::{Upload, read_buffer, read_image, read_mips, write_mips};
+pub use transfer::{Upload, read_buffer, read_image, read_mips, upload_rows, write_mips};

@@ -1,5 +1,6 @@
 //! Bytes between CPU and GPU: uploads in batches of bounded size, and readback.
 
+use std::ops::Range;
 use std::sync::Arc;
 
 use super::buffer::{Buffer, BufferKind};
@@ -89,6 +90,32 @@ fn record(commands: &mut Commands<'_>, copy: &Copy<'_>) {
             commands.halve_mips(to);
         }
     }
+}
+
+/// Fills mip 0 of a one-layer image band by band, and the other mips by halving: a large picture is never held twice.
+/// `texels` makes the tightly packed texels, `bytes_per_texel` each, of a range of rows.
+pub fn upload_rows(
+    gpu: &Arc<Gpu>,
+    to: &Image,
+    bytes_per_texel: u64,
+    texels: impl Fn(Range<u32>) -> Vec<u8>,
+) -> Result<()> {
+    let [width, height] = to.desc().size;
+    let band = u32::try_from(BATCH_BYTES / (u64::from(width) * bytes_per_texel)).unwrap_or(u32::MAX).max(1);
+    for first in (0..height).step_by(band as usize) {
+        let rows = first..height.min(first.saturating_add(band));
+        let staging = Buffer::with_bytes(gpu, "staging", BufferKind::Upload, &texels(rows.clone()))?;
+        run(gpu, |commands| {
+            commands.prepare(to, Use::CopyTo);
+            commands.copy_rows_to_image(&staging, to, rows);
+            Ok(())
+        })?;
+    }
+    run(gpu, |commands| {
+        commands.halve_mips(to);
+        Ok(())
+    })?;
+    Ok(())
 }
 
 /// Copies a buffer back to the CPU.

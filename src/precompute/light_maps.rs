@@ -6,7 +6,7 @@ use super::Options;
 use super::cache::cached;
 use super::kernel_sum::KernelSum;
 use crate::asset::Panorama;
-use crate::gpu::{Format, Gpu, Image, ImageDesc, ImageUsageFlags, PassTime, Shape, Upload};
+use crate::gpu::{Format, Gpu, Image, ImageDesc, ImageUsageFlags, PassTime, Shape, upload_rows};
 use crate::reference::levels::{LEVELS, alpha_from_level};
 use crate::{Error, Result};
 
@@ -84,10 +84,11 @@ fn upload(gpu: &Arc<Gpu>, panorama: &Panorama) -> Result<Image> {
     let format = Format::R32G32B32A32_SFLOAT;
     let desc = ImageDesc { mips: ImageDesc::full_mips(size), ..ImageDesc::flat(format, size, usage) };
     let image = Image::new(gpu, &panorama.name, desc)?;
-    let texels: Vec<[f32; 4]> = panorama.texels.iter().map(|[r, g, b]| [*r, *g, *b, 1.0]).collect();
-    let mut upload = Upload::new(gpu);
-    upload.texture(&image, bytemuck::cast_slice(&texels))?;
-    upload.finish()?;
+    let width = size[0] as usize;
+    upload_rows(gpu, &image, size_of::<[f32; 4]>() as u64, |rows| {
+        let texels = &panorama.texels[rows.start as usize * width..rows.end as usize * width];
+        texels.iter().flat_map(|[r, g, b]| bytemuck::cast::<_, [u8; 16]>([*r, *g, *b, 1.0])).collect()
+    })?;
     Ok(image)
 }
 
