@@ -293,6 +293,20 @@ fn radiance_beyond_half_floats_keeps_its_energy() {
 }
 
 #[test]
+fn one_texel_of_1e30_is_held_and_nothing_overflows() {
+    let mut panorama = Panorama::from_fn(128, 64, |_| Vec3::splat(0.5));
+    panorama.texels[20 * 128 + 30] = [1e30; 3];
+    let maps = Maps::of(&panorama);
+    assert!(maps.all_texels().all(|t| t.is_finite() && t.min_element() >= 0.0));
+    let truth = 1e30 * panorama_texel_solid_angle(20, [128, 64]);
+    for (i, level) in maps.specular.iter().enumerate() {
+        let off = (level.energy().x - truth).abs() / truth;
+        println!("level {i}: energy off by {off:.4}");
+        assert!(off <= 0.05, "level {i}: energy off by {off}");
+    }
+}
+
+#[test]
 fn panoramas_of_any_shape_come_out() {
     for (width, height) in [(1, 1), (1, 8), (8, 1), (37, 19), (3, 400)] {
         let mut random = Random(8);
