@@ -7,7 +7,7 @@
 PACKAGES_TO_RUN=(g++ pkg-config libshaderc-dev glslang-dev spirv-tools libvulkan1 mesa-vulkan-drivers
     libxkbcommon0 libxkbcommon-x11-0 libx11-6 libx11-xcb1 libxcursor1 libxi6 libxrandr2 libwayland-client0)
 # shellcheck disable=SC2034
-PACKAGES_TO_TEST=(vulkan-validationlayers xvfb xauth xdotool)
+PACKAGES_TO_TEST=(vulkan-validationlayers xvfb python3)
 
 # Installs those of the named packages that are missing; says so in one line; does nothing when all are there.
 install_packages() {
