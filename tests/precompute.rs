@@ -10,7 +10,7 @@ use pbr_vr::reference::lobe::kernel_spread;
 use pbr_vr::reference::panorama_sums::prefiltered_around;
 use pbr_vr::reference::sampling::hammersley;
 
-/// Width of the panoramas of the quick tests; `measured_against_every_texel` has the size that counts.
+/// Width of the panoramas; `pbr-vr measure precompute` takes 2048 and more texels.
 const WIDTH: u32 = 1024;
 
 #[test]
@@ -35,36 +35,10 @@ fn levels_and_irradiance_hold_what_sums_over_the_panorama_give() {
     messages.check().expect("no validation messages");
 }
 
-/// User CPU time of this process, seconds: what lavapipe's threads used, however busy the machine is.
-fn cpu_seconds() -> f64 {
-    let stat = std::fs::read_to_string("/proc/self/stat").unwrap_or_default();
-    let after_name = stat.rsplit(") ").next().unwrap_or_default();
-    after_name.split(' ').nth(11).and_then(|ticks| ticks.parse().ok()).unwrap_or(f64::NAN) / 100.0
-}
-
-/// The numbers to publish: `cargo test --release --test precompute -- --ignored --nocapture`.
-#[test]
-#[ignore = "minutes; for the table of errors"]
-fn measured_against_every_texel() {
-    let (gpu, _messages) = open_gpu();
-    for sun in [false, true] {
-        let panorama = panorama(2048, sun);
-        let before = cpu_seconds();
-        let maps = LightMaps::new(&gpu, &panorama, &Options::default()).expect("light maps");
-        println!("CPU {:.3} s, passes {:?}", cpu_seconds() - before, maps.times);
-        for level in 1..LEVELS {
-            let cube = read_cube(&gpu, &maps.specular[level % 2], (level / 2) as u32);
-            println!("sun {sun}, level {level}: {}", level_errors(&cube, alpha_from_level(level), &panorama, 64));
-        }
-        let irradiance = read_cube(&gpu, &maps.irradiance_over_pi, 0);
-        println!("sun {sun}, irradiance: {}", level_errors(&irradiance, 1.0, &panorama, 64));
-    }
-}
-
 /// Directions that are nobody's texel centres, and roughnesses between the levels'.
 #[test]
 fn roughness_between_levels_is_close_to_its_own_lobe() {
-    let (gpu, _messages) = open_gpu();
+    let (gpu, messages) = open_gpu();
     for sun in [false, true] {
         let panorama = panorama(WIDTH, sun);
         let maps = LightMaps::new(&gpu, &panorama, &Options::default()).expect("light maps");
@@ -99,4 +73,6 @@ fn roughness_between_levels_is_close_to_its_own_lobe() {
         println!("sun {sun}: mean {mean:.4} over {} roughnesses, {all:.4} over all", stored.len());
         assert!(mean <= 0.01 && all <= 0.025);
     }
+    drop(gpu);
+    messages.check().expect("no validation messages");
 }
