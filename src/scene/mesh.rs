@@ -45,11 +45,6 @@ impl Bounds {
         points.into_iter().fold(Self::EMPTY, |b, p| Self { min: b.min.min(p), max: b.max.max(p) })
     }
 
-    /// The smallest box around both.
-    pub fn union(self, other: Self) -> Self {
-        Self { min: self.min.min(other.min), max: self.max.max(other.max) }
-    }
-
     /// Its middle.
     pub fn centre(self) -> Vec3 {
         (self.min + self.max) * 0.5
