@@ -73,7 +73,7 @@ impl Forward {
 
     /// Draws all instances for all eyes.
     pub fn draw(&self, commands: &mut Commands<'_>, world: &World, frame: &Set) {
-        commands.bind_mesh(&world.vertices, &world.indices);
+        commands.bind_mesh(&world.geometry.vertices, &world.geometry.indices);
         let mut bound: (Option<Needs>, Option<usize>) = (None, None);
         for draw in &world.draws {
             let material = &world.materials[draw.material];
@@ -87,7 +87,7 @@ impl Forward {
                 bound.1 = Some(draw.material);
             }
             commands.push(pipeline, bytemuck::bytes_of(&DrawBlock::new(draw.world_from_local)));
-            commands.draw_indexed(draw.indices.clone(), draw.first_vertex, self.eyes);
+            commands.draw_indexed(draw.range.indices.clone(), draw.range.first_vertex, self.eyes);
         }
     }
 
