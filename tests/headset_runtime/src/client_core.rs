@@ -7,6 +7,7 @@ use std::time::Duration;
 use openvr_sys as sys;
 use serde_json::{Value, json};
 
+use crate::frame_times::FrameTimes;
 use crate::log::Log;
 use crate::runtime::{self, Runtime};
 use crate::script::Script;
@@ -66,8 +67,8 @@ pub unsafe fn text<'a>(text: *const c_char) -> &'a str {
 /// Script and log, or a line on stderr.
 fn open() -> Option<(Script, Log)> {
     let opened = Script::from_environment().and_then(|script| {
-        let log = Log::open(script.as_ref().map(|s| s.output.as_path()))?;
-        Ok((script.unwrap_or_default(), log))
+        let log = Log::open(script.folder())?;
+        Ok((script, log))
     });
     opened.inspect_err(|problem| eprintln!("headset runtime: {problem}")).ok()
 }
@@ -95,7 +96,13 @@ unsafe extern "C" fn init(
     if start.error != 0 {
         return start.error as sys::EVRInitError;
     }
-    runtime::start(Runtime::new(script, log));
+    match FrameTimes::open(script.folder()) {
+        Ok(times) => runtime::start(Runtime::new(script, log, times)),
+        Err(problem) => {
+            eprintln!("headset runtime: {problem}");
+            return sys::EVRInitError_VRInitError_Init_SettingsInitFailed;
+        }
+    }
     OK
 }
 

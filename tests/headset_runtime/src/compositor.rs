@@ -1,9 +1,8 @@
 //! IVRCompositor: the pace of frames, poses, what is submitted, and frame timing.
 
-use std::collections::VecDeque;
 use std::ffi::{CString, c_char, c_void};
 use std::process;
-use std::sync::LazyLock;
+use std::sync::{Arc, LazyLock};
 use std::thread;
 use std::time::{Duration, Instant};
 
@@ -12,6 +11,7 @@ use serde_json::json;
 
 use crate::client_core::NOTHING;
 use crate::images::Submitted;
+use crate::pace::PastFrame;
 use crate::runtime::{Runtime, with};
 use crate::script::lasts;
 use crate::system::{copy_string, eye_index};
@@ -48,72 +48,6 @@ pub fn table() -> *mut c_void {
 }
 
 const OK: sys::EVRCompositorError = sys::EVRCompositorError_VRCompositorError_None;
-/// Frames that GetFrameTiming remembers, as SteamVR does.
-const REMEMBERED: usize = 128;
-/// What a headset without a pace of its own says.
-const USUAL_HZ: f32 = 90.0;
-
-/// One past frame, as GetFrameTiming tells it.
-#[derive(Clone, Copy, Default)]
-struct PastFrame {
-    frame: u64,
-    presents: u32,
-    dropped: u32,
-    reprojection_flags: u32,
-    interval_ms: f32,
-}
-
-/// When frames begin, and which came too late.
-pub struct Pace {
-    period: Option<Duration>,
-    started: Instant,
-    vsync: Instant,
-    past: VecDeque<PastFrame>,
-    presents: u32,
-    dropped: u32,
-    reprojected: u32,
-}
-
-impl Pace {
-    pub fn new(hz: f32) -> Self {
-        let period = (hz > 0.0).then(|| Duration::from_secs_f32(1.0 / hz));
-        let now = Instant::now();
-        let past = VecDeque::with_capacity(REMEMBERED);
-        Self { period, started: now, vsync: now, past, presents: 0, dropped: 0, reprojected: 0 }
-    }
-
-    pub fn display_hz(&self) -> f32 {
-        self.period.map_or(USUAL_HZ, |p| 1.0 / p.as_secs_f32())
-    }
-
-    pub fn seconds_since_vsync(&self) -> f32 {
-        self.vsync.elapsed().as_secs_f32()
-    }
-
-    /// The next vsync, and how many have been missed since the last frame began.
-    fn next_vsync(&self, now: Instant) -> (Instant, u32) {
-        let Some(period) = self.period else { return (now, 0) };
-        let mut next = self.vsync + period;
-        let mut missed = 0;
-        while next < now {
-            next += period;
-            missed += 1;
-        }
-        (next, missed)
-    }
-
-    fn begin(&mut self, frame: PastFrame, vsync: Instant) {
-        let interval_ms = (vsync - self.vsync).as_secs_f32() * 1e3;
-        self.vsync = vsync;
-        if self.past.len() == REMEMBERED {
-            self.past.pop_front();
-        }
-        self.presents += frame.presents;
-        self.dropped += frame.dropped;
-        self.reprojected += u32::from(frame.presents > 1);
-        self.past.push_back(PastFrame { interval_ms, ..frame });
-    }
-}
 
 unsafe extern "C" fn set_tracking_space(space: sys::ETrackingUniverseOrigin) {
     with(|r| {
@@ -134,12 +68,13 @@ unsafe extern "C" fn wait_get_poses(
 ) -> sys::EVRCompositorError {
     let (vsync, missed) = with(|r| {
         r.call("WaitGetPoses", NOTHING);
+        r.times.wait_begins();
         r.pace.next_vsync(Instant::now())
     });
     // Not under the lock: other threads may ask for other things meanwhile.
     thread::sleep(vsync.saturating_duration_since(Instant::now()));
     with(|r| {
-        begin_frame(r, vsync.max(r.pace.started), missed);
+        begin_frame(r, vsync, missed);
         let error = r.script.wait_error.iter().find(|e| lasts(r.frame, e.frame, e.last));
         let code = error.map_or(OK, |e| e.code as sys::EVRCompositorError);
         if code == OK {
@@ -149,6 +84,7 @@ unsafe extern "C" fn wait_get_poses(
                 r.fill(game, game_count, r.frame + 1, r.space);
             }
         }
+        r.times.frame_begins(r.frame, missed);
         r.call("Frame", json!({ "code": code, "missed": missed }));
         code
     })
@@ -160,7 +96,7 @@ fn begin_frame(r: &mut Runtime, vsync: Instant, missed: u32) {
     let frame = r.frame;
     r.submitted = [false; 2];
     r.images.collect(frame);
-    let script = r.script.clone();
+    let script = Arc::clone(&r.script);
     if script.die.iter().any(|d| d.frame == frame) {
         r.call("Die", NOTHING);
         process::abort();
@@ -224,6 +160,7 @@ unsafe extern "C" fn submit(
     flags: sys::EVRSubmitFlags,
 ) -> sys::EVRCompositorError {
     let block = with(|r| {
+        r.times.submit_begins();
         let block = r.script.block_submit.iter().find(|b| b.frame == r.frame && eye_index(eye) == 0);
         block.map(|b| Duration::from_secs_f32(b.seconds))
     });
@@ -240,6 +177,7 @@ unsafe extern "C" fn submit(
         };
         let what = submitted.as_ref().map_or(NOTHING, Submitted::details);
         r.call("Submit", json!({ "eye": eye, "flags": flags, "code": code, "image": what }));
+        r.times.submit_ends();
         code
     })
 }
@@ -272,17 +210,14 @@ unsafe extern "C" fn frame_timing(timing: *mut sys::Compositor_FrameTiming, fram
     with(|r| {
         // SAFETY: the interface asks for a structure that begins with its own size.
         let size = unsafe { (*timing).m_nSize } as usize;
-        let newest = r.pace.past.len().checked_sub(1);
-        let Some(past) = newest.and_then(|n| r.pace.past.get(n.saturating_sub(frames_ago as usize))) else {
-            return false;
-        };
+        let Some(past) = r.pace.ago(frames_ago as usize) else { return false };
         let told = sys::Compositor_FrameTiming {
             m_nSize: u32::try_from(size).unwrap_or(0),
             m_nFrameIndex: u32::try_from(past.frame).unwrap_or(u32::MAX),
             m_nNumFramePresents: past.presents,
             m_nNumDroppedFrames: past.dropped,
             m_nReprojectionFlags: past.reprojection_flags,
-            m_flSystemTimeInSeconds: r.pace.started.elapsed().as_secs_f64(),
+            m_flSystemTimeInSeconds: r.pace.seconds(),
             m_flClientFrameIntervalMs: past.interval_ms,
             m_HmdPose: r.pose(HEAD, past.frame, r.space),
             ..Default::default()
@@ -296,7 +231,7 @@ unsafe extern "C" fn frame_timing(timing: *mut sys::Compositor_FrameTiming, fram
 }
 
 unsafe extern "C" fn frame_time_remaining() -> f32 {
-    with(|r| (1.0 / r.pace.display_hz() - r.pace.seconds_since_vsync()).max(0.0))
+    with(|r| (1.0 / r.pace.hz - r.pace.seconds_since_vsync()).max(0.0))
 }
 
 unsafe extern "C" fn cumulative_stats(stats: *mut sys::Compositor_CumulativeStats, size: u32) {

@@ -2,20 +2,23 @@
 
 use std::collections::VecDeque;
 use std::process;
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError};
 
 use glam::Affine3A;
 use openvr_sys as sys;
 use serde_json::{Value, json};
 
+use crate::client_core::NOTHING;
+use crate::frame_times::FrameTimes;
 use crate::images::Images;
 use crate::input::Actions;
 use crate::log::Log;
+use crate::pace::Pace;
 use crate::script::{EyeOptics, Script};
 
 /// All that a function needs; the tables' functions reach it through `with`.
 pub struct Runtime {
-    pub script: Script,
+    pub script: Arc<Script>,
     pub log: Log,
     /// Count of WaitGetPoses so far.
     pub frame: u64,
@@ -33,13 +36,14 @@ pub struct Runtime {
     pub submitted: [bool; 2],
     pub images: Images,
     pub actions: Actions,
-    pub pace: crate::compositor::Pace,
+    pub pace: Pace,
+    pub times: FrameTimes,
 }
 
 static RUNTIME: Mutex<Option<Runtime>> = Mutex::new(None);
 
 impl Runtime {
-    pub fn new(script: Script, log: Log) -> Self {
+    pub fn new(script: Script, log: Log, times: FrameTimes) -> Self {
         let corners =
             |eye: &EyeOptics| eye.hidden_triangles.iter().flatten().map(|v| sys::HmdVector2_t { v: *v }).collect();
         Self {
@@ -55,8 +59,9 @@ impl Runtime {
             submitted: [false; 2],
             images: Images::new(script.output.clone()),
             actions: Actions::default(),
-            pace: crate::compositor::Pace::new(script.hz),
-            script,
+            pace: Pace::new(script.hz, script.is_paced),
+            times,
+            script: Arc::new(script),
         }
     }
 
@@ -85,7 +90,8 @@ pub fn start(runtime: Runtime) {
 pub fn stop() {
     let stopped = RUNTIME.lock().unwrap_or_else(PoisonError::into_inner).take();
     if let Some(mut runtime) = stopped {
-        runtime.call("Cleanup", json!({}));
+        runtime.call("Cleanup", NOTHING);
+        runtime.times.end();
         runtime.images.close();
         runtime.call("CleanupDone", json!({ "copied": runtime.images.copied }));
     }
@@ -99,4 +105,20 @@ pub fn with<T>(f: impl FnOnce(&mut Runtime) -> T) -> T {
         process::abort();
     };
     f(runtime)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What the loader and the programs compiled against OpenVR's own headers take for granted, on 64-bit Linux and Windows.
+    #[test]
+    fn structures_have_the_sizes_of_the_c_headers() {
+        let padded = if cfg!(windows) { 64 } else { 60 };
+        assert_eq!(size_of::<sys::VREvent_t>(), padded);
+        assert_eq!(size_of::<sys::TrackedDevicePose_t>(), 80);
+        assert_eq!(size_of::<sys::VRVulkanTextureData_t>(), 64);
+        assert_eq!(size_of::<sys::Texture_t>(), 16);
+        assert_eq!(size_of::<sys::HiddenAreaMesh_t>(), 16);
+    }
 }

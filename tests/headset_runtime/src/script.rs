@@ -12,12 +12,14 @@ pub const SCRIPT_VARIABLE: &str = "PBR_VR_HEADSET_SCRIPT";
 #[derive(Clone, Debug, Deserialize, Serialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Script {
-    /// Where `calls.jsonl` and the pictures are written; relative to the script's folder.
+    /// Where `calls.jsonl`, `frames.csv` and the pictures are written; relative to the script's folder.
     pub output: PathBuf,
     /// Recommended pixels of an eye's image: width, height.
     pub size: [u32; 2],
-    /// Frames per second that WaitGetPoses keeps; 0: as many as the program makes.
+    /// Frames per second of the display, as the runtime reports them.
     pub hz: f32,
+    /// Whether WaitGetPoses waits for the display; else there are as many frames as the program makes.
+    pub is_paced: bool,
     /// What GetOutputDevice answers: the number of a physical device; −1 for none.
     pub gpu: i32,
     /// Space-separated, as the runtime would name them.
@@ -214,7 +216,8 @@ impl Default for Script {
         Self {
             output: PathBuf::new(),
             size: [256, 256],
-            hz: 0.0,
+            hz: 90.0,
+            is_paced: false,
             gpu: 0,
             instance_extensions: String::new(),
             device_extensions: String::new(),
@@ -248,15 +251,21 @@ impl Script {
     ///
     /// # Errors
     /// A line that names the file and what is wrong with it.
-    pub fn from_environment() -> Result<Option<Self>, String> {
-        std::env::var_os(SCRIPT_VARIABLE).map(|file| Self::read(Path::new(&file))).transpose()
+    pub fn from_environment() -> Result<Self, String> {
+        std::env::var_os(SCRIPT_VARIABLE).map_or_else(|| Ok(Self::default()), |file| Self::read(Path::new(&file)))
+    }
+
+    /// Where to write; nowhere without a script file.
+    pub fn folder(&self) -> Option<&Path> {
+        (!self.output.as_os_str().is_empty()).then_some(&self.output)
     }
 
     fn read(file: &Path) -> Result<Self, String> {
         let say = |problem: &dyn std::fmt::Display| format!("{}: {problem}", file.display());
         let text = std::fs::read_to_string(file).map_err(|e| say(&e))?;
         let mut script: Self = toml::from_str(&text).map_err(|e| say(&e))?;
-        script.output = file.parent().unwrap_or(Path::new("")).join(&script.output);
+        let file = std::path::absolute(file).map_err(|e| say(&e))?;
+        script.output = file.parent().unwrap_or(Path::new("/")).join(&script.output);
         Ok(script)
     }
 
@@ -269,4 +278,34 @@ impl Script {
 /// Whether `at` lies in what lasts from `frame` to `last`.
 pub fn lasts(at: u64, frame: u64, last: Option<u64>) -> bool {
     (frame..=last.unwrap_or(frame)).contains(&at)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_script_survives_being_written_and_unknown_keys_are_errors() {
+        let script =
+            Script { size: [12, 34], event: vec![Event { frame: 5, number: 700, device: 0 }], ..Script::default() };
+        let text = toml::to_string(&script).expect("TOML");
+        let read: Script = toml::from_str(&text).expect("a script");
+        assert_eq!(format!("{script:?}"), format!("{read:?}"));
+        assert!(toml::from_str::<Script>("sise = [1, 1]").is_err());
+    }
+
+    #[test]
+    fn the_simulators_script_can_be_read() {
+        let script: Script = toml::from_str(include_str!("../look-around.toml")).expect("a script");
+        assert_eq!(script.left.hidden_triangles.len(), 4);
+        assert!(script.head.len() > 3 && script.head.is_sorted_by_key(|w| w.frame));
+    }
+
+    #[test]
+    fn pictures_are_written_of_the_frames_named_and_of_multiples() {
+        let script = Script { show: vec![3], show_every: 5, ..Script::default() };
+        let shown: Vec<u64> = (1..12).filter(|frame| script.shows(*frame)).collect();
+        assert_eq!(shown, [3, 5, 10]);
+        assert!(lasts(4, 4, None) && !lasts(5, 4, None) && lasts(5, 4, Some(5)) && !lasts(6, 4, Some(5)));
+    }
 }

@@ -198,7 +198,7 @@ unsafe extern "C" fn float_property(
 ) -> f32 {
     let value = with(|r| match property {
         _ if device != HEAD => None,
-        sys::ETrackedDeviceProperty_Prop_DisplayFrequency_Float => Some(r.pace.display_hz()),
+        sys::ETrackedDeviceProperty_Prop_DisplayFrequency_Float => Some(r.pace.hz),
         sys::ETrackedDeviceProperty_Prop_UserIpdMeters_Float => Some(r.eyes[1].position[0] - r.eyes[0].position[0]),
         sys::ETrackedDeviceProperty_Prop_SecondsFromVsyncToPhotons_Float => Some(0.011),
         _ => None,
