@@ -1,7 +1,8 @@
-//! One frame for N eyes: forward pass, sky, resolve, text on top.
+//! One frame for N eyes: what no eye sees, forward pass, sky, resolve, text on top.
 
 mod eye;
 mod forward;
+mod hidden_area;
 mod overlay;
 mod shared;
 #[cfg(test)]
@@ -14,6 +15,7 @@ use std::sync::Arc;
 use clap::ValueEnum;
 
 pub use eye::{Eye, IPD_METRES, NEAR_METRES};
+pub use hidden_area::HiddenArea;
 pub use overlay::Overlay;
 pub use shared::MAX_EYES;
 pub use targets::Output;
@@ -103,6 +105,7 @@ pub struct Renderer {
     frame_layout: SetLayout,
     frames: Vec<(Buffer, Set)>,
     forward: Forward,
+    hidden_area: Option<HiddenArea>,
     targets: Targets,
 }
 
@@ -143,6 +146,7 @@ impl Renderer {
             frame_layout,
             frames,
             forward,
+            hidden_area: None,
             targets,
         })
     }
@@ -153,6 +157,39 @@ impl Renderer {
             self.targets = make_targets(&self.gpu, size, self.eyes, &self.settings)?;
         }
         Ok(())
+    }
+
+    /// Draws for another number of eyes from now on; scene and light stay as they are.
+    pub fn set_eyes(&mut self, eyes: u32) -> Result<()> {
+        if self.eyes != eyes {
+            let (before, size) = (std::mem::replace(&mut self.eyes, eyes), self.targets.picture.desc().size);
+            let made = self.make_forward(self.shading).and_then(|forward| {
+                let targets = make_targets(&self.gpu, size, eyes, &self.settings)?;
+                Ok((forward, targets))
+            });
+            if made.is_err() {
+                self.eyes = before;
+            }
+            (self.forward, self.targets) = made?;
+            self.hidden_area = None;
+        }
+        Ok(())
+    }
+
+    /// Draws only the upper left `area` pixels of the picture from now on, at most all of them.
+    pub fn set_area(&mut self, area: [u32; 2]) {
+        let size = self.targets.picture.desc().size;
+        self.targets.area = [0, 1].map(|i| area[i].clamp(1, size[i]));
+    }
+
+    /// What no eye can see and is not drawn from now on.
+    pub fn set_hidden_area(&mut self, area: Option<HiddenArea>) {
+        self.hidden_area = area;
+    }
+
+    /// Whether a hidden area is left out.
+    pub fn has_hidden_area(&self) -> bool {
+        self.hidden_area.is_some()
     }
 
     /// Shows something else.
@@ -203,19 +240,32 @@ impl Renderer {
 
     /// Records one frame. `slot` counts frames modulo [`FRAMES_IN_FLIGHT`]; the frame that used it before has finished.
     pub fn record(&mut self, commands: &mut Commands<'_>, slot: usize, eyes: &[Eye], overlay: Option<&Overlay>) {
+        self.record_scene(commands, slot, eyes);
+        if let Some(overlay) = overlay {
+            self.record_text(commands, slot, overlay);
+        }
+    }
+
+    /// The same without text.
+    pub fn record_scene(&mut self, commands: &mut Commands<'_>, slot: usize, eyes: &[Eye]) {
         let block = self.frame_block(eyes);
         let (buffer, set) = &mut self.frames[slot];
         buffer.write(0, bytemuck::bytes_of(&block));
         let (forward, world, targets) = (&self.forward, &self.world, &self.targets);
         commands.pass("scene", |commands| {
             targets.render(commands, |commands| {
+                if let Some(hidden) = &self.hidden_area {
+                    hidden.draw(commands);
+                }
                 forward.draw(commands, world, set);
                 forward.draw_sky(commands, set);
             });
         });
-        if let Some(overlay) = overlay {
-            commands.pass("text", |commands| targets.draw_over(commands, |commands| overlay.draw(commands, slot)));
-        }
+    }
+
+    /// Writes text over the picture as it is.
+    pub fn record_text(&self, commands: &mut Commands<'_>, slot: usize, overlay: &Overlay) {
+        commands.pass("text", |commands| self.targets.draw_over(commands, |commands| overlay.draw(commands, slot)));
     }
 
     fn frame_block(&self, eyes: &[Eye]) -> FrameBlock {
