@@ -1,0 +1,4 @@
+//! The headset: its pure parts; what they are wired to is in the files of its loop.
+
+pub mod frame_statistics;
+pub mod quality;
