@@ -2,3 +2,4 @@
 
 pub mod frame_statistics;
 pub mod quality;
+pub mod rig;
