@@ -2,6 +2,7 @@
 
 mod eye;
 mod forward;
+mod guides;
 mod overlay;
 mod shared;
 #[cfg(test)]
@@ -14,6 +15,7 @@ use std::sync::Arc;
 use clap::ValueEnum;
 
 pub use eye::{Eye, IPD_METRES, NEAR_METRES};
+pub use guides::{GuideVertex, Guides, MAX_GUIDE_VERTICES};
 pub use overlay::Overlay;
 pub use shared::MAX_EYES;
 pub use targets::Output;
@@ -26,6 +28,7 @@ use crate::reference::table::SplitSum;
 use crate::scene::Scene;
 use crate::{Error, Result};
 use forward::Forward;
+use guides::GuidesPass;
 use shared::{EyeBlock, FrameBlock};
 use targets::Targets;
 use world::World;
@@ -103,6 +106,8 @@ pub struct Renderer {
     frame_layout: SetLayout,
     frames: Vec<(Buffer, Set)>,
     forward: Forward,
+    /// Made for the first guides.
+    guides: Option<GuidesPass>,
     targets: Targets,
 }
 
@@ -143,6 +148,7 @@ impl Renderer {
             frame_layout,
             frames,
             forward,
+            guides: None,
             targets,
         })
     }
@@ -165,6 +171,7 @@ impl Renderer {
     /// Makes all pipelines anew from the shaders as they are now; on an error the old ones stay.
     pub fn reload_shaders(&mut self) -> Result<()> {
         self.forward = self.make_forward(self.shading)?;
+        self.guides = None;
         Ok(())
     }
 
@@ -201,15 +208,29 @@ impl Renderer {
         self.light.times.iter().chain(&self.table.times)
     }
 
+    /// Sets the guides that the next frame recorded in `slot` shows; an empty list shows none. They stay until set anew.
+    /// Called when the frame that used the slot before has finished.
+    pub fn set_guides(&mut self, slot: usize, guides: &Guides) -> Result<()> {
+        let pass = match &mut self.guides {
+            Some(pass) => pass,
+            None => self.guides.insert(GuidesPass::new(&self.gpu, &self.frame_layout, &self.settings, self.eyes)?),
+        };
+        pass.set(slot, guides);
+        Ok(())
+    }
+
     /// Records one frame. `slot` counts frames modulo [`FRAMES_IN_FLIGHT`]; the frame that used it before has finished.
     pub fn record(&mut self, commands: &mut Commands<'_>, slot: usize, eyes: &[Eye], overlay: Option<&Overlay>) {
         let block = self.frame_block(eyes);
         let (buffer, set) = &mut self.frames[slot];
         buffer.write(0, bytemuck::bytes_of(&block));
-        let (forward, world, targets) = (&self.forward, &self.world, &self.targets);
+        let (forward, world, guides, targets) = (&self.forward, &self.world, &self.guides, &self.targets);
         commands.pass("scene", |commands| {
             targets.render(commands, |commands| {
                 forward.draw(commands, world, set);
+                if let Some(guides) = guides {
+                    guides.draw(commands, slot, set);
+                }
                 forward.draw_sky(commands, set);
             });
         });

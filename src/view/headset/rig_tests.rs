@@ -8,8 +8,7 @@ use crate::scene::{LoadOptions, load};
 
 /// A head or hand, looking along `yaw_degrees` and up by `pitch_degrees`.
 fn pose(position: Vec3, yaw_degrees: f32, pitch_degrees: f32) -> Mat4 {
-    let turn =
-        Quat::from_rotation_y(yaw_degrees.to_radians()) * Quat::from_rotation_x(pitch_degrees.to_radians());
+    let turn = Quat::from_rotation_y(yaw_degrees.to_radians()) * Quat::from_rotation_x(pitch_degrees.to_radians());
     Mat4::from_rotation_translation(turn, position)
 }
 
