@@ -2,6 +2,7 @@
 
 mod eye;
 mod forward;
+mod guides;
 mod hidden_area;
 mod overlay;
 mod shared;
@@ -13,8 +14,10 @@ mod world;
 use std::sync::Arc;
 
 use clap::ValueEnum;
+use glam::Mat4;
 
 pub use eye::{Eye, IPD_METRES, NEAR_METRES};
+pub use guides::{GuideVertex, Guides, MAX_GUIDE_VERTICES};
 pub use hidden_area::HiddenArea;
 pub use overlay::Overlay;
 pub use shared::MAX_EYES;
@@ -28,6 +31,7 @@ use crate::reference::table::SplitSum;
 use crate::scene::Scene;
 use crate::{Error, Result};
 use forward::Forward;
+use guides::GuidesPass;
 use shared::{EyeBlock, FrameBlock};
 use targets::Targets;
 use world::World;
@@ -106,7 +110,13 @@ pub struct Renderer {
     frames: Vec<(Buffer, Set)>,
     forward: Forward,
     hidden_area: Option<HiddenArea>,
+    /// Made for the first guides.
+    guides: Option<GuidesPass>,
     targets: Targets,
+    /// Where the scene's models stand, as a whole.
+    world_from_models: Mat4,
+    /// 0: as it is, 1: all dark.
+    darkness: f32,
 }
 
 impl Renderer {
@@ -147,7 +157,10 @@ impl Renderer {
             frames,
             forward,
             hidden_area: None,
+            guides: None,
             targets,
+            world_from_models: Mat4::IDENTITY,
+            darkness: 0.0,
         })
     }
 
@@ -171,7 +184,7 @@ impl Renderer {
                 self.eyes = before;
             }
             (self.forward, self.targets) = made?;
-            self.hidden_area = None;
+            (self.hidden_area, self.guides) = (None, None);
         }
         Ok(())
     }
@@ -202,6 +215,7 @@ impl Renderer {
     /// Makes all pipelines anew from the shaders as they are now; on an error the old ones stay.
     pub fn reload_shaders(&mut self) -> Result<()> {
         self.forward = self.make_forward(self.shading)?;
+        self.guides = None;
         Ok(())
     }
 
@@ -211,6 +225,16 @@ impl Renderer {
         self.light = light;
         self.environment_turn = 0.0;
         Ok(())
+    }
+
+    /// Moves all models of the scene together, rigidly; at first they stand as the scene says.
+    pub fn world_from_models(&mut self) -> &mut Mat4 {
+        &mut self.world_from_models
+    }
+
+    /// Darkens scene and sky: 0 not at all, 1 to black.
+    pub fn darken(&mut self, darkness: f32) {
+        self.darkness = darkness.clamp(0.0, 1.0);
     }
 
     /// Stops of exposure; the picture's radiance is multiplied by 2^ev.
@@ -238,6 +262,17 @@ impl Renderer {
         self.light.times.iter().chain(&self.table.times)
     }
 
+    /// Sets the guides that the next frame recorded in `slot` shows; an empty list shows none. They stay until set anew.
+    /// Called when the frame that used the slot before has finished.
+    pub fn set_guides(&mut self, slot: usize, guides: &Guides) -> Result<()> {
+        let pass = match &mut self.guides {
+            Some(pass) => pass,
+            None => self.guides.insert(GuidesPass::new(&self.gpu, &self.frame_layout, &self.settings, self.eyes)?),
+        };
+        pass.set(slot, guides);
+        Ok(())
+    }
+
     /// Records one frame. `slot` counts frames modulo [`FRAMES_IN_FLIGHT`]; the frame that used it before has finished.
     pub fn record(&mut self, commands: &mut Commands<'_>, slot: usize, eyes: &[Eye], overlay: Option<&Overlay>) {
         self.record_scene(commands, slot, eyes);
@@ -251,13 +286,17 @@ impl Renderer {
         let block = self.frame_block(eyes);
         let (buffer, set) = &mut self.frames[slot];
         buffer.write(0, bytemuck::bytes_of(&block));
-        let (forward, world, targets) = (&self.forward, &self.world, &self.targets);
+        let (forward, world, guides, targets) = (&self.forward, &self.world, &self.guides, &self.targets);
+        let models = self.world_from_models;
         commands.pass("scene", |commands| {
             targets.render(commands, |commands| {
                 if let Some(hidden) = &self.hidden_area {
                     hidden.draw(commands);
                 }
-                forward.draw(commands, world, set);
+                forward.draw(commands, world, models, set);
+                if let Some(guides) = guides {
+                    guides.draw(commands, slot, set);
+                }
                 forward.draw_sky(commands, set);
             });
         });
@@ -271,7 +310,7 @@ impl Renderer {
     fn frame_block(&self, eyes: &[Eye]) -> FrameBlock {
         let mut block = FrameBlock {
             environment_turn: [self.environment_turn.cos(), self.environment_turn.sin()],
-            exposure: self.exposure_ev.exp2(),
+            exposure: self.exposure_ev.exp2() * (1.0 - self.darkness),
             environment_scale: self.light.scale,
             light_count: self.world.light_count,
             ..Default::default()
