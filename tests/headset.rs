@@ -40,8 +40,8 @@ fn both_eyes_are_shown_what_render_writes_for_a_camera_at_the_head() {
     });
     assert_different(&written[0], &written[1], "the two eyes");
     for frame in [1, 3] {
-        for eye in 0..2 {
-            assert_same(&room.shown(frame, eye), &written[eye], &format!("frame {frame}, eye {eye}"));
+        for (eye, written) in written.iter().enumerate() {
+            assert_same(&room.shown(frame, eye), written, &format!("frame {frame}, eye {eye}"));
         }
     }
 }

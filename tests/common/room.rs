@@ -11,7 +11,7 @@ use pbr_vr::render::{Eye, NEAR_METRES, Output, Renderer, Settings, Shading};
 use pbr_vr::scene::load::{LoadOptions, load};
 
 use super::headset::{Headset, Ran};
-use super::{Workshop, material, sphere, validated};
+use super::{Workshop, material, sphere, square, validated};
 
 /// Pixels of an eye's image.
 pub const SIZE: [u32; 2] = [128, 96];
@@ -40,7 +40,7 @@ pub fn head(frame: u64, offset: [f32; 3], rotation_degrees: [f32; 3]) -> Waypoin
 }
 
 impl Room {
-    /// Balls of two colours in a sky that looks different everywhere.
+    /// Balls of two colours above a floor at height 0 in a sky that looks different everywhere.
     pub fn with(script: Script) -> Self {
         let workshop = Workshop::new();
         workshop.sky(0.0);
@@ -54,13 +54,16 @@ impl Room {
                 &format!("[[model]]\nfile = \"{name}.obj\"\ntranslation = {place:?}\nscale = 0.5\n"),
             );
         }
+        workshop.write("grey.mtl", &material([0.4, 0.4, 0.45], 0.0, 0.8));
+        workshop.write("floor.obj", &square("grey.mtl"));
+        let floor = "[[model]]\nfile = \"floor.obj\"\nrotation_degrees = [-90, 0, 0]\nscale = 14.0\n";
         let part = |name: &str| std::fs::read_to_string(workshop.path(name)).expect("a part");
         let camera = format!(
             "[[camera]]\nname = \"front\"\nposition = [0, {HEAD_HEIGHT}, {CAMERA_Z}]\ntarget = [0, {HEAD_HEIGHT}, 0]\n\
              vertical_fov_degrees = 60\n"
         );
         let environment = "environment = { panorama = \"sky.exr\" }\n";
-        workshop.write("scene.toml", &format!("{environment}{}{}{camera}", part("gold.part"), part("red.part")));
+        workshop.write("scene.toml", &format!("{environment}{}{}{floor}{camera}", part("gold.part"), part("red.part")));
         let headset = Headset::install(workshop.0.path(), &script);
         Self { workshop, headset, script }
     }
@@ -111,8 +114,8 @@ impl Room {
 
     pub fn assert_shows_eyes(&self, frame: u64, eyes: &[Eye; 2]) {
         let drawn = self.drawn(eyes);
-        for eye in 0..2 {
-            assert_same(&self.shown(frame, eye), &drawn[eye], &format!("frame {frame}, eye {eye}"));
+        for (eye, drawn) in drawn.iter().enumerate() {
+            assert_same(&self.shown(frame, eye), drawn, &format!("frame {frame}, eye {eye}"));
         }
         assert_different(&drawn[0], &drawn[1], "the two eyes");
     }
