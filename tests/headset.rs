@@ -258,6 +258,54 @@ fn a_submit_that_blocks_is_noticed_and_told() {
 }
 
 #[test]
+fn what_the_lenses_hide_is_left_black_and_the_rest_drawn() {
+    let eye = |x, triangle| EyeOptics {
+        hidden_triangles: vec![triangle],
+        ..optics([-1.0, 1.0, -1.0, 1.0], [x, 0.0, 0.0], [0.0; 3])
+    };
+    // The lower left corner of one eye, the upper right one of the other.
+    let left = eye(-0.0315, [[0.0, 0.0], [0.5, 0.0], [0.0, 0.5]]);
+    let right = eye(0.0315, [[1.0, 1.0], [0.5, 1.0], [1.0, 0.5]]);
+    let room = Room::with(Script { left, right, show: vec![2], ..patient() });
+    let ran = room.view(3);
+    ran.assert_clean();
+    let mut drawn = room.drawn(&room.eyes(&head(1, [0.0; 3], [0.0; 3])));
+    let [width, height] = SIZE.map(|s| s as f32);
+    for (eye, picture) in drawn.iter_mut().enumerate() {
+        for (i, pixel) in (0u32..).zip(&mut picture.pixels) {
+            let (u, v) = ((i % SIZE[0]) as f32 / width, (i / SIZE[0]) as f32 / height);
+            let hidden = if eye == 0 { u + (1.0 - v) < 0.5 } else { u + (1.0 - v) > 1.5 };
+            if hidden {
+                pixel[..3].fill(0.0);
+            }
+        }
+        assert_same(&room.shown(2, eye), picture, &format!("eye {eye}"));
+    }
+    assert!(ran.out.contains("12.5 %"), "an eighth of the pixels is saved: {ran}");
+}
+
+#[test]
+fn what_is_too_slow_is_drawn_smaller_into_the_same_images() {
+    // Nobody keeps up with this display.
+    let room = Room::with(Script { hz: 5000.0, show_every: 10, ..patient() });
+    room.view(200).assert_clean();
+    let submits = room.headset.calls_of("Submit");
+    let images: std::collections::BTreeSet<u64> = submits.iter().filter_map(|s| s["image"]["image"].as_u64()).collect();
+    assert!(images.len() <= 2 * 3, "{} images for two eyes and the frames in flight", images.len());
+    assert!(submits.iter().all(|s| s["image"]["size"] == json!(SIZE)));
+    let last = submits.last().expect("a frame");
+    let bounds: Vec<f64> =
+        last["image"]["bounds"].as_array().expect("bounds").iter().filter_map(Value::as_f64).collect();
+    assert!(bounds[..2] == [0.0, 0.0] && bounds[2] < 0.95 && bounds[3] < 0.95, "{bounds:?}");
+    // The smaller picture shows the same.
+    let shown = room.shown(200, 0);
+    let size = [shown.width, shown.height];
+    assert!(size[0] < SIZE[0], "{size:?}");
+    let drawn = room.drawn_at(&room.eyes(&head(1, [0.0; 3], [0.0; 3])), size);
+    assert_same(&shown, &drawn[0], "the smaller picture");
+}
+
+#[test]
 fn extensions_that_the_runtime_asks_for_are_enabled_or_named_as_missing() {
     // Both are part of Vulkan 1.3 and yet must be enabled by name.
     let script = Script {

@@ -104,7 +104,11 @@ impl Room {
 
     /// What a renderer draws for these eyes.
     pub fn drawn(&self, eyes: &[Eye; 2]) -> [Picture; 2] {
-        draw(&self.scene(), eyes, self.script.size)
+        self.drawn_at(eyes, self.script.size)
+    }
+
+    pub fn drawn_at(&self, eyes: &[Eye; 2], size: [u32; 2]) -> [Picture; 2] {
+        draw(&self.scene(), eyes, size)
     }
 
     /// The eyes were shown in a frame what is drawn with the head at a place.
