@@ -8,6 +8,7 @@ use openvr_sys as sys;
 
 use super::codes::Refusal;
 use super::events::Event;
+use super::frame_statistics::{FRAME_TIMING_BYTES, FrameTiming};
 use super::optics::{Optics, matrix};
 use crate::gpu::Handles;
 use crate::{Error, Result};
@@ -59,14 +60,6 @@ impl Runtime {
             runtime.compositor = table(sys::IVRCompositor_Version)?;
         }
         Ok(runtime)
-    }
-
-    /// Another of its tables, by the version that the header names; `None` where the runtime lacks it.
-    ///
-    /// # Safety
-    /// `T` must be that version's table. It is gone when the runtime is.
-    pub unsafe fn table<T>(&self, version: &[u8]) -> Option<*const T> {
-        table(version).ok()
     }
 
     /// Whether the device is there and switched on; 0 is the headset.
@@ -136,7 +129,9 @@ impl Runtime {
         // SAFETY: both pointers are good for the call.
         unsafe { call(&mut width, &mut height) };
         if width == 0 || height == 0 {
-            return Err(Error::Headset { problem: format!("its runtime asks for pictures of {width}x{height} pixels") });
+            return Err(Error::Headset {
+                problem: format!("its runtime asks for pictures of {width}x{height} pixels"),
+            });
         }
         Ok([width, height])
     }
@@ -192,7 +187,8 @@ impl Runtime {
         }
         let calls = (self.compositor().SetExplicitTimingMode, self.compositor().PostPresentHandoff);
         if let (Some(call), Some(_)) = calls {
-            let mode = sys::EVRCompositorTimingMode_VRCompositorTimingMode_Explicit_ApplicationPerformsPostPresentHandoff;
+            let mode =
+                sys::EVRCompositorTimingMode_VRCompositorTimingMode_Explicit_ApplicationPerformsPostPresentHandoff;
             // SAFETY: a value of the enumeration; `post_present_handoff` is called as it demands.
             unsafe { call(mode) };
             self.explicit_timing = true;
@@ -244,6 +240,14 @@ impl Runtime {
         let mut bounds = sys::VRTextureBounds_t { uMin: 0.0, vMin: 0.0, uMax: bounds[0], vMax: bounds[1] };
         // SAFETY: structures and handles are good for the call; the image is in the layout it wants.
         Ok(unsafe { call(eye, &mut texture, &mut bounds, sys::EVRSubmitFlags_Submit_Default) })
+    }
+
+    /// What became of a frame some time ago.
+    pub fn frame_timing(&self, frames_ago: u32) -> Option<FrameTiming> {
+        let call = self.compositor().GetFrameTiming?;
+        let mut timing = sys::Compositor_FrameTiming { m_nSize: FRAME_TIMING_BYTES, ..Default::default() };
+        // SAFETY: the structure is at least as long as it says.
+        unsafe { call(&mut timing, frames_ago) }.then(|| FrameTiming::from(&timing))
     }
 
     /// Says that both eyes have been submitted. Uses our queue.
