@@ -9,9 +9,10 @@ use pbr_vr::asset::picture::{Picture, compare};
 use pbr_vr::gpu::{Gpu, Part, Recorder, read_image};
 use pbr_vr::render::{Eye, NEAR_METRES, Output, Renderer, Settings, Shading};
 use pbr_vr::scene::load::{LoadOptions, load};
+use serde_json::Value;
 
 use super::headset::{Headset, Ran};
-use super::{Workshop, material, sphere, square, validated};
+use super::{Workshop, json, material, sphere, square, validated};
 
 /// Pixels of an eye's image.
 pub const SIZE: [u32; 2] = [128, 96];
@@ -30,7 +31,7 @@ pub struct Room {
 
 /// A script whose display leaves all the time that is needed, so that quality never changes.
 pub fn patient() -> Script {
-    Script { size: SIZE, hz: 1.0, ..Script::default() }
+    Script { size: SIZE, hz: 2.0, ..Script::default() }
 }
 
 /// A head at rest or on its way.
@@ -74,7 +75,13 @@ impl Room {
     }
 
     pub fn view_with(&self, more: &[&str]) -> Ran {
-        self.headset.run(self.workshop.0.path(), &[&["view", "scene.toml", "--on", "headset"], more].concat())
+        let arguments = ["view", "scene.toml", "--on", "headset", "--report", "report.json"];
+        self.headset.run(self.workshop.0.path(), &[&arguments, more].concat())
+    }
+
+    /// What the program itself says of its time in the headset.
+    pub fn report(&self) -> Value {
+        json(&self.workshop.path("report.json"))["headset"].clone()
     }
 
     pub fn scene(&self) -> PathBuf {
