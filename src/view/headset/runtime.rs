@@ -85,7 +85,7 @@ impl Runtime {
         let mut error = sys::ETrackedPropertyError_TrackedProp_Success;
         // SAFETY: the pointer is good for the call.
         let hertz = unsafe { call(0, sys::ETrackedDeviceProperty_Prop_DisplayFrequency_Float, &mut error) };
-        let known = error == sys::ETrackedPropertyError_TrackedProp_Success && hertz.is_finite() && hertz > 1.0;
+        let known = error == sys::ETrackedPropertyError_TrackedProp_Success && hertz.is_finite() && hertz > 0.0;
         known.then_some(hertz)
     }
 
