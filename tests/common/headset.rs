@@ -167,8 +167,11 @@ impl Headset {
         command.envs(self.environment()).spawn().expect("the program starts")
     }
 
-    /// Runs it to its end.
+    /// Runs it to its end; a call that no program should make fails the test.
     pub fn run(&self, folder: &Path, arguments: &[&str]) -> Ran {
-        finish(self.start(folder, arguments))
+        let ran = finish(self.start(folder, arguments));
+        let faults = self.calls_of("Fault");
+        assert!(faults.is_empty(), "{faults:?}: {ran}");
+        ran
     }
 }
