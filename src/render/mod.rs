@@ -13,6 +13,7 @@ mod world;
 use std::sync::Arc;
 
 use clap::ValueEnum;
+use glam::Mat4;
 
 pub use eye::{Eye, IPD_METRES, NEAR_METRES};
 pub use guides::{GuideVertex, Guides, MAX_GUIDE_VERTICES};
@@ -100,6 +101,7 @@ pub struct Renderer {
     exposure_ev: f32,
     environment_turn: f32,
     world: World,
+    world_from_models: Mat4,
     light: LightMaps,
     table: BrdfTable,
     samplers: [Sampler; 2],
@@ -142,6 +144,7 @@ impl Renderer {
             exposure_ev: scene.exposure_ev,
             environment_turn: scene.environment.rotation_degrees.to_radians(),
             world,
+            world_from_models: Mat4::IDENTITY,
             light,
             table,
             samplers,
@@ -193,6 +196,11 @@ impl Renderer {
         &mut self.environment_turn
     }
 
+    /// Where all models together stand, a rigid transform; lights and surroundings stay.
+    pub fn world_from_models(&mut self) -> &mut Mat4 {
+        &mut self.world_from_models
+    }
+
     /// What is shown.
     pub fn shading(&self) -> Shading {
         self.shading
@@ -224,10 +232,11 @@ impl Renderer {
         let block = self.frame_block(eyes);
         let (buffer, set) = &mut self.frames[slot];
         buffer.write(0, bytemuck::bytes_of(&block));
+        let models = self.world_from_models;
         let (forward, world, guides, targets) = (&self.forward, &self.world, &self.guides, &self.targets);
         commands.pass("scene", |commands| {
             targets.render(commands, |commands| {
-                forward.draw(commands, world, set);
+                forward.draw(commands, world, &models, set);
                 if let Some(guides) = guides {
                     guides.draw(commands, slot, set);
                 }
