@@ -73,8 +73,8 @@ impl Forward {
         Ok(Self { materials, sky, eyes })
     }
 
-    /// Draws all instances for all eyes, moved by `world_from_models`.
-    pub fn draw(&self, commands: &mut Commands<'_>, world: &World, world_from_models: &Mat4, frame: &Set) {
+    /// Draws all instances for all eyes, moved together by a rigid `models`.
+    pub fn draw(&self, commands: &mut Commands<'_>, world: &World, models: Mat4, frame: &Set) {
         commands.bind_mesh(&world.geometry.vertices, &world.geometry.indices);
         let mut bound: (Option<Needs>, Option<usize>) = (None, None);
         for draw in &world.draws {
@@ -88,7 +88,7 @@ impl Forward {
                 commands.bind_set(pipeline, 1, &material.set);
                 bound.1 = Some(draw.material);
             }
-            commands.push(pipeline, bytemuck::bytes_of(&DrawBlock::new(*world_from_models * draw.world_from_local)));
+            commands.push(pipeline, bytemuck::bytes_of(&DrawBlock::new(models * draw.world_from_local)));
             commands.draw_indexed(draw.range.indices.clone(), draw.range.first_vertex, self.eyes);
         }
     }
