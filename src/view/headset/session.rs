@@ -28,6 +28,8 @@ use crate::view::window::worker::Stage;
 const USUAL_HERTZ: f32 = 90.0;
 /// A headset that is gone so long, seconds, does not come back with the next blink of its cable.
 const GONE_SECONDS: f32 = 0.5;
+/// The first frames at a new place say nothing of the next ones' times: the driver still compiles and moves data.
+const WARM_UP: u32 = 10;
 /// Between frames that the runtime does not pace because it refuses them.
 const PAUSE: std::time::Duration = std::time::Duration::from_millis(5);
 
@@ -58,6 +60,8 @@ pub struct Session {
     /// The quality that each slot was drawn with last, and the last frame of all.
     levels: [usize; FRAMES_IN_FLIGHT],
     level: Level,
+    /// Frames until their times count.
+    warm_up: u32,
     optics: [Optics; 2],
     /// Of both eyes, v downwards.
     hidden: [Vec<[f32; 2]>; 2],
@@ -105,6 +109,7 @@ impl Session {
             slot: 0,
             levels: [0; FRAMES_IN_FLIGHT],
             level: quality.level(),
+            warm_up: WARM_UP,
             optics: [runtime.optics(EYES[0])?, runtime.optics(EYES[1])?],
             hidden,
             settings,
@@ -145,14 +150,14 @@ impl Session {
     /// Stands at one of the scene's cameras from the next frame on; also for a new scene.
     pub fn go_to(&mut self, camera: usize) {
         self.hands.go_to(camera);
+        self.warm_up = WARM_UP;
     }
 
     /// One line for the screen: quality, rate, what the compositor made of the frames.
     pub fn line(&self) -> String {
         let [width, height] = self.level.size;
-        let saved = 50.0 * self.report.hidden_area_share.iter().sum::<f64>();
         let statistics = self.statistics.line(self.report.hertz.unwrap_or(USUAL_HERTZ));
-        format!("{}: {width}x{height} per eye, {saved:.0} % of it hidden; {statistics}", self.report.name)
+        format!("{}: {width}x{height} per eye; {statistics}", self.report.name)
     }
 
     /// Notes how long the mirror took, and whether it was ready.
@@ -225,6 +230,17 @@ impl Session {
         }
     }
 
+    /// What there is to tell at the end.
+    fn summary(&self) -> String {
+        let saved = 50.0 * self.report.hidden_area_share.iter().sum::<f64>();
+        let FrameTime { wait_ms, cpu_ms, gpu_ms, submit_ms, .. } = self.timeline.mean();
+        let statistics = self.statistics.line(self.report.hertz.unwrap_or(USUAL_HERTZ));
+        format!(
+            "{statistics}; per frame {wait_ms:.1} ms waiting, {cpu_ms:.1} ms CPU, {submit_ms:.1} ms in Submit, {gpu_ms:.1} ms GPU; \
+             {saved:.1} % of the pixels hidden by the lenses and not drawn"
+        )
+    }
+
     fn over(&mut self, end: End) -> Frame {
         self.report.ended = match &end {
             End::Quit => "quit".into(),
@@ -286,7 +302,9 @@ impl Session {
             let reprojected_for_gpu = self.statistics.last().is_some_and(FrameTiming::is_reprojected_for_gpu);
             Finished { gpu_ms, level: self.levels[self.slot], reprojected_for_gpu }
         });
-        self.level = self.quality.next(finished);
+        let counts = self.warm_up == 0;
+        self.warm_up -= u32::from(!counts);
+        self.level = self.quality.next(finished.filter(|_| counts));
         self.levels[self.slot] = self.level.index;
     }
 
@@ -341,6 +359,9 @@ impl Session {
 
 impl Drop for Session {
     fn drop(&mut self) {
+        if self.report.frames > 0 && !std::thread::panicking() {
+            println!("pbr-vr: headset: {}", self.summary());
+        }
         // A lost device has nothing left to wait for.
         let _ = self.gpu.wait_idle();
         let runtime = &mut self.runtime;
