@@ -78,7 +78,7 @@ mod tests {
 
     #[test]
     fn what_lies_outside_of_the_picture_is_not_counted_and_nonsense_does_no_harm() {
-        assert!((share(&[[-9.0, -9.0], [9.0, -9.0], [-9.0, 9.0]]) - 0.5).abs() < 4e-3);
+        assert!((share(&[[-9.0, -9.0], [10.0, -9.0], [-9.0, 10.0]]) - 0.5).abs() < 4e-3);
         assert_eq!(share(&[[2.0, 2.0], [3.0, 2.0], [2.0, 3.0]]), 0.0);
         share(&[[f32::NAN, 0.0], [f32::INFINITY, 1.0], [0.0, f32::NEG_INFINITY]]);
     }
