@@ -40,6 +40,7 @@ static CONNECTED: AtomicBool = AtomicBool::new(false);
 #[cfg(unix)]
 fn shut_down_at_exit() {
     static ONCE: std::sync::Once = std::sync::Once::new();
+    // SAFETY: this is how C declares it.
     unsafe extern "C" {
         fn atexit(call: extern "C" fn()) -> std::ffi::c_int;
     }
@@ -49,8 +50,8 @@ fn shut_down_at_exit() {
             unsafe { sys::VR_ShutdownInternal() };
         }
     }
-    // SAFETY: C's own function, with a function that takes and returns nothing. Where it fails, nothing is lost.
     ONCE.call_once(|| {
+        // SAFETY: C's own function, with a function that takes and returns nothing. Where it fails, nothing is lost.
         let _ = unsafe { atexit(shut_down) };
     });
 }
