@@ -1,10 +1,10 @@
 # Sourced by tools/run and tools/test: installs missing Debian or Ubuntu packages, and checks for Rust.
 # shellcheck shell=bash
 
-# What the program needs to be built and to run: compiler, shaderc in parts, Vulkan with a CPU driver, the libraries that a window loads.
+# What the program needs to be built and to run: compiler, cmake and libclang for OpenVR's loader, shaderc in parts, Vulkan with a CPU driver, the libraries that a window loads.
 # The two sourcing scripts read these lists.
 # shellcheck disable=SC2034
-PACKAGES_TO_RUN=(g++ pkg-config libshaderc-dev glslang-dev spirv-tools libvulkan1 mesa-vulkan-drivers
+PACKAGES_TO_RUN=(g++ cmake make libclang-dev pkg-config libshaderc-dev glslang-dev spirv-tools libvulkan1 mesa-vulkan-drivers
     libxkbcommon0 libxkbcommon-x11-0 libx11-6 libx11-xcb1 libxcursor1 libxi6 libxrandr2 libwayland-client0)
 # shellcheck disable=SC2034
 PACKAGES_TO_TEST=(vulkan-validationlayers xvfb python3)

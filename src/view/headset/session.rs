@@ -74,6 +74,8 @@ pub struct Session {
     quality: Quality,
     statistics: FrameStatistics,
     timeline: Timeline,
+    /// GPU time of each pass of the frame that finished last.
+    times: Vec<PassTime>,
     report: HeadsetReport,
     gpu: Arc<Gpu>,
 }
@@ -120,6 +122,7 @@ impl Session {
             quality,
             statistics: FrameStatistics::default(),
             timeline: Timeline::default(),
+            times: Vec::new(),
             report,
             gpu: Arc::clone(gpu),
             watchdog,
@@ -145,6 +148,11 @@ impl Session {
     /// Frames shown so far.
     pub fn frames(&self) -> u64 {
         self.report.frames
+    }
+
+    /// GPU time of each pass of the frame that finished last.
+    pub fn times(&self) -> &[PassTime] {
+        &self.times
     }
 
     /// Stands at one of the scene's cameras from the next frame on; also for a new scene.
@@ -285,6 +293,7 @@ impl Session {
         }
         let finished = self.recorders[slot].finish()?;
         self.choose_level(&finished);
+        self.times = finished;
         renderer.set_area(self.level.size);
         let (mut commands, _) = self.recorders[slot].begin()?;
         renderer.set_guides(slot, self.hands.guides())?;

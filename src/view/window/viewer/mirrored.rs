@@ -60,6 +60,7 @@ impl Viewer {
         };
         self.frames += 1;
         let now = Instant::now();
+        self.clock.add_gpu(session.times());
         self.clock.tick(now);
         let shown = self.mirror(now)?;
         let Some(session) = &mut self.session else { return Ok(()) };
@@ -111,7 +112,7 @@ impl Viewer {
         let parts = parts(self.mirror, picture, self.canvas.size());
         // As large in the window as text is without a headset.
         let shrinks = parts.first().map_or(1.0, |(_, [from, onto])| f64::from(from.size[0]) / f64::from(onto.size[0]));
-        let largest = (TEXT_SCALE * self.window.scale_factor() * shrinks).round().max(1.0) as u32;
+        let largest = (TEXT_SCALE * self.window.scale_factor() * shrinks).floor().max(1.0) as u32;
         let mut settings = settings(stage, control, self.camera, self.canvas.mode().name()).to_vec();
         settings.push(session.line());
         let status = Status { rate: self.clock.rate(), settings: &settings, loading: &self.loading };
