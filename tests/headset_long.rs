@@ -13,7 +13,7 @@ use common::{Workshop, material, sphere};
 
 /// Frames of the long run, if not the default.
 const FRAMES_VARIABLE: &str = "PBR_VR_LONG_RUN_FRAMES";
-const FRAMES: u64 = 4000;
+const FRAMES: u64 = 20_000;
 
 /// What a process holds.
 #[derive(Clone, Copy, Debug)]
