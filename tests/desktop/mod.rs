@@ -203,6 +203,14 @@ impl Hands {
         codes.iter().rev().for_each(|code| send(KEY_RELEASE_EVENT, *code));
     }
 
+    /// Asks the window to close, as its frame's button does.
+    pub fn close(&self) {
+        let data = [self.atom("WM_DELETE_WINDOW"), CURRENT_TIME, 0, 0, 0];
+        let event = ClientMessageEvent::new(32, self.window, self.atom("WM_PROTOCOLS"), data);
+        let sent = self.x.send_event(false, self.window, EventMask::NO_EVENT, event);
+        sent.expect("a request").check().expect("sent");
+    }
+
     pub fn map(&self, map: bool) {
         if map {
             self.x.map_window(self.window).expect("a request").check().expect("mapping");

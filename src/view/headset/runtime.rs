@@ -3,7 +3,6 @@
 
 use std::ffi::{CStr, CString, c_char};
 use std::ptr;
-use std::sync::atomic::{AtomicBool, Ordering};
 
 use openvr_sys as sys;
 
@@ -33,34 +32,6 @@ pub enum Role {
     Background,
 }
 
-/// Whether there is a connection that must be shut down before the process goes.
-static CONNECTED: AtomicBool = AtomicBool::new(false);
-
-/// Shuts down what is still connected when something else ends the process: Xlib does when its display goes.
-#[cfg(unix)]
-fn shut_down_at_exit() {
-    static ONCE: std::sync::Once = std::sync::Once::new();
-    // SAFETY: this is how C declares it.
-    unsafe extern "C" {
-        fn atexit(call: extern "C" fn()) -> std::ffi::c_int;
-    }
-    extern "C" fn shut_down() {
-        if CONNECTED.swap(false, Ordering::AcqRel) {
-            // SAFETY: there is a connection, and nobody else will end it.
-            unsafe { sys::VR_ShutdownInternal() };
-        }
-    }
-    ONCE.call_once(|| {
-        // SAFETY: C's own function, with a function that takes and returns nothing. Where it fails, nothing is lost.
-        let _ = unsafe { atexit(shut_down) };
-    });
-}
-
-/// Leaves the connection alone when the process ends: its runtime does not answer any more.
-pub fn abandon() {
-    CONNECTED.store(false, Ordering::Release);
-}
-
 /// The connection. At most one at a time; it must go before any Vulkan object that the runtime knows of.
 pub struct Runtime {
     system: *const sys::VR_IVRSystem_FnTable,
@@ -82,9 +53,6 @@ impl Runtime {
         if code != sys::EVRInitError_VRInitError_None {
             return Err(Refusal { code, words: words_of(code) });
         }
-        #[cfg(unix)]
-        shut_down_at_exit();
-        CONNECTED.store(true, Ordering::Release);
         // From here on, Drop disconnects whatever fails.
         let mut runtime = Self { system: ptr::null(), compositor: ptr::null(), explicit_timing: false };
         runtime.system = table(sys::IVRSystem_Version)?;
@@ -305,10 +273,8 @@ impl Runtime {
 
 impl Drop for Runtime {
     fn drop(&mut self) {
-        if CONNECTED.swap(false, Ordering::AcqRel) {
-            // SAFETY: `start` has connected; nothing uses the tables any more.
-            unsafe { sys::VR_ShutdownInternal() };
-        }
+        // SAFETY: `start` has connected; nothing uses the tables any more.
+        unsafe { sys::VR_ShutdownInternal() };
     }
 }
 

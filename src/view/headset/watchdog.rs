@@ -126,7 +126,6 @@ fn give_up(watched: &Watched) -> ! {
         "pbr-vr: headset: {} never came back; restart SteamVR, then this program, or use `--on window`",
         watched.what
     );
-    super::runtime::abandon();
     // Libraries may block the exit, too.
     std::thread::spawn(|| {
         std::thread::sleep(Duration::from_secs(3));
