@@ -11,6 +11,7 @@ use std::path::{Path, PathBuf};
 
 pub use bake::{BakeFacts, BakeRequest, bake};
 pub use picture::{RenderFacts, RenderRequest, render};
+pub use window::console;
 
 use crate::asset::{Report, shipped};
 use crate::gpu::GpuOptions;
