@@ -2,6 +2,7 @@
 
 use std::ffi::CStr;
 
+use ash::vk::Handle as _;
 use ash::{khr, vk};
 
 use super::instance::Instance;
@@ -38,7 +39,7 @@ pub(super) struct Candidate {
 
 /// All GPUs, the preferred one first.
 pub fn survey() -> Result<Vec<GpuInfo>> {
-    let instance = Instance::new(false, None)?;
+    let instance = Instance::new(false, None, &[])?;
     let mut all = candidates(&instance, false)?;
     all.sort_by_key(|c| (c.info.unfit.is_some(), c.rank));
     Ok(all.into_iter().map(|c| c.info).collect())
@@ -62,6 +63,17 @@ pub(super) fn choose(instance: &Instance, name: Option<&str>, present: bool) -> 
             remedy: "update the graphics driver, or install Mesa's software one (Debian: mesa-vulkan-drivers)",
         }
     })
+}
+
+/// The GPU that a headset's runtime names by its handle.
+pub(super) fn named_by_runtime(instance: &Instance, handle: u64, present: bool) -> Result<Candidate> {
+    let named = candidates(instance, present)?.into_iter().find(|c| c.physical.as_raw() == handle);
+    let headset = |problem| Error::Headset { problem };
+    let named = named.ok_or_else(|| headset("its runtime names a GPU that Vulkan does not list".into()))?;
+    match &named.info.unfit {
+        None => Ok(named),
+        Some(reason) => Err(headset(format!("it hangs on the GPU {}, which {reason}", named.info.name))),
+    }
 }
 
 fn candidates(instance: &Instance, present: bool) -> Result<Vec<Candidate>> {

@@ -18,6 +18,30 @@ pub struct Targets<'a> {
     pub depth: Option<&'a Image>,
     /// `None` keeps what is there.
     pub clear: Option<[f32; 4]>,
+    /// Only this many pixels from the upper left corner are drawn; the rest is left as it is.
+    pub area: [u32; 2],
+}
+
+/// A rectangle of pixels, its corner from the upper left.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Rect {
+    pub corner: [u32; 2],
+    pub size: [u32; 2],
+}
+
+impl Rect {
+    /// From the upper left corner.
+    pub fn of(size: [u32; 2]) -> Self {
+        Self { corner: [0, 0], size }
+    }
+
+    /// Its two corners, as Vulkan blits want them.
+    pub(super) fn offsets(self) -> [vk::Offset3D; 2] {
+        // Images have at most 2^15 pixels a side on any GPU.
+        let at = |x: u32, y: u32, z| vk::Offset3D { x: x as i32, y: y as i32, z };
+        let ([x, y], [width, height]) = (self.corner, self.size);
+        [at(x, y, 0), at(x + width, y + height, 1)]
+    }
 }
 
 /// One layer of one mip.
@@ -78,10 +102,10 @@ impl Commands<'_> {
         unsafe { self.device().cmd_pipeline_barrier2(self.recorder.raw, &info) };
     }
 
-    /// Draws into `targets`; they must have been prepared. Sets the viewport to their whole size.
+    /// Draws into `targets`; they must have been prepared. Sets the viewport to their area.
     pub fn render(&mut self, targets: &Targets<'_>, record: impl FnOnce(&mut Self)) {
         let desc = targets.colour.desc();
-        let [width, height] = desc.size;
+        let [width, height] = targets.area;
         let area = vk::Rect2D { offset: vk::Offset2D::default(), extent: vk::Extent2D { width, height } };
         let load = if targets.clear.is_some() { vk::AttachmentLoadOp::CLEAR } else { vk::AttachmentLoadOp::LOAD };
         let (colour_layout, ..) = Use::Colour.parts();
@@ -217,6 +241,26 @@ impl Commands<'_> {
         unsafe { self.device().cmd_copy_image_to_buffer(self.recorder.raw, image.raw, layout, to.raw, &[region]) };
     }
 
+    /// Copies the upper left corner of one layer, of `size`, into a flat image of the same format; they must be
+    /// prepared for `CopyFrom` and `CopyTo`.
+    pub fn copy_layer(&mut self, from: &Image, layer: u32, to: &Image, [width, height]: [u32; 2]) {
+        let layers = |image: &Image, layer| vk::ImageSubresourceLayers {
+            aspect_mask: image.aspect(),
+            mip_level: 0,
+            base_array_layer: layer,
+            layer_count: 1,
+        };
+        let region = vk::ImageCopy::default()
+            .src_subresource(layers(from, layer))
+            .dst_subresource(layers(to, 0))
+            .extent(vk::Extent3D { width, height, depth: 1 });
+        let (from_layout, to_layout) = (Use::CopyFrom.parts().0, Use::CopyTo.parts().0);
+        // SAFETY: the command buffer is being recorded; images are alive and in these layouts.
+        unsafe {
+            self.device().cmd_copy_image(self.recorder.raw, from.raw, from_layout, to.raw, to_layout, &[region]);
+        }
+    }
+
     /// Makes host reads of readback buffers see the copies recorded so far.
     pub fn copies_to_host(&mut self) {
         let barrier = [vk::MemoryBarrier2::default()
@@ -235,8 +279,8 @@ impl Commands<'_> {
         let mips = image.desc().mips;
         for mip in 1..mips {
             self.mip_barrier(image, mip - 1, Use::CopyTo, Use::CopyFrom);
-            let sizes = [image.mip_size(mip - 1), image.mip_size(mip)];
-            self.blit_raw(image.raw, image.raw, sizes, [self.layers(image, mip - 1), self.layers(image, mip)]);
+            let parts = [Rect::of(image.mip_size(mip - 1)), Rect::of(image.mip_size(mip))];
+            self.blit_raw(image.raw, image.raw, parts, [self.layers(image, mip - 1), self.layers(image, mip)]);
         }
         for mip in 0..mips - 1 {
             self.mip_barrier(image, mip, Use::CopyFrom, Use::Sampled);
@@ -249,15 +293,14 @@ impl Commands<'_> {
         &mut self,
         from: vk::Image,
         to: vk::Image,
-        sizes: [[u32; 2]; 2],
+        parts: [Rect; 2],
         layers: [vk::ImageSubresourceLayers; 2],
     ) {
-        let corner = |size: [u32; 2]| vk::Offset3D { x: size[0] as i32, y: size[1] as i32, z: 1 };
         let regions = [vk::ImageBlit2::default()
             .src_subresource(layers[0])
-            .src_offsets([vk::Offset3D::default(), corner(sizes[0])])
+            .src_offsets(parts[0].offsets())
             .dst_subresource(layers[1])
-            .dst_offsets([vk::Offset3D::default(), corner(sizes[1])])];
+            .dst_offsets(parts[1].offsets())];
         let info = vk::BlitImageInfo2::default()
             .src_image(from)
             .src_image_layout(Use::CopyFrom.parts().0)
@@ -267,6 +310,25 @@ impl Commands<'_> {
             .filter(vk::Filter::LINEAR);
         // SAFETY: the command buffer is being recorded; images are alive and in these layouts.
         unsafe { self.device().cmd_blit_image2(self.recorder.raw, &info) };
+    }
+
+    pub(super) fn clear_raw(&mut self, image: vk::Image, range: vk::ImageSubresourceRange) {
+        let (layout, black) = (Use::CopyTo.parts().0, vk::ClearColorValue { float32: [0.0, 0.0, 0.0, 1.0] });
+        // SAFETY: the command buffer is being recorded; the image is alive and in this layout.
+        unsafe { self.device().cmd_clear_color_image(self.recorder.raw, image, layout, &black, &[range]) };
+    }
+
+    /// What was cleared or copied may be copied over.
+    pub(super) fn copied(&mut self) {
+        let (_, stage, access) = Use::CopyTo.parts();
+        let barrier = [vk::MemoryBarrier2::default()
+            .src_stage_mask(stage)
+            .src_access_mask(access)
+            .dst_stage_mask(stage)
+            .dst_access_mask(access)];
+        let info = vk::DependencyInfo::default().memory_barriers(&barrier);
+        // SAFETY: the command buffer is being recorded.
+        unsafe { self.device().cmd_pipeline_barrier2(self.recorder.raw, &info) };
     }
 
     pub(super) fn layers(&self, image: &Image, mip: u32) -> vk::ImageSubresourceLayers {

@@ -4,6 +4,7 @@ use std::cell::Cell;
 use std::sync::Arc;
 
 use ash::vk;
+use ash::vk::Handle as _;
 use gpu_allocator::MemoryLocation;
 use gpu_allocator::vulkan::Allocation;
 
@@ -176,6 +177,11 @@ impl Image {
     /// What it was made as.
     pub fn desc(&self) -> &ImageDesc {
         &self.desc
+    }
+
+    /// The VkImage, for a headset's runtime.
+    pub fn handle(&self) -> u64 {
+        self.raw.as_raw()
     }
 
     /// Width and height of one mip.

@@ -134,7 +134,7 @@ impl Commands<'_> {
         let commands = [vk::CommandBufferSubmitInfo::default().command_buffer(recorder.raw)];
         let all = vk::PipelineStageFlags2::ALL_COMMANDS;
         let semaphore = |raw| vk::SemaphoreSubmitInfo::default().semaphore(raw).stage_mask(all);
-        let waits: Vec<_> = window.iter().map(|w| semaphore(w.ready)).collect();
+        let waits: Vec<_> = window.iter().filter_map(|w| w.ready).map(semaphore).collect();
         let mut queue = gpu.queue();
         let mut signals = vec![semaphore(gpu.timeline).value(queue.submitted + 1)];
         signals.extend(window.iter().map(|w| semaphore(w.done)));

@@ -4,6 +4,8 @@ use std::collections::HashMap;
 use std::mem::offset_of;
 use std::sync::Arc;
 
+use glam::Mat4;
+
 use super::shared::{DrawBlock, constant};
 use super::world::{Needs, World};
 use super::{Settings, Shading};
@@ -71,8 +73,8 @@ impl Forward {
         Ok(Self { materials, sky, eyes })
     }
 
-    /// Draws all instances for all eyes.
-    pub fn draw(&self, commands: &mut Commands<'_>, world: &World, frame: &Set) {
+    /// Draws all instances for all eyes, moved together by a rigid `models`.
+    pub fn draw(&self, commands: &mut Commands<'_>, world: &World, models: Mat4, frame: &Set) {
         commands.bind_mesh(&world.geometry.vertices, &world.geometry.indices);
         let mut bound: (Option<Needs>, Option<usize>) = (None, None);
         for draw in &world.draws {
@@ -86,7 +88,7 @@ impl Forward {
                 commands.bind_set(pipeline, 1, &material.set);
                 bound.1 = Some(draw.material);
             }
-            commands.push(pipeline, bytemuck::bytes_of(&DrawBlock::new(draw.world_from_local)));
+            commands.push(pipeline, bytemuck::bytes_of(&DrawBlock::new(models * draw.world_from_local)));
             commands.draw_indexed(draw.range.indices.clone(), draw.range.first_vertex, self.eyes);
         }
     }

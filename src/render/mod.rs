@@ -1,7 +1,9 @@
-//! One frame for N eyes: forward pass, sky, resolve, text on top.
+//! One frame for N eyes: what no eye sees, forward pass, sky, resolve, text on top.
 
 mod eye;
 mod forward;
+mod guides;
+mod hidden_area;
 mod overlay;
 mod shared;
 #[cfg(test)]
@@ -12,8 +14,11 @@ mod world;
 use std::sync::Arc;
 
 use clap::ValueEnum;
+use glam::Mat4;
 
 pub use eye::{Eye, IPD_METRES, NEAR_METRES};
+pub use guides::{GuideVertex, Guides, MAX_GUIDE_VERTICES};
+pub use hidden_area::HiddenArea;
 pub use overlay::Overlay;
 pub use shared::MAX_EYES;
 pub use targets::Output;
@@ -26,6 +31,7 @@ use crate::reference::table::SplitSum;
 use crate::scene::Scene;
 use crate::{Error, Result};
 use forward::Forward;
+use guides::GuidesPass;
 use shared::{EyeBlock, FrameBlock};
 use targets::Targets;
 use world::World;
@@ -103,7 +109,14 @@ pub struct Renderer {
     frame_layout: SetLayout,
     frames: Vec<(Buffer, Set)>,
     forward: Forward,
+    hidden_area: Option<HiddenArea>,
+    /// Made for the first guides.
+    guides: Option<GuidesPass>,
     targets: Targets,
+    /// Where the scene's models stand, as a whole.
+    world_from_models: Mat4,
+    /// 0: as it is, 1: all dark.
+    darkness: f32,
 }
 
 impl Renderer {
@@ -143,7 +156,11 @@ impl Renderer {
             frame_layout,
             frames,
             forward,
+            hidden_area: None,
+            guides: None,
             targets,
+            world_from_models: Mat4::IDENTITY,
+            darkness: 0.0,
         })
     }
 
@@ -153,6 +170,39 @@ impl Renderer {
             self.targets = make_targets(&self.gpu, size, self.eyes, &self.settings)?;
         }
         Ok(())
+    }
+
+    /// Draws for another number of eyes from now on; scene and light stay as they are.
+    pub fn set_eyes(&mut self, eyes: u32) -> Result<()> {
+        if self.eyes != eyes {
+            let (before, size) = (std::mem::replace(&mut self.eyes, eyes), self.targets.picture.desc().size);
+            let made = self.make_forward(self.shading).and_then(|forward| {
+                let targets = make_targets(&self.gpu, size, eyes, &self.settings)?;
+                Ok((forward, targets))
+            });
+            if made.is_err() {
+                self.eyes = before;
+            }
+            (self.forward, self.targets) = made?;
+            (self.hidden_area, self.guides) = (None, None);
+        }
+        Ok(())
+    }
+
+    /// Draws only the upper left `area` pixels of the picture from now on, at most all of them.
+    pub fn set_area(&mut self, area: [u32; 2]) {
+        let size = self.targets.picture.desc().size;
+        self.targets.area = [0, 1].map(|i| area[i].clamp(1, size[i]));
+    }
+
+    /// What no eye can see and is not drawn from now on.
+    pub fn set_hidden_area(&mut self, area: Option<HiddenArea>) {
+        self.hidden_area = area;
+    }
+
+    /// Whether a hidden area is left out.
+    pub fn has_hidden_area(&self) -> bool {
+        self.hidden_area.is_some()
     }
 
     /// Shows something else.
@@ -165,6 +215,7 @@ impl Renderer {
     /// Makes all pipelines anew from the shaders as they are now; on an error the old ones stay.
     pub fn reload_shaders(&mut self) -> Result<()> {
         self.forward = self.make_forward(self.shading)?;
+        self.guides = None;
         Ok(())
     }
 
@@ -174,6 +225,16 @@ impl Renderer {
         self.light = light;
         self.environment_turn = 0.0;
         Ok(())
+    }
+
+    /// Moves all models of the scene together, rigidly; at first they stand as the scene says.
+    pub fn world_from_models(&mut self) -> &mut Mat4 {
+        &mut self.world_from_models
+    }
+
+    /// Darkens scene and sky: 0 not at all, 1 to black.
+    pub fn darken(&mut self, darkness: f32) {
+        self.darkness = darkness.clamp(0.0, 1.0);
     }
 
     /// Stops of exposure; the picture's radiance is multiplied by 2^ev.
@@ -201,27 +262,55 @@ impl Renderer {
         self.light.times.iter().chain(&self.table.times)
     }
 
+    /// Sets the guides that the next frame recorded in `slot` shows; an empty list shows none. They stay until set anew.
+    /// Called when the frame that used the slot before has finished.
+    pub fn set_guides(&mut self, slot: usize, guides: &Guides) -> Result<()> {
+        let pass = match &mut self.guides {
+            Some(pass) => pass,
+            None => self.guides.insert(GuidesPass::new(&self.gpu, &self.frame_layout, &self.settings, self.eyes)?),
+        };
+        pass.set(slot, guides);
+        Ok(())
+    }
+
     /// Records one frame. `slot` counts frames modulo [`FRAMES_IN_FLIGHT`]; the frame that used it before has finished.
     pub fn record(&mut self, commands: &mut Commands<'_>, slot: usize, eyes: &[Eye], overlay: Option<&Overlay>) {
+        self.record_scene(commands, slot, eyes);
+        if let Some(overlay) = overlay {
+            self.record_text(commands, slot, overlay);
+        }
+    }
+
+    /// The same without text.
+    pub fn record_scene(&mut self, commands: &mut Commands<'_>, slot: usize, eyes: &[Eye]) {
         let block = self.frame_block(eyes);
         let (buffer, set) = &mut self.frames[slot];
         buffer.write(0, bytemuck::bytes_of(&block));
-        let (forward, world, targets) = (&self.forward, &self.world, &self.targets);
+        let (forward, world, guides, targets) = (&self.forward, &self.world, &self.guides, &self.targets);
+        let models = self.world_from_models;
         commands.pass("scene", |commands| {
             targets.render(commands, |commands| {
-                forward.draw(commands, world, set);
+                if let Some(hidden) = &self.hidden_area {
+                    hidden.draw(commands);
+                }
+                forward.draw(commands, world, models, set);
+                if let Some(guides) = guides {
+                    guides.draw(commands, slot, set);
+                }
                 forward.draw_sky(commands, set);
             });
         });
-        if let Some(overlay) = overlay {
-            commands.pass("text", |commands| targets.draw_over(commands, |commands| overlay.draw(commands, slot)));
-        }
+    }
+
+    /// Writes text over the picture as it is.
+    pub fn record_text(&self, commands: &mut Commands<'_>, slot: usize, overlay: &Overlay) {
+        commands.pass("text", |commands| self.targets.draw_over(commands, |commands| overlay.draw(commands, slot)));
     }
 
     fn frame_block(&self, eyes: &[Eye]) -> FrameBlock {
         let mut block = FrameBlock {
             environment_turn: [self.environment_turn.cos(), self.environment_turn.sin()],
-            exposure: self.exposure_ev.exp2(),
+            exposure: self.exposure_ev.exp2() * (1.0 - self.darkness),
             environment_scale: self.light.scale,
             light_count: self.world.light_count,
             ..Default::default()

@@ -4,6 +4,7 @@ mod bake;
 mod control;
 pub mod doctor;
 mod frame_clock;
+pub mod headset;
 mod picture;
 mod window;
 
