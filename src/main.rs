@@ -14,7 +14,7 @@ use pbr_vr::precompute::{Cache, Options};
 use pbr_vr::reference::brdf::Geometry;
 use pbr_vr::reference::table::SplitSum;
 use pbr_vr::render::Shading;
-use pbr_vr::view::{self, BakeRequest, RenderRequest, ViewRequest, doctor};
+use pbr_vr::view::{self, BakeRequest, HiddenAreaV, Mirror, RenderRequest, ViewRequest, doctor};
 use pbr_vr::{Error, Result};
 
 /// Physically based materials under real light, in a headset, a window or a picture.
@@ -58,6 +58,9 @@ enum Command {
     Compare(Compare),
     /// Say what this machine has, what is missing, and what to do.
     Doctor,
+    /// What a process of its own is asked: whether a headset answers.
+    #[command(name = view::PROBE_SUBCOMMAND, hide = true)]
+    ProbeHeadset,
 }
 
 #[derive(Args, Default)]
@@ -70,6 +73,15 @@ struct View {
     /// Stop after this many frames.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     frames: Option<u64>,
+    /// Which way v points in the headset's hidden area; `off` draws that, too.
+    #[arg(long, value_enum, default_value_t)]
+    hidden_area: HiddenAreaV,
+    /// What the window beside a headset shows.
+    #[arg(long, value_enum, default_value_t)]
+    mirror: Mirror,
+    /// Write times and facts of the run, as JSON.
+    #[arg(long, value_name = "FILE")]
+    report: Option<PathBuf>,
     #[command(flatten)]
     look: Look,
 }
@@ -225,6 +237,10 @@ fn run(cli: &Cli) -> Result<()> {
         Command::Measure(measure) => run_measure(measure, gpu),
         Command::Compare(compare) => run_compare(compare),
         Command::Doctor => doctor::run(),
+        Command::ProbeHeadset => {
+            view::answer_probe();
+            Ok(())
+        }
     }
 }
 
@@ -237,11 +253,14 @@ fn run_view(args: &View, gpu: GpuOptions<'_>, cache: Option<&Cache>) -> Result<(
         geometry: args.look.geometry.into(),
         split_sum: args.look.split_sum.into(),
         cache,
+        hidden_area: args.hidden_area,
+        mirror: args.mirror,
+        report: args.report.as_deref(),
     };
     match args.on {
         On::Auto => view::auto(&request, gpu),
         On::Window => view::window(&request, gpu),
-        On::Headset => view::headset(),
+        On::Headset => view::headset(&request, gpu),
     }
 }
 

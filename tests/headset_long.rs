@@ -45,7 +45,7 @@ fn a_long_run_keeps_memory_and_descriptors_flat_and_leaks_nothing() {
     workshop.write("ball.obj", &sphere("gold.mtl"));
     workshop.write("scene.toml", "environment = { panorama = \"sky.exr\" }\n[[model]]\nfile = \"ball.obj\"\n");
     let turn = |frame, yaw| Waypoint { frame, position: [0.0, 1.6, 0.0], rotation_degrees: [yaw, 0.0, 0.0] };
-    let script = Script { size: [16, 16], hz: 1.0, head: vec![turn(1, 0.0), turn(frames, 720.0)], ..Script::default() };
+    let script = Script { size: [16, 16], hz: 2.0, head: vec![turn(1, 0.0), turn(frames, 720.0)], ..Script::default() };
     let headset = Headset::install(workshop.0.path(), &script);
     let arguments = ["view", "scene.toml", "--on", "headset", "--frames", &frames.to_string()];
     let mut child = headset.start(workshop.0.path(), &arguments);

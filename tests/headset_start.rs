@@ -115,6 +115,12 @@ fn a_slow_runtime_is_waited_for() {
 }
 
 #[test]
+fn a_runtime_whose_server_sleeps_is_woken() {
+    let start = Start { is_asleep: true, ..Start::default() };
+    start_with(start, "headset").assert_clean();
+}
+
+#[test]
 fn nothing_of_a_failed_start_is_left_running() {
     if !cfg!(target_os = "linux") {
         return;

@@ -180,12 +180,17 @@ pub(super) fn names(all: &[vk::ExtensionProperties]) -> Vec<CString> {
 
 /// An error if a headset's runtime asks for what the driver lacks.
 pub(super) fn check_extensions(what: &str, asked: &[CString], there: &[CString]) -> Result<()> {
-    let missing: Vec<_> = asked.iter().filter(|name| !there.contains(name)).map(|name| name.to_string_lossy()).collect();
+    let missing: Vec<_> =
+        asked.iter().filter(|name| !there.contains(name)).map(|name| name.to_string_lossy()).collect();
     if missing.is_empty() {
         return Ok(());
     }
     let missing = missing.join(", ");
-    Err(Error::Headset { problem: format!("its runtime needs the Vulkan {what} extension(s) {missing}, which this GPU's driver lacks; update the driver") })
+    Err(Error::Headset {
+        problem: format!(
+            "its runtime needs the Vulkan {what} extension(s) {missing}, which this GPU's driver lacks; update the driver"
+        ),
+    })
 }
 
 /// Vulkan wants each name once.

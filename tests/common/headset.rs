@@ -123,7 +123,9 @@ impl fmt::Display for Ran {
 pub fn command(folder: &Path, arguments: &[&str]) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_pbr-vr"));
     command.args(arguments).current_dir(folder).stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
-    command.env("XDG_CACHE_HOME", folder.join("cache")).env("LOCALAPPDATA", folder.join("cache"));
+    // The light of these small scenes is the same in all runs.
+    let cache = concat!(env!("CARGO_TARGET_TMPDIR"), "/headset-cache");
+    command.env("XDG_CACHE_HOME", cache).env("LOCALAPPDATA", cache);
     // Neither a desktop nor a headset of the machine that the tests run on.
     command.env("XDG_CONFIG_HOME", folder.join("nothing"));
     for name in ["DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET", "VR_PATHREG_OVERRIDE"] {
@@ -167,8 +169,11 @@ impl Headset {
         command.envs(self.environment()).spawn().expect("the program starts")
     }
 
-    /// Runs it to its end.
+    /// Runs it to its end; a call that no program should make fails the test.
     pub fn run(&self, folder: &Path, arguments: &[&str]) -> Ran {
-        finish(self.start(folder, arguments))
+        let ran = finish(self.start(folder, arguments));
+        let faults = self.calls_of("Fault");
+        assert!(faults.is_empty(), "{faults:?}: {ran}");
+        ran
     }
 }

@@ -3,6 +3,7 @@
 
 pub mod headset;
 pub mod light;
+pub mod room;
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;

@@ -28,11 +28,17 @@ impl fmt::Display for Refusal {
             sys::EVRInitError_VRInitError_Init_FactoryNotFound
             | sys::EVRInitError_VRInitError_Init_InterfaceNotFound
             | sys::EVRInitError_VRInitError_Init_InvalidInterface => {
-                write!(f, "the headset runtime is too old or too new for this program ({words}, OpenVR {code}); update SteamVR")
+                write!(
+                    f,
+                    "the headset runtime is too old or too new for this program ({words}, OpenVR {code}); update SteamVR"
+                )
             }
             sys::EVRInitError_VRInitError_Init_HmdNotFound
             | sys::EVRInitError_VRInitError_Init_HmdNotFoundPresenceFailed => {
-                write!(f, "the runtime finds no headset (OpenVR {code}); connect it, switch it on, and look at SteamVR's window")
+                write!(
+                    f,
+                    "the runtime finds no headset (OpenVR {code}); connect it, switch it on, and look at SteamVR's window"
+                )
             }
             _ if words.is_empty() => write!(f, "the runtime refuses (OpenVR {code}); look at SteamVR's window"),
             _ => write!(f, "the runtime refuses: {words} (OpenVR {code}); look at SteamVR's window"),
@@ -55,28 +61,27 @@ pub enum After {
 
 /// What a code of the compositor means.
 pub fn after(code: sys::EVRCompositorError) -> After {
-    use sys::*;
     match code {
-        EVRCompositorError_VRCompositorError_None => After::Continue,
-        EVRCompositorError_VRCompositorError_DoNotHaveFocus => After::NoFocus,
-        EVRCompositorError_VRCompositorError_IsNotSceneApplication => After::GiveUp(
-            "the runtime has given the eyes to another program (103); close that, then start again",
-        ),
-        EVRCompositorError_VRCompositorError_TextureIsOnWrongDevice => After::GiveUp(
+        sys::EVRCompositorError_VRCompositorError_None => After::Continue,
+        sys::EVRCompositorError_VRCompositorError_DoNotHaveFocus => After::NoFocus,
+        sys::EVRCompositorError_VRCompositorError_IsNotSceneApplication => {
+            After::GiveUp("the runtime has given the eyes to another program (103); close that, then start again")
+        }
+        sys::EVRCompositorError_VRCompositorError_TextureIsOnWrongDevice => After::GiveUp(
             "the pictures are on another GPU than the headset (104); plug it into the one that draws, and start again",
         ),
-        EVRCompositorError_VRCompositorError_TextureUsesUnsupportedFormat => {
+        sys::EVRCompositorError_VRCompositorError_TextureUsesUnsupportedFormat => {
             After::GiveUp("the runtime cannot take 8-bit sRGB pictures (105); update SteamVR")
         }
-        EVRCompositorError_VRCompositorError_SharedTexturesNotSupported => After::GiveUp(
+        sys::EVRCompositorError_VRCompositorError_SharedTexturesNotSupported => After::GiveUp(
             "the driver cannot share pictures with the runtime (106); update the graphics driver and SteamVR",
         ),
-        EVRCompositorError_VRCompositorError_RequestFailed => After::FrameLost("request failed"),
-        EVRCompositorError_VRCompositorError_IncompatibleVersion => After::FrameLost("incompatible version"),
-        EVRCompositorError_VRCompositorError_InvalidTexture => After::FrameLost("invalid texture"),
-        EVRCompositorError_VRCompositorError_IndexOutOfRange => After::FrameLost("index out of range"),
-        EVRCompositorError_VRCompositorError_AlreadySubmitted => After::FrameLost("already submitted"),
-        EVRCompositorError_VRCompositorError_InvalidBounds => After::FrameLost("invalid bounds"),
+        sys::EVRCompositorError_VRCompositorError_RequestFailed => After::FrameLost("request failed"),
+        sys::EVRCompositorError_VRCompositorError_IncompatibleVersion => After::FrameLost("incompatible version"),
+        sys::EVRCompositorError_VRCompositorError_InvalidTexture => After::FrameLost("invalid texture"),
+        sys::EVRCompositorError_VRCompositorError_IndexOutOfRange => After::FrameLost("index out of range"),
+        sys::EVRCompositorError_VRCompositorError_AlreadySubmitted => After::FrameLost("already submitted"),
+        sys::EVRCompositorError_VRCompositorError_InvalidBounds => After::FrameLost("invalid bounds"),
         _ => After::FrameLost("unknown error"),
     }
 }

@@ -55,6 +55,8 @@ fn is_rigid(matrix: &Mat4) -> bool {
 pub struct Head {
     /// In the play space: metres, floor at y = 0.
     pub space_from_head: Mat4,
+    /// Whether any pose has come yet.
+    pub is_known: bool,
     /// Frames whose pose was missing; the last good one was shown again.
     pub lost_poses: u64,
 }
@@ -62,7 +64,7 @@ pub struct Head {
 impl Default for Head {
     /// Standing in the middle, until the first pose comes.
     fn default() -> Self {
-        Self { space_from_head: Mat4::from_translation(glam::Vec3::Y * 1.6), lost_poses: 0 }
+        Self { space_from_head: Mat4::from_translation(glam::Vec3::Y * 1.6), is_known: false, lost_poses: 0 }
     }
 }
 
@@ -72,7 +74,7 @@ impl Head {
     pub fn follow(&mut self, pose: &sys::TrackedDevicePose_t) {
         let place = matrix(&pose.mDeviceToAbsoluteTracking);
         if pose.bPoseIsValid && is_rigid(&place) {
-            self.space_from_head = place;
+            (self.space_from_head, self.is_known) = (place, true);
         } else {
             self.lost_poses += 1;
         }

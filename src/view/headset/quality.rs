@@ -91,6 +91,7 @@ impl Quality {
     }
 
     /// All levels, largest first.
+    #[cfg(test)]
     pub fn levels(&self) -> &[Level] {
         &self.levels
     }

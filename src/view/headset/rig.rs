@@ -106,7 +106,7 @@ fn height_at([a, b, c]: [Vec3; 3], point: Vec3) -> Option<f32> {
     let area = cross(b - a, c - a);
     let (s, t) = (cross(point - a, c - a) / area, cross(b - a, point - a) / area);
     // Upright triangles divide by zero: no comparison with the result holds.
-    (s >= 0.0 && t >= 0.0 && s + t <= 1.0).then(|| a.y + s * (b.y - a.y) + t * (c.y - a.y))
+    (s >= 0.0 && t >= 0.0 && s + t <= 1.0).then_some(a.y + s * (b.y - a.y) + t * (c.y - a.y))
 }
 
 /// The way a teleport would take.

@@ -3,11 +3,13 @@
 
 use std::ffi::{CStr, CString, c_char};
 use std::ptr;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use openvr_sys as sys;
 
 use super::codes::Refusal;
 use super::events::Event;
+use super::frame_statistics::{FRAME_TIMING_BYTES, FrameTiming};
 use super::optics::{Optics, matrix};
 use crate::gpu::Handles;
 use crate::{Error, Result};
@@ -31,6 +33,33 @@ pub enum Role {
     Background,
 }
 
+/// Whether there is a connection that must be shut down before the process goes.
+static CONNECTED: AtomicBool = AtomicBool::new(false);
+
+/// Shuts down what is still connected when something else ends the process: Xlib does when its display goes.
+#[cfg(unix)]
+fn shut_down_at_exit() {
+    static ONCE: std::sync::Once = std::sync::Once::new();
+    unsafe extern "C" {
+        fn atexit(call: extern "C" fn()) -> std::ffi::c_int;
+    }
+    extern "C" fn shut_down() {
+        if CONNECTED.swap(false, Ordering::AcqRel) {
+            // SAFETY: there is a connection, and nobody else will end it.
+            unsafe { sys::VR_ShutdownInternal() };
+        }
+    }
+    // SAFETY: C's own function, with a function that takes and returns nothing. Where it fails, nothing is lost.
+    ONCE.call_once(|| {
+        let _ = unsafe { atexit(shut_down) };
+    });
+}
+
+/// Leaves the connection alone when the process ends: its runtime does not answer any more.
+pub fn abandon() {
+    CONNECTED.store(false, Ordering::Release);
+}
+
 /// The connection. At most one at a time; it must go before any Vulkan object that the runtime knows of.
 pub struct Runtime {
     system: *const sys::VR_IVRSystem_FnTable,
@@ -52,6 +81,9 @@ impl Runtime {
         if code != sys::EVRInitError_VRInitError_None {
             return Err(Refusal { code, words: words_of(code) });
         }
+        #[cfg(unix)]
+        shut_down_at_exit();
+        CONNECTED.store(true, Ordering::Release);
         // From here on, Drop disconnects whatever fails.
         let mut runtime = Self { system: ptr::null(), compositor: ptr::null(), explicit_timing: false };
         runtime.system = table(sys::IVRSystem_Version)?;
@@ -59,14 +91,6 @@ impl Runtime {
             runtime.compositor = table(sys::IVRCompositor_Version)?;
         }
         Ok(runtime)
-    }
-
-    /// Another of its tables, by the version that the header names; `None` where the runtime lacks it.
-    ///
-    /// # Safety
-    /// `T` must be that version's table. It is gone when the runtime is.
-    pub unsafe fn table<T>(&self, version: &[u8]) -> Option<*const T> {
-        table(version).ok()
     }
 
     /// Whether the device is there and switched on; 0 is the headset.
@@ -92,7 +116,7 @@ impl Runtime {
         let mut error = sys::ETrackedPropertyError_TrackedProp_Success;
         // SAFETY: the pointer is good for the call.
         let hertz = unsafe { call(0, sys::ETrackedDeviceProperty_Prop_DisplayFrequency_Float, &mut error) };
-        let known = error == sys::ETrackedPropertyError_TrackedProp_Success && hertz.is_finite() && hertz > 1.0;
+        let known = error == sys::ETrackedPropertyError_TrackedProp_Success && hertz.is_finite() && hertz > 0.0;
         known.then_some(hertz)
     }
 
@@ -136,7 +160,9 @@ impl Runtime {
         // SAFETY: both pointers are good for the call.
         unsafe { call(&mut width, &mut height) };
         if width == 0 || height == 0 {
-            return Err(Error::Headset { problem: format!("its runtime asks for pictures of {width}x{height} pixels") });
+            return Err(Error::Headset {
+                problem: format!("its runtime asks for pictures of {width}x{height} pixels"),
+            });
         }
         Ok([width, height])
     }
@@ -192,7 +218,8 @@ impl Runtime {
         }
         let calls = (self.compositor().SetExplicitTimingMode, self.compositor().PostPresentHandoff);
         if let (Some(call), Some(_)) = calls {
-            let mode = sys::EVRCompositorTimingMode_VRCompositorTimingMode_Explicit_ApplicationPerformsPostPresentHandoff;
+            let mode =
+                sys::EVRCompositorTimingMode_VRCompositorTimingMode_Explicit_ApplicationPerformsPostPresentHandoff;
             // SAFETY: a value of the enumeration; `post_present_handoff` is called as it demands.
             unsafe { call(mode) };
             self.explicit_timing = true;
@@ -246,6 +273,14 @@ impl Runtime {
         Ok(unsafe { call(eye, &mut texture, &mut bounds, sys::EVRSubmitFlags_Submit_Default) })
     }
 
+    /// What became of a frame some time ago.
+    pub fn frame_timing(&self, frames_ago: u32) -> Option<FrameTiming> {
+        let call = self.compositor().GetFrameTiming?;
+        let mut timing = sys::Compositor_FrameTiming { m_nSize: FRAME_TIMING_BYTES, ..Default::default() };
+        // SAFETY: the structure is at least as long as it says.
+        unsafe { call(&mut timing, frames_ago) }.then(|| FrameTiming::from(&timing))
+    }
+
     /// Says that both eyes have been submitted. Uses our queue.
     pub fn post_present_handoff(&self) {
         if let Some(call) = self.compositor().PostPresentHandoff {
@@ -269,8 +304,10 @@ impl Runtime {
 
 impl Drop for Runtime {
     fn drop(&mut self) {
-        // SAFETY: `start` has connected; nothing uses the tables any more.
-        unsafe { sys::VR_ShutdownInternal() };
+        if CONNECTED.swap(false, Ordering::AcqRel) {
+            // SAFETY: `start` has connected; nothing uses the tables any more.
+            unsafe { sys::VR_ShutdownInternal() };
+        }
     }
 }
 

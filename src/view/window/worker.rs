@@ -8,8 +8,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::thread::JoinHandle;
 
-use winit::event_loop::EventLoopProxy;
-
+use super::super::headset::floor_under;
 use super::super::picture::load_scene;
 use crate::asset::picture::Picture;
 use crate::asset::{Panorama, Report, folders};
@@ -27,6 +26,8 @@ pub struct Stage {
     /// At least one.
     pub cameras: Vec<Camera>,
     pub bounds: Bounds,
+    /// Heights of the floor under each camera.
+    pub floors: Vec<f32>,
     pub exposure_ev: f32,
     pub rotation_degrees: f32,
 }
@@ -37,6 +38,7 @@ pub enum Job {
         path: PathBuf,
         shading: Shading,
         size: [u32; 2],
+        eyes: u32,
     },
     Panorama {
         path: PathBuf,
@@ -65,7 +67,7 @@ pub struct Worker {
 
 impl Worker {
     /// Starts it; `wake` is called from its thread whenever there is something to take.
-    pub fn new(gpu: &Arc<Gpu>, settings: Settings, wake: EventLoopProxy<()>) -> Result<Self> {
+    pub fn new(gpu: &Arc<Gpu>, settings: Settings, wake: impl Fn() + Clone + Send + 'static) -> Result<Self> {
         let (jobs, to_do) = channel();
         let (sender, done) = channel();
         let closing = Arc::new(AtomicBool::new(false));
@@ -76,9 +78,9 @@ impl Worker {
                 if stop.load(Ordering::Relaxed) && !matches!(job, Job::Screenshot { .. }) {
                     continue;
                 }
-                // The window is there until this thread has ended; without an event loop it needs no waking.
+                // Its owner is there until this thread has ended.
                 let _ = sender.send(perform(&gpu, &settings, job));
-                let _ = wake.send_event(());
+                wake();
             }
         };
         let thread = std::thread::Builder::new()
@@ -121,11 +123,11 @@ impl Drop for Worker {
 }
 
 /// Wakes the window even if the thread dies.
-struct WakeAtEnd(EventLoopProxy<()>);
+struct WakeAtEnd<F: Fn()>(F);
 
-impl Drop for WakeAtEnd {
+impl<F: Fn()> Drop for WakeAtEnd<F> {
     fn drop(&mut self) {
-        let _ = self.0.send_event(());
+        (self.0)();
     }
 }
 
@@ -140,7 +142,10 @@ pub fn report_screenshot(written: &Result<PathBuf>) {
 fn perform(gpu: &Arc<Gpu>, settings: &Settings, job: Job) -> Done {
     let report = Report::to_terminal();
     match job {
-        Job::Scene { path, shading, size } => Done::Scene(load_stage(gpu, settings, &path, shading, size, &report)),
+        Job::Scene { path, shading, size, eyes } => {
+            let pictures = (shading, size, eyes);
+            Done::Scene(load_stage(gpu, settings, &path, pictures, &report))
+        }
         Job::Panorama { path } => {
             let light = Panorama::load(&path, &report)
                 .and_then(|panorama| LightMaps::new(gpu, &panorama, &settings.precompute))
@@ -157,18 +162,19 @@ fn load_stage(
     gpu: &Arc<Gpu>,
     settings: &Settings,
     path: &Path,
-    shading: Shading,
-    size: [u32; 2],
+    (shading, size, eyes): (Shading, [u32; 2], u32),
     report: &Report,
 ) -> Result<Box<Stage>> {
     let scene = load_scene(path, report)?;
-    let renderer = Renderer::new(gpu, &scene, settings.clone(), shading, size, 1, report)?;
+    let renderer = Renderer::new(gpu, &scene, settings.clone(), shading, size, eyes, report)?;
     let bounds = scene.bounds();
+    let floors = scene.cameras.iter().map(|camera| floor_under(&scene, camera.position)).collect();
     Ok(Box::new(Stage {
         name: file_name(path),
         renderer,
         cameras: scene.cameras,
         bounds,
+        floors,
         exposure_ev: scene.exposure_ev,
         rotation_degrees: scene.environment.rotation_degrees,
     }))

@@ -93,6 +93,9 @@ unsafe extern "C" fn init(
     if start.no_headset {
         return sys::EVRInitError_VRInitError_Init_HmdNotFound;
     }
+    if start.is_asleep && kind != sys::EVRApplicationType_VRApplication_Scene {
+        return sys::EVRInitError_VRInitError_Init_NoServerForBackgroundApp;
+    }
     if start.error != 0 {
         return start.error as sys::EVRInitError;
     }

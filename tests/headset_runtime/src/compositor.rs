@@ -69,6 +69,12 @@ unsafe extern "C" fn wait_get_poses(
     let (vsync, missed) = with(|r| {
         r.call("WaitGetPoses", NOTHING);
         r.times.wait_begins();
+        // This mode promises it, so that waiting may leave the queue alone.
+        let promised =
+            sys::EVRCompositorTimingMode_VRCompositorTimingMode_Explicit_ApplicationPerformsPostPresentHandoff;
+        if r.timing_mode == promised && r.submitted != [false; 2] && !r.is_handed_off {
+            r.fault("WaitGetPoses without the PostPresentHandoff that was promised");
+        }
         r.pace.next_vsync(Instant::now())
     });
     // Not under the lock: other threads may ask for other things meanwhile.
@@ -94,7 +100,7 @@ unsafe extern "C" fn wait_get_poses(
 fn begin_frame(r: &mut Runtime, vsync: Instant, missed: u32) {
     r.frame += 1;
     let frame = r.frame;
-    r.submitted = [false; 2];
+    (r.submitted, r.is_handed_off) = ([false; 2], false);
     r.images.collect(frame);
     let script = Arc::clone(&r.script);
     if script.die.iter().any(|d| d.frame == frame) {
@@ -203,13 +209,21 @@ unsafe extern "C" fn clear_last_submitted_frame() {
 }
 
 unsafe extern "C" fn post_present_handoff() {
-    with(|r| r.call("PostPresentHandoff", NOTHING));
+    with(|r| {
+        r.is_handed_off = true;
+        r.call("PostPresentHandoff", NOTHING);
+    });
 }
 
 unsafe extern "C" fn frame_timing(timing: *mut sys::Compositor_FrameTiming, frames_ago: u32) -> bool {
     with(|r| {
         // SAFETY: the interface asks for a structure that begins with its own size.
         let size = unsafe { (*timing).m_nSize } as usize;
+        // The header packs to four bytes but on Windows; both are taken.
+        if size != 188 && size != 192 {
+            r.fault(&format!("GetFrameTiming wants {size} bytes"));
+            return false;
+        }
         let Some(past) = r.pace.ago(frames_ago as usize) else { return false };
         let told = sys::Compositor_FrameTiming {
             m_nSize: u32::try_from(size).unwrap_or(0),
@@ -291,7 +305,10 @@ unsafe extern "C" fn device_extensions(device: *mut sys::VkPhysicalDevice_T, tar
 }
 
 unsafe extern "C" fn set_explicit_timing_mode(mode: sys::EVRCompositorTimingMode) {
-    with(|r| r.call("SetExplicitTimingMode", json!({ "mode": mode })));
+    with(|r| {
+        r.timing_mode = mode;
+        r.call("SetExplicitTimingMode", json!({ "mode": mode }));
+    });
 }
 
 unsafe extern "C" fn submit_explicit_timing_data() -> sys::EVRCompositorError {

@@ -214,15 +214,38 @@ impl Copier {
 
 /// Writes RGB; the values are display values already.
 fn write_png(file: &Path, copy: &Copy, bytes: &[u8]) {
+    if let Err(error) = picture(copy, bytes).save(file) {
+        eprintln!("headset runtime: {}: {error}", file.display());
+    }
+}
+
+fn picture(copy: &Copy, bytes: &[u8]) -> image::RgbImage {
     let is_bgra = matches!(copy.format, vk::Format::B8G8R8A8_UNORM | vk::Format::B8G8R8A8_SRGB);
     let [width, height] = [copy.part.extent.width, copy.part.extent.height];
-    let picture = image::RgbImage::from_fn(width, height, |x, y| {
+    image::RgbImage::from_fn(width, height, |x, y| {
         let row = if copy.is_flipped { height - 1 - y } else { y };
         let at = ((row * width + x) * 4) as usize;
         let [a, g, b] = [bytes[at], bytes[at + 1], bytes[at + 2]];
         image::Rgb(if is_bgra { [b, g, a] } else { [a, g, b] })
-    });
-    if let Err(error) = picture.save(file) {
-        eprintln!("headset runtime: {}: {error}", file.display());
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pictures_are_upright_and_red_is_red() {
+        let bytes = [1, 2, 3, 255, 4, 5, 6, 255];
+        let rows = |format, is_flipped| {
+            let extent = vk::Extent2D { width: 1, height: 2 };
+            let part = vk::Rect2D { offset: vk::Offset2D::default(), extent };
+            let copy = Copy { image: vk::Image::null(), format, part, is_flipped, frame: 1, file: None };
+            let made = picture(&copy, &bytes);
+            [made.get_pixel(0, 0).0, made.get_pixel(0, 1).0]
+        };
+        assert_eq!(rows(vk::Format::R8G8B8A8_SRGB, false), [[1, 2, 3], [4, 5, 6]]);
+        assert_eq!(rows(vk::Format::R8G8B8A8_SRGB, true), [[4, 5, 6], [1, 2, 3]]);
+        assert_eq!(rows(vk::Format::B8G8R8A8_UNORM, false), [[3, 2, 1], [6, 5, 4]]);
     }
 }

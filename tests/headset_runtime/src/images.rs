@@ -159,3 +159,43 @@ impl Images {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn submitted(bounds: [f32; 4], format: vk::Format, samples: u32) -> Submitted {
+        let data = sys::VRVulkanTextureData_t {
+            m_nWidth: 200,
+            m_nHeight: 100,
+            m_nFormat: format.as_raw().cast_unsigned(),
+            m_nSampleCount: samples,
+            ..Default::default()
+        };
+        Submitted { eye: 0, data, bounds, color_space: sys::EColorSpace_ColorSpace_Auto }
+    }
+
+    #[test]
+    fn bounds_choose_a_part_and_may_turn_it_upside_down() {
+        let part = |bounds| {
+            submitted(bounds, vk::Format::R8G8B8A8_SRGB, 1)
+                .part()
+                .map(|(r, is_flipped)| ([r.offset.x, r.offset.y], [r.extent.width, r.extent.height], is_flipped))
+        };
+        assert_eq!(part([0.0, 0.0, 1.0, 1.0]), Ok(([0, 0], [200, 100], false)));
+        assert_eq!(part([0.0, 0.0, 0.75, 0.8]), Ok(([0, 0], [150, 80], false)));
+        assert_eq!(part([0.1, 1.0, 0.5, 0.2]), Ok(([20, 20], [80, 80], true)));
+        for bounds in [[0.0, 0.0, 1.1, 1.0], [-0.1, 0.0, 1.0, 1.0], [0.5, 0.0, 0.5, 1.0], [f32::NAN, 0.0, 1.0, 1.0]] {
+            assert_eq!(part(bounds), Err(sys::EVRCompositorError_VRCompositorError_InvalidBounds), "{bounds:?}");
+        }
+    }
+
+    #[test]
+    fn only_flat_eight_bit_images_of_one_sample_are_taken() {
+        let format = |format, samples| submitted([0.0, 0.0, 1.0, 1.0], format, samples).format();
+        assert_eq!(format(vk::Format::B8G8R8A8_SRGB, 1), Ok(vk::Format::B8G8R8A8_SRGB));
+        let refused = Err(sys::EVRCompositorError_VRCompositorError_TextureUsesUnsupportedFormat);
+        assert_eq!(format(vk::Format::R16G16B16A16_SFLOAT, 1), refused);
+        assert_eq!(format(vk::Format::R8G8B8A8_SRGB, 4), refused);
+    }
+}

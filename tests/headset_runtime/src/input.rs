@@ -153,6 +153,11 @@ fn is_from(hand: &str, source: u64) -> bool {
     source == 0 || HANDS.iter().any(|(name, _, device)| *name == hand && u64::from(*device) == source)
 }
 
+/// Whether there is a controller that could act from a source; 0 is any.
+fn is_held(r: &Runtime, source: u64) -> bool {
+    HANDS.iter().any(|hand| (source == 0 || u64::from(hand.2) == source) && r.place(hand.2, r.frame).is_some())
+}
+
 fn origin(hand: &str) -> u64 {
     HANDS.iter().find(|(name, ..)| *name == hand).map_or(0, |(_, _, device)| u64::from(*device))
 }
@@ -174,7 +179,7 @@ unsafe extern "C" fn digital_action_data(
         };
         let (now, before) = (pressed(r.frame), pressed(r.frame.saturating_sub(1)));
         let data = sys::InputDigitalActionData_t {
-            bActive: true,
+            bActive: is_held(r, source),
             activeOrigin: now.or(before).map_or(0, |b| origin(&b.hand)),
             bState: now.is_some(),
             bChanged: now.is_some() != before.is_some(),
@@ -201,7 +206,13 @@ unsafe extern "C" fn analog_action_data(
         let moved = axes.find(|a| a.action == name && lasts(r.frame, a.frame, a.last) && is_from(&a.hand, source));
         let [x, y] = moved.map_or([0.0; 2], |a| a.value);
         let origin = moved.map_or(0, |a| origin(&a.hand));
-        let data = sys::InputAnalogActionData_t { bActive: true, activeOrigin: origin, x, y, ..Default::default() };
+        let data = sys::InputAnalogActionData_t {
+            bActive: is_held(r, source),
+            activeOrigin: origin,
+            x,
+            y,
+            ..Default::default()
+        };
         // SAFETY: the interface asks for a place.
         unsafe { *out = data };
         OK

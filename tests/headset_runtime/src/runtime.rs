@@ -32,8 +32,10 @@ pub struct Runtime {
     pub space: sys::ETrackingUniverseOrigin,
     /// Where the seated space's origin is in the standing one.
     pub standing_from_seated: Affine3A,
-    /// Which eyes this frame has had.
+    /// Which eyes this frame has had, and whether it was handed over.
     pub submitted: [bool; 2],
+    pub is_handed_off: bool,
+    pub timing_mode: sys::EVRCompositorTimingMode,
     pub images: Images,
     pub actions: Actions,
     pub pace: Pace,
@@ -57,6 +59,8 @@ impl Runtime {
             space: sys::ETrackingUniverseOrigin_TrackingUniverseStanding,
             standing_from_seated: Affine3A::IDENTITY,
             submitted: [false; 2],
+            is_handed_off: false,
+            timing_mode: sys::EVRCompositorTimingMode_VRCompositorTimingMode_Implicit,
             images: Images::new(script.output.clone()),
             actions: Actions::default(),
             pace: Pace::new(script.hz, script.is_paced),
@@ -68,6 +72,12 @@ impl Runtime {
     /// Logs one.
     pub fn call(&mut self, name: &str, details: Value) {
         self.log.call(self.frame, name, &details);
+    }
+
+    /// Logs what no program should do.
+    pub fn fault(&mut self, problem: &str) {
+        eprintln!("headset runtime: {problem}");
+        self.call("Fault", json!({ "problem": problem }));
     }
 
     /// Queues an event about a device.

@@ -63,6 +63,8 @@ pub struct Start {
     pub error: u32,
     /// No interface version is known, as in a runtime older than the program.
     pub too_old: bool,
+    /// Only a program that shows pictures can start the runtime's server: Init of others fails with 121.
+    pub is_asleep: bool,
     /// Milliseconds that Init takes.
     pub slow_ms: u64,
     /// Init never returns.

@@ -269,7 +269,7 @@ unsafe extern "C" fn property_error_name(_error: sys::ETrackedPropertyError) -> 
 unsafe extern "C" fn poll_next_event(event: *mut sys::VREvent_t, size: u32) -> bool {
     with(|r| {
         if size as usize != size_of::<sys::VREvent_t>() {
-            r.call("PollNextEvent", json!({ "wrong_size": size }));
+            r.fault(&format!("PollNextEvent wants events of {size} bytes"));
             return false;
         }
         let Some(next) = r.events.pop_front() else { return false };

@@ -1,4 +1,5 @@
-//! Wands, arc and landing ring in the picture: in both eyes where they belong, behind what hides them, in their own colours.
+//! What hands do in the picture: wands, arc and landing ring where they belong, in both eyes, behind what hides them and in
+//! their own colours; models that are moved.
 
 mod common;
 
@@ -9,7 +10,6 @@ use glam::{EulerRot, Mat4, Quat, Vec3};
 
 use common::validated;
 use pbr_vr::asset::Report;
-use pbr_vr::asset::picture::Picture;
 use pbr_vr::gpu::{Gpu, Part, Recorder, read_image};
 use pbr_vr::render::{Eye, FRAMES_IN_FLIGHT, Guides, IPD_METRES, Output, Renderer, Settings, Shading};
 use pbr_vr::scene::{Scene, load};
@@ -95,12 +95,6 @@ fn both_eyes_see_arc_and_ring_where_they_are_and_in_their_colours() {
         renderer.set_guides(0, &guides).expect("guides");
         *renderer.exposure_ev() = 1.5;
         let pictures = layers(gpu, renderer, 0, eyes, 4);
-        if let Some(folder) = std::env::var_os("PBR_VR_KEEP") {
-            for (name, bytes) in ["guides-left.png", "guides-right.png"].iter().zip(&pictures) {
-                let picture = Picture::from_srgb8("guides", SIZE[0], SIZE[1], bytes);
-                picture.write(&Path::new(&folder).join(name)).expect("a kept picture");
-            }
-        }
         for (eye, bytes) in eyes.iter().zip(&pictures) {
             for point in on_the_ring().into_iter().chain([arc[12], arc[16], arc[20]]) {
                 let at = 4 * pixel_of(eye, point);
@@ -151,5 +145,27 @@ fn what_stands_in_front_hides_them_and_each_slot_shows_its_own() {
         renderer.reload_shaders().expect("pipelines");
         renderer.set_guides(0, &seen).expect("guides");
         assert!(layers(gpu, renderer, 0, eyes, 4) == shown, "new pipelines draw something else");
+    });
+}
+
+#[test]
+fn models_that_move_look_as_from_eyes_that_move_the_other_way() {
+    with_renderer(Output::Display, |gpu, renderer, eyes| {
+        renderer.set_shading(Shading::Albedo).expect("pipelines");
+        let by = Mat4::from_translation(Vec3::new(0.25, -0.125, 0.5));
+        let before = layers(gpu, renderer, 0, eyes, 4);
+        *renderer.world_from_models() = by;
+        let moved = layers(gpu, renderer, 0, eyes, 4);
+        let followed = eyes.map(|eye| Eye { world_from_view: by * eye.world_from_view, ..eye });
+        let with_them = layers(gpu, renderer, 0, &followed, 4);
+        let differing = |a: &[u8], b: &[u8]| {
+            let far = |(a, b): (&[u8], &[u8])| (0..3).any(|c| a[c].abs_diff(b[c]) > 8);
+            let pixels = a.chunks_exact(4).zip(b.chunks_exact(4));
+            pixels.filter(|pair| far(*pair)).count() as f32 / (SIZE[0] * SIZE[1]) as f32
+        };
+        for eye in [0, 1] {
+            let (apart, together) = (differing(&moved[eye], &before[eye]), differing(&with_them[eye], &before[eye]));
+            assert!(apart > 0.2 && together < 0.005, "{apart} of the pixels move, {together} with the eyes");
+        }
     });
 }
