@@ -1,7 +1,7 @@
 # Sourced by the scripts in tools/: installs missing Debian or Ubuntu packages, and checks for Rust.
 # shellcheck shell=bash
 
-# What the program needs to be built and to run: compiler, what OpenVR's loader is built with, shaderc in parts, Vulkan with a CPU driver,
+# What the program needs to be built and to run: compiler, cmake and libclang for OpenVR's loader, shaderc in parts, Vulkan with a CPU driver,
 # the libraries that a window loads. The sourcing scripts read these lists.
 # shellcheck disable=SC2034
 PACKAGES_TO_RUN=(g++ make cmake pkg-config libclang-dev libshaderc-dev glslang-dev spirv-tools libvulkan1 mesa-vulkan-drivers

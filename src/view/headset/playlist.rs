@@ -71,7 +71,7 @@ mod tests {
             (0..count).map(|_| turn.next().map(name)).collect()
         };
         assert_eq!(names(&mut Turn::new(folder.path(), &["toml"]), 2), [Some("b.toml".into()), None]);
-        ["a.toml", "c.obj"].map(add);
+        ["a.toml", "c.obj"].into_iter().for_each(add);
         let names = names(&mut Turn::new(folder.path(), &["toml", "hdr"]), 3);
         assert_eq!(names, [Some("a.toml".into()), Some("b.toml".into()), Some("a.toml".into())]);
     }
