@@ -1,5 +1,5 @@
 //! Compiles every stage file of glsl/ to SPIR-V and lists them for `gpu::shader`, those of tests/glsl/ in a list apart;
-//! hashes the code of `precompute`.
+//! hashes the code of `precompute`; says to Windows what the program can do.
 
 #[path = "src/gpu/shader_compiler.rs"]
 mod shader_compiler;
@@ -32,7 +32,21 @@ fn run() -> Result<(), String> {
     let tests = table("FOR_TESTS", &root.join("tests/glsl"), &glsl, &out, debug)?;
     write_file(&out.join("test_shaders.rs"), tests.as_bytes())?;
     println!("cargo:rustc-env=PBR_VR_PRECOMPUTE_CODE={:016x}", code_hash(&root)?);
+    if variable("CARGO_CFG_TARGET_OS")? == "windows" {
+        embed_manifest()?;
+    }
     Ok(())
+}
+
+/// What Windows is told about the programs: they take paths beyond 260 characters, text is UTF-8, and each monitor's
+/// pixels are their own affair.
+fn embed_manifest() -> Result<(), String> {
+    use embed_manifest::manifest::{ActiveCodePage, DpiAwareness, Setting};
+    let manifest = embed_manifest::new_manifest("pbr-vr")
+        .active_code_page(ActiveCodePage::Utf8)
+        .dpi_awareness(DpiAwareness::PerMonitorV2)
+        .long_path_aware(Setting::Enabled);
+    embed_manifest::embed_manifest(manifest).map_err(|e| format!("the Windows manifest: {e}"))
 }
 
 /// Rust source of a list of all stage files of `folder`, compiled into `out`.

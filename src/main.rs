@@ -219,6 +219,7 @@ fn main() -> ExitCode {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             eprintln!("pbr-vr: {error}");
+            view::console::hold();
             ExitCode::from(error.exit_code())
         }
     }
@@ -244,6 +245,7 @@ fn run(cli: &Cli) -> Result<()> {
 }
 
 fn run_view(args: &View, gpu: GpuOptions<'_>, cache: Option<&Cache>) -> Result<()> {
+    view::console::step_aside();
     let request = ViewRequest {
         scene: args.scene.as_deref(),
         frames: args.frames,
@@ -350,7 +352,9 @@ fn start_log(verbose: u8) {
         1 => (LevelFilter::INFO, LevelFilter::WARN),
         _ => (LevelFilter::DEBUG, LevelFilter::DEBUG),
     };
-    let ansi = std::io::IsTerminal::is_terminal(&std::io::stderr());
+    // Windows' console shows colours once it is asked to; where it cannot, their codes would be rubbish on the screen.
+    let console_shows_colours = anstyle_query::windows::enable_ansi_colors() != Some(false);
+    let ansi = std::io::IsTerminal::is_terminal(&std::io::stderr()) && console_shows_colours;
     let layer =
         tracing_subscriber::fmt::layer().with_writer(std::io::stderr).with_ansi(ansi).without_time().with_target(false);
     let levels = Targets::new().with_default(others).with_target("pbr_vr", ours);

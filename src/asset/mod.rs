@@ -1,6 +1,7 @@
 //! Bytes to checked CPU data: models, materials, textures, panoramas, pictures, KTX2; limits and warnings.
 
 pub mod file;
+pub mod folders;
 pub mod ktx2;
 pub mod mtl;
 pub mod normals;

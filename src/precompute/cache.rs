@@ -7,6 +7,7 @@ use std::time::SystemTime;
 
 use super::texture::{fits, read_texture};
 use crate::Result;
+use crate::asset::folders;
 use crate::asset::ktx2::Ktx2;
 use crate::gpu::{Gpu, Image, PassTime, compute_shaders, write_mips};
 
@@ -27,16 +28,9 @@ pub struct Cache {
 }
 
 impl Cache {
-    /// The user's: `pbr-vr/maps` in %LOCALAPPDATA% on Windows, else in $XDG_CACHE_HOME or ~/.cache; `None` where the
-    /// system names no such folder.
+    /// The user's: `pbr-vr/maps` in the folder for caches; `None` where the system names no such folder.
     pub fn of_user() -> Option<Self> {
-        let folder = |name: &str| std::env::var_os(name).map(PathBuf::from).filter(|path| path.is_absolute());
-        let caches = if cfg!(windows) {
-            folder("LOCALAPPDATA")
-        } else {
-            folder("XDG_CACHE_HOME").or_else(|| folder("HOME").map(|home| home.join(".cache")))
-        };
-        caches.map(|caches| Self::in_folder(caches.join("pbr-vr").join("maps")))
+        folders::caches().map(|caches| Self::in_folder(caches.join("pbr-vr").join("maps")))
     }
 
     /// A cache in any folder, which is made when it is needed.

@@ -13,6 +13,7 @@ use std::path::{Path, PathBuf};
 pub use bake::{BakeFacts, BakeRequest, bake};
 pub use headset::{HiddenAreaV, PROBE_SUBCOMMAND, answer_probe};
 pub use picture::{RenderFacts, RenderRequest, render};
+pub use window::console;
 
 use clap::ValueEnum;
 

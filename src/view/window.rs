@@ -1,6 +1,7 @@
 //! The desktop window: event loop, and when the window, the GPU and what is drawn come and go.
 
 mod canvas;
+pub mod console;
 #[cfg(feature = "hot-reload")]
 mod hot_reload;
 mod hud;

@@ -11,7 +11,7 @@ use std::thread::JoinHandle;
 use super::super::headset::floor_under;
 use super::super::picture::load_scene;
 use crate::asset::picture::Picture;
-use crate::asset::{Panorama, Report};
+use crate::asset::{Panorama, Report, folders};
 use crate::gpu::Gpu;
 use crate::precompute::LightMaps;
 use crate::render::{Renderer, Settings, Shading};
@@ -43,7 +43,7 @@ pub enum Job {
     Panorama {
         path: PathBuf,
     },
-    /// RGBA, 8 bits a channel, to be written into the working folder.
+    /// RGBA, 8 bits a channel, to be written into the working folder, or else among the user's pictures.
     Screenshot {
         pixels: Vec<u8>,
         size: [u32; 2],
@@ -152,7 +152,9 @@ fn perform(gpu: &Arc<Gpu>, settings: &Settings, job: Job) -> Done {
                 .map(Box::new);
             Done::Panorama { name: file_name(&path), light }
         }
-        Job::Screenshot { pixels, size } => Done::Screenshot(write_screenshot(&pixels, size, Path::new(""))),
+        Job::Screenshot { pixels, size } => {
+            Done::Screenshot(keep_screenshot(&pixels, size, Path::new(""), folders::pictures()))
+        }
     }
 }
 
@@ -181,6 +183,15 @@ fn load_stage(
 /// A path's last part, for people.
 pub fn file_name(path: &Path) -> String {
     path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned()
+}
+
+/// Writes it into `folder`. Started from a menu, a program may stand where it cannot write: then the user's pictures are
+/// the place, and the path that comes back says so.
+fn keep_screenshot(pixels: &[u8], size: [u32; 2], folder: &Path, pictures: Option<PathBuf>) -> Result<PathBuf> {
+    match (write_screenshot(pixels, size, folder), pictures) {
+        (Err(error), Some(pictures)) => write_screenshot(pixels, size, &pictures).map_err(|_| error),
+        (written, _) => written,
+    }
 }
 
 /// Writes `pbr-vr-N.png` with the first N that no file has.
@@ -227,5 +238,17 @@ mod tests {
         let folder = tempfile::tempdir().expect("a temporary folder");
         let error = write_screenshot(&[0; 4], [1, 1], &folder.path().join("none")).expect_err("nowhere to write");
         assert!(error.to_string().contains("pbr-vr-1.png"), "{error}");
+    }
+
+    #[test]
+    fn where_nothing_can_be_written_a_screenshot_goes_among_the_pictures() {
+        let pictures = tempfile::tempdir().expect("a temporary folder");
+        let keep =
+            |folder: &str, into: PathBuf| keep_screenshot(&[0; 4], [1, 1], &pictures.path().join(folder), Some(into));
+        let kept = keep("none", pictures.path().into()).expect("a screenshot");
+        assert_eq!(kept, pictures.path().join("pbr-vr-1.png"));
+        assert!(kept.is_file());
+        let error = keep("none", pictures.path().join("neither")).expect_err("nowhere to write").to_string();
+        assert!(error.contains("none") && !error.contains("neither"), "the folder that was meant: {error}");
     }
 }
