@@ -1,9 +1,11 @@
 //! What is drawn, as plain data: meshes, materials, lights, cameras, surroundings.
 
+pub mod cluster;
 pub mod description;
 pub mod load;
 pub mod material;
 pub mod mesh;
+mod shell;
 pub mod tangent;
 
 use glam::{Mat4, Vec3};
