@@ -146,8 +146,11 @@ impl Gpu {
         let _ = unsafe { debug.set_debug_utils_object_name(&info) };
     }
 
-    pub(super) fn begin_label(&self, commands: vk::CommandBuffer, name: &CStr) {
-        if let Some(debug) = &self.debug {
+    /// Begins a named part of a recording, without allocating; names longer than 63 bytes lose their ends.
+    pub(super) fn begin_label(&self, commands: vk::CommandBuffer, name: &str) {
+        let mut text = [0; 64];
+        text.iter_mut().zip(name.bytes().take(63)).for_each(|(to, from)| *to = from);
+        if let (Some(debug), Ok(name)) = (&self.debug, CStr::from_bytes_until_nul(&text)) {
             let label = vk::DebugUtilsLabelEXT::default().label_name(name);
             // SAFETY: the command buffer is being recorded by the caller.
             unsafe { debug.cmd_begin_debug_utils_label(commands, &label) };

@@ -26,7 +26,7 @@ pub use device::{Gpu, GpuOptions};
 pub use image::{Edge, Image, ImageDesc, Sampler, Shape, Use};
 pub use instance::{Messages, validation_available};
 pub use pipeline::{Constant, DEPTH_FORMAT, Depth, GraphicsDesc, Pipeline};
-pub use recorder::{PassTime, Recorder, run};
+pub use recorder::{PassTime, PassTimes, Recorder, run};
 pub use shader::compute_shaders;
 #[cfg(feature = "hot-reload")]
 pub use shader::on_disk::folder as shader_folder;

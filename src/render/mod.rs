@@ -1,5 +1,7 @@
 //! One frame for N eyes: forward pass, sky, resolve, text on top.
 
+mod culling;
+mod draws;
 mod eye;
 mod forward;
 mod overlay;
@@ -13,6 +15,7 @@ use std::sync::Arc;
 
 use clap::ValueEnum;
 
+pub use draws::{Order, Savings};
 pub use eye::{Eye, IPD_METRES, NEAR_METRES};
 pub use overlay::Overlay;
 pub use shared::MAX_EYES;
@@ -25,6 +28,7 @@ use crate::reference::brdf::Geometry;
 use crate::reference::table::SplitSum;
 use crate::scene::Scene;
 use crate::{Error, Result};
+use draws::DrawList;
 use forward::Forward;
 use shared::{EyeBlock, FrameBlock};
 use targets::Targets;
@@ -97,6 +101,8 @@ pub struct Renderer {
     exposure_ev: f32,
     environment_turn: f32,
     world: World,
+    savings: Savings,
+    draws: DrawList,
     light: LightMaps,
     table: BrdfTable,
     samplers: [Sampler; 2],
@@ -137,6 +143,8 @@ impl Renderer {
             exposure_ev: scene.exposure_ev,
             environment_turn: scene.environment.rotation_degrees.to_radians(),
             world,
+            savings: Savings::default(),
+            draws: DrawList::default(),
             light,
             table,
             samplers,
@@ -186,6 +194,16 @@ impl Renderer {
         &mut self.environment_turn
     }
 
+    /// What is done so that a frame costs less.
+    pub fn savings(&mut self) -> &mut Savings {
+        &mut self.savings
+    }
+
+    /// How many draws the last recorded frame has, of how many there are.
+    pub fn draw_counts(&self) -> [usize; 2] {
+        [self.draws.iter().count(), self.world.draws.len()]
+    }
+
     /// What is shown.
     pub fn shading(&self) -> Shading {
         self.shading
@@ -206,10 +224,11 @@ impl Renderer {
         let block = self.frame_block(eyes);
         let (buffer, set) = &mut self.frames[slot];
         buffer.write(0, bytemuck::bytes_of(&block));
-        let (forward, world, targets) = (&self.forward, &self.world, &self.targets);
+        self.draws.fill(&self.world.draws, eyes, self.savings);
+        let (forward, world, draws, targets) = (&self.forward, &self.world, &self.draws, &self.targets);
         commands.pass("scene", |commands| {
             targets.render(commands, |commands| {
-                forward.draw(commands, world, set);
+                forward.draw(commands, world, draws, set);
                 forward.draw_sky(commands, set);
             });
         });

@@ -3,32 +3,27 @@
 mod geometry;
 mod materials;
 mod textures;
+mod vertex;
 
 use std::sync::Arc;
 
-use glam::Mat4;
-
+use super::draws::Draw;
 use super::shared::LightBlock;
 use crate::Result;
 use crate::asset::Report;
 use crate::gpu::{Buffer, BufferKind, Edge, Gpu, Image, Sampler, SetLayout};
+use crate::scene::cluster::clusters;
 use crate::scene::{Material, Scene};
-use geometry::{Geometry, MeshRange};
+use geometry::Geometry;
+pub use geometry::MeshRange;
 use materials::GpuMaterial;
 pub use materials::Needs;
-
-/// One draw: a range of the index buffer, placed.
-pub struct Draw {
-    pub range: MeshRange,
-    pub material: usize,
-    pub world_from_local: Mat4,
-}
+pub use vertex::{ATTRIBUTES, PackedVertex};
 
 /// Everything of a scene but its environment.
 pub struct World {
     pub geometry: Geometry,
     pub materials: Vec<GpuMaterial>,
-    /// Sorted by what they need, then by material, so that few pipelines and sets are bound.
     pub draws: Vec<Draw>,
     pub lights: Buffer,
     pub light_count: u32,
@@ -41,25 +36,18 @@ pub struct World {
 impl World {
     /// Uploads a scene.
     pub fn new(gpu: &Arc<Gpu>, scene: &Scene, report: &Report) -> Result<Self> {
-        let geometry = Geometry::new(gpu, &scene.meshes)?;
+        let clusters = clusters(&scene.meshes, &scene.instances);
+        let geometry = Geometry::new(gpu, &clusters)?;
         let textures = textures::upload(gpu, &scene.textures, report)?;
         let sampler = Sampler::new(gpu, "material", Edge::Repeat, true)?;
         let layout = SetLayout::new(gpu, "material", &materials::SLOTS)?;
         let material = |m: &Material| materials::upload(gpu, &layout, m, &textures, &sampler);
         let materials: Vec<GpuMaterial> = scene.materials.iter().map(material).collect::<Result<_>>()?;
-        let mut draws: Vec<Draw> = scene
-            .instances
-            .iter()
-            .map(|instance| Draw {
-                range: geometry.ranges[instance.mesh].clone(),
-                material: scene.meshes[instance.mesh].material,
-                world_from_local: instance.world_from_local,
-            })
-            .collect();
-        draws.sort_by_key(|d| {
-            let needs = materials[d.material].needs;
-            (needs.alpha_mask, needs.normal_map, needs.albedo_map, needs.surface_map, d.material)
+        let draws = clusters.iter().zip(&geometry.ranges).flat_map(|(cluster, range)| {
+            let masked = materials[cluster.material].needs.alpha_mask;
+            cluster.placements.iter().map(move |place| Draw::new(cluster, range.clone(), *place, masked))
         });
+        let draws = draws.collect();
         let lights: Vec<LightBlock> = scene
             .lights
             .iter()

@@ -32,15 +32,8 @@ pub struct Scene {
 impl Scene {
     /// A box around everything, in the world; empty without instances.
     pub fn bounds(&self) -> Bounds {
-        let corners = |instance: &Instance| {
-            let Bounds { min, max } = self.meshes[instance.mesh].bounds;
-            let world_from_local = instance.world_from_local;
-            (0..8).map(move |i| {
-                let far = glam::BVec3::new(i & 1 != 0, i & 2 != 0, i & 4 != 0);
-                world_from_local.transform_point3(Vec3::select(far, max, min))
-            })
-        };
-        Bounds::of(self.instances.iter().flat_map(corners))
+        let placed = self.instances.iter().map(|i| self.meshes[i.mesh].bounds.placed(i.world_from_local));
+        Bounds::of(placed.filter(|b| *b != Bounds::EMPTY).flat_map(|b| [b.min, b.max]))
     }
 }
 

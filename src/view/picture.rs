@@ -125,7 +125,7 @@ fn draw(gpu: &Arc<Gpu>, renderer: &mut Renderer, eyes: &[Eye], frames: u64) -> R
     let mut times = Vec::new();
     for slot in (0..FRAMES_IN_FLIGHT).cycle().take(usize::try_from(frames).unwrap_or(usize::MAX)) {
         let (mut commands, earlier) = recorders[slot].begin()?;
-        times.push(earlier);
+        times.push(earlier.to_vec());
         renderer.record(&mut commands, slot, eyes, None);
         commands.submit(None)?;
     }
@@ -133,7 +133,7 @@ fn draw(gpu: &Arc<Gpu>, renderer: &mut Renderer, eyes: &[Eye], frames: u64) -> R
     let next = usize::try_from(frames % FRAMES_IN_FLIGHT as u64).unwrap_or(0);
     recorders.rotate_left(next);
     for recorder in &mut recorders {
-        times.push(recorder.finish()?);
+        times.push(recorder.finish()?.to_vec());
     }
     times.retain(|frame| !frame.is_empty());
     Ok(times)

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use winit::raw_window_handle::{HasDisplayHandle, HasWindowHandle};
 use winit::window::Window;
 
-use crate::gpu::{Acquired, Gpu, Part, PassTime, PresentMode, Recorder, Swapchain, Use, read_image};
+use crate::gpu::{Acquired, Gpu, Part, PassTimes, PresentMode, Recorder, Swapchain, Use, read_image};
 use crate::render::{Eye, FRAMES_IN_FLIGHT, Overlay, Renderer};
 use crate::{Error, Result};
 
@@ -78,7 +78,7 @@ impl Canvas {
 
     /// Waits for the frame that had the slot, and for an image to show the next one with; `wanted` is the window's size.
     /// Without an image there is nothing to draw to now. The times are the waited-for frame's.
-    pub fn begin(&mut self, wanted: [u32; 2]) -> Result<(Option<Acquired>, Vec<PassTime>)> {
+    pub fn begin(&mut self, wanted: [u32; 2]) -> Result<(Option<Acquired>, PassTimes)> {
         let times = self.recorders[self.slot].finish()?;
         if self.stale {
             self.swapchain.resize(wanted, self.mode)?;
