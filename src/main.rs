@@ -14,6 +14,8 @@ use pbr_vr::precompute::{Cache, Options};
 use pbr_vr::reference::brdf::Geometry;
 use pbr_vr::reference::table::SplitSum;
 use pbr_vr::render::Shading;
+use pbr_vr::scene::Model;
+use pbr_vr::scene::needs::findings::Findings;
 use pbr_vr::view::{self, BakeRequest, RenderRequest, ViewRequest, doctor};
 use pbr_vr::{Error, Result};
 
@@ -54,6 +56,8 @@ enum Command {
     Bake(Bake),
     /// Measure speed against accuracy: tables and charts.
     Measure(Measure),
+    /// Say what is modelled for a scene, what is left out, and why.
+    Needs(NeedsArgs),
     /// Say how different two pictures are.
     Compare(Compare),
     /// Say what this machine has, what is missing, and what to do.
@@ -93,11 +97,19 @@ struct Look {
     /// How surfaces mirror the panorama.
     #[arg(long, value_enum, default_value = "moment")]
     split_sum: SplitSumName,
+    /// Model what the scene needs, or everything: the same picture, slower.
+    #[arg(long, value_enum, default_value = "needed")]
+    model: Model,
 }
 
 impl Default for Look {
     fn default() -> Self {
-        Self { shading: Shading::Pbr, geometry: GeometryName::Smith, split_sum: SplitSumName::Moment }
+        Self {
+            shading: Shading::Pbr,
+            geometry: GeometryName::Smith,
+            split_sum: SplitSumName::Moment,
+            model: Model::Needed,
+        }
     }
 }
 
@@ -141,6 +153,15 @@ struct Render {
     json: Option<PathBuf>,
     #[command(flatten)]
     look: Look,
+}
+
+#[derive(Args)]
+struct NeedsArgs {
+    /// A scene description (.toml) or a model (.obj).
+    scene: PathBuf,
+    /// Write the decisions, material by material.
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
 }
 
 #[derive(Args)]
@@ -222,6 +243,7 @@ fn run(cli: &Cli) -> Result<()> {
         Command::Render(render) => run_render(render, gpu, cache),
         Command::Bake(bake) => run_bake(bake, gpu, cache),
         Command::Measure(measure) => run_measure(measure, gpu),
+        Command::Needs(needs) => run_needs(needs),
         Command::Compare(compare) => run_compare(compare),
         Command::Doctor => doctor::run(),
     }
@@ -234,6 +256,7 @@ fn run_view(args: &View, gpu: GpuOptions<'_>, cache: Option<&Cache>) -> Result<(
         shading: args.look.shading,
         geometry: args.look.geometry.into(),
         split_sum: args.look.split_sum.into(),
+        model: args.look.model,
         cache,
     };
     match args.on {
@@ -254,11 +277,21 @@ fn run_render(args: &Render, gpu: GpuOptions<'_>, cache: Option<&Cache>) -> Resu
         shading: args.look.shading,
         geometry: args.look.geometry.into(),
         split_sum: args.look.split_sum.into(),
+        model: args.look.model,
         cache,
     };
     let facts = view::render(&request, gpu, &Report::to_terminal())?;
     match &args.json {
         Some(path) => write_json(path, &facts),
+        None => Ok(()),
+    }
+}
+
+fn run_needs(args: &NeedsArgs) -> Result<()> {
+    let findings = Findings::of(&view::load_scene(&args.scene, &Report::to_terminal())?);
+    println!("{}: {} triangles, {}", args.scene.display(), findings.triangles, findings.lines().join("\n  "));
+    match &args.json {
+        Some(path) => write_json(path, &findings),
         None => Ok(()),
     }
 }

@@ -178,8 +178,13 @@ impl Channel {
 
     /// The one value of every texel, where it varies by no more than JPEG's rounding.
     pub fn constant(&self) -> Option<u8> {
-        let (min, max) = (self.values.iter().min()?, self.values.iter().max()?);
-        (max - min <= CONSTANT_SPREAD).then_some(*max)
+        let (min, max) = self.range()?;
+        (max - min <= CONSTANT_SPREAD).then_some(max)
+    }
+
+    /// Its least and its greatest value.
+    pub fn range(&self) -> Option<(u8, u8)> {
+        Some((*self.values.iter().min()?, *self.values.iter().max()?))
     }
 
     /// Does it leave some texels out and some in, as a cutout does?

@@ -5,14 +5,15 @@ use std::sync::Arc;
 
 use super::draws::DrawList;
 use super::shared::{DrawBlock, constant};
-use super::world::{ATTRIBUTES, Needs, PackedVertex, World};
+use super::world::{ATTRIBUTES, PackedVertex, World};
 use super::{Settings, Shading};
 use crate::Result;
 use crate::gpu::{Commands, Constant, Depth, Gpu, GraphicsDesc, Pipeline, Set, SetLayout};
+use crate::scene::MaterialNeeds;
 
 /// Pipelines for one world and one group of settings.
 pub struct Forward {
-    materials: HashMap<Needs, Pipeline>,
+    materials: HashMap<MaterialNeeds, Pipeline>,
     sky: Pipeline,
     eyes: u32,
 }
@@ -32,7 +33,8 @@ impl Forward {
             (constant::SHADING, shading as u32),
             (constant::GEOMETRY, settings.geometry as u32),
             (constant::LINEAR_OUTPUT, u32::from(settings.output == super::Output::Linear)),
-            (constant::HAS_LIGHTS, u32::from(world.light_count > 0)),
+            // Below 0 the shader asks the frame.
+            (constant::LIGHTS, world.lights_needed.map_or(u32::MAX, |count| count)),
         ];
         let mut materials = HashMap::new();
         for needs in world.draws.iter().map(|d| world.materials[d.material].needs) {
@@ -104,7 +106,7 @@ impl Forward {
 fn material_pipeline(
     gpu: &Arc<Gpu>,
     sets: &[&SetLayout],
-    needs: Needs,
+    needs: MaterialNeeds,
     common: &[Constant],
     settings: &Settings,
 ) -> Result<Pipeline> {
@@ -114,6 +116,7 @@ fn material_pipeline(
         (constant::HAS_NORMAL_MAP, u32::from(needs.normal_map)),
         (constant::HAS_SURFACE_MAP, u32::from(needs.surface_map)),
         (constant::ALPHA_MASK, u32::from(needs.alpha_mask)),
+        (constant::METALS, needs.metals as u32),
     ]);
     Pipeline::graphics(
         gpu,

@@ -26,7 +26,7 @@ use crate::gpu::{Bind, Buffer, BufferKind, Commands, Edge, Gpu, Image, PassTime,
 use crate::precompute::{self, BrdfTable, LightMaps};
 use crate::reference::brdf::Geometry;
 use crate::reference::table::SplitSum;
-use crate::scene::Scene;
+use crate::scene::{Model, Needs, Scene};
 use crate::{Error, Result};
 use draws::DrawList;
 use forward::Forward;
@@ -74,6 +74,7 @@ pub enum Shading {
 pub struct Settings {
     pub geometry: Geometry,
     pub split_sum: SplitSum,
+    pub model: Model,
     pub output: Output,
     /// Samples per pixel: 1 or 4.
     pub samples: u32,
@@ -85,6 +86,7 @@ impl Default for Settings {
         Self {
             geometry: Geometry::Smith,
             split_sum: SplitSum::Moment,
+            model: Model::Needed,
             output: Output::Display,
             samples: 4,
             precompute: precompute::Options::default(),
@@ -123,7 +125,7 @@ impl Renderer {
         eyes: u32,
         report: &Report,
     ) -> Result<Self> {
-        let world = World::new(gpu, scene, report)?;
+        let world = World::new(gpu, scene, &Needs::of(scene, settings.model), report)?;
         let light = LightMaps::new(gpu, &scene.environment.panorama, &settings.precompute)?;
         let cache = settings.precompute.cache.as_ref();
         let table = BrdfTable::new(gpu, settings.geometry, settings.split_sum, cache)?;

@@ -13,11 +13,10 @@ use crate::Result;
 use crate::asset::Report;
 use crate::gpu::{Buffer, BufferKind, Edge, Gpu, Image, Sampler, SetLayout};
 use crate::scene::cluster::clusters;
-use crate::scene::{Material, Scene};
+use crate::scene::{Needs, Scene};
 use geometry::Geometry;
 pub use geometry::MeshRange;
-use materials::GpuMaterial;
-pub use materials::Needs;
+use materials::{GpuMaterial, StandIns};
 pub use vertex::{ATTRIBUTES, PackedVertex};
 
 /// Everything of a scene but its environment.
@@ -27,22 +26,27 @@ pub struct World {
     pub draws: Vec<Draw>,
     pub lights: Buffer,
     pub light_count: u32,
+    /// The number that shaders are made for; `None` for any.
+    pub lights_needed: Option<u32>,
     pub material_layout: SetLayout,
     // The materials' sets refer to them.
     _textures: Vec<Image>,
+    _stand_ins: StandIns,
     _sampler: Sampler,
 }
 
 impl World {
-    /// Uploads a scene.
-    pub fn new(gpu: &Arc<Gpu>, scene: &Scene, report: &Report) -> Result<Self> {
+    /// Uploads what a scene needs.
+    pub fn new(gpu: &Arc<Gpu>, scene: &Scene, needs: &Needs, report: &Report) -> Result<Self> {
         let clusters = clusters(&scene.meshes, &scene.instances);
         let geometry = Geometry::new(gpu, &clusters)?;
         let textures = textures::upload(gpu, &scene.textures, report)?;
         let sampler = Sampler::new(gpu, "material", Edge::Repeat, true)?;
         let layout = SetLayout::new(gpu, "material", &materials::SLOTS)?;
-        let material = |m: &Material| materials::upload(gpu, &layout, m, &textures, &sampler);
-        let materials: Vec<GpuMaterial> = scene.materials.iter().map(material).collect::<Result<_>>()?;
+        let stand_ins = StandIns::new(gpu)?;
+        let material = |material| materials::upload(gpu, &layout, material, (&textures, &stand_ins), &sampler);
+        let each = scene.materials.iter().zip(needs.materials.iter().copied());
+        let materials: Vec<GpuMaterial> = each.map(material).collect::<Result<_>>()?;
         let draws = clusters.iter().zip(&geometry.ranges).flat_map(|(cluster, range)| {
             let masked = materials[cluster.material].needs.alpha_mask;
             cluster.placements.iter().map(move |place| Draw::new(cluster, range.clone(), *place, masked))
@@ -63,8 +67,10 @@ impl World {
             draws,
             lights,
             light_count,
+            lights_needed: needs.lights,
             material_layout: layout,
             _textures: textures,
+            _stand_ins: stand_ins,
             _sampler: sampler,
         })
     }

@@ -19,6 +19,9 @@ const DEFAULT_ROUGHNESS: f32 = 0.5;
 /// A normal map whose every x and y is within one step of 128 bends nothing.
 const FLAT_NORMAL: std::ops::RangeInclusive<u8> = 127..=129;
 
+/// Of a map that speaks of something else.
+const NO_RANGES: [[f32; 2]; 3] = [[1.0; 2]; 3];
+
 /// What stands in for a material that a model names and nothing defines: grey, dielectric, half rough.
 pub fn default_material() -> Material {
     Material {
@@ -29,6 +32,9 @@ pub fn default_material() -> Material {
         albedo_map: None,
         normal_map: None,
         surface_map: None,
+        metallic_range: [0.0; 2],
+        roughness_range: [DEFAULT_ROUGHNESS; 2],
+        occludes: false,
         alpha_cutoff: None,
     }
 }
@@ -98,6 +104,8 @@ struct Made {
     texture: Option<Texture>,
     /// Albedo (linear), or occlusion, roughness, metallic: 1 where the texture says it.
     factor: Vec3,
+    /// Least and most of a surface's occlusion, roughness and metallic, whoever says them.
+    ranges: [[f32; 2]; 3],
     cutout: bool,
 }
 
@@ -105,6 +113,7 @@ struct Made {
 struct Ready {
     texture: Option<usize>,
     factor: Vec3,
+    ranges: [[f32; 2]; 3],
     cutout: bool,
 }
 
@@ -114,7 +123,7 @@ impl Made {
             textures.push(texture);
             textures.len() - 1
         });
-        Ready { texture, factor: self.factor, cutout: self.cutout }
+        Ready { texture, factor: self.factor, ranges: self.ranges, cutout: self.cutout }
     }
 }
 
@@ -142,7 +151,7 @@ fn scalar<'a>(scalars: &'a Scalars, path: &Path, kind: Kind) -> Option<&'a Chann
 
 fn albedo(path: Option<&Path>, mask: Option<&Channel>) -> Result<Made> {
     let Some(path) = path else {
-        return Ok(Made { texture: mask.map(white), factor: Vec3::ONE, cutout: mask.is_some() });
+        return Ok(Made { texture: mask.map(white), factor: Vec3::ONE, ranges: NO_RANGES, cutout: mask.is_some() });
     };
     let mut texture = Texture::load(path, Encoding::Srgb)?;
     let own_alpha = texture.channel(3);
@@ -153,12 +162,12 @@ fn albedo(path: Option<&Path>, mask: Option<&Channel>) -> Result<Made> {
     if let Some(colour) = texture.constant_colour() {
         let factor = Vec3::from_array(colour.map(srgb_to_linear));
         let mask = mask.or(cutout.then_some(&own_alpha));
-        return Ok(Made { texture: mask.map(white), factor, cutout });
+        return Ok(Made { texture: mask.map(white), factor, ranges: NO_RANGES, cutout });
     }
     if let Some(mask) = mask {
         texture.set_alpha(mask);
     }
-    Ok(Made { texture: Some(texture), factor: Vec3::ONE, cutout })
+    Ok(Made { texture: Some(texture), factor: Vec3::ONE, ranges: NO_RANGES, cutout })
 }
 
 /// White where `mask` lets it be.
@@ -170,7 +179,7 @@ fn white(mask: &Channel) -> Texture {
 fn normal(mut texture: Texture) -> Result<Made> {
     texture.clear_alpha();
     let flat = texture.constant().is_some_and(|[x, y, ..]| FLAT_NORMAL.contains(&x) && FLAT_NORMAL.contains(&y));
-    Ok(Made { texture: (!flat).then_some(texture), factor: Vec3::ONE, cutout: false })
+    Ok(Made { texture: (!flat).then_some(texture), factor: Vec3::ONE, ranges: NO_RANGES, cutout: false })
 }
 
 /// Packs what varies. Constant roughness and metallic become factors; occlusion has none, so if it darkens, it stays.
@@ -182,7 +191,13 @@ fn surface(maps: [Option<(&PathBuf, &Channel)>; 3]) -> Made {
     let names: Vec<_> = varying.iter().flatten().map(|(path, _)| file::short_name(path)).collect();
     let texture = Texture::packed(names.join("+"), varying.map(|map| map.map(|(_, channel)| channel)));
     let factor = |i: usize| constants[i].map_or(1.0, |value| f32::from(value) / 255.0);
-    Made { texture, factor: Vec3::new(1.0, factor(1), factor(2)), cutout: false }
+    let range = |map: Option<(&PathBuf, &Channel)>| {
+        let (least, most) = map.and_then(|(_, channel)| channel.range()).unwrap_or((255, 255));
+        [least, most].map(|value| f32::from(value) / 255.0)
+    };
+    // A constant is taken for its factor, which may lie a rounding above some texels.
+    let ranges = std::array::from_fn(|i| constants[i].map_or(range(maps[i]), |value| [f32::from(value) / 255.0; 2]));
+    Made { texture, factor: Vec3::new(1.0, factor(1), factor(2)), ranges, cutout: false }
 }
 
 /// IEC 61966-2-1.
@@ -279,15 +294,20 @@ impl<'a> Plan<'a> {
             source.as_ref().is_some_and(|source| scalar(scalars, &source.path, Kind::Red).is_some())
         };
         let surface_factor = surface.map_or(Vec3::ONE, |surface| surface.factor);
-        let (roughness, metallic) = (is_read(&self.surface[1]), is_read(&self.surface[2]));
+        let [occlusion_range, roughness_range, metallic_range] = surface.map_or(NO_RANGES, |surface| surface.ranges);
+        let roughness = roughness_factor(self.mtl, is_read(&self.surface[1]));
+        let metallic = metallic_factor(self.mtl, is_read(&self.surface[2]));
         Material {
             name: name.clone(),
             albedo_factor: albedo_factor(self.mtl, albedo.is_some(), report) * albedo.map_or(Vec3::ONE, |a| a.factor),
-            metallic_factor: metallic_factor(self.mtl, metallic) * surface_factor.z,
-            roughness_factor: roughness_factor(self.mtl, roughness) * surface_factor.y,
+            metallic_factor: metallic * surface_factor.z,
+            roughness_factor: roughness * surface_factor.y,
             albedo_map: albedo.and_then(|albedo| albedo.texture),
             normal_map: normal.and_then(|normal| normal.texture),
             surface_map: surface.and_then(|surface| surface.texture),
+            metallic_range: metallic_range.map(|value| value * metallic),
+            roughness_range: roughness_range.map(|value| value * roughness),
+            occludes: occlusion_range[0] < 1.0,
             alpha_cutoff: albedo.is_some_and(|albedo| albedo.cutout).then_some(ALPHA_CUTOFF),
         }
     }

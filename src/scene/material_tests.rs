@@ -101,6 +101,22 @@ fn varying_maps_are_packed() {
 }
 
 #[test]
+fn ranges_are_what_factors_and_maps_come_to() {
+    let folder = Folder::new();
+    let ranges = |keys: &str| {
+        let material = only(&folder, keys).0;
+        let cut = |range: [f32; 2]| range.map(|value| (value * 1000.0).round() / 1000.0);
+        (cut(material.roughness_range), cut(material.metallic_range), material.occludes)
+    };
+    assert_eq!(ranges(""), ([0.5; 2], [0.0; 2], false));
+    assert_eq!(ranges("Pr 0.5\nmap_Pr vary.png\nPm 1"), ([0.0, 0.392], [1.0; 2], false));
+    assert_eq!(ranges("map_Pr grey51.png\nmap_Pm vary.png"), ([0.2; 2], [0.0, 0.784], false));
+    assert_eq!(ranges("map_Pm grey255.png\nmap_ao vary.png"), ([0.5; 2], [1.0; 2], true));
+    assert_eq!(ranges("map_ao grey51.png\nPr 0.3"), ([0.3; 2], [0.0; 2], true));
+    assert_eq!(ranges("map_Pr missing.png\nPr 0.3\nmap_Pm broken.png"), ([0.3; 2], [0.0; 2], false));
+}
+
+#[test]
 fn ambient_maps_are_occlusion_unless_they_repeat_the_colour() {
     let folder = Folder::new();
     assert!(only(&folder, "map_Kd coloured.png\nmap_Ka vary.png").0.surface_map.is_some());

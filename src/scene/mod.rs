@@ -5,6 +5,7 @@ pub mod description;
 pub mod load;
 pub mod material;
 pub mod mesh;
+pub mod needs;
 mod shell;
 pub mod tangent;
 
@@ -13,6 +14,7 @@ use glam::{Mat4, Vec3};
 use crate::asset::{Panorama, Texture};
 pub use load::{LoadOptions, load};
 pub use mesh::{Bounds, Mesh, Vertex};
+pub use needs::{MaterialNeeds, Model, Needs};
 
 /// Everything one frame needs to know about the world. Right-handed, +Y up, metres.
 #[derive(Clone, Debug)]
@@ -30,6 +32,11 @@ pub struct Scene {
 }
 
 impl Scene {
+    /// Triangles in the world: those of each mesh as often as it is placed.
+    pub fn triangles(&self) -> usize {
+        self.instances.iter().map(|i| self.meshes[i.mesh].indices.len() / 3).sum()
+    }
+
     /// A box around everything, in the world; empty without instances.
     pub fn bounds(&self) -> Bounds {
         let placed = self.instances.iter().map(|i| self.meshes[i.mesh].bounds.placed(i.world_from_local));
@@ -59,6 +66,11 @@ pub struct Material {
     pub normal_map: Option<usize>,
     /// Occlusion, roughness, metallic in R, G, B.
     pub surface_map: Option<usize>,
+    /// Least and most of what factor and map together say.
+    pub metallic_range: [f32; 2],
+    pub roughness_range: [f32; 2],
+    /// Does the surface map darken crevices?
+    pub occludes: bool,
     /// With `Some(a)`, fragments whose albedo map has alpha < a are not there.
     pub alpha_cutoff: Option<f32>,
 }

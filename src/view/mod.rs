@@ -10,7 +10,7 @@ mod window;
 use std::path::{Path, PathBuf};
 
 pub use bake::{BakeFacts, BakeRequest, bake};
-pub use picture::{RenderFacts, RenderRequest, render};
+pub use picture::{RenderFacts, RenderRequest, load_scene, render};
 
 use crate::asset::{Report, shipped};
 use crate::gpu::GpuOptions;
@@ -18,6 +18,7 @@ use crate::precompute::Cache;
 use crate::reference::brdf::Geometry;
 use crate::reference::table::SplitSum;
 use crate::render::Shading;
+use crate::scene::Model;
 use crate::{Error, Result};
 
 /// What to show.
@@ -30,6 +31,7 @@ pub struct ViewRequest<'a> {
     pub shading: Shading,
     pub geometry: Geometry,
     pub split_sum: SplitSum,
+    pub model: Model,
     /// Where precomputed light is kept.
     pub cache: Option<&'a Cache>,
 }
@@ -68,6 +70,7 @@ pub fn auto(request: &ViewRequest<'_>, gpu: GpuOptions<'_>) -> Result<()> {
         shading: request.shading,
         geometry: request.geometry,
         split_sum: request.split_sum,
+        model: request.model,
         cache: request.cache,
     };
     render(&still, gpu, &Report::to_terminal())?;

@@ -14,7 +14,7 @@ use crate::reference::brdf::Geometry;
 use crate::reference::table::SplitSum;
 use crate::render::{Eye, FRAMES_IN_FLIGHT, IPD_METRES, Output, Renderer, Settings, Shading};
 use crate::scene::load::{LoadOptions, load};
-use crate::scene::{Camera, Scene};
+use crate::scene::{Camera, Model, Scene};
 use crate::{Error, Result};
 
 /// What to render and where to write it.
@@ -30,6 +30,7 @@ pub struct RenderRequest<'a> {
     pub shading: Shading,
     pub geometry: Geometry,
     pub split_sum: SplitSum,
+    pub model: Model,
     /// Where precomputed light is kept.
     pub cache: Option<&'a Cache>,
 }
@@ -77,7 +78,7 @@ pub fn render(request: &RenderRequest<'_>, gpu: GpuOptions<'_>, report: &Report)
     let messages = gpu.messages();
     let (geometry, split_sum) = (request.geometry, request.split_sum);
     let precompute = Options { cache: request.cache.cloned(), ..Options::default() };
-    let settings = Settings { geometry, split_sum, output, precompute, ..Settings::default() };
+    let settings = Settings { geometry, split_sum, model: request.model, output, precompute, ..Settings::default() };
     let mut renderer = Renderer::new(&gpu, &scene, settings, request.shading, request.size, eyes.len() as u32, report)?;
     let prepare_ms = ms_since(started);
     let started = Instant::now();
@@ -90,7 +91,7 @@ pub fn render(request: &RenderRequest<'_>, gpu: GpuOptions<'_>, report: &Report)
         gpu: gpu.info().name.clone(),
         driver: gpu.info().driver.clone(),
         frames: request.frames,
-        triangles: triangles(&scene),
+        triangles: scene.triangles(),
         load_ms,
         prepare_ms,
         precompute: renderer.precompute_times().cloned().collect(),
@@ -179,10 +180,6 @@ fn suffixed(path: &Path, suffix: &str) -> PathBuf {
         name.push(extension);
     }
     path.with_file_name(name)
-}
-
-fn triangles(scene: &Scene) -> usize {
-    scene.instances.iter().map(|i| scene.meshes[i.mesh].indices.len() / 3).sum()
 }
 
 pub(super) fn ms_since(start: Instant) -> f64 {

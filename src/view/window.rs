@@ -71,7 +71,7 @@ impl App<'_> {
         self.messages = Some(gpu.messages());
         let (geometry, split_sum) = (self.request.geometry, self.request.split_sum);
         let precompute = Options { cache: self.request.cache.cloned(), ..Options::default() };
-        let settings = Settings { geometry, split_sum, precompute, ..Settings::default() };
+        let settings = Settings { geometry, split_sum, model: self.request.model, precompute, ..Settings::default() };
         // SAFETY: `exiting` drops the viewer while the event loop still runs.
         let mut viewer = unsafe { Viewer::new(gpu, window, settings, self.request.shading, self.proxy.clone()) }?;
         viewer.open_first(scene);

@@ -15,6 +15,7 @@ use pbr_vr::gpu::GpuOptions;
 use pbr_vr::reference::brdf::Geometry;
 use pbr_vr::reference::table::SplitSum;
 use pbr_vr::render::Shading;
+use pbr_vr::scene::Model;
 use pbr_vr::view::{RenderRequest, render};
 
 /// A folder for one test's files.
@@ -71,6 +72,7 @@ impl Workshop {
             shading: look.shading,
             geometry: look.geometry,
             split_sum: look.split_sum,
+            model: look.model,
             cache: None,
         };
         let facts = render(&request, validated(), &Report::silent()).expect("a render without validation messages");
@@ -88,6 +90,7 @@ pub struct Look<'a> {
     pub shading: Shading,
     pub geometry: Geometry,
     pub split_sum: SplitSum,
+    pub model: Model,
 }
 
 impl Default for Look<'_> {
@@ -100,6 +103,7 @@ impl Default for Look<'_> {
             shading: Shading::Pbr,
             geometry: Geometry::Smith,
             split_sum: SplitSum::Moment,
+            model: Model::Needed,
         }
     }
 }

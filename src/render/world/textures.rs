@@ -7,14 +7,12 @@ use crate::asset::texture::Encoding;
 use crate::asset::{Report, Texture};
 use crate::gpu::{Format, Gpu, Image, ImageDesc, ImageUsageFlags, Upload};
 
-/// The scene's textures, and a white one at the end for materials that have none.
+/// The scene's textures.
 pub fn upload(gpu: &Arc<Gpu>, textures: &[Texture], report: &Report) -> Result<Vec<Image>> {
-    let white = Texture { name: "white".into(), width: 1, height: 1, encoding: Encoding::Linear, pixels: vec![255; 4] };
-    let images: Vec<Image> =
-        textures.iter().chain([&white]).map(|texture| texture_image(gpu, texture)).collect::<Result<_>>()?;
+    let images: Vec<Image> = textures.iter().map(|texture| texture_image(gpu, texture)).collect::<Result<_>>()?;
     let progress = report.stage("upload", images.len() as u64);
     let mut upload = Upload::new(gpu);
-    for (image, texture) in images.iter().zip(textures.iter().chain([&white])) {
+    for (image, texture) in images.iter().zip(textures.iter()) {
         upload.texture(image, &texture.pixels)?;
         progress.inc(1);
     }
