@@ -5,7 +5,7 @@ use std::process::ExitCode;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
-use pbr_vr::asset::Report;
+use pbr_vr::asset::{Report, Storage};
 use pbr_vr::asset::file::write_atomically;
 use pbr_vr::asset::picture::{Picture, compare};
 use pbr_vr::gpu::GpuOptions;
@@ -14,7 +14,7 @@ use pbr_vr::precompute::{Cache, Options};
 use pbr_vr::reference::brdf::Geometry;
 use pbr_vr::reference::table::SplitSum;
 use pbr_vr::render::Shading;
-use pbr_vr::view::{self, BakeRequest, RenderRequest, ViewRequest, doctor};
+use pbr_vr::view::{self, BakeRequest, RenderRequest, TextureChoice, ViewRequest, doctor};
 use pbr_vr::{Error, Result};
 
 /// Physically based materials under real light, in a headset, a window or a picture.
@@ -93,11 +93,29 @@ struct Look {
     /// How surfaces mirror the panorama.
     #[arg(long, value_enum, default_value = "moment")]
     split_sum: SplitSumName,
+    /// How textures are stored: four bytes a texel, or compressed to one.
+    #[arg(long, value_enum, default_value_t)]
+    textures: Storage,
+    /// GPU memory for textures; what does not fit is drawn with smaller ones. What is free, less a margin, if left out.
+    #[arg(long, value_name = "MIB")]
+    texture_budget: Option<u32>,
+}
+
+impl Look {
+    fn textures(&self) -> TextureChoice {
+        TextureChoice { storage: self.textures, budget_mib: self.texture_budget }
+    }
 }
 
 impl Default for Look {
     fn default() -> Self {
-        Self { shading: Shading::Pbr, geometry: GeometryName::Smith, split_sum: SplitSumName::Moment }
+        Self {
+            shading: Shading::Pbr,
+            geometry: GeometryName::Smith,
+            split_sum: SplitSumName::Moment,
+            textures: Storage::default(),
+            texture_budget: None,
+        }
     }
 }
 
@@ -234,6 +252,7 @@ fn run_view(args: &View, gpu: GpuOptions<'_>, cache: Option<&Cache>) -> Result<(
         shading: args.look.shading,
         geometry: args.look.geometry.into(),
         split_sum: args.look.split_sum.into(),
+        textures: args.look.textures(),
         cache,
     };
     match args.on {
@@ -254,6 +273,7 @@ fn run_render(args: &Render, gpu: GpuOptions<'_>, cache: Option<&Cache>) -> Resu
         shading: args.look.shading,
         geometry: args.look.geometry.into(),
         split_sum: args.look.split_sum.into(),
+        textures: args.look.textures(),
         cache,
     };
     let facts = view::render(&request, gpu, &Report::to_terminal())?;

@@ -12,6 +12,7 @@ mod recorder;
 mod shader;
 #[cfg(feature = "hot-reload")]
 mod shader_compiler;
+mod staging;
 mod swapchain;
 mod transfer;
 
@@ -31,4 +32,5 @@ pub use shader::compute_shaders;
 #[cfg(feature = "hot-reload")]
 pub use shader::on_disk::folder as shader_folder;
 pub use swapchain::{Acquired, PresentMode, Swapchain};
-pub use transfer::{Upload, read_buffer, read_image, read_mips, upload_rows, write_mips};
+pub use staging::{Upload, upload_rows};
+pub use transfer::{read_buffer, read_image, read_mips, write_mips};

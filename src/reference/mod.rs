@@ -11,6 +11,7 @@ pub mod math;
 pub mod levels;
 pub mod lobe;
 pub mod metrics;
+pub mod mip;
 pub mod panorama_sums;
 pub mod quadrature;
 pub mod sampling;

@@ -10,12 +10,13 @@ use glam::Mat4;
 
 use super::shared::LightBlock;
 use crate::Result;
-use crate::asset::Report;
+use crate::asset::{Report, TextureOptions};
 use crate::gpu::{Buffer, BufferKind, Edge, Gpu, Image, Sampler, SetLayout};
 use crate::scene::{Material, Scene};
 use geometry::{Geometry, MeshRange};
 use materials::GpuMaterial;
 pub use materials::Needs;
+pub use textures::TextureFacts;
 
 /// One draw: a range of the index buffer, placed.
 pub struct Draw {
@@ -33,6 +34,7 @@ pub struct World {
     pub lights: Buffer,
     pub light_count: u32,
     pub material_layout: SetLayout,
+    pub texture_facts: TextureFacts,
     // The materials' sets refer to them.
     _textures: Vec<Image>,
     _sampler: Sampler,
@@ -40,10 +42,10 @@ pub struct World {
 
 impl World {
     /// Uploads a scene.
-    pub fn new(gpu: &Arc<Gpu>, scene: &Scene, report: &Report) -> Result<Self> {
+    pub fn new(gpu: &Arc<Gpu>, scene: &Scene, options: &TextureOptions, report: &Report) -> Result<Self> {
         let geometry = Geometry::new(gpu, &scene.meshes)?;
-        let textures = textures::upload(gpu, &scene.textures, report)?;
-        let sampler = Sampler::new(gpu, "material", Edge::Repeat, true)?;
+        let (textures, texture_facts) = textures::upload(gpu, &scene.textures, options, report)?;
+        let sampler = Sampler::new(gpu, "material", Edge::Repeat, options.anisotropy)?;
         let layout = SetLayout::new(gpu, "material", &materials::SLOTS)?;
         let material = |m: &Material| materials::upload(gpu, &layout, m, &textures, &sampler);
         let materials: Vec<GpuMaterial> = scene.materials.iter().map(material).collect::<Result<_>>()?;
@@ -76,6 +78,7 @@ impl World {
             lights,
             light_count,
             material_layout: layout,
+            texture_facts,
             _textures: textures,
             _sampler: sampler,
         })

@@ -2,13 +2,14 @@
 
 pub mod description;
 pub mod load;
+mod maps;
 pub mod material;
 pub mod mesh;
 pub mod tangent;
 
 use glam::{Mat4, Vec3};
 
-use crate::asset::{Panorama, Texture};
+use crate::asset::{MipChain, Panorama};
 pub use load::{LoadOptions, load};
 pub use mesh::{Bounds, Mesh, Vertex};
 
@@ -18,7 +19,7 @@ pub struct Scene {
     pub meshes: Vec<Mesh>,
     pub instances: Vec<Instance>,
     pub materials: Vec<Material>,
-    pub textures: Vec<Texture>,
+    pub textures: Vec<MipChain>,
     pub lights: Vec<PointLight>,
     /// At least one.
     pub cameras: Vec<Camera>,
