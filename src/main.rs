@@ -5,9 +5,9 @@ use std::process::ExitCode;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
-use pbr_vr::asset::Report;
 use pbr_vr::asset::file::write_atomically;
 use pbr_vr::asset::picture::{Picture, compare};
+use pbr_vr::asset::{Report, Storage, TextureOptions};
 use pbr_vr::gpu::GpuOptions;
 use pbr_vr::measure::{self, MeasureRequest};
 use pbr_vr::precompute::{Cache, Options};
@@ -16,7 +16,7 @@ use pbr_vr::reference::table::SplitSum;
 use pbr_vr::render::Shading;
 use pbr_vr::scene::Model;
 use pbr_vr::scene::needs::findings::Findings;
-use pbr_vr::view::{self, BakeRequest, RenderRequest, ViewRequest, doctor};
+use pbr_vr::view::{self, BakeRequest, RenderRequest, TextureChoice, ViewRequest, doctor};
 use pbr_vr::{Error, Result};
 
 /// Physically based materials under real light, in a headset, a window or a picture.
@@ -100,6 +100,18 @@ struct Look {
     /// Model what the scene needs, or everything: the same picture, slower.
     #[arg(long, value_enum, default_value = "needed")]
     model: Model,
+    /// How textures are stored: four bytes a texel, or compressed to one.
+    #[arg(long, value_enum, default_value_t)]
+    textures: Storage,
+    /// GPU memory for textures; what does not fit is drawn with smaller ones. What is free, less a margin, if left out.
+    #[arg(long, value_name = "MIB")]
+    texture_budget: Option<u32>,
+}
+
+impl Look {
+    fn textures(&self) -> TextureChoice {
+        TextureChoice { storage: self.textures, budget_mib: self.texture_budget }
+    }
 }
 
 impl Default for Look {
@@ -109,6 +121,8 @@ impl Default for Look {
             geometry: GeometryName::Smith,
             split_sum: SplitSumName::Moment,
             model: Model::Needed,
+            textures: Storage::default(),
+            texture_budget: None,
         }
     }
 }
@@ -257,6 +271,7 @@ fn run_view(args: &View, gpu: GpuOptions<'_>, cache: Option<&Cache>) -> Result<(
         geometry: args.look.geometry.into(),
         split_sum: args.look.split_sum.into(),
         model: args.look.model,
+        textures: args.look.textures(),
         cache,
     };
     match args.on {
@@ -278,6 +293,7 @@ fn run_render(args: &Render, gpu: GpuOptions<'_>, cache: Option<&Cache>) -> Resu
         geometry: args.look.geometry.into(),
         split_sum: args.look.split_sum.into(),
         model: args.look.model,
+        textures: args.look.textures(),
         cache,
     };
     let facts = view::render(&request, gpu, &Report::to_terminal())?;
@@ -288,7 +304,9 @@ fn run_render(args: &Render, gpu: GpuOptions<'_>, cache: Option<&Cache>) -> Resu
 }
 
 fn run_needs(args: &NeedsArgs) -> Result<()> {
-    let findings = Findings::of(&view::load_scene(&args.scene, &Report::to_terminal())?);
+    // Nothing is drawn: compressing would only take time.
+    let textures = TextureOptions { storage: Storage::Raw, ..TextureOptions::default() };
+    let findings = Findings::of(&view::load_scene(&args.scene, &textures, &Report::to_terminal())?);
     println!("{}: {} triangles, {}", args.scene.display(), findings.triangles, findings.lines().join("\n  "));
     match &args.json {
         Some(path) => write_json(path, &findings),

@@ -13,7 +13,7 @@ use pbr_vr::precompute::Cache;
 use pbr_vr::reference::brdf::Geometry;
 use pbr_vr::reference::table::SplitSum;
 use pbr_vr::render::Shading;
-use pbr_vr::view::{BakeRequest, RenderFacts, RenderRequest, bake, render};
+use pbr_vr::view::{BakeRequest, RenderFacts, RenderRequest, TextureChoice, bake, render};
 
 /// A rough metal sphere under a coloured sky, and a cache.
 struct Scene {
@@ -52,6 +52,7 @@ impl Scene {
             shading: Shading::Pbr,
             geometry,
             split_sum,
+            textures: TextureChoice::default(),
             cache,
         };
         let facts = render(&request, validated(), &Report::silent()).expect("a render without validation messages");

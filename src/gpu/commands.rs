@@ -202,9 +202,17 @@ impl Commands<'_> {
         unsafe { self.device().cmd_copy_buffer_to_image(self.recorder.raw, from.raw, image.raw, layout, &[region]) };
     }
 
-    /// Copies tightly packed texels into some rows of mip 0 of the first layer; the image must be prepared for `CopyTo`.
-    pub fn copy_rows_to_image(&mut self, from: &Buffer, image: &Image, rows: std::ops::Range<u32>) {
-        let mut region = self.region(image, Part { mip: 0, layer: 0 });
+    /// Copies tightly packed texels, or blocks, into some rows of one mip of the first layer; the image must be prepared
+    /// for `CopyTo`. Rows of blocks begin and end at blocks' borders, or at the image's.
+    pub fn copy_rows_to_image(
+        &mut self,
+        from: &Buffer,
+        offset: u64,
+        image: &Image,
+        mip: u32,
+        rows: std::ops::Range<u32>,
+    ) {
+        let mut region = self.region(image, Part { mip, layer: 0 }).buffer_offset(offset);
         // An image has at most 2^15 rows on any GPU.
         region.image_offset.y = rows.start as i32;
         region.image_extent.height = rows.end - rows.start;

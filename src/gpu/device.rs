@@ -31,6 +31,7 @@ pub struct Gpu {
     pub(super) physical: vk::PhysicalDevice,
     pub(super) family: u32,
     pub(super) max_anisotropy: Option<f32>,
+    options: choice::Options,
     pub(super) limits: vk::PhysicalDeviceLimits,
     /// Signalled with the number of each finished submission.
     pub(super) timeline: vk::Semaphore,
@@ -90,7 +91,8 @@ impl Gpu {
             allocator: ManuallyDrop::new(Mutex::new(allocator)),
             physical: chosen.physical,
             family: chosen.family,
-            max_anisotropy: chosen.anisotropy.then_some(chosen.properties.limits.max_sampler_anisotropy),
+            options: chosen.options,
+            max_anisotropy: chosen.options.anisotropy.then_some(chosen.properties.limits.max_sampler_anisotropy),
             limits: chosen.properties.limits,
             timeline,
             queue: Mutex::new(Queue { raw: queue, submitted: 0 }),
@@ -116,6 +118,27 @@ impl Gpu {
     /// The widest 2D image the GPU takes, in texels.
     pub fn max_image_size(&self) -> u32 {
         self.limits.max_image_dimension2_d
+    }
+
+    /// Whether images may be of block-compressed formats.
+    pub fn compresses_textures(&self) -> bool {
+        self.options.compressed_textures
+    }
+
+    /// Bytes of its own memory that this process may still take; all of it, less an eighth, where the driver does not
+    /// tell what others have taken.
+    pub fn free_memory(&self) -> u64 {
+        if !self.options.memory_budget {
+            return self.info.memory - self.info.memory / 8;
+        }
+        let mut budget = vk::PhysicalDeviceMemoryBudgetPropertiesEXT::default();
+        let mut memory = vk::PhysicalDeviceMemoryProperties2::default().push_next(&mut budget);
+        // SAFETY: the extension is enabled; the call only writes into the structures.
+        unsafe { self.instance.raw.get_physical_device_memory_properties2(self.physical, &mut memory) };
+        let heaps = memory.memory_properties;
+        let own = |i: &usize| heaps.memory_heaps[*i].flags.contains(vk::MemoryHeapFlags::DEVICE_LOCAL);
+        let free = |i: usize| budget.heap_budget[i].saturating_sub(budget.heap_usage[i]);
+        (0..heaps.memory_heap_count as usize).filter(own).map(free).sum()
     }
 
     /// Waits until the GPU has nothing left to do.
@@ -264,8 +287,13 @@ fn make_device(instance: &Instance, chosen: &choice::Candidate, present: bool) -
         .dynamic_rendering(true)
         .synchronization2(true)
         .shader_demote_to_helper_invocation(true);
-    let core = vk::PhysicalDeviceFeatures::default().sampler_anisotropy(chosen.anisotropy);
+    let core = vk::PhysicalDeviceFeatures::default()
+        .sampler_anisotropy(chosen.options.anisotropy)
+        .texture_compression_bc(chosen.options.compressed_textures);
     let mut extensions: Vec<*const c_char> = Vec::new();
+    if chosen.options.memory_budget {
+        extensions.push(ext::memory_budget::NAME.as_ptr());
+    }
     if present {
         extensions.push(khr::swapchain::NAME.as_ptr());
     }

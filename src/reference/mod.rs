@@ -12,6 +12,7 @@ pub mod levels;
 pub mod lobe;
 pub mod metrics;
 pub mod octahedral;
+pub mod mip;
 pub mod panorama_sums;
 pub mod quadrature;
 pub mod sampling;

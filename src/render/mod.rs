@@ -20,8 +20,9 @@ pub use eye::{Eye, IPD_METRES, NEAR_METRES};
 pub use overlay::Overlay;
 pub use shared::MAX_EYES;
 pub use targets::Output;
+pub use world::TextureFacts;
 
-use crate::asset::Report;
+use crate::asset::{Report, TextureOptions};
 use crate::gpu::{Bind, Buffer, BufferKind, Commands, Edge, Gpu, Image, PassTime, Sampler, Set, SetLayout, Slot};
 use crate::precompute::{self, BrdfTable, LightMaps};
 use crate::reference::brdf::Geometry;
@@ -79,6 +80,8 @@ pub struct Settings {
     /// Samples per pixel: 1 or 4.
     pub samples: u32,
     pub precompute: precompute::Options,
+    /// The scene's textures are loaded with the same ones.
+    pub textures: TextureOptions,
 }
 
 impl Default for Settings {
@@ -90,6 +93,7 @@ impl Default for Settings {
             output: Output::Display,
             samples: 4,
             precompute: precompute::Options::default(),
+            textures: TextureOptions::default(),
         }
     }
 }
@@ -125,15 +129,16 @@ impl Renderer {
         eyes: u32,
         report: &Report,
     ) -> Result<Self> {
-        let world = World::new(gpu, scene, &Needs::of(scene, settings.model), report)?;
-        let light = LightMaps::new(gpu, &scene.environment.panorama, &settings.precompute)?;
+        let world = World::new(gpu, scene, &Needs::of(scene, settings.model), &settings.textures, report)?;
+        let panorama = &scene.environment.panorama;
+        let light = report.time("precompute", || LightMaps::new(gpu, panorama, &settings.precompute))?;
         let cache = settings.precompute.cache.as_ref();
         let table = BrdfTable::new(gpu, settings.geometry, settings.split_sum, cache)?;
         let slots =
             [Slot::Uniform, Slot::Storage, Slot::Sampled, Slot::Sampled, Slot::Sampled, Slot::Sampled, Slot::Sampled];
         let frame_layout = SetLayout::new(gpu, "frame", &slots)?;
         let samplers =
-            [Sampler::new(gpu, "panorama", Edge::Panorama, false)?, Sampler::new(gpu, "clamped", Edge::Clamp, false)?];
+            [Sampler::new(gpu, "panorama", Edge::Panorama, 1)?, Sampler::new(gpu, "clamped", Edge::Clamp, 1)?];
         let frames = make_frames(gpu, &frame_layout, &world, &light, &table, &samplers)?;
         let forward = Forward::new(gpu, &frame_layout, &world, &settings, shading, eyes)?;
         let targets = make_targets(gpu, size, eyes, &settings)?;
@@ -214,6 +219,11 @@ impl Renderer {
     /// The resolved picture, one layer per eye, as the last recorded frame leaves it.
     pub fn picture(&self) -> &Image {
         &self.targets.picture
+    }
+
+    /// What the scene's textures take.
+    pub fn texture_facts(&self) -> &TextureFacts {
+        &self.world.texture_facts
     }
 
     /// GPU time of precomputation, pass by pass.

@@ -10,13 +10,14 @@ use std::sync::Arc;
 use super::draws::Draw;
 use super::shared::LightBlock;
 use crate::Result;
-use crate::asset::Report;
+use crate::asset::{Report, TextureOptions};
 use crate::gpu::{Buffer, BufferKind, Edge, Gpu, Image, Sampler, SetLayout};
 use crate::scene::cluster::clusters;
 use crate::scene::{Needs, Scene};
 use geometry::Geometry;
 pub use geometry::MeshRange;
 use materials::{GpuMaterial, StandIns};
+pub use textures::TextureFacts;
 pub use vertex::{ATTRIBUTES, PackedVertex};
 
 /// Everything of a scene but its environment.
@@ -29,6 +30,7 @@ pub struct World {
     /// The number that shaders are made for; `None` for any.
     pub lights_needed: Option<u32>,
     pub material_layout: SetLayout,
+    pub texture_facts: TextureFacts,
     // The materials' sets refer to them.
     _textures: Vec<Image>,
     _stand_ins: StandIns,
@@ -37,11 +39,17 @@ pub struct World {
 
 impl World {
     /// Uploads what a scene needs.
-    pub fn new(gpu: &Arc<Gpu>, scene: &Scene, needs: &Needs, report: &Report) -> Result<Self> {
+    pub fn new(
+        gpu: &Arc<Gpu>,
+        scene: &Scene,
+        needs: &Needs,
+        options: &TextureOptions,
+        report: &Report,
+    ) -> Result<Self> {
         let clusters = clusters(&scene.meshes, &scene.instances);
         let geometry = Geometry::new(gpu, &clusters)?;
-        let textures = textures::upload(gpu, &scene.textures, report)?;
-        let sampler = Sampler::new(gpu, "material", Edge::Repeat, true)?;
+        let (textures, texture_facts) = textures::upload(gpu, &scene.textures, options, report)?;
+        let sampler = Sampler::new(gpu, "material", Edge::Repeat, options.anisotropy)?;
         let layout = SetLayout::new(gpu, "material", &materials::SLOTS)?;
         let stand_ins = StandIns::new(gpu)?;
         let material = |material| materials::upload(gpu, &layout, material, (&textures, &stand_ins), &sampler);
@@ -69,6 +77,7 @@ impl World {
             light_count,
             lights_needed: needs.lights,
             material_layout: layout,
+            texture_facts,
             _textures: textures,
             _stand_ins: stand_ins,
             _sampler: sampler,

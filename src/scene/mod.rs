@@ -3,6 +3,7 @@
 pub mod cluster;
 pub mod description;
 pub mod load;
+mod maps;
 pub mod material;
 pub mod mesh;
 pub mod needs;
@@ -11,7 +12,7 @@ pub mod tangent;
 
 use glam::{Mat4, Vec3};
 
-use crate::asset::{Panorama, Texture};
+use crate::asset::{MipChain, Panorama};
 pub use load::{LoadOptions, load};
 pub use mesh::{Bounds, Mesh, Vertex};
 pub use needs::{MaterialNeeds, Model, Needs};
@@ -22,7 +23,7 @@ pub struct Scene {
     pub meshes: Vec<Mesh>,
     pub instances: Vec<Instance>,
     pub materials: Vec<Material>,
-    pub textures: Vec<Texture>,
+    pub textures: Vec<MipChain>,
     pub lights: Vec<PointLight>,
     /// At least one.
     pub cameras: Vec<Camera>,
@@ -66,7 +67,7 @@ pub struct Material {
     pub normal_map: Option<usize>,
     /// Occlusion, roughness, metallic in R, G, B.
     pub surface_map: Option<usize>,
-    /// Least and most of what factor and map together say.
+    /// Least and most of what factor and map together say; smaller levels of a map may be rougher, where normals vary.
     pub metallic_range: [f32; 2],
     pub roughness_range: [f32; 2],
     /// Does the surface map darken crevices?

@@ -12,8 +12,8 @@ use std::path::{Path, PathBuf};
 pub use bake::{BakeFacts, BakeRequest, bake};
 pub use picture::{RenderFacts, RenderRequest, load_scene, render};
 
-use crate::asset::{Report, shipped};
-use crate::gpu::GpuOptions;
+use crate::asset::{Report, Storage, TextureOptions, shipped};
+use crate::gpu::{Gpu, GpuOptions};
 use crate::precompute::Cache;
 use crate::reference::brdf::Geometry;
 use crate::reference::table::SplitSum;
@@ -33,7 +33,30 @@ pub struct ViewRequest<'a> {
     pub split_sum: SplitSum,
     pub model: Model,
     /// Where precomputed light is kept.
+    pub textures: TextureChoice,
+    /// Where precomputed light and compressed textures are kept.
     pub cache: Option<&'a Cache>,
+}
+
+/// What the command line says of textures.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct TextureChoice {
+    pub storage: Storage,
+    /// MiB on the GPU; `None` for what it has free, less a margin.
+    pub budget_mib: Option<u32>,
+}
+
+impl TextureChoice {
+    /// What this GPU can do of it; where that is less, it is told.
+    pub fn options(self, gpu: &Gpu, cache: Option<&Cache>, report: &Report) -> TextureOptions {
+        let mut storage = self.storage;
+        if storage == Storage::Bc && !gpu.compresses_textures() {
+            report.warn(format!("{}: no block-compressed textures; they take four times the memory", gpu.info().name));
+            storage = Storage::Raw;
+        }
+        let budget_bytes = self.budget_mib.map(|mib| u64::from(mib) << 20);
+        TextureOptions { storage, cache: cache.cloned(), budget_bytes, ..TextureOptions::default() }
+    }
 }
 
 impl ViewRequest<'_> {
@@ -71,6 +94,7 @@ pub fn auto(request: &ViewRequest<'_>, gpu: GpuOptions<'_>) -> Result<()> {
         geometry: request.geometry,
         split_sum: request.split_sum,
         model: request.model,
+        textures: request.textures,
         cache: request.cache,
     };
     render(&still, gpu, &Report::to_terminal())?;

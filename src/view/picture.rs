@@ -1,18 +1,20 @@
 //! Pictures to files: what `render` does, and `view` where there is no display.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
 
 use serde::Serialize;
 
+use super::TextureChoice;
 use crate::asset::picture::Picture;
-use crate::asset::{Report, shipped};
+use crate::asset::{Report, TextureOptions, shipped};
 use crate::gpu::{Gpu, GpuOptions, Part, PassTime, Recorder, read_image};
 use crate::precompute::{Cache, Options};
 use crate::reference::brdf::Geometry;
 use crate::reference::table::SplitSum;
-use crate::render::{Eye, FRAMES_IN_FLIGHT, IPD_METRES, Output, Renderer, Settings, Shading};
+use crate::render::{Eye, FRAMES_IN_FLIGHT, IPD_METRES, Output, Renderer, Settings, Shading, TextureFacts};
 use crate::scene::load::{LoadOptions, load};
 use crate::scene::{Camera, Model, Scene};
 use crate::{Error, Result};
@@ -31,7 +33,8 @@ pub struct RenderRequest<'a> {
     pub geometry: Geometry,
     pub split_sum: SplitSum,
     pub model: Model,
-    /// Where precomputed light is kept.
+    pub textures: TextureChoice,
+    /// Where precomputed light and compressed textures are kept.
     pub cache: Option<&'a Cache>,
 }
 
@@ -50,6 +53,10 @@ pub struct RenderFacts {
     pub load_ms: f64,
     /// Opening the GPU, uploading, precomputing.
     pub prepare_ms: f64,
+    /// Where that time went, by stage, over all threads together: parse, hash, decode, mips, compress, cache, upload,
+    /// precompute. What is found in the cache is neither decoded nor compressed.
+    pub stages_ms: BTreeMap<&'static str, f64>,
+    pub textures: TextureFacts,
     /// GPU time of each precompute pass; those from the cache say so by name.
     pub precompute: Vec<PassTime>,
     /// GPU time of each pass, one list per frame.
@@ -66,7 +73,12 @@ pub struct RenderFacts {
 pub fn render(request: &RenderRequest<'_>, gpu: GpuOptions<'_>, report: &Report) -> Result<RenderFacts> {
     let output = output_of(request.output)?;
     let started = Instant::now();
-    let scene = load_scene(request.scene, report)?;
+    let gpu = Gpu::open(gpu)?;
+    let messages = gpu.messages();
+    let open_ms = ms_since(started);
+    let textures = request.textures.options(&gpu, request.cache, report);
+    let started = Instant::now();
+    let mut scene = load_scene(request.scene, &textures, report)?;
     let load_ms = ms_since(started);
     let camera = find_camera(&scene, request.camera)?;
     let aspect = request.size[0] as f32 / request.size[1] as f32;
@@ -74,13 +86,14 @@ pub fn render(request: &RenderRequest<'_>, gpu: GpuOptions<'_>, report: &Report)
     let eyes = if request.stereo { eye.stereo(IPD_METRES).to_vec() } else { vec![eye] };
 
     let started = Instant::now();
-    let gpu = Gpu::open(gpu)?;
-    let messages = gpu.messages();
     let (geometry, split_sum) = (request.geometry, request.split_sum);
     let precompute = Options { cache: request.cache.cloned(), ..Options::default() };
-    let settings = Settings { geometry, split_sum, model: request.model, output, precompute, ..Settings::default() };
+    let model = request.model;
+    let settings = Settings { geometry, split_sum, model, output, precompute, textures, ..Settings::default() };
     let mut renderer = Renderer::new(&gpu, &scene, settings, request.shading, request.size, eyes.len() as u32, report)?;
-    let prepare_ms = ms_since(started);
+    // They are on the GPU now.
+    scene.textures = Vec::new();
+    let prepare_ms = open_ms + ms_since(started);
     let started = Instant::now();
     let gpu_frames = draw(&gpu, &mut renderer, &eyes, request.frames)?;
     let facts = RenderFacts {
@@ -94,6 +107,8 @@ pub fn render(request: &RenderRequest<'_>, gpu: GpuOptions<'_>, report: &Report)
         triangles: scene.triangles(),
         load_ms,
         prepare_ms,
+        stages_ms: report.times_ms(),
+        textures: renderer.texture_facts().clone(),
         precompute: renderer.precompute_times().cloned().collect(),
         gpu_frames,
         frames_ms: ms_since(started),
@@ -106,9 +121,9 @@ pub fn render(request: &RenderRequest<'_>, gpu: GpuOptions<'_>, report: &Report)
 }
 
 /// Loads a scene with the shipped panorama for those that name none.
-pub fn load_scene(path: &Path, report: &Report) -> Result<Scene> {
+pub fn load_scene(path: &Path, textures: &TextureOptions, report: &Report) -> Result<Scene> {
     let default_panorama = shipped::folder().ok().map(|folder| folder.join(shipped::PANORAMA));
-    load(path, &LoadOptions { default_panorama }, report)
+    load(path, &LoadOptions { default_panorama, textures: textures.clone() }, report)
 }
 
 /// A scene's camera by name; its first for `None`.

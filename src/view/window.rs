@@ -18,6 +18,7 @@ use winit::raw_window_handle::HasDisplayHandle;
 use winit::window::{Window, WindowId};
 
 use super::ViewRequest;
+use crate::asset::Report;
 use crate::gpu::{Gpu, GpuOptions, Messages};
 use crate::precompute::Options;
 use crate::render::Settings;
@@ -71,7 +72,9 @@ impl App<'_> {
         self.messages = Some(gpu.messages());
         let (geometry, split_sum) = (self.request.geometry, self.request.split_sum);
         let precompute = Options { cache: self.request.cache.cloned(), ..Options::default() };
-        let settings = Settings { geometry, split_sum, model: self.request.model, precompute, ..Settings::default() };
+        let textures = self.request.textures.options(&gpu, self.request.cache, &Report::to_terminal());
+        let model = self.request.model;
+        let settings = Settings { geometry, split_sum, model, precompute, textures, ..Settings::default() };
         // SAFETY: `exiting` drops the viewer while the event loop still runs.
         let mut viewer = unsafe { Viewer::new(gpu, window, settings, self.request.shading, self.proxy.clone()) }?;
         viewer.open_first(scene);

@@ -16,7 +16,7 @@ use pbr_vr::reference::brdf::Geometry;
 use pbr_vr::reference::table::SplitSum;
 use pbr_vr::render::Shading;
 use pbr_vr::scene::Model;
-use pbr_vr::view::{RenderRequest, render};
+use pbr_vr::view::{RenderRequest, TextureChoice, render};
 
 /// A folder for one test's files.
 pub struct Workshop(pub tempfile::TempDir);
@@ -73,6 +73,7 @@ impl Workshop {
             geometry: look.geometry,
             split_sum: look.split_sum,
             model: look.model,
+            textures: TextureChoice::default(),
             cache: None,
         };
         let facts = render(&request, validated(), &Report::silent()).expect("a render without validation messages");

@@ -159,7 +159,7 @@ fn load_stage(
     size: [u32; 2],
     report: &Report,
 ) -> Result<Box<Stage>> {
-    let scene = load_scene(path, report)?;
+    let scene = load_scene(path, &settings.textures, report)?;
     let renderer = Renderer::new(gpu, &scene, settings.clone(), shading, size, 1, report)?;
     let bounds = scene.bounds();
     Ok(Box::new(Stage {
