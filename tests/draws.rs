@@ -68,7 +68,9 @@ fn difference(a: &[[u8; 4]], b: &[[u8; 4]]) -> (u8, usize) {
 #[test]
 fn the_picture_does_not_depend_on_the_order_of_draws() {
     with_gpu(|gpu| {
-        for (name, samples, allowed) in [("demo.toml", 1, (0, 0)), ("tearoom.toml", 1, (0, 0)), ("tearoom.toml", 4, (12, 600))] {
+        for (name, samples, allowed) in
+            [("demo.toml", 1, (0, 0)), ("tearoom.toml", 1, (0, 0)), ("tearoom.toml", 4, (12, 600))]
+        {
             let scene = load(&shipped(name));
             let mut renderer = renderer(gpu, &scene, 2, samples);
             for eyes in views(&scene) {
@@ -125,6 +127,9 @@ fn backs_of_closed_surfaces_are_seen_from_inside_only() {
         let nothing = Eye::looking(glam::Vec3::Y * 50.0, glam::Vec3::Y * 99.0, 60.0, 16.0 / 9.0).stereo(IPD_METRES);
         let seen = draw(gpu, &mut renderer, &inside, ALL);
         assert_eq!(differing(&seen, &draw(gpu, &mut renderer, &inside, NONE)), 0);
-        assert!(differing(&seen, &draw(gpu, &mut renderer, &nothing, ALL)) > pixels / 2, "the ball is gone from inside");
+        assert!(
+            differing(&seen, &draw(gpu, &mut renderer, &nothing, ALL)) > pixels / 2,
+            "the ball is gone from inside"
+        );
     });
 }

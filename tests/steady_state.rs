@@ -14,7 +14,8 @@ fn fifty_frames_are_recorded_and_submitted_without_an_allocation() {
     // The layer's own messages are not ours to count.
     let gpu = Gpu::open(GpuOptions::default()).expect("a GPU");
     let settings = Settings { samples: 1, ..Settings::default() };
-    let mut renderer = Renderer::new(&gpu, &scene, settings, Shading::Pbr, [64, 64], 2, &Report::silent()).expect("a renderer");
+    let mut renderer =
+        Renderer::new(&gpu, &scene, settings, Shading::Pbr, [64, 64], 2, &Report::silent()).expect("a renderer");
     let mut recorders: Vec<Recorder> =
         (0..FRAMES_IN_FLIGHT).map(|_| Recorder::new(&gpu).expect("a recorder")).collect();
     let mut frame = |number: usize| {

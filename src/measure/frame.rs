@@ -192,7 +192,8 @@ fn metal_ball() -> Scene {
     for ring in 0..=rings {
         for sector in 0..=sectors {
             let (v, u) = (ring as f32 / rings as f32, sector as f32 / sectors as f32);
-            let ((across, y), (sin, cos)) = ((v * std::f32::consts::PI).sin_cos(), (u * std::f32::consts::TAU).sin_cos());
+            let ((across, y), (sin, cos)) =
+                ((v * std::f32::consts::PI).sin_cos(), (u * std::f32::consts::TAU).sin_cos());
             let position = [across * cos, y, -across * sin];
             vertices.push(Vertex { position, normal: position, uv: [u, v], tangent: [-sin, 0.0, -cos, 1.0] });
             if ring == rings || sector == sectors {

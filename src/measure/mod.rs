@@ -3,6 +3,7 @@
 mod chart;
 mod clock;
 mod frame;
+mod geometry;
 mod judge;
 mod maps;
 mod precompute;
@@ -23,9 +24,10 @@ pub use table::{Row, Sweep};
 pub use texels::{Accuracy, prefiltered_truth, spread_texels};
 
 /// What can be measured: its name, and what it does.
-pub const NAMES: [(&str, &str); 3] = [
+pub const NAMES: [(&str, &str); 4] = [
     ("precompute", "time and error of every way to fill the irradiance and specular maps"),
     ("frame", "processor time of a frame and of recording it, with each saving and without"),
+    ("geometry", "what vertices lose in fewer bytes, and what ordering triangles gains"),
     ("panoramas", "write the synthetic panoramas as OpenEXR, for other programs"),
 ];
 
@@ -66,6 +68,9 @@ pub fn run(request: &MeasureRequest<'_>, gpu: GpuOptions<'_>, report: &Report) -
     }
     if wanted("frame") {
         frame::run(request.output, request.full, gpu, report)?;
+    }
+    if wanted("geometry") {
+        geometry::run(request.output, report)?;
     }
     if wanted("precompute") { precompute::run(request, gpu, report).map(Some) } else { Ok(None) }
 }

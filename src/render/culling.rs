@@ -76,8 +76,7 @@ impl Frustum {
 
     fn may_see(&self, bounds: &Bounds) -> bool {
         let (centre, half) = (bounds.centre() - self.position, (bounds.max - bounds.min) * 0.5);
-        let margin = MARGIN * (centre.length() + half.length())
-            + ROUNDING * size_of_coordinates(bounds, self.position);
+        let margin = MARGIN * (centre.length() + half.length()) + ROUNDING * size_of_coordinates(bounds, self.position);
         !self.planes.iter().any(|plane| {
             let n = plane.truncate();
             // The corner that is farthest along the normal.
@@ -127,9 +126,9 @@ mod tests {
     fn canted(random: &mut Random, middle: Eye) -> [Eye; 2] {
         let cant = 0.15 * random.unit() as f32;
         [-1.0, 1.0].map(|side: f32| {
-            let from_head = Mat4::from_rotation_translation(Quat::from_rotation_y(-side * cant), Vec3::X * 0.032 * side);
-            let (left, right) =
-                if side < 0.0 { (middle.left, middle.right) } else { (-middle.right, -middle.left) };
+            let from_head =
+                Mat4::from_rotation_translation(Quat::from_rotation_y(-side * cant), Vec3::X * 0.032 * side);
+            let (left, right) = if side < 0.0 { (middle.left, middle.right) } else { (-middle.right, -middle.left) };
             Eye { world_from_view: middle.world_from_view * from_head, left, right, ..middle }
         })
     }

@@ -7,9 +7,9 @@ use glam::{Mat4, Vec3};
 use meshopt::VertexDataAdapter;
 use rayon::prelude::*;
 
+use super::Instance;
 use super::mesh::{Bounds, Mesh, Vertex};
 use super::shell::shells;
-use super::Instance;
 
 /// Larger neighbourhoods are cut: small enough that what is behind the eye is mostly left out and that three corners a
 /// triangle have 16-bit indices, large enough that drawing one costs the CPU nothing that counts.
@@ -204,7 +204,14 @@ mod tests {
         let meshes = [
             mesh(ball(70, 1.0), 0, Vec3::ZERO),
             mesh(ball(20, 0.5), 0, Vec3::X * 3.0),
-            mesh({ let (v, i) = ball(60, 1.0); (v, i[600..].to_vec()) }, 1, Vec3::Y * 3.0),
+            mesh(
+                {
+                    let (v, i) = ball(60, 1.0);
+                    (v, i[600..].to_vec())
+                },
+                1,
+                Vec3::Y * 3.0,
+            ),
         ];
         let instances = [0, 1, 2].map(|i| placed(i, Mat4::IDENTITY));
         let clusters = clusters(&meshes, &instances);

@@ -34,7 +34,8 @@ impl Geometry {
         let (mut first_vertex, mut first_index) = (0, 0);
         for cluster in clusters {
             let end = first_index + cluster.indices.len();
-            let (Ok(start), Ok(end), Ok(vertex)) = (first_index.try_into(), end.try_into(), first_vertex.try_into()) else {
+            let (Ok(start), Ok(end), Ok(vertex)) = (first_index.try_into(), end.try_into(), first_vertex.try_into())
+            else {
                 let problem = format!("{first_vertex} vertices and {end} indices are too many");
                 return Err(Error::GpuMemory { what: "geometry".into(), problem });
             };

@@ -64,7 +64,12 @@ mod tests {
     #[test]
     fn vertices_lie_close() {
         assert_eq!(size_of::<PackedVertex>(), 28);
-        let v = Vertex { position: [1.0, 2.0, 3.0], normal: [0.0, 1.0, 0.0], uv: [0.5, 7.0], tangent: [1.0, 0.0, 0.0, -1.0] };
+        let v = Vertex {
+            position: [1.0, 2.0, 3.0],
+            normal: [0.0, 1.0, 0.0],
+            uv: [0.5, 7.0],
+            tangent: [1.0, 0.0, 0.0, -1.0],
+        };
         let packed = PackedVertex::from(&v);
         assert_eq!((packed.position, packed.uv, packed.frame), (v.position, v.uv, [0, 32767, 32767, packed.frame[3]]));
         assert!((-16384..=-16383).contains(&packed.frame[3]), "{packed:?}");
