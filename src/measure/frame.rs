@@ -19,7 +19,9 @@ use crate::scene::load::{LoadOptions, load};
 use crate::scene::{Bounds, Camera, Environment, Instance, Material, Mesh, Scene, Vertex};
 use crate::{Error, Result};
 
-const SIZE: [u32; 2] = [512, 512];
+/// The picture's side. Sponza's is smaller in a quick run: recording costs the same at any size.
+const SIDE: u32 = 512;
+const QUICK_SIDE: u32 = 128;
 /// Rings and sectors of the ball: 2 · 100 · (101 − 1) = 20,000 triangles.
 const BALL: [u32; 2] = [101, 100];
 /// Frames before time is taken.
@@ -32,6 +34,8 @@ const RUNS: usize = 3;
 pub struct FrameRow {
     pub scene: String,
     pub what: String,
+    /// Pixels along each side of the picture.
+    pub side: u32,
     pub eyes: usize,
     pub samples: u32,
     pub draws: usize,
@@ -43,13 +47,13 @@ pub struct FrameRow {
     pub gpu_ms: f64,
 }
 
-const HEADER: &str = "scene,what,eyes,samples,draws,cpu_ms,record_ms,gpu_ms";
+const HEADER: &str = "scene,what,side,eyes,samples,draws,cpu_ms,record_ms,gpu_ms";
 
 /// Measures and writes `frame.csv` and `frame.json`: a metal ball of 20,000 triangles under a panorama, and Sponza where
 /// the environment variable PBR_VR_SCENES leads to it.
 pub fn run(folder: &Path, full: bool, gpu: GpuOptions<'_>, report: &Report) -> Result<Vec<FrameRow>> {
     let gpu = Gpu::open(gpu)?;
-    let frames = if full { 200 } else { 30 };
+    let (frames, sponza_side) = if full { (200, SIDE) } else { (30, QUICK_SIDE) };
     let mut rows = Vec::new();
     let all = Savings::default();
     let ball = metal_ball();
@@ -58,11 +62,11 @@ pub fn run(folder: &Path, full: bool, gpu: GpuOptions<'_>, report: &Report) -> R
         ("back faces drawn", Savings { backs: false, ..all }),
         ("back faces drawn, order as listed", Savings { backs: false, order: Order::Listed, ..all }),
     ];
-    rows.extend(measure(&gpu, "metal ball", &ball, 1, 1, &ways, frames, report)?);
-    rows.extend(measure(&gpu, "metal ball", &ball, 1, 4, &ways[..1], frames, report)?);
+    rows.extend(measure(&gpu, "metal ball", &ball, [SIDE, 1, 1], &ways, frames, report)?);
+    rows.extend(measure(&gpu, "metal ball", &ball, [SIDE, 1, 4], &ways[..1], frames, report)?);
     let sponza = std::env::var_os("PBR_VR_SCENES").map(|folder| Path::new(&folder).join("crytek-sponza/sponza.obj"));
     match sponza.filter(|file| file.is_file()) {
-        Some(file) => rows.extend(sponza_rows(&gpu, &file, frames / 3, report)?),
+        Some(file) => rows.extend(sponza_rows(&gpu, &file, sponza_side, frames / 3, report)?),
         None => println!("Sponza: skipped (set PBR_VR_SCENES)"),
     }
     write(folder, &rows)?;
@@ -70,7 +74,7 @@ pub fn run(folder: &Path, full: bool, gpu: GpuOptions<'_>, report: &Report) -> R
 }
 
 /// From a third of the way in, along the nave.
-fn sponza_rows(gpu: &Arc<Gpu>, file: &Path, frames: usize, report: &Report) -> Result<Vec<FrameRow>> {
+fn sponza_rows(gpu: &Arc<Gpu>, file: &Path, side: u32, frames: usize, report: &Report) -> Result<Vec<FrameRow>> {
     let mut scene = load(file, &LoadOptions::default(), report)?;
     let Bounds { min, max } = scene.bounds();
     let at = |x: f32, y: f32, z: f32| min + (max - min) * Vec3::new(x, y, z);
@@ -84,26 +88,25 @@ fn sponza_rows(gpu: &Arc<Gpu>, file: &Path, frames: usize, report: &Report) -> R
         ("back faces drawn", Savings { backs: false, ..all }),
         ("nothing saved", Savings { frusta: false, backs: false, order: Order::Listed }),
     ];
-    let mut rows = measure(gpu, "Sponza", &scene, 1, 1, &ways, frames, report)?;
-    rows.extend(measure(gpu, "Sponza", &scene, 2, 1, &ways[..1], frames, report)?);
+    let mut rows = measure(gpu, "Sponza", &scene, [side, 1, 1], &ways, frames, report)?;
+    rows.extend(measure(gpu, "Sponza", &scene, [side, 2, 1], &ways[..1], frames, report)?);
     Ok(rows)
 }
 
-#[expect(clippy::too_many_arguments, reason = "what is drawn, how, and how often; a struct would be used once")]
+/// Draws a scene in several ways, in pictures of a side of so many pixels, for so many eyes, with so many samples.
 fn measure(
     gpu: &Arc<Gpu>,
     name: &str,
     scene: &Scene,
-    eyes: usize,
-    samples: u32,
+    [side, eye_count, samples]: [u32; 3],
     ways: &[(&str, Savings)],
     frames: usize,
     report: &Report,
 ) -> Result<Vec<FrameRow>> {
     let settings = Settings { samples, ..Settings::default() };
-    let mut renderer = Renderer::new(gpu, scene, settings, Shading::Pbr, SIZE, eyes as u32, report)?;
+    let mut renderer = Renderer::new(gpu, scene, settings, Shading::Pbr, [side; 2], eye_count, report)?;
     let eye = Eye::of_camera(&scene.cameras[0], 1.0);
-    let eyes = if eyes == 2 { eye.stereo(IPD_METRES).to_vec() } else { vec![eye] };
+    let eyes = if eye_count == 2 { eye.stereo(IPD_METRES).to_vec() } else { vec![eye] };
     let mut recorders = (0..FRAMES_IN_FLIGHT).map(|_| Recorder::new(gpu)).collect::<Result<Vec<_>>>()?;
     let mut rows = Vec::new();
     for (what, savings) in ways {
@@ -117,7 +120,7 @@ fn measure(
         let Some(Cost { cpu_ms, record_ms, gpu_ms }) = best else { continue };
         let draws = renderer.draw_counts()[0];
         let (scene, what) = (name.to_owned(), (*what).to_owned());
-        let row = FrameRow { scene, what, eyes: eyes.len(), samples, draws, cpu_ms, record_ms, gpu_ms };
+        let row = FrameRow { scene, what, side, eyes: eyes.len(), samples, draws, cpu_ms, record_ms, gpu_ms };
         print!("{}", line(&row));
         rows.push(row);
     }
@@ -177,11 +180,11 @@ fn write(folder: &Path, rows: &[FrameRow]) -> Result<()> {
 }
 
 fn line(row: &FrameRow) -> String {
-    let FrameRow { scene, what, eyes, samples, draws, cpu_ms, record_ms, gpu_ms } = row;
+    let FrameRow { scene, what, side, eyes, samples, draws, cpu_ms, record_ms, gpu_ms } = row;
     let cpu_ms = cpu_ms.map_or(String::new(), |ms| format!("{ms:.2}"));
     let mut text = String::new();
     // Writing into a string does not fail.
-    let _ = writeln!(text, "{scene},\"{what}\",{eyes},{samples},{draws},{cpu_ms},{record_ms:.4},{gpu_ms:.2}");
+    let _ = writeln!(text, "{scene},\"{what}\",{side},{eyes},{samples},{draws},{cpu_ms},{record_ms:.4},{gpu_ms:.2}");
     text
 }
 
@@ -250,8 +253,18 @@ mod tests {
     #[test]
     fn lines_have_the_header_s_columns() {
         let (scene, what) = ("ball".to_owned(), "default".to_owned());
-        let row = FrameRow { scene, what, eyes: 1, samples: 4, draws: 5, cpu_ms: None, record_ms: 0.25, gpu_ms: 3.0 };
-        assert_eq!(line(&row), "ball,\"default\",1,4,5,,0.2500,3.00\n");
+        let row = FrameRow {
+            scene,
+            what,
+            side: 512,
+            eyes: 1,
+            samples: 4,
+            draws: 5,
+            cpu_ms: None,
+            record_ms: 0.25,
+            gpu_ms: 3.0,
+        };
+        assert_eq!(line(&row), "ball,\"default\",512,1,4,5,,0.2500,3.00\n");
         assert_eq!(line(&row).split(',').count(), HEADER.split(',').count());
     }
 }

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use glam::{DVec3, Vec2, Vec3, Vec4};
+use glam::{DVec3, Mat4, Vec2, Vec3, Vec4};
 use half::f16;
 use serde::Serialize;
 
@@ -51,7 +51,11 @@ pub fn run(folder: &Path, report: &Report) -> Result<Vec<GeometryRow>> {
     }
     let mut rows = Vec::new();
     for (name, file) in files {
-        let scene = load(&file, &LoadOptions::default(), report)?;
+        let mut scene = load(&file, &LoadOptions::default(), report)?;
+        if name == "Sponza" {
+            // Its file is in centimetres.
+            scene.instances.iter_mut().for_each(|i| i.world_from_local = Mat4::from_scale(Vec3::splat(0.01)));
+        }
         rows.extend(scene_rows(name, &scene));
     }
     let csv = rows.iter().fold(format!("{HEADER}\n"), |text, row| text + &line(row));
@@ -175,8 +179,6 @@ fn line(row: &GeometryRow) -> String {
 
 #[cfg(test)]
 mod tests {
-    use glam::Mat4;
-
     use super::*;
     use crate::scene::Bounds;
 

@@ -64,7 +64,7 @@ impl FrameClock {
         for time in times {
             match self.passes.iter_mut().find(|(sum, _)| sum.name == time.name) {
                 Some((sum, count)) => (sum.ms, *count) = (sum.ms + time.ms, *count + 1),
-                None => self.passes.push((time.clone(), 1)),
+                None => self.passes.push((*time, 1)),
             }
         }
     }
