@@ -2,6 +2,8 @@
 
 mod chart;
 mod clock;
+mod frame;
+mod geometry;
 mod judge;
 mod maps;
 mod precompute;
@@ -22,8 +24,10 @@ pub use table::{Row, Sweep};
 pub use texels::{Accuracy, prefiltered_truth, spread_texels};
 
 /// What can be measured: its name, and what it does.
-pub const NAMES: [(&str, &str); 2] = [
+pub const NAMES: [(&str, &str); 4] = [
     ("precompute", "time and error of every way to fill the irradiance and specular maps"),
+    ("frame", "processor time of a frame and of recording it, with each saving and without"),
+    ("geometry", "what vertices lose in fewer bytes, and what ordering triangles gains"),
     ("panoramas", "write the synthetic panoramas as OpenEXR, for other programs"),
 ];
 
@@ -61,6 +65,12 @@ pub fn run(request: &MeasureRequest<'_>, gpu: GpuOptions<'_>, report: &Report) -
     let wanted = |name: &str| request.names.is_empty() || request.names.iter().any(|n| n == name);
     if wanted("panoramas") {
         write_panoramas(request.output)?;
+    }
+    if wanted("frame") {
+        frame::run(request.output, request.full, gpu, report)?;
+    }
+    if wanted("geometry") {
+        geometry::run(request.output, report)?;
     }
     if wanted("precompute") { precompute::run(request, gpu, report).map(Some) } else { Ok(None) }
 }

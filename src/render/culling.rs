@@ -95,7 +95,7 @@ fn size_of_coordinates(bounds: &Bounds, position: Vec3) -> f32 {
 
 #[cfg(test)]
 mod tests {
-    use glam::{DMat4, DVec3, DVec4, Mat4, Quat};
+    use glam::{DMat4, DVec4, Mat4, Quat};
 
     use super::*;
     use crate::precompute::harness_tests::Random;
@@ -137,8 +137,7 @@ mod tests {
     /// triangle is left.
     fn is_visible(eye: &Eye, triangle: [Vec3; 3]) -> bool {
         let clip_from_world: DMat4 = eye.clip_from_view().as_dmat4() * eye.world_from_view.as_dmat4().inverse();
-        let mut polygon: Vec<DVec4> =
-            triangle.iter().map(|p| clip_from_world * DVec3::from(p.as_dvec3()).extend(1.0)).collect();
+        let mut polygon: Vec<DVec4> = triangle.iter().map(|p| clip_from_world * p.as_dvec3().extend(1.0)).collect();
         let planes: [fn(&DVec4) -> f64; 5] =
             [|p| p.w + p.x, |p| p.w - p.x, |p| p.w + p.y, |p| p.w - p.y, |p| p.w - p.z];
         for inside in planes {

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
 
+use cpu_time::ThreadTime;
 use serde::Serialize;
 
 use super::TextureChoice;
@@ -61,6 +62,10 @@ pub struct RenderFacts {
     pub precompute: Vec<PassTime>,
     /// GPU time of each pass, one list per frame.
     pub gpu_frames: Vec<Vec<PassTime>>,
+    /// Processor time of the thread that records and submits, for each frame.
+    pub record_ms: Vec<f64>,
+    /// Ranges of triangles drawn in the last frame, and how many there are.
+    pub draws: [usize; 2],
     /// Wall time from recording the first frame to the end of the last.
     pub frames_ms: f64,
     pub warnings: Vec<String>,
@@ -95,7 +100,7 @@ pub fn render(request: &RenderRequest<'_>, gpu: GpuOptions<'_>, report: &Report)
     scene.textures = Vec::new();
     let prepare_ms = open_ms + ms_since(started);
     let started = Instant::now();
-    let gpu_frames = draw(&gpu, &mut renderer, &eyes, request.frames)?;
+    let (gpu_frames, record_ms) = draw(&gpu, &mut renderer, &eyes, request.frames)?;
     let facts = RenderFacts {
         scene: request.scene.to_owned(),
         files: write_layers(&gpu, &renderer, output, request)?,
@@ -111,6 +116,8 @@ pub fn render(request: &RenderRequest<'_>, gpu: GpuOptions<'_>, report: &Report)
         textures: renderer.texture_facts().clone(),
         precompute: renderer.precompute_times().cloned().collect(),
         gpu_frames,
+        record_ms,
+        draws: renderer.draw_counts(),
         frames_ms: ms_since(started),
         warnings: report.warnings(),
     };
@@ -136,14 +143,17 @@ pub fn find_camera<'a>(scene: &'a Scene, name: Option<&str>) -> Result<&'a Camer
     })
 }
 
-fn draw(gpu: &Arc<Gpu>, renderer: &mut Renderer, eyes: &[Eye], frames: u64) -> Result<Vec<Vec<PassTime>>> {
+/// Draws frames; returns the GPU times of each and what recording each took.
+fn draw(gpu: &Arc<Gpu>, renderer: &mut Renderer, eyes: &[Eye], frames: u64) -> Result<(Vec<Vec<PassTime>>, Vec<f64>)> {
     let mut recorders = (0..FRAMES_IN_FLIGHT).map(|_| Recorder::new(gpu)).collect::<Result<Vec<_>>>()?;
-    let mut times = Vec::new();
+    let (mut times, mut record_ms) = (Vec::new(), Vec::new());
     for slot in (0..FRAMES_IN_FLIGHT).cycle().take(usize::try_from(frames).unwrap_or(usize::MAX)) {
-        let (mut commands, earlier) = recorders[slot].begin()?;
-        times.push(earlier.to_vec());
+        times.push(recorders[slot].finish()?.to_vec());
+        let started = ThreadTime::now();
+        let (mut commands, _) = recorders[slot].begin()?;
         renderer.record(&mut commands, slot, eyes, None);
         commands.submit(None)?;
+        record_ms.push(started.elapsed().as_secs_f64() * 1e3);
     }
     // The oldest frame still under way is the next one's slot.
     let next = usize::try_from(frames % FRAMES_IN_FLIGHT as u64).unwrap_or(0);
@@ -152,7 +162,7 @@ fn draw(gpu: &Arc<Gpu>, renderer: &mut Renderer, eyes: &[Eye], frames: u64) -> R
         times.push(recorder.finish()?.to_vec());
     }
     times.retain(|frame| !frame.is_empty());
-    Ok(times)
+    Ok((times, record_ms))
 }
 
 fn write_layers(

@@ -3,6 +3,7 @@
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use cpu_time::ThreadTime;
 use winit::raw_window_handle::{HasDisplayHandle, HasWindowHandle};
 use winit::window::Window;
 
@@ -90,7 +91,7 @@ impl Canvas {
         Ok((acquired, times))
     }
 
-    /// Draws a frame and shows it.
+    /// Draws a frame and shows it; returns the processor time of recording and submitting.
     pub fn show(
         &mut self,
         acquired: Acquired,
@@ -98,16 +99,18 @@ impl Canvas {
         eye: Eye,
         overlay: Option<&Overlay>,
         window: &Window,
-    ) -> Result<()> {
+    ) -> Result<Duration> {
+        let started = ThreadTime::now();
         let (mut commands, _) = self.recorders[self.slot].begin()?;
         renderer.record(&mut commands, self.slot, &[eye], overlay);
         commands.prepare(renderer.picture(), Use::CopyFrom);
         self.swapchain.copy(&mut commands, renderer.picture(), Part { mip: 0, layer: 0 }, &acquired);
         commands.submit(Some(&acquired))?;
+        let recording = started.elapsed();
         self.slot = (self.slot + 1) % FRAMES_IN_FLIGHT;
         window.pre_present_notify();
         self.stale |= !self.swapchain.present(acquired)?;
-        Ok(())
+        Ok(recording)
     }
 
     /// The picture last shown: RGBA, 8 bits a channel, rows from the top.
