@@ -13,6 +13,7 @@ use pbr_vr::precompute::Cache;
 use pbr_vr::reference::brdf::Geometry;
 use pbr_vr::reference::table::SplitSum;
 use pbr_vr::render::Shading;
+use pbr_vr::scene::Model;
 use pbr_vr::view::{BakeRequest, RenderFacts, RenderRequest, TextureChoice, bake, render};
 
 /// A rough metal sphere under a coloured sky, and a cache.
@@ -52,6 +53,7 @@ impl Scene {
             shading: Shading::Pbr,
             geometry,
             split_sum,
+            model: Model::Needed,
             textures: TextureChoice::default(),
             cache,
         };

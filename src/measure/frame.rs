@@ -218,16 +218,7 @@ fn metal_ball() -> Scene {
     Scene {
         meshes: vec![Mesh { name: "ball".into(), vertices, indices, material: 0, bounds }],
         instances: vec![Instance { mesh: 0, world_from_local: Mat4::IDENTITY }],
-        materials: vec![Material {
-            name: "gold".into(),
-            albedo_factor: Vec3::new(1.0, 0.77, 0.34),
-            metallic_factor: 1.0,
-            roughness_factor: 0.3,
-            albedo_map: None,
-            normal_map: None,
-            surface_map: None,
-            alpha_cutoff: None,
-        }],
+        materials: vec![Material::plain("gold", Vec3::new(1.0, 0.77, 0.34), 1.0, 0.3)],
         textures: Vec::new(),
         lights: Vec::new(),
         cameras: vec![Camera { name: "front".into(), position, target: Vec3::ZERO, vertical_fov_degrees: 45.0 }],

@@ -15,18 +15,25 @@ use crate::asset::{MipChain, Report, TextureOptions, file};
 const DEFAULT_ROUGHNESS: f32 = 0.5;
 /// What stands in for a material that a model names and nothing defines: grey, dielectric, half rough.
 pub fn default_material() -> Material {
-    Material {
-        name: "default".into(),
-        albedo_factor: Vec3::splat(0.8),
-        metallic_factor: 0.0,
-        roughness_factor: DEFAULT_ROUGHNESS,
-        albedo_map: None,
-        normal_map: None,
-        surface_map: None,
-        metallic_range: [0.0; 2],
-        roughness_range: [DEFAULT_ROUGHNESS; 2],
-        occludes: false,
-        alpha_cutoff: None,
+    Material::plain("default", Vec3::splat(0.8), 0.0, DEFAULT_ROUGHNESS)
+}
+
+impl Material {
+    /// The same all over.
+    pub fn plain(name: &str, albedo: Vec3, metallic: f32, roughness: f32) -> Self {
+        Self {
+            name: name.into(),
+            albedo_factor: albedo,
+            metallic_factor: metallic,
+            roughness_factor: roughness,
+            albedo_map: None,
+            normal_map: None,
+            surface_map: None,
+            metallic_range: [metallic; 2],
+            roughness_range: [roughness; 2],
+            occludes: false,
+            alpha_cutoff: None,
+        }
     }
 }
 
