@@ -27,6 +27,7 @@ use crate::gpu::{Bind, Buffer, BufferKind, Commands, Edge, Gpu, Image, PassTime,
 use crate::precompute::{self, BrdfTable, LightMaps};
 use crate::reference::brdf::Geometry;
 use crate::reference::table::SplitSum;
+use crate::scene::needs::resolution::Viewpoint;
 use crate::scene::{Model, Needs, Scene};
 use crate::{Error, Result};
 use draws::DrawList;
@@ -76,6 +77,8 @@ pub struct Settings {
     pub geometry: Geometry,
     pub split_sum: SplitSum,
     pub model: Model,
+    /// Where all pictures will be taken from; `None` for anywhere.
+    pub viewpoint: Option<Viewpoint>,
     pub output: Output,
     /// Samples per pixel: 1 or 4.
     pub samples: u32,
@@ -90,6 +93,7 @@ impl Default for Settings {
             geometry: Geometry::Smith,
             split_sum: SplitSum::Moment,
             model: Model::Needed,
+            viewpoint: None,
             output: Output::Display,
             samples: 4,
             precompute: precompute::Options::default(),
@@ -129,7 +133,8 @@ impl Renderer {
         eyes: u32,
         report: &Report,
     ) -> Result<Self> {
-        let world = World::new(gpu, scene, &Needs::of(scene, settings.model), &settings.textures, report)?;
+        let world =
+            World::new(gpu, scene, &Needs::of(scene, settings.model, settings.viewpoint), &settings.textures, report)?;
         let panorama = &scene.environment.panorama;
         let light = report.time("precompute", || LightMaps::new(gpu, panorama, &settings.precompute))?;
         let cache = settings.precompute.cache.as_ref();

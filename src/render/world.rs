@@ -48,7 +48,7 @@ impl World {
     ) -> Result<Self> {
         let clusters = clusters(&scene.meshes, &scene.instances);
         let geometry = Geometry::new(gpu, &clusters)?;
-        let (textures, texture_facts) = textures::upload(gpu, &scene.textures, options, report)?;
+        let (textures, texture_facts) = textures::upload(gpu, &scene.textures, &needs.first_levels, options, report)?;
         let sampler = Sampler::new(gpu, "material", Edge::Repeat, options.anisotropy)?;
         let layout = SetLayout::new(gpu, "material", &materials::SLOTS)?;
         let stand_ins = StandIns::new(gpu)?;

@@ -1,11 +1,13 @@
 //! What a scene needs modelled: what its pictures cannot be drawn without, and what would cost time and change nothing.
 
 pub mod findings;
+pub mod resolution;
 
 use clap::ValueEnum;
 use serde::Serialize;
 
 use super::{Material, Scene};
+use resolution::{Viewpoint, first_levels};
 
 /// How much is modelled.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, ValueEnum)]
@@ -66,19 +68,25 @@ pub struct Needs {
     pub materials: Vec<MaterialNeeds>,
     /// The number of point lights that shaders are made for; `None` for any number.
     pub lights: Option<u32>,
+    /// The finest level of each texture that is ever read.
+    pub first_levels: Vec<u32>,
 }
 
 impl Needs {
-    /// Reads a scene.
-    pub fn of(scene: &Scene, model: Model) -> Self {
+    /// Reads a scene that is seen from one place alone, or from anywhere.
+    pub fn of(scene: &Scene, model: Model, viewpoint: Option<Viewpoint>) -> Self {
+        let whole = vec![0; scene.textures.len()];
         match model {
             Model::Needed => Self {
                 materials: scene.materials.iter().map(MaterialNeeds::of).collect(),
                 lights: u32::try_from(scene.lights.len()).ok(),
+                first_levels: viewpoint.map_or(whole, |viewpoint| first_levels(scene, viewpoint)),
             },
-            Model::Everything => {
-                Self { materials: vec![MaterialNeeds::EVERYTHING; scene.materials.len()], lights: None }
-            }
+            Model::Everything => Self {
+                materials: vec![MaterialNeeds::EVERYTHING; scene.materials.len()],
+                lights: None,
+                first_levels: whole,
+            },
         }
     }
 
@@ -121,7 +129,7 @@ mod tests {
             metallic_range: [0.0, 1.0],
             ..default_material()
         };
-        let needs = Needs::of(&scene(vec![default_material(), all], 0), Model::Needed);
+        let needs = Needs::of(&scene(vec![default_material(), all], 0), Model::Needed, None);
         assert_eq!(needs.materials[1], MaterialNeeds::EVERYTHING);
         let plain = MaterialNeeds {
             albedo_map: false,
@@ -138,7 +146,7 @@ mod tests {
     fn metal_is_told_from_what_its_map_and_factor_come_to() {
         let metals = |metallic_range| {
             let material = Material { metallic_range, ..default_material() };
-            Needs::of(&scene(vec![material], 0), Model::Needed).materials[0].metals
+            Needs::of(&scene(vec![material], 0), Model::Needed, None).materials[0].metals
         };
         assert_eq!(metals([0.0, 0.0]), Metals::None);
         assert_eq!(metals([1.0, 1.0]), Metals::All);
@@ -150,14 +158,14 @@ mod tests {
     #[test]
     fn lights_are_counted() {
         for count in [0, 1, 7] {
-            assert_eq!(Needs::of(&scene(vec![], count), Model::Needed).lights, Some(count as u32));
-            assert_eq!(Needs::of(&scene(vec![], count), Model::Everything).lights, None);
+            assert_eq!(Needs::of(&scene(vec![], count), Model::Needed, None).lights, Some(count as u32));
+            assert_eq!(Needs::of(&scene(vec![], count), Model::Everything, None).lights, None);
         }
     }
 
     #[test]
     fn everything_is_everything() {
-        let needs = Needs::of(&scene(vec![default_material(); 3], 1), Model::Everything);
+        let needs = Needs::of(&scene(vec![default_material(); 3], 1), Model::Everything, None);
         assert_eq!(needs.materials, [MaterialNeeds::EVERYTHING; 3]);
         assert_eq!(needs.pipelines(), 1);
     }

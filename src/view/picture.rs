@@ -17,6 +17,7 @@ use crate::reference::brdf::Geometry;
 use crate::reference::table::SplitSum;
 use crate::render::{Eye, FRAMES_IN_FLIGHT, IPD_METRES, Output, Renderer, Settings, Shading, TextureFacts};
 use crate::scene::load::{LoadOptions, load};
+use crate::scene::needs::resolution::Viewpoint;
 use crate::scene::{Camera, Model, Scene};
 use crate::{Error, Result};
 
@@ -93,8 +94,19 @@ pub fn render(request: &RenderRequest<'_>, gpu: GpuOptions<'_>, report: &Report)
     let started = Instant::now();
     let (geometry, split_sum) = (request.geometry, request.split_sum);
     let precompute = Options { cache: request.cache.cloned(), ..Options::default() };
-    let model = request.model;
-    let settings = Settings { geometry, split_sum, model, output, precompute, textures, ..Settings::default() };
+    let around_metres = if request.stereo { 0.5 * IPD_METRES } else { 0.0 };
+    let tangents = [eye.left, eye.right, eye.down, eye.up];
+    let viewpoint = Some(Viewpoint::new(eye.position(), around_metres, tangents, request.size));
+    let settings = Settings {
+        geometry,
+        split_sum,
+        model: request.model,
+        viewpoint,
+        output,
+        precompute,
+        textures,
+        ..Settings::default()
+    };
     let mut renderer = Renderer::new(&gpu, &scene, settings, request.shading, request.size, eyes.len() as u32, report)?;
     // They are on the GPU now.
     scene.textures = Vec::new();

@@ -26,10 +26,11 @@ pub struct TextureFacts {
     pub dropped_levels: u32,
 }
 
-/// The scene's textures, and what they take.
+/// The scene's textures from the levels on that are needed, and what they take.
 pub fn upload(
     gpu: &Arc<Gpu>,
     textures: &[MipChain],
+    first_levels: &[u32],
     options: &TextureOptions,
     report: &Report,
 ) -> Result<(Vec<Image>, TextureFacts)> {
@@ -41,9 +42,10 @@ pub fn upload(
     }
     let free = gpu.free_memory();
     let budget = options.budget_bytes.unwrap_or(free - free.min(2 * MARGIN_BYTES) / 2);
-    let firsts = fit(textures, options.dropped_levels, budget);
+    let needed: Vec<u32> = first_levels.iter().map(|first| (*first).max(options.dropped_levels)).collect();
+    let firsts = fit(textures, &needed, budget);
     let facts = facts(textures, &firsts, budget);
-    if facts.dropped_levels > options.dropped_levels || facts.bytes > budget {
+    if firsts.iter().zip(&needed).any(|(first, needed)| first > needed) || facts.bytes > budget {
         report.warn(told(textures, &firsts, &facts));
     }
     let all: Vec<(&MipChain, u32)> = textures.iter().zip(firsts).collect();
@@ -66,8 +68,9 @@ pub fn upload(
 
 /// The first level that is kept of each texture. The textures with the longest side lose a level, all of them at once,
 /// until everything fits; the last level always stays.
-fn fit(textures: &[MipChain], dropped: u32, budget: u64) -> Vec<u32> {
-    let mut firsts: Vec<u32> = textures.iter().map(|t| dropped.min(t.levels.len() as u32 - 1)).collect();
+fn fit(textures: &[MipChain], needed: &[u32], budget: u64) -> Vec<u32> {
+    let last = |texture: &MipChain| texture.levels.len() as u32 - 1;
+    let mut firsts: Vec<u32> = textures.iter().zip(needed).map(|(t, first)| (*first).min(last(t))).collect();
     let side =
         |(texture, first): (&MipChain, &u32)| level_size([texture.width, texture.height], *first).into_iter().max();
     while total(textures, &firsts) > budget {
@@ -135,6 +138,8 @@ mod tests {
     use super::*;
     use crate::asset::mips::level_count;
 
+    const NONE: [u32; 4] = [0; 4];
+
     fn chain(width: u32, height: u32) -> MipChain {
         let levels = (0..level_count([width, height])).map(|level| {
             let [w, h] = level_size([width, height], level);
@@ -147,22 +152,26 @@ mod tests {
     fn the_largest_lose_levels_first_and_evenly() {
         let textures = [chain(64, 64), chain(16, 16), chain(32, 64), chain(32, 32)];
         let all = total(&textures, &[0; 4]);
-        assert_eq!(fit(&textures, 0, all), [0; 4]);
-        assert_eq!(fit(&textures, 0, all - 1), [1, 0, 1, 0], "both with a side of 64");
-        assert_eq!(fit(&textures, 0, total(&textures, &[1, 0, 1, 0]) - 1), [2, 0, 2, 1], "then all with a side of 32");
+        assert_eq!(fit(&textures, &NONE, all), [0; 4]);
+        assert_eq!(fit(&textures, &NONE, all - 1), [1, 0, 1, 0], "both with a side of 64");
+        assert_eq!(
+            fit(&textures, &NONE, total(&textures, &[1, 0, 1, 0]) - 1),
+            [2, 0, 2, 1],
+            "then all with a side of 32"
+        );
         for budget in (0..all).step_by(97) {
-            let firsts = fit(&textures, 0, budget);
+            let firsts = fit(&textures, &NONE, budget);
             assert!(total(&textures, &firsts) <= budget || firsts == [6, 4, 6, 5], "{budget}: {firsts:?}");
         }
-        assert_eq!(fit(&textures, 0, 0), [6, 4, 6, 5], "the last level stays");
-        assert_eq!(fit(&textures, 5, all), [5, 4, 5, 5]);
-        assert_eq!(fit(&[], 0, 0), [0; 0]);
+        assert_eq!(fit(&textures, &NONE, 0), [6, 4, 6, 5], "the last level stays");
+        assert_eq!(fit(&textures, &[5; 4], all), [5, 4, 5, 5]);
+        assert_eq!(fit(&[], &[], 0), [0; 0]);
     }
 
     #[test]
     fn what_had_to_go_is_told_in_one_line() {
         let textures = [chain(64, 64), chain(16, 16)];
-        let firsts = fit(&textures, 0, 7000);
+        let firsts = fit(&textures, &NONE, 7000);
         let facts = facts(&textures, &firsts, 7000);
         let line = told(&textures, &firsts, &facts);
         assert!(line.contains("1 of 2 drawn with up to 1 top level(s) less") && !line.contains('\n'), "{line}");

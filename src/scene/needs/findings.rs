@@ -54,7 +54,7 @@ const SUN_SHARE: f32 = 0.1;
 impl Findings {
     /// Reads a scene.
     pub fn of(scene: &Scene) -> Self {
-        let needs = Needs::of(scene, Model::Needed);
+        let needs = Needs::of(scene, Model::Needed, None);
         let material = |(material, needs): (&Material, &MaterialNeeds)| MaterialFinding {
             name: material.name.clone(),
             needs: *needs,
