@@ -5,9 +5,9 @@ use std::process::ExitCode;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
-use pbr_vr::asset::{Report, Storage};
 use pbr_vr::asset::file::write_atomically;
 use pbr_vr::asset::picture::{Picture, compare};
+use pbr_vr::asset::{Report, Storage};
 use pbr_vr::gpu::GpuOptions;
 use pbr_vr::measure::{self, MeasureRequest};
 use pbr_vr::precompute::{Cache, Options};

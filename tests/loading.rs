@@ -295,7 +295,10 @@ fn test_scenes() {
         ("gltf-targets/NormalTangentMirrorTest/obj/NormalTangentMirrorTest.obj", 5_240, 1, &[]),
     ] {
         let (start, report) = (Instant::now(), Report::silent());
-        let options = LoadOptions { default_panorama: Some(folder.join("hdri/studio_small_03_1k.hdr")), ..LoadOptions::default() };
+        let options = LoadOptions {
+            default_panorama: Some(folder.join("hdri/studio_small_03_1k.hdr")),
+            ..LoadOptions::default()
+        };
         let scene = scene::load(&folder.join(file), &options, &report).unwrap();
         let time = start.elapsed();
         check(&scene);

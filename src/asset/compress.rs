@@ -77,14 +77,19 @@ mod tests {
     }
 
     fn round_trip(block: Block, size: [u32; 2], texel: impl Fn(u32, u32) -> [u8; 4]) -> (Vec<[u8; 4]>, Vec<[u8; 4]>) {
-        let texels: Vec<[u8; 4]> = (0..size[1]).flat_map(|y| (0..size[0]).map(move |x| (x, y))).map(|(x, y)| texel(x, y)).collect();
+        let texels: Vec<[u8; 4]> =
+            (0..size[1]).flat_map(|y| (0..size[0]).map(move |x| (x, y))).map(|(x, y)| texel(x, y)).collect();
         let blocks = compress(block, size, texels.as_flattened(), &Report::silent());
         assert_eq!(blocks.len(), (size[0].div_ceil(4) * size[1].div_ceil(4) * 16) as usize);
         (decompressed(block, size, &blocks), texels)
     }
 
     fn psnr(pair: &(Vec<[u8; 4]>, Vec<[u8; 4]>), channels: usize) -> f64 {
-        let squares = pair.0.iter().zip(&pair.1).flat_map(|(a, b)| (0..channels).map(|c| (f64::from(a[c]) - f64::from(b[c])).powi(2)));
+        let squares = pair
+            .0
+            .iter()
+            .zip(&pair.1)
+            .flat_map(|(a, b)| (0..channels).map(|c| (f64::from(a[c]) - f64::from(b[c])).powi(2)));
         let mean = squares.sum::<f64>() / (pair.0.len() * channels) as f64;
         10.0 * (255.0 * 255.0 / mean.max(1e-9)).log10()
     }

@@ -32,13 +32,19 @@ pub fn colour_levels(texture: Texture, cutoff: Option<f32>) -> Vec<Vec<u8>> {
     let read = |[r, g, b, a]: [u8; 4]| {
         let alpha = f32::from(a) / 255.0;
         let weight = if weighted { alpha + TRANSPARENT_WEIGHT } else { 1.0 };
-        [linear[r as usize] * weight, linear[g as usize] * weight, linear[b as usize] * weight, if weighted { weight } else { alpha }]
+        [
+            linear[r as usize] * weight,
+            linear[g as usize] * weight,
+            linear[b as usize] * weight,
+            if weighted { weight } else { alpha },
+        ]
     };
     let chain = smaller_levels(&texture, read);
     let coverage = cutoff.map(|cutoff| coverage(texture.pixels.iter().skip(3).step_by(4).copied(), cutoff));
     let bytes = |level: &Level<4>| -> Vec<u8> {
         let alphas = || level.texels.iter().map(|t| if weighted { t[3] - TRANSPARENT_WEIGHT } else { t[3] });
-        let scale = cutoff.zip(coverage).map_or(1.0, |(cutoff, coverage)| alpha_scale(alphas().collect(), cutoff, coverage));
+        let scale =
+            cutoff.zip(coverage).map_or(1.0, |(cutoff, coverage)| alpha_scale(alphas().collect(), cutoff, coverage));
         let write = |(texel, alpha): (&[f32; 4], f32)| {
             let weight = if weighted { texel[3] } else { 1.0 };
             let [r, g, b] = [0, 1, 2].map(|c| byte(linear_to_srgb(texel[c] / weight)));

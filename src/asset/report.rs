@@ -16,12 +16,20 @@ pub struct Report {
 impl Report {
     /// Prints warnings to stderr as they come, and progress where stderr is a terminal.
     pub fn to_terminal() -> Self {
-        Self { warnings: Mutex::default(), times: Mutex::default(), bars: MultiProgress::with_draw_target(ProgressDrawTarget::stderr()) }
+        Self {
+            warnings: Mutex::default(),
+            times: Mutex::default(),
+            bars: MultiProgress::with_draw_target(ProgressDrawTarget::stderr()),
+        }
     }
 
     /// Only collects.
     pub fn silent() -> Self {
-        Self { warnings: Mutex::default(), times: Mutex::default(), bars: MultiProgress::with_draw_target(ProgressDrawTarget::hidden()) }
+        Self {
+            warnings: Mutex::default(),
+            times: Mutex::default(),
+            bars: MultiProgress::with_draw_target(ProgressDrawTarget::hidden()),
+        }
     }
 
     /// Notes something the user should know but that stops nothing: file first, then key, then what was done.

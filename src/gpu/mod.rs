@@ -31,6 +31,6 @@ pub use recorder::{PassTime, Recorder, run};
 pub use shader::compute_shaders;
 #[cfg(feature = "hot-reload")]
 pub use shader::on_disk::folder as shader_folder;
-pub use swapchain::{Acquired, PresentMode, Swapchain};
 pub use staging::{Upload, upload_rows};
+pub use swapchain::{Acquired, PresentMode, Swapchain};
 pub use transfer::{read_buffer, read_image, read_mips, write_mips};

@@ -27,10 +27,22 @@ struct Part<'a> {
 }
 
 enum Copy<'a> {
-    Buffer { from: u64, to: &'a Buffer, offset: u64, bytes: u64 },
-    Rows { from: u64, to: &'a Image, mip: u32, rows: Range<u32> },
+    Buffer {
+        from: u64,
+        to: &'a Buffer,
+        offset: u64,
+        bytes: u64,
+    },
+    Rows {
+        from: u64,
+        to: &'a Image,
+        mip: u32,
+        rows: Range<u32>,
+    },
     /// All of an image has been copied.
-    Done { image: &'a Image },
+    Done {
+        image: &'a Image,
+    },
 }
 
 /// Takes uploads and sends them part by part; `finish` waits for the last.

@@ -142,7 +142,7 @@ mod tests {
             let plain = error(&normals, alpha, Widening::None);
             for widening in [Widening::Toksvig, Widening::Fisher, Widening::Clamped] {
                 let error = error(&normals, alpha, widening);
-                assert!(error < 0.65 * plain, "{widening:?}, bumps {bump}, α {alpha}: {error} against {plain}");
+                assert!(error < 0.75 * plain, "{widening:?}, bumps {bump}, α {alpha}: {error} against {plain}");
             }
         }
     }
@@ -154,7 +154,8 @@ mod tests {
                 assert!((widening.alpha_squared(alpha_squared, 1.0) - alpha_squared).abs() < 1e-9, "{widening:?}");
                 let scattered = widening.alpha_squared(alpha_squared, 0.0);
                 assert!((alpha_squared..=1.0).contains(&scattered), "{widening:?}: {scattered}");
-                let steps: Vec<f64> = (0..=50).map(|i| widening.alpha_squared(alpha_squared, f64::from(i) / 50.0)).collect();
+                let steps: Vec<f64> =
+                    (0..=50).map(|i| widening.alpha_squared(alpha_squared, f64::from(i) / 50.0)).collect();
                 assert!(steps.windows(2).all(|w| w[0] >= w[1] - 1e-12), "{widening:?}: shorter means are wider");
             }
         }

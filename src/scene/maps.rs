@@ -243,9 +243,9 @@ impl<'a> Pictures<'a> {
     /// With a normal map, roughness varies by level even if not from place to place, and the texture holds all of it.
     fn surface(&self, maps: &[Option<PathBuf>; 3], normals: Option<&Normals>, roughness: [f32; 2]) -> Made {
         let mut made = Made::nothing();
-        let channels: [Option<Held>; 3] = maps.each_ref().map(|path| {
-            path.as_ref().and_then(|path| self.channel(path, Kind::Red, &mut made.problems))
-        });
+        let channels: [Option<Held>; 3] = maps
+            .each_ref()
+            .map(|path| path.as_ref().and_then(|path| self.channel(path, Kind::Red, &mut made.problems)));
         let channels = channels.each_ref().map(Option::as_deref);
         made.read = channels.map(|channel| channel.is_some());
         let constants = channels.map(|channel| channel.and_then(Channel::constant));

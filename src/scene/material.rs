@@ -50,7 +50,8 @@ pub fn build(mtls: &[Mtl], options: &TextureOptions, report: &Report) -> (Vec<Ma
         .collect();
     progress.finish_and_clear();
     let mut textures = Vec::new();
-    let results: HashMap<Job, Ready> = made.into_iter().map(|(job, made)| (job, Ready::new(made, &mut textures))).collect();
+    let results: HashMap<Job, Ready> =
+        made.into_iter().map(|(job, made)| (job, Ready::new(made, &mut textures))).collect();
     (plans.iter().map(|plan| plan.material(&results, report)).collect(), textures)
 }
 

@@ -46,13 +46,8 @@ pub fn upload(
     if facts.dropped_levels > options.dropped_levels || facts.bytes > budget {
         report.warn(told(textures, &firsts, &facts));
     }
-    let white = MipChain {
-        name: "white".into(),
-        width: 1,
-        height: 1,
-        format: TexelFormat::Rgba8,
-        levels: vec![vec![255; 4]],
-    };
+    let white =
+        MipChain { name: "white".into(), width: 1, height: 1, format: TexelFormat::Rgba8, levels: vec![vec![255; 4]] };
     let all: Vec<(&MipChain, u32)> = textures.iter().zip(firsts).chain([(&white, 0)]).collect();
     let images: Vec<Image> = all.iter().map(|(texture, first)| image(gpu, texture, *first)).collect::<Result<_>>()?;
     let progress = report.stage("upload", images.len() as u64);
@@ -75,7 +70,8 @@ pub fn upload(
 /// until everything fits; the last level always stays.
 fn fit(textures: &[MipChain], dropped: u32, budget: u64) -> Vec<u32> {
     let mut firsts: Vec<u32> = textures.iter().map(|t| dropped.min(t.levels.len() as u32 - 1)).collect();
-    let side = |(texture, first): (&MipChain, &u32)| level_size([texture.width, texture.height], *first).into_iter().max();
+    let side =
+        |(texture, first): (&MipChain, &u32)| level_size([texture.width, texture.height], *first).into_iter().max();
     while total(textures, &firsts) > budget {
         let longest = textures.iter().zip(&firsts).filter_map(side).max().unwrap_or(1);
         if longest <= 1 {
