@@ -93,9 +93,9 @@ struct Look {
     /// How surfaces mirror the panorama.
     #[arg(long, value_enum, default_value = "moment")]
     split_sum: SplitSumName,
-    /// How textures are stored: four bytes a texel, or compressed to one.
-    #[arg(long, value_enum, default_value_t)]
-    textures: Storage,
+    /// How textures are stored: four bytes a texel, or compressed to one. What suits the GPU if left out.
+    #[arg(long, value_enum)]
+    textures: Option<Storage>,
     /// GPU memory for textures; what does not fit is drawn with smaller ones. What is free, less a margin, if left out.
     #[arg(long, value_name = "MIB")]
     texture_budget: Option<u32>,
@@ -113,7 +113,7 @@ impl Default for Look {
             shading: Shading::Pbr,
             geometry: GeometryName::Smith,
             split_sum: SplitSumName::Moment,
-            textures: Storage::default(),
+            textures: None,
             texture_budget: None,
         }
     }

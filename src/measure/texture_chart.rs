@@ -55,8 +55,9 @@ fn draw(rows: &[&TextureRow], title: &str, caption: &str) -> Drawn<String> {
                 (_, n) => format!("−{n}"),
             },
         )?;
-        let plain: Vec<&TextureRow> = rows.iter().copied().filter(|row| row.dropped_levels == 0).collect();
-        let time = |row: &TextureRow| row.frame_cpu_ms.filter(|ms| *ms > 0.0).unwrap_or(row.frame_gpu_ms);
+        let time = |row: &TextureRow| row.frame_cpu_ms.filter(|ms| *ms > 0.0).or(row.frame_gpu_ms).unwrap_or(0.0);
+        let plain: Vec<&TextureRow> =
+            rows.iter().copied().filter(|row| row.dropped_levels == 0 && time(row) > 0.0).collect();
         panel(&right, &plain, "a frame, ms (processor time where it is known)", time, |row| {
             format!("{} {}x", row.storage, row.anisotropy)
         })?;
@@ -116,7 +117,7 @@ mod tests {
             raw_mib: 16.0,
             load_ms: 1.0,
             load_cpu_ms: None,
-            frame_gpu_ms: 3.0,
+            frame_gpu_ms: Some(3.0),
             frame_cpu_ms: None,
             flip_mean: 0.0,
             flip_max: 0.0,

@@ -11,7 +11,7 @@ use super::clock::{cpu_ms, today};
 use super::widening::{self, WideningRow};
 use super::{MeasureRequest, texture_chart};
 use crate::asset::file::write_atomically;
-use crate::asset::{Report, Storage, TextureOptions, shipped};
+use crate::asset::{MipChain, Report, Storage, TextureOptions, shipped};
 use crate::gpu::{Gpu, GpuOptions, Part, Recorder, read_image};
 use crate::reference::metrics::{PIXELS_PER_DEGREE, flip};
 use crate::render::{Eye, FRAMES_IN_FLIGHT, Output, Renderer, Settings, Shading};
@@ -36,8 +36,8 @@ pub struct TextureRow {
     /// Reading, decoding, filtering and compressing, without a cache; wall time, and that of the process over all cores.
     pub load_ms: f64,
     pub load_cpu_ms: Option<f64>,
-    /// Means over all frames but the first.
-    pub frame_gpu_ms: f64,
+    /// Means over all frames but the first; none for compressed textures on a processor, which are drawn decompressed.
+    pub frame_gpu_ms: Option<f64>,
     pub frame_cpu_ms: Option<f64>,
     /// Against plain textures with 16 samples.
     pub flip_mean: f32,
@@ -98,7 +98,12 @@ pub fn run(request: &MeasureRequest<'_>, gpu: GpuOptions<'_>, report: &Report) -
                 report.warn(format!("{}: no compressed textures; not measured", gpu.info().name));
                 continue;
             }
-            let loaded = source.load(storage)?;
+            let mut loaded = source.load(storage)?;
+            let software = storage == Storage::Bc && gpu.info().is_software();
+            loaded.is_timed = !software;
+            if software {
+                loaded.scene.textures.iter_mut().for_each(|texture| *texture = texture.decompressed());
+            }
             for variant in variants(storage) {
                 results.rows.push(stand.measure(storage, &loaded, variant)?);
                 bar.inc(1);
@@ -121,7 +126,7 @@ fn write_tables(folder: &Path, results: &Results) -> Result<()> {
     );
     for r in &results.rows {
         csv += &format!(
-            "{},{},{},{},{:.3},{:.3},{:.0},{},{:.2},{},{:.5},{:.4},{:.5}\n",
+            "{},{},{},{},{:.3},{:.3},{:.0},{},{},{},{:.5},{:.4},{:.5}\n",
             r.scene,
             r.storage,
             r.dropped_levels,
@@ -130,7 +135,7 @@ fn write_tables(folder: &Path, results: &Results) -> Result<()> {
             r.raw_mib,
             r.load_ms,
             ms(r.load_cpu_ms),
-            r.frame_gpu_ms,
+            ms(r.frame_gpu_ms),
             ms(r.frame_cpu_ms),
             r.flip_mean,
             r.flip_max,
@@ -159,6 +164,10 @@ struct Source {
 /// A loaded scene, and what loading took.
 struct Loaded {
     scene: Scene,
+    /// Of the textures without so many top levels.
+    bytes: [u64; 4],
+    raw_bytes: u64,
+    is_timed: bool,
     ms: f64,
     cpu_ms: Option<f64>,
 }
@@ -174,7 +183,12 @@ impl Source {
         if let Some(camera) = &self.camera {
             scene.cameras = vec![camera.clone()];
         }
-        Ok(Loaded { scene, ms: start.elapsed().as_secs_f64() * 1e3, cpu_ms })
+        let ms = start.elapsed().as_secs_f64() * 1e3;
+        let first = |dropped: u32, texture: &MipChain| dropped.min(texture.levels.len() as u32 - 1);
+        let bytes = |dropped| scene.textures.iter().map(|t| t.bytes_from(first(dropped, t))).sum();
+        let bytes = [0, 1, 2, 3].map(bytes);
+        let raw_bytes = scene.textures.iter().map(MipChain::raw_bytes).sum();
+        Ok(Loaded { scene, bytes, raw_bytes, is_timed: true, ms, cpu_ms })
     }
 }
 
@@ -240,7 +254,6 @@ struct Stand<'a> {
 
 struct Drawn {
     pixels: Vec<[u8; 3]>,
-    bytes: [u64; 2],
     gpu_ms: f64,
     cpu_ms: Option<f64>,
 }
@@ -269,12 +282,12 @@ impl Stand<'_> {
             storage: if storage == Storage::Raw { "raw" } else { "bc" },
             dropped_levels: variant.dropped_levels,
             anisotropy: variant.anisotropy,
-            mib: mib(drawn.bytes[0]),
-            raw_mib: mib(drawn.bytes[1]),
+            mib: mib(loaded.bytes[variant.dropped_levels as usize]),
+            raw_mib: mib(loaded.raw_bytes),
             load_ms: loaded.ms,
             load_cpu_ms: loaded.cpu_ms,
-            frame_gpu_ms: drawn.gpu_ms,
-            frame_cpu_ms: drawn.cpu_ms,
+            frame_gpu_ms: loaded.is_timed.then_some(drawn.gpu_ms),
+            frame_cpu_ms: drawn.cpu_ms.filter(|_| loaded.is_timed),
             flip_mean: plain.mean,
             flip_max: plain.max,
             truth_flip_mean: truth.mean,
@@ -306,10 +319,8 @@ impl Stand<'_> {
         let counted = gpu_ms.len().max(1) as f64;
         let cpu_ms = cpu_ms().zip(before).map(|(now, before)| (now - before) / counted);
         let bytes = read_image(self.gpu, renderer.picture(), Part { mip: 0, layer: 0 }, Output::Display.bytes())?;
-        let facts = renderer.texture_facts();
         Ok(Drawn {
             pixels: bytes.as_chunks::<4>().0.iter().map(|[r, g, b, _]| [*r, *g, *b]).collect(),
-            bytes: [facts.bytes, facts.raw_bytes],
             gpu_ms: gpu_ms.iter().sum::<f64>() / counted,
             cpu_ms,
         })
