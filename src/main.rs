@@ -100,9 +100,9 @@ struct Look {
     /// Model what the scene needs, or everything: the same picture, slower.
     #[arg(long, value_enum, default_value = "needed")]
     model: Model,
-    /// How textures are stored: four bytes a texel, or compressed to one.
-    #[arg(long, value_enum, default_value_t)]
-    textures: Storage,
+    /// How textures are stored: four bytes a texel, or compressed to one. What suits the GPU if left out.
+    #[arg(long, value_enum)]
+    textures: Option<Storage>,
     /// GPU memory for textures; what does not fit is drawn with smaller ones. What is free, less a margin, if left out.
     #[arg(long, value_name = "MIB")]
     texture_budget: Option<u32>,
@@ -121,7 +121,7 @@ impl Default for Look {
             geometry: GeometryName::Smith,
             split_sum: SplitSumName::Moment,
             model: Model::Needed,
-            textures: Storage::default(),
+            textures: None,
             texture_budget: None,
         }
     }

@@ -1,6 +1,8 @@
 //! Block compression of textures: 16 bytes for 4×4 texels, BC7 for colour and surface values, BC5 for normals.
 
-use block_compression::{BC7Settings, CompressionVariant, encode::compress_rgba8};
+use block_compression::decode::decompress_blocks_as_rgba8;
+use block_compression::encode::compress_rgba8;
+use block_compression::{BC7Settings, CompressionVariant};
 use rayon::prelude::*;
 
 use super::Report;
@@ -54,34 +56,30 @@ pub fn compress(block: Block, [width, height]: [u32; 2], rgba: &[u8], report: &R
     blocks
 }
 
+/// What a GPU reads from blocks, as RGBA bytes.
+pub fn decompress(block: Block, [width, height]: [u32; 2], blocks: &[u8]) -> Vec<u8> {
+    let variant = match block {
+        // How BC7 was compressed does not matter here.
+        Block::Opaque | Block::Alpha => CompressionVariant::BC7(BC7Settings::opaque_ultra_fast()),
+        Block::TwoChannels => CompressionVariant::BC5,
+    };
+    let [across, down] = [width, height].map(|side| side.next_multiple_of(SIDE as u32));
+    let mut padded = vec![0; across as usize * down as usize * 4];
+    decompress_blocks_as_rgba8(variant, across, down, blocks, &mut padded);
+    let rows = padded.chunks_exact(across as usize * 4).take(height as usize);
+    rows.flat_map(|row| &row[..width as usize * 4]).copied().collect()
+}
+
 #[cfg(test)]
 mod tests {
-    use block_compression::decode::decompress_blocks_as_rgba8;
-
     use super::*;
-
-    /// The texels that a GPU would see.
-    fn decompressed(block: Block, [width, height]: [u32; 2], blocks: &[u8]) -> Vec<[u8; 4]> {
-        let variant = match block {
-            Block::TwoChannels => CompressionVariant::BC5,
-            _ => CompressionVariant::BC7(BC7Settings::opaque_fast()),
-        };
-        let padded = [width.next_multiple_of(4), height.next_multiple_of(4)];
-        let mut rgba = vec![0; (padded[0] * padded[1] * 4) as usize];
-        decompress_blocks_as_rgba8(variant, padded[0], padded[1], blocks, &mut rgba);
-        let texel = |x: u32, y: u32| {
-            let at = ((y * padded[0] + x) * 4) as usize;
-            [rgba[at], rgba[at + 1], rgba[at + 2], rgba[at + 3]]
-        };
-        (0..height).flat_map(|y| (0..width).map(move |x| (x, y))).map(|(x, y)| texel(x, y)).collect()
-    }
 
     fn round_trip(block: Block, size: [u32; 2], texel: impl Fn(u32, u32) -> [u8; 4]) -> (Vec<[u8; 4]>, Vec<[u8; 4]>) {
         let texels: Vec<[u8; 4]> =
             (0..size[1]).flat_map(|y| (0..size[0]).map(move |x| (x, y))).map(|(x, y)| texel(x, y)).collect();
         let blocks = compress(block, size, texels.as_flattened(), &Report::silent());
         assert_eq!(blocks.len(), (size[0].div_ceil(4) * size[1].div_ceil(4) * 16) as usize);
-        (decompressed(block, size, &blocks), texels)
+        (decompress(block, size, &blocks).as_chunks::<4>().0.to_vec(), texels)
     }
 
     fn psnr(pair: &(Vec<[u8; 4]>, Vec<[u8; 4]>), channels: usize) -> f64 {
@@ -118,7 +116,7 @@ mod tests {
         assert!(psnr(&grey, 3) > 36.0, "colour: {} dB", psnr(&grey, 3));
         let normals = round_trip(Block::TwoChannels, [64, 64], |x, y| [wave(x, y, 0.0), wave(x, y, 2.0), 0, 255]);
         assert!(psnr(&normals, 2) > 44.0, "normals: {} dB", psnr(&normals, 2));
-        let leaf = |x: u32, y: u32| [40, wave(x, y, 1.0), 30, if (x / 7 + y / 5) % 2 == 0 { 255 } else { 0 }];
+        let leaf = |x: u32, y: u32| [40, wave(x, y, 1.0), 30, if (x / 7 + y / 5).is_multiple_of(2) { 255 } else { 0 }];
         let masked = round_trip(Block::Alpha, [64, 64], leaf);
         assert!(psnr(&masked, 4) > 33.0, "masked: {} dB", psnr(&masked, 4));
         let same_side = masked.0.iter().zip(&masked.1).filter(|(a, b)| (a[3] >= 128) == (b[3] >= 128)).count();

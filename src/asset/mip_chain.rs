@@ -2,7 +2,7 @@
 
 use clap::ValueEnum;
 
-use super::compress::{Block, ENCODER, compress};
+use super::compress::{Block, ENCODER, compress, decompress};
 use super::ktx2::{Ktx2, TexelFormat};
 use super::mips::{self, NormalLoss, level_size};
 use super::texture::Encoding;
@@ -90,6 +90,19 @@ impl MipChain {
         (0..self.levels.len() as u32).map(|level| 4 * texels(level)).sum()
     }
 
+    /// The same texels uncompressed, as a GPU would read them.
+    pub fn decompressed(&self) -> Self {
+        let (block, format) = match self.format {
+            TexelFormat::Bc5 => (Block::TwoChannels, TexelFormat::Rgba8),
+            TexelFormat::Bc7 => (Block::Alpha, TexelFormat::Rgba8),
+            TexelFormat::Bc7Srgb => (Block::Alpha, TexelFormat::Rgba8Srgb),
+            _ => return self.clone(),
+        };
+        let size = |level| level_size([self.width, self.height], level);
+        let levels = (0u32..).zip(&self.levels).map(|(level, blocks)| decompress(block, size(level), blocks)).collect();
+        Self { name: self.name.clone(), format, levels, ..*self }
+    }
+
     /// The same as an entry of the cache.
     pub fn into_ktx2(self) -> Ktx2 {
         let (size, levels) = ([self.width, self.height], self.levels);
@@ -171,6 +184,9 @@ mod tests {
             for (raw, compressed) in chains[0].iter().zip(&chains[1]) {
                 assert_eq!(raw.bytes_from(0), raw.raw_bytes());
                 assert_eq!(compressed.raw_bytes(), raw.raw_bytes());
+                let (back, same) = (compressed.decompressed(), raw.decompressed());
+                assert_eq!((back.format, back.bytes_from(0)), (raw.format, raw.raw_bytes()));
+                assert_eq!(same, *raw, "nothing to do");
                 if width == 64 {
                     let ratio = raw.bytes_from(0) as f64 / compressed.bytes_from(0) as f64;
                     assert!(ratio > 3.98, "{:?}: {ratio}", compressed.format);

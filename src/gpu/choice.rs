@@ -10,6 +10,9 @@ use crate::{Error, Result};
 /// What the program asks of every GPU.
 const NEEDS: &str = "Vulkan 1.3 with layered output from the vertex shader";
 
+/// The kind of those that are none.
+const SOFTWARE: &str = "CPU";
+
 /// One GPU as the system lists it.
 #[derive(Clone, Debug)]
 pub struct GpuInfo {
@@ -25,6 +28,13 @@ pub struct GpuInfo {
     pub options: Vec<(&'static str, bool)>,
     /// Why it will not do; `None` if it will.
     pub unfit: Option<String>,
+}
+
+impl GpuInfo {
+    /// Whether it is no GPU but a processor that does a GPU's work.
+    pub fn is_software(&self) -> bool {
+        self.kind == SOFTWARE
+    }
 }
 
 pub(super) struct Candidate {
@@ -173,7 +183,7 @@ fn rank(kind: vk::PhysicalDeviceType) -> (u32, &'static str) {
         vk::PhysicalDeviceType::DISCRETE_GPU => (0, "discrete"),
         vk::PhysicalDeviceType::INTEGRATED_GPU => (1, "integrated"),
         vk::PhysicalDeviceType::VIRTUAL_GPU => (2, "virtual"),
-        vk::PhysicalDeviceType::CPU => (4, "CPU"),
+        vk::PhysicalDeviceType::CPU => (4, SOFTWARE),
         _ => (3, "other"),
     }
 }

@@ -10,6 +10,9 @@ mod precompute;
 mod synthetic;
 mod table;
 mod texels;
+mod texture_chart;
+mod textures;
+mod widening;
 
 use std::path::{Path, PathBuf};
 
@@ -24,10 +27,11 @@ pub use table::{Row, Sweep};
 pub use texels::{Accuracy, prefiltered_truth, spread_texels};
 
 /// What can be measured: its name, and what it does.
-pub const NAMES: [(&str, &str); 4] = [
+pub const NAMES: [(&str, &str); 5] = [
     ("precompute", "time and error of every way to fill the irradiance and specular maps"),
     ("frame", "processor time of a frame and of recording it, with each saving and without"),
     ("geometry", "what vertices lose in fewer bytes, and what ordering triangles gains"),
+    ("textures", "memory, time and picture of ways to store and filter textures"),
     ("panoramas", "write the synthetic panoramas as OpenEXR, for other programs"),
 ];
 
@@ -71,6 +75,9 @@ pub fn run(request: &MeasureRequest<'_>, gpu: GpuOptions<'_>, report: &Report) -
     }
     if wanted("geometry") {
         geometry::run(request.output, report)?;
+    }
+    if wanted("textures") {
+        textures::run(request, gpu, report)?;
     }
     if wanted("precompute") { precompute::run(request, gpu, report).map(Some) } else { Ok(None) }
 }

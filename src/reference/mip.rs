@@ -95,11 +95,11 @@ pub fn fisher_width(r: f64) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use glam::{DVec2, DVec3};
+    use glam::DVec3;
 
     use super::*;
     use crate::reference::brdf::d_ggx;
-    use crate::reference::sampling::{hammersley, sample_ggx};
+    use crate::reference::sampling::hammersley;
 
     #[test]
     fn shares_add_up_and_no_texel_is_dropped() {
@@ -115,9 +115,14 @@ mod tests {
         }
     }
 
-    /// Normals of a bumpy patch, by the slope distribution of GGX: what a normal map of that roughness would hold.
-    fn bumps(alpha: f64) -> Vec<DVec3> {
-        (0..256).map(|i| sample_ggx(hammersley(i, 8) * DVec2::new(1.0, 0.9), alpha)).collect()
+    /// Normals of a bumpy patch whose slopes are spread like a Gauss bell, as those of photographed bricks about are.
+    fn bumps(deviation: f64) -> Vec<DVec3> {
+        let normal = |i| {
+            let u = hammersley(i, 8);
+            let (radius, around) = (deviation * (-2.0 * (1.0 - u.y).ln()).sqrt(), std::f64::consts::TAU * u.x);
+            DVec3::new(radius * around.cos(), radius * around.sin(), 1.0).normalize()
+        };
+        (0..256).map(normal).collect()
     }
 
     /// Mean over half vectors of |D of one widened lobe − mean of D over all normals|, over the mean of the latter.
@@ -137,12 +142,12 @@ mod tests {
 
     #[test]
     fn widening_comes_close_to_the_mean_of_all_lobes() {
-        for (bump, alpha) in [(0.1, 0.1), (0.2, 0.1), (0.3, 0.2), (0.2, 0.4)] {
+        for (bump, alpha) in [(0.1, 0.1), (0.15, 0.1), (0.2, 0.2), (0.2, 0.1)] {
             let normals = bumps(bump);
             let plain = error(&normals, alpha, Widening::None);
             for widening in [Widening::Toksvig, Widening::Fisher, Widening::Clamped] {
                 let error = error(&normals, alpha, widening);
-                assert!(error < 0.65 * plain, "{widening:?}, bumps {bump}, α {alpha}: {error} against {plain}");
+                assert!(error < 0.6 * plain, "{widening:?}, bumps {bump}, α {alpha}: {error} against {plain}");
             }
         }
     }

@@ -41,7 +41,9 @@ pub struct ViewRequest<'a> {
 /// What the command line says of textures.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct TextureChoice {
-    pub storage: Storage,
+    /// `None`: compressed, unless the GPU cannot read that or is none; a processor takes ten times as long for each texel
+    /// of a block (measured on lavapipe), and has no memory to save.
+    pub storage: Option<Storage>,
     /// MiB on the GPU; `None` for what it has free, less a margin.
     pub budget_mib: Option<u32>,
 }
@@ -49,7 +51,8 @@ pub struct TextureChoice {
 impl TextureChoice {
     /// What this GPU can do of it; where that is less, it is told.
     pub fn options(self, gpu: &Gpu, cache: Option<&Cache>, report: &Report) -> TextureOptions {
-        let mut storage = self.storage;
+        let best = if gpu.info().is_software() { Storage::Raw } else { Storage::Bc };
+        let mut storage = self.storage.unwrap_or(best);
         if storage == Storage::Bc && !gpu.compresses_textures() {
             report.warn(format!("{}: no block-compressed textures; they take four times the memory", gpu.info().name));
             storage = Storage::Raw;

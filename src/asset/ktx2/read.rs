@@ -245,7 +245,7 @@ mod tests {
     fn what_is_not_ours_is_told() {
         assert!(problem(b"\xabKTX 11\xbb\r\n\x1a\n").contains("does not begin"));
         for (at, value, part) in [
-            (12, 37, "format 37"),
+            (12, 1, "format 1 "),
             (16, 4, "type size"),
             (20, 0, "0 x 4"),
             (20, u32::MAX, "can be read"),
