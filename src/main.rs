@@ -242,6 +242,9 @@ struct Measure {
 struct Compare {
     a: PathBuf,
     b: PathBuf,
+    /// Write a.png and b.png, as a viewer sees them, and flip.png, bright where they differ.
+    #[arg(long, value_name = "DIR")]
+    maps: Option<PathBuf>,
     /// Write the numbers.
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
@@ -368,13 +371,20 @@ fn run_measure(args: &Measure, gpu: GpuOptions<'_>) -> Result<()> {
 }
 
 fn run_compare(args: &Compare) -> Result<()> {
-    let comparison = compare(&Picture::read(&args.a)?, &Picture::read(&args.b)?)?;
+    let (a, b) = (Picture::read(&args.a)?, Picture::read(&args.b)?);
+    let comparison = compare(&a, &b)?;
     println!("FLIP          mean {:.4}, largest {:.4}", comparison.flip_mean, comparison.flip_max);
     println!("relative MSE  {:.3e}", comparison.relative_mse);
     println!(
         "error         mean {:.3e}, largest {:.3e} at {:?}",
         comparison.mean_error, comparison.max_error, comparison.max_error_at
     );
+    if let Some(folder) = &args.maps {
+        std::fs::create_dir_all(folder).map_err(Error::write(folder))?;
+        a.to_display(0.0).write(&folder.join("a.png"))?;
+        b.to_display(0.0).write(&folder.join("b.png"))?;
+        comparison.flip_map().write(&folder.join("flip.png"))?;
+    }
     match &args.json {
         Some(path) => write_json(path, &comparison),
         None => Ok(()),
