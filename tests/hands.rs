@@ -9,7 +9,7 @@ use std::sync::Arc;
 use glam::{EulerRot, Mat4, Quat, Vec3};
 
 use common::validated;
-use pbr_vr::asset::Report;
+use pbr_vr::asset::{Report, Storage, TextureOptions};
 use pbr_vr::gpu::{Gpu, Part, Recorder, read_image};
 use pbr_vr::render::{Eye, FRAMES_IN_FLIGHT, Guides, IPD_METRES, Output, Renderer, Settings, Shading};
 use pbr_vr::scene::{Scene, load};
@@ -22,7 +22,10 @@ const LANDING: Vec3 = Vec3::new(-0.9, 0.0, 0.0);
 /// The shipped room.
 fn room() -> Scene {
     let assets = Path::new(env!("CARGO_MANIFEST_DIR")).join("assets");
-    let options = load::LoadOptions { default_panorama: None };
+    let options = load::LoadOptions {
+        default_panorama: None,
+        textures: TextureOptions { storage: Storage::Raw, ..TextureOptions::default() },
+    };
     load::load(&assets.join("scenes/tearoom.toml"), &options, &Report::silent()).expect("the shipped room")
 }
 

@@ -1,7 +1,5 @@
 //! Recording: barriers, rendering, dispatches, copies, pass labels.
 
-use std::ffi::CString;
-
 use ash::vk;
 
 use super::buffer::Buffer;
@@ -60,9 +58,7 @@ impl Commands<'_> {
     /// Names and times what `record` records.
     pub fn pass<R>(&mut self, name: &'static str, record: impl FnOnce(&mut Self) -> R) -> R {
         let raw = self.recorder.raw;
-        if let Ok(label) = CString::new(name) {
-            self.recorder.gpu.begin_label(raw, &label);
-        }
+        self.recorder.gpu.begin_label(raw, name);
         let first = self.recorder.start_timer(name);
         let result = record(self);
         self.recorder.stop_timer(first);
@@ -102,7 +98,7 @@ impl Commands<'_> {
         unsafe { self.device().cmd_pipeline_barrier2(self.recorder.raw, &info) };
     }
 
-    /// Draws into `targets`; they must have been prepared. Sets the viewport to their area.
+    /// Draws into `targets`; they must have been prepared. Sets the viewport to their area, and culls nothing.
     pub fn render(&mut self, targets: &Targets<'_>, record: impl FnOnce(&mut Self)) {
         let desc = targets.colour.desc();
         let [width, height] = targets.area;
@@ -144,6 +140,7 @@ impl Commands<'_> {
             device.cmd_set_viewport(self.recorder.raw, 0, &[viewport]);
             device.cmd_set_scissor(self.recorder.raw, 0, &[area]);
         }
+        self.cull_back(false);
         record(self);
         // SAFETY: rendering was begun above.
         unsafe { self.device().cmd_end_rendering(self.recorder.raw) };
@@ -182,13 +179,20 @@ impl Commands<'_> {
         unsafe { self.device().cmd_draw(self.recorder.raw, vertices, instances, 0, 0) };
     }
 
-    /// Takes vertices and 32-bit indices.
+    /// Leaves out triangles that show their backs, or none.
+    pub fn cull_back(&mut self, on: bool) {
+        let mode = if on { vk::CullModeFlags::BACK } else { vk::CullModeFlags::NONE };
+        // SAFETY: the command buffer is being recorded; every graphics pipeline has this state dynamic.
+        unsafe { self.device().cmd_set_cull_mode(self.recorder.raw, mode) };
+    }
+
+    /// Takes vertices and 16-bit indices.
     pub fn bind_mesh(&mut self, vertices: &Buffer, indices: &Buffer) {
         // SAFETY: the command buffer is being recorded; both buffers are alive and of the right kind.
         unsafe {
             let device = &self.recorder.gpu.device;
             device.cmd_bind_vertex_buffers(self.recorder.raw, 0, &[vertices.raw], &[0]);
-            device.cmd_bind_index_buffer(self.recorder.raw, indices.raw, 0, vk::IndexType::UINT32);
+            device.cmd_bind_index_buffer(self.recorder.raw, indices.raw, 0, vk::IndexType::UINT16);
         }
     }
 
@@ -222,9 +226,17 @@ impl Commands<'_> {
         unsafe { self.device().cmd_copy_buffer_to_image(self.recorder.raw, from.raw, image.raw, layout, &[region]) };
     }
 
-    /// Copies tightly packed texels into some rows of mip 0 of the first layer; the image must be prepared for `CopyTo`.
-    pub fn copy_rows_to_image(&mut self, from: &Buffer, image: &Image, rows: std::ops::Range<u32>) {
-        let mut region = self.region(image, Part { mip: 0, layer: 0 });
+    /// Copies tightly packed texels, or blocks, into some rows of one mip of the first layer; the image must be prepared
+    /// for `CopyTo`. Rows of blocks begin and end at blocks' borders, or at the image's.
+    pub fn copy_rows_to_image(
+        &mut self,
+        from: &Buffer,
+        offset: u64,
+        image: &Image,
+        mip: u32,
+        rows: std::ops::Range<u32>,
+    ) {
+        let mut region = self.region(image, Part { mip, layer: 0 }).buffer_offset(offset);
         // An image has at most 2^15 rows on any GPU.
         region.image_offset.y = rows.start as i32;
         region.image_extent.height = rows.end - rows.start;

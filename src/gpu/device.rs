@@ -32,6 +32,7 @@ pub struct Gpu {
     pub(super) physical: vk::PhysicalDevice,
     pub(super) family: u32,
     pub(super) max_anisotropy: Option<f32>,
+    options: choice::Options,
     pub(super) limits: vk::PhysicalDeviceLimits,
     /// Signalled with the number of each finished submission.
     pub(super) timeline: vk::Semaphore,
@@ -126,7 +127,8 @@ impl Gpu {
             allocator: ManuallyDrop::new(Mutex::new(allocator)),
             physical: chosen.physical,
             family: chosen.family,
-            max_anisotropy: chosen.anisotropy.then_some(chosen.properties.limits.max_sampler_anisotropy),
+            options: chosen.options,
+            max_anisotropy: chosen.options.anisotropy.then_some(chosen.properties.limits.max_sampler_anisotropy),
             limits: chosen.properties.limits,
             timeline,
             queue: Mutex::new(Queue { raw: queue, submitted: 0 }),
@@ -171,6 +173,27 @@ impl Gpu {
         }
     }
 
+    /// Whether images may be of block-compressed formats.
+    pub fn compresses_textures(&self) -> bool {
+        self.options.compressed_textures
+    }
+
+    /// Bytes of its own memory that this process may still take; all of it, less an eighth, where the driver does not
+    /// tell what others have taken.
+    pub fn free_memory(&self) -> u64 {
+        if !self.options.memory_budget {
+            return self.info.memory - self.info.memory / 8;
+        }
+        let mut budget = vk::PhysicalDeviceMemoryBudgetPropertiesEXT::default();
+        let mut memory = vk::PhysicalDeviceMemoryProperties2::default().push_next(&mut budget);
+        // SAFETY: the extension is enabled; the call only writes into the structures.
+        unsafe { self.instance.raw.get_physical_device_memory_properties2(self.physical, &mut memory) };
+        let heaps = memory.memory_properties;
+        let own = |i: &usize| heaps.memory_heaps[*i].flags.contains(vk::MemoryHeapFlags::DEVICE_LOCAL);
+        let free = |i: usize| budget.heap_budget[i].saturating_sub(budget.heap_usage[i]);
+        (0..heaps.memory_heap_count as usize).filter(own).map(free).sum()
+    }
+
     /// Waits until the GPU has nothing left to do.
     pub fn wait_idle(&self) -> Result<()> {
         let submitted = self.queue().submitted;
@@ -199,8 +222,11 @@ impl Gpu {
         let _ = unsafe { debug.set_debug_utils_object_name(&info) };
     }
 
-    pub(super) fn begin_label(&self, commands: vk::CommandBuffer, name: &CStr) {
-        if let Some(debug) = &self.debug {
+    /// Begins a named part of a recording, without allocating; names longer than 63 bytes lose their ends.
+    pub(super) fn begin_label(&self, commands: vk::CommandBuffer, name: &str) {
+        let mut text = [0; 64];
+        text.iter_mut().zip(name.bytes().take(63)).for_each(|(to, from)| *to = from);
+        if let (Some(debug), Ok(name)) = (&self.debug, CStr::from_bytes_until_nul(&text)) {
             let label = vk::DebugUtilsLabelEXT::default().label_name(name);
             // SAFETY: the command buffer is being recorded by the caller.
             unsafe { debug.cmd_begin_debug_utils_label(commands, &label) };
@@ -322,8 +348,13 @@ fn make_device(
         .dynamic_rendering(true)
         .synchronization2(true)
         .shader_demote_to_helper_invocation(true);
-    let core = vk::PhysicalDeviceFeatures::default().sampler_anisotropy(chosen.anisotropy);
+    let core = vk::PhysicalDeviceFeatures::default()
+        .sampler_anisotropy(chosen.options.anisotropy)
+        .texture_compression_bc(chosen.options.compressed_textures);
     let mut extensions: Vec<*const c_char> = asked.iter().map(|name| name.as_ptr()).collect();
+    if chosen.options.memory_budget {
+        extensions.push(ext::memory_budget::NAME.as_ptr());
+    }
     if present {
         extensions.push(khr::swapchain::NAME.as_ptr());
     }

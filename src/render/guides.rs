@@ -95,7 +95,6 @@ impl GuidesPass {
                 colour: settings.output.format(),
                 depth: Depth::Write,
                 samples: settings.samples,
-                cull_back: false,
                 blend: false,
             },
         )?;

@@ -68,7 +68,6 @@ fn pipeline(gpu: &Arc<Gpu>, settings: &Settings) -> Result<Pipeline> {
             colour: Output::Display.format(),
             depth: Depth::Write,
             samples: settings.samples,
-            cull_back: false,
             blend: false,
         },
     )

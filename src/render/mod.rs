@@ -1,5 +1,7 @@
 //! One frame for N eyes: what no eye sees, forward pass, sky, resolve, text on top.
 
+mod culling;
+mod draws;
 mod eye;
 mod forward;
 mod guides;
@@ -16,20 +18,24 @@ use std::sync::Arc;
 use clap::ValueEnum;
 use glam::Mat4;
 
+pub use draws::{Order, Savings};
 pub use eye::{Eye, IPD_METRES, NEAR_METRES};
 pub use guides::{GuideVertex, Guides, MAX_GUIDE_VERTICES};
 pub use hidden_area::HiddenArea;
 pub use overlay::Overlay;
 pub use shared::MAX_EYES;
 pub use targets::Output;
+pub use world::TextureFacts;
 
-use crate::asset::Report;
+use crate::asset::{Report, TextureOptions};
 use crate::gpu::{Bind, Buffer, BufferKind, Commands, Edge, Gpu, Image, PassTime, Sampler, Set, SetLayout, Slot};
 use crate::precompute::{self, BrdfTable, LightMaps};
 use crate::reference::brdf::Geometry;
 use crate::reference::table::SplitSum;
-use crate::scene::Scene;
+use crate::scene::needs::resolution::Viewpoint;
+use crate::scene::{Model, Needs, Scene};
 use crate::{Error, Result};
+use draws::DrawList;
 use forward::Forward;
 use guides::GuidesPass;
 use shared::{EyeBlock, FrameBlock};
@@ -76,10 +82,15 @@ pub enum Shading {
 pub struct Settings {
     pub geometry: Geometry,
     pub split_sum: SplitSum,
+    pub model: Model,
+    /// Where all pictures will be taken from; `None` for anywhere.
+    pub viewpoint: Option<Viewpoint>,
     pub output: Output,
     /// Samples per pixel: 1 or 4.
     pub samples: u32,
     pub precompute: precompute::Options,
+    /// The scene's textures are loaded with the same ones.
+    pub textures: TextureOptions,
 }
 
 impl Default for Settings {
@@ -87,9 +98,12 @@ impl Default for Settings {
         Self {
             geometry: Geometry::Smith,
             split_sum: SplitSum::Moment,
+            model: Model::Needed,
+            viewpoint: None,
             output: Output::Display,
             samples: 4,
             precompute: precompute::Options::default(),
+            textures: TextureOptions::default(),
         }
     }
 }
@@ -103,6 +117,8 @@ pub struct Renderer {
     exposure_ev: f32,
     environment_turn: f32,
     world: World,
+    savings: Savings,
+    draws: DrawList,
     light: LightMaps,
     table: BrdfTable,
     samplers: [Sampler; 2],
@@ -130,15 +146,17 @@ impl Renderer {
         eyes: u32,
         report: &Report,
     ) -> Result<Self> {
-        let world = World::new(gpu, scene, report)?;
-        let light = LightMaps::new(gpu, &scene.environment.panorama, &settings.precompute)?;
+        let world =
+            World::new(gpu, scene, &Needs::of(scene, settings.model, settings.viewpoint), &settings.textures, report)?;
+        let panorama = &scene.environment.panorama;
+        let light = report.time("precompute", || LightMaps::new(gpu, panorama, &settings.precompute))?;
         let cache = settings.precompute.cache.as_ref();
         let table = BrdfTable::new(gpu, settings.geometry, settings.split_sum, cache)?;
         let slots =
             [Slot::Uniform, Slot::Storage, Slot::Sampled, Slot::Sampled, Slot::Sampled, Slot::Sampled, Slot::Sampled];
         let frame_layout = SetLayout::new(gpu, "frame", &slots)?;
         let samplers =
-            [Sampler::new(gpu, "panorama", Edge::Panorama, false)?, Sampler::new(gpu, "clamped", Edge::Clamp, false)?];
+            [Sampler::new(gpu, "panorama", Edge::Panorama, 1)?, Sampler::new(gpu, "clamped", Edge::Clamp, 1)?];
         let frames = make_frames(gpu, &frame_layout, &world, &light, &table, &samplers)?;
         let forward = Forward::new(gpu, &frame_layout, &world, &settings, shading, eyes)?;
         let targets = make_targets(gpu, size, eyes, &settings)?;
@@ -150,6 +168,8 @@ impl Renderer {
             exposure_ev: scene.exposure_ev,
             environment_turn: scene.environment.rotation_degrees.to_radians(),
             world,
+            savings: Savings::default(),
+            draws: DrawList::default(),
             light,
             table,
             samplers,
@@ -247,6 +267,16 @@ impl Renderer {
         &mut self.environment_turn
     }
 
+    /// What is done so that a frame costs less.
+    pub fn savings(&mut self) -> &mut Savings {
+        &mut self.savings
+    }
+
+    /// How many draws the last recorded frame has, of how many there are.
+    pub fn draw_counts(&self) -> [usize; 2] {
+        [self.draws.iter().count(), self.world.draws.len()]
+    }
+
     /// What is shown.
     pub fn shading(&self) -> Shading {
         self.shading
@@ -255,6 +285,11 @@ impl Renderer {
     /// The resolved picture, one layer per eye, as the last recorded frame leaves it.
     pub fn picture(&self) -> &Image {
         &self.targets.picture
+    }
+
+    /// What the scene's textures take.
+    pub fn texture_facts(&self) -> &TextureFacts {
+        &self.world.texture_facts
     }
 
     /// GPU time of precomputation, pass by pass.
@@ -286,14 +321,16 @@ impl Renderer {
         let block = self.frame_block(eyes);
         let (buffer, set) = &mut self.frames[slot];
         buffer.write(0, bytemuck::bytes_of(&block));
-        let (forward, world, guides, targets) = (&self.forward, &self.world, &self.guides, &self.targets);
         let models = self.world_from_models;
+        self.draws.fill(&self.world.draws, &moved(eyes, models.inverse())[..eyes.len()], self.savings);
+        let (forward, world, draws, guides, targets) =
+            (&self.forward, &self.world, &self.draws, &self.guides, &self.targets);
         commands.pass("scene", |commands| {
             targets.render(commands, |commands| {
                 if let Some(hidden) = &self.hidden_area {
                     hidden.draw(commands);
                 }
-                forward.draw(commands, world, models, set);
+                forward.draw(commands, world, models, draws, set);
                 if let Some(guides) = guides {
                     guides.draw(commands, slot, set);
                 }
@@ -328,6 +365,15 @@ impl Renderer {
     fn make_forward(&self, shading: Shading) -> Result<Forward> {
         Forward::new(&self.gpu, &self.frame_layout, &self.world, &self.settings, shading, self.eyes)
     }
+}
+
+/// The eyes as they stand to models that were moved: what is culled is listed where it was before.
+fn moved(eyes: &[Eye], models_from_world: Mat4) -> [Eye; MAX_EYES] {
+    let mut moved = [eyes[0]; MAX_EYES];
+    for (moved, eye) in moved.iter_mut().zip(eyes) {
+        *moved = Eye { world_from_view: models_from_world * eye.world_from_view, ..*eye };
+    }
+    moved
 }
 
 fn make_targets(gpu: &Arc<Gpu>, size: [u32; 2], eyes: u32, settings: &Settings) -> Result<Targets> {

@@ -9,6 +9,7 @@ use pbr_vr::asset::picture::{Picture, compare};
 use pbr_vr::gpu::{Gpu, Part, Recorder, read_image};
 use pbr_vr::render::{Eye, NEAR_METRES, Output, Renderer, Settings, Shading};
 use pbr_vr::scene::load::{LoadOptions, load};
+use pbr_vr::view::TextureChoice;
 use serde_json::Value;
 
 use super::headset::{Headset, Ran};
@@ -142,8 +143,10 @@ fn draw(scene: &Path, eyes: &[Eye; 2], size: [u32; 2]) -> [Picture; 2] {
     let gpu = Gpu::open(validated()).expect("a GPU");
     let messages = gpu.messages();
     let report = Report::silent();
-    let scene = load(scene, &LoadOptions { default_panorama: None }, &report).expect("a scene");
-    let settings = Settings { output: Output::Display, ..Settings::default() };
+    let textures = TextureChoice::default().options(&gpu, None, &report);
+    let options = LoadOptions { default_panorama: None, textures: textures.clone() };
+    let scene = load(scene, &options, &report).expect("a scene");
+    let settings = Settings { output: Output::Display, textures, ..Settings::default() };
     let mut renderer = Renderer::new(&gpu, &scene, settings, Shading::Pbr, size, 2, &report).expect("a renderer");
     let mut recorder = Recorder::new(&gpu).expect("a recorder");
     let (mut commands, _) = recorder.begin().expect("a frame");

@@ -193,7 +193,10 @@ fn a_teapot_is_an_object_and_a_room_is_not() {
 #[test]
 fn the_floor_is_what_a_plumb_line_from_the_camera_meets() {
     let assets = Path::new(env!("CARGO_MANIFEST_DIR")).join("assets");
-    let options = LoadOptions { default_panorama: Some(assets.join(crate::asset::shipped::PANORAMA)) };
+    let options = LoadOptions {
+        default_panorama: Some(assets.join(crate::asset::shipped::PANORAMA)),
+        textures: Default::default(),
+    };
     let scene = |name: &str| load(&assets.join("scenes").join(name), &options, &Report::silent()).unwrap();
     let room = scene("tearoom.toml");
     let guest = &room.cameras[0];

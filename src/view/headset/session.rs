@@ -19,7 +19,7 @@ use super::report::{FrameTime, HeadsetReport, Timeline};
 use super::runtime::{DEVICES, EYES, Runtime};
 use super::watchdog::{Patience, Watchdog};
 use crate::Result;
-use crate::gpu::{Gpu, PassTime, Recorder};
+use crate::gpu::{Gpu, PassTime, PassTimes, Recorder};
 use crate::render::{FRAMES_IN_FLIGHT, HiddenArea, Settings};
 use crate::view::picture::ms_since;
 use crate::view::window::worker::Stage;
@@ -75,7 +75,7 @@ pub struct Session {
     statistics: FrameStatistics,
     timeline: Timeline,
     /// GPU time of each pass of the frame that finished last.
-    times: Vec<PassTime>,
+    times: PassTimes,
     report: HeadsetReport,
     gpu: Arc<Gpu>,
 }
@@ -122,7 +122,7 @@ impl Session {
             quality,
             statistics: FrameStatistics::default(),
             timeline: Timeline::default(),
-            times: Vec::new(),
+            times: PassTimes::default(),
             report,
             gpu: Arc::clone(gpu),
             watchdog,

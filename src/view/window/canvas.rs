@@ -3,10 +3,11 @@
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use cpu_time::ThreadTime;
 use winit::raw_window_handle::{HasDisplayHandle, HasWindowHandle};
 use winit::window::Window;
 
-use crate::gpu::{Acquired, Gpu, Part, PassTime, Polled, PresentMode, Recorder, Rect, Swapchain, Use, read_image};
+use crate::gpu::{Acquired, Gpu, Part, PassTimes, Polled, PresentMode, Recorder, Rect, Swapchain, Use, read_image};
 use crate::render::{Eye, FRAMES_IN_FLIGHT, Overlay, Renderer};
 use crate::{Error, Result};
 
@@ -80,7 +81,7 @@ impl Canvas {
 
     /// Waits for the frame that had the slot, and for an image to show the next one with; `wanted` is the window's size.
     /// Without an image there is nothing to draw to now. The times are the waited-for frame's.
-    pub fn begin(&mut self, wanted: [u32; 2]) -> Result<(Option<Acquired>, Vec<PassTime>)> {
+    pub fn begin(&mut self, wanted: [u32; 2]) -> Result<(Option<Acquired>, PassTimes)> {
         let times = self.recorders[self.slot].finish()?;
         if self.stale {
             self.swapchain.resize(wanted, self.mode)?;
@@ -142,7 +143,7 @@ impl Canvas {
         self.present(acquired, window)
     }
 
-    /// Draws a frame and shows it.
+    /// Draws a frame and shows it; returns the processor time of recording and submitting.
     pub fn show(
         &mut self,
         acquired: Acquired,
@@ -150,13 +151,16 @@ impl Canvas {
         eye: Eye,
         overlay: Option<&Overlay>,
         window: &Window,
-    ) -> Result<()> {
+    ) -> Result<Duration> {
+        let started = ThreadTime::now();
         let (mut commands, _) = self.recorders[self.slot].begin()?;
         renderer.record(&mut commands, self.slot, &[eye], overlay);
         commands.prepare(renderer.picture(), Use::CopyFrom);
         self.swapchain.copy(&mut commands, renderer.picture(), Part { mip: 0, layer: 0 }, &acquired);
         commands.submit(Some(&acquired))?;
-        self.present(acquired, window)
+        let recording = started.elapsed();
+        self.present(acquired, window)?;
+        Ok(recording)
     }
 
     fn present(&mut self, acquired: Acquired, window: &Window) -> Result<()> {

@@ -106,7 +106,7 @@ impl Viewer {
             session_report: None,
             mirror: request.mirror,
             playlist: Playlist::default(),
-            worker: Worker::new(&gpu, request.settings(), wake)?,
+            worker: Worker::new(&gpu, request.settings(&gpu), wake)?,
             #[cfg(feature = "hot-reload")]
             shader_watch: ShaderWatch::new(&crate::gpu::shader_folder())?,
             canvas,
@@ -186,7 +186,8 @@ impl Viewer {
         self.overlay.set_text(self.canvas.slot(), &lines, size, scale);
         // Screenshots are of the scene alone.
         let overlay = (!self.screenshot).then_some(&self.overlay);
-        self.canvas.show(acquired, &mut stage.renderer, eye, overlay, &self.window)?;
+        let recording = self.canvas.show(acquired, &mut stage.renderer, eye, overlay, &self.window)?;
+        self.clock.add_recording(recording);
         if std::mem::take(&mut self.screenshot) {
             self.worker.start(Job::Screenshot { pixels: self.canvas.read(&stage.renderer)?, size });
         }

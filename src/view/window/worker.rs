@@ -165,7 +165,7 @@ fn load_stage(
     (shading, size, eyes): (Shading, [u32; 2], u32),
     report: &Report,
 ) -> Result<Box<Stage>> {
-    let scene = load_scene(path, report)?;
+    let scene = load_scene(path, &settings.textures, report)?;
     let renderer = Renderer::new(gpu, &scene, settings.clone(), shading, size, eyes, report)?;
     let bounds = scene.bounds();
     let floors = scene.cameras.iter().map(|camera| floor_under(&scene, camera.position)).collect();
