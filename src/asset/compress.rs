@@ -14,7 +14,8 @@ const BLOCK_BYTES: usize = 16;
 /// Rows of blocks that one task compresses.
 const ROWS: usize = 8;
 
-/// Sum of squared errors over a block's 48 values, 2² each, that is left as it is.
+/// Sum of squared errors over a block's 48 values, 2² each, that is left as it is. A quarter of it takes five times as long
+/// and changes FLIP by 2 % of itself.
 const TOLERATED: u32 = 4 * 48;
 
 /// Part of every key in the cache: what another version of the encoder, or other settings of it, would change.

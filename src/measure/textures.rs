@@ -40,7 +40,7 @@ pub struct TextureRow {
     /// Means over all frames but the first; none for compressed textures on a processor, which are drawn decompressed.
     pub frame_gpu_ms: Option<f64>,
     pub frame_cpu_ms: Option<f64>,
-    /// Against plain textures with 16 samples.
+    /// Against plain textures with 16 samples of anisotropy.
     pub flip_mean: f32,
     pub flip_max: f32,
     /// Against the same drawn with 4×4 times the pixels.
