@@ -42,7 +42,9 @@ vec3 mapped_normal()
     vec3 n = normalize_or(normal_world, vec3(0.0, 1.0, 0.0));
     if (!HAS_NORMAL_MAP)
         return n;
-    vec3 m = 2.0 * texture(normal_map, uv).xyz - 1.0;
+    // Two channels hold a unit vector on the surface's own side.
+    vec2 m_xy = 2.0 * texture(normal_map, uv).xy - 1.0;
+    vec3 m = vec3(m_xy, sqrt(max(1.0 - dot(m_xy, m_xy), 0.0)));
     vec3 b = tangent_world.w * cross(normal_world, tangent_world.xyz);
     return normalize_or(m.x * tangent_world.xyz + m.y * b + m.z * normal_world, n);
 }
@@ -60,7 +62,7 @@ Surface read_surface()
     vec3 maps = HAS_SURFACE_MAP ? texture(surface_map, uv).rgb : vec3(1.0);
     s.occlusion = maps.r;
     s.roughness = maps.g * material.roughness;
-    s.metallic = maps.b * material.metallic;
+    s.metallic = METALS == METALS_SOME ? maps.b * material.metallic : float(METALS == METALS_ALL);
     vec3 n = mapped_normal();
     // Cloth and leaves are seen from behind, too.
     s.n = gl_FrontFacing ? n : -n;
@@ -81,7 +83,8 @@ vec3 light_irradiance(PointLight light, out vec3 l)
 vec3 point_lights(Surface s)
 {
     vec3 sum = vec3(0.0);
-    for (uint i = 0u; i < frame.light_count; ++i) {
+    uint count = LIGHTS < 0 ? frame.light_count : uint(LIGHTS);
+    for (uint i = 0u; i < count; ++i) {
         vec3 l;
         vec3 irradiance = light_irradiance(lights[i], l);
         float nl = dot(s.n, l);
@@ -100,8 +103,7 @@ vec3 point_lights(Surface s)
 // Phong knows neither metals nor mirror images of the surroundings: an ambient term and the lamps are all it has.
 vec3 phong(Surface s)
 {
-    vec3 radiance = s.albedo * environment_diffuse(s.n) * s.occlusion;
-    return HAS_LIGHTS ? radiance + point_lights(s) : radiance;
+    return s.albedo * environment_diffuse(s.n) * s.occlusion + point_lights(s);
 }
 
 struct Split {
@@ -113,9 +115,12 @@ struct Split {
 Split environment(Surface s)
 {
     SpecularLobe lobe = specular_lobe(s.n, s.v, s.nv, f0_from_metallic(s.albedo, s.metallic), s.roughness);
-    vec3 left = (1.0 - lobe.reflectance) * (1.0 - s.metallic);
     Split split;
-    split.diffuse = left * s.albedo * environment_diffuse(s.n) * s.occlusion;
+    split.diffuse = vec3(0.0);
+    if (METALS != METALS_ALL) {
+        vec3 left = (1.0 - lobe.reflectance) * (1.0 - s.metallic);
+        split.diffuse = left * s.albedo * environment_diffuse(s.n) * s.occlusion;
+    }
     split.specular = lobe.reflectance * environment_specular(lobe) * s.occlusion;
     return split;
 }
@@ -123,15 +128,14 @@ Split environment(Surface s)
 vec3 physically_based(Surface s)
 {
     Split split = environment(s);
-    vec3 radiance = split.diffuse + split.specular;
-    return HAS_LIGHTS ? radiance + point_lights(s) : radiance;
+    return split.diffuse + split.specular + point_lights(s);
 }
 
 // D, F and G for the first light, or for a lamp at the eye where the scene has none.
 vec3 term(Surface s)
 {
     vec3 l = s.v;
-    if (HAS_LIGHTS)
+    if (frame.light_count > 0u)
         light_irradiance(lights[0], l);
     float nl = max(dot(s.n, l), 0.0);
     vec3 h = s.v + l;

@@ -1,7 +1,11 @@
-//! One frame for N eyes: forward pass, sky, resolve, text on top.
+//! One frame for N eyes: what no eye sees, forward pass, sky, resolve, text on top.
 
+mod culling;
+mod draws;
 mod eye;
 mod forward;
+mod guides;
+mod hidden_area;
 mod overlay;
 mod shared;
 #[cfg(test)]
@@ -12,20 +16,28 @@ mod world;
 use std::sync::Arc;
 
 use clap::ValueEnum;
+use glam::Mat4;
 
+pub use draws::{Order, Savings};
 pub use eye::{Eye, IPD_METRES, NEAR_METRES};
+pub use guides::{GuideVertex, Guides, MAX_GUIDE_VERTICES};
+pub use hidden_area::HiddenArea;
 pub use overlay::Overlay;
 pub use shared::MAX_EYES;
 pub use targets::Output;
+pub use world::TextureFacts;
 
-use crate::asset::Report;
+use crate::asset::{Report, TextureOptions};
 use crate::gpu::{Bind, Buffer, BufferKind, Commands, Edge, Gpu, Image, PassTime, Sampler, Set, SetLayout, Slot};
 use crate::precompute::{self, BrdfTable, LightMaps};
 use crate::reference::brdf::Geometry;
 use crate::reference::table::SplitSum;
-use crate::scene::Scene;
+use crate::scene::needs::resolution::Viewpoint;
+use crate::scene::{Model, Needs, Scene};
 use crate::{Error, Result};
+use draws::DrawList;
 use forward::Forward;
+use guides::GuidesPass;
 use shared::{EyeBlock, FrameBlock};
 use targets::Targets;
 use world::World;
@@ -70,10 +82,15 @@ pub enum Shading {
 pub struct Settings {
     pub geometry: Geometry,
     pub split_sum: SplitSum,
+    pub model: Model,
+    /// Where all pictures will be taken from; `None` for anywhere.
+    pub viewpoint: Option<Viewpoint>,
     pub output: Output,
     /// Samples per pixel: 1 or 4.
     pub samples: u32,
     pub precompute: precompute::Options,
+    /// The scene's textures are loaded with the same ones.
+    pub textures: TextureOptions,
 }
 
 impl Default for Settings {
@@ -81,9 +98,12 @@ impl Default for Settings {
         Self {
             geometry: Geometry::Smith,
             split_sum: SplitSum::Moment,
+            model: Model::Needed,
+            viewpoint: None,
             output: Output::Display,
             samples: 4,
             precompute: precompute::Options::default(),
+            textures: TextureOptions::default(),
         }
     }
 }
@@ -97,13 +117,22 @@ pub struct Renderer {
     exposure_ev: f32,
     environment_turn: f32,
     world: World,
+    savings: Savings,
+    draws: DrawList,
     light: LightMaps,
     table: BrdfTable,
     samplers: [Sampler; 2],
     frame_layout: SetLayout,
     frames: Vec<(Buffer, Set)>,
     forward: Forward,
+    hidden_area: Option<HiddenArea>,
+    /// Made for the first guides.
+    guides: Option<GuidesPass>,
     targets: Targets,
+    /// Where the scene's models stand, as a whole.
+    world_from_models: Mat4,
+    /// 0: as it is, 1: all dark.
+    darkness: f32,
 }
 
 impl Renderer {
@@ -117,15 +146,17 @@ impl Renderer {
         eyes: u32,
         report: &Report,
     ) -> Result<Self> {
-        let world = World::new(gpu, scene, report)?;
-        let light = LightMaps::new(gpu, &scene.environment.panorama, &settings.precompute)?;
+        let world =
+            World::new(gpu, scene, &Needs::of(scene, settings.model, settings.viewpoint), &settings.textures, report)?;
+        let panorama = &scene.environment.panorama;
+        let light = report.time("precompute", || LightMaps::new(gpu, panorama, &settings.precompute))?;
         let cache = settings.precompute.cache.as_ref();
         let table = BrdfTable::new(gpu, settings.geometry, settings.split_sum, cache)?;
         let slots =
             [Slot::Uniform, Slot::Storage, Slot::Sampled, Slot::Sampled, Slot::Sampled, Slot::Sampled, Slot::Sampled];
         let frame_layout = SetLayout::new(gpu, "frame", &slots)?;
         let samplers =
-            [Sampler::new(gpu, "panorama", Edge::Panorama, false)?, Sampler::new(gpu, "clamped", Edge::Clamp, false)?];
+            [Sampler::new(gpu, "panorama", Edge::Panorama, 1)?, Sampler::new(gpu, "clamped", Edge::Clamp, 1)?];
         let frames = make_frames(gpu, &frame_layout, &world, &light, &table, &samplers)?;
         let forward = Forward::new(gpu, &frame_layout, &world, &settings, shading, eyes)?;
         let targets = make_targets(gpu, size, eyes, &settings)?;
@@ -137,13 +168,19 @@ impl Renderer {
             exposure_ev: scene.exposure_ev,
             environment_turn: scene.environment.rotation_degrees.to_radians(),
             world,
+            savings: Savings::default(),
+            draws: DrawList::default(),
             light,
             table,
             samplers,
             frame_layout,
             frames,
             forward,
+            hidden_area: None,
+            guides: None,
             targets,
+            world_from_models: Mat4::IDENTITY,
+            darkness: 0.0,
         })
     }
 
@@ -153,6 +190,39 @@ impl Renderer {
             self.targets = make_targets(&self.gpu, size, self.eyes, &self.settings)?;
         }
         Ok(())
+    }
+
+    /// Draws for another number of eyes from now on; scene and light stay as they are.
+    pub fn set_eyes(&mut self, eyes: u32) -> Result<()> {
+        if self.eyes != eyes {
+            let (before, size) = (std::mem::replace(&mut self.eyes, eyes), self.targets.picture.desc().size);
+            let made = self.make_forward(self.shading).and_then(|forward| {
+                let targets = make_targets(&self.gpu, size, eyes, &self.settings)?;
+                Ok((forward, targets))
+            });
+            if made.is_err() {
+                self.eyes = before;
+            }
+            (self.forward, self.targets) = made?;
+            (self.hidden_area, self.guides) = (None, None);
+        }
+        Ok(())
+    }
+
+    /// Draws only the upper left `area` pixels of the picture from now on, at most all of them.
+    pub fn set_area(&mut self, area: [u32; 2]) {
+        let size = self.targets.picture.desc().size;
+        self.targets.area = [0, 1].map(|i| area[i].clamp(1, size[i]));
+    }
+
+    /// What no eye can see and is not drawn from now on.
+    pub fn set_hidden_area(&mut self, area: Option<HiddenArea>) {
+        self.hidden_area = area;
+    }
+
+    /// Whether a hidden area is left out.
+    pub fn has_hidden_area(&self) -> bool {
+        self.hidden_area.is_some()
     }
 
     /// Shows something else.
@@ -165,6 +235,7 @@ impl Renderer {
     /// Makes all pipelines anew from the shaders as they are now; on an error the old ones stay.
     pub fn reload_shaders(&mut self) -> Result<()> {
         self.forward = self.make_forward(self.shading)?;
+        self.guides = None;
         Ok(())
     }
 
@@ -174,6 +245,16 @@ impl Renderer {
         self.light = light;
         self.environment_turn = 0.0;
         Ok(())
+    }
+
+    /// Moves all models of the scene together, rigidly; at first they stand as the scene says.
+    pub fn world_from_models(&mut self) -> &mut Mat4 {
+        &mut self.world_from_models
+    }
+
+    /// Darkens scene and sky: 0 not at all, 1 to black.
+    pub fn darken(&mut self, darkness: f32) {
+        self.darkness = darkness.clamp(0.0, 1.0);
     }
 
     /// Stops of exposure; the picture's radiance is multiplied by 2^ev.
@@ -186,6 +267,16 @@ impl Renderer {
         &mut self.environment_turn
     }
 
+    /// What is done so that a frame costs less.
+    pub fn savings(&mut self) -> &mut Savings {
+        &mut self.savings
+    }
+
+    /// How many draws the last recorded frame has, of how many there are.
+    pub fn draw_counts(&self) -> [usize; 2] {
+        [self.draws.iter().count(), self.world.draws.len()]
+    }
+
     /// What is shown.
     pub fn shading(&self) -> Shading {
         self.shading
@@ -196,32 +287,67 @@ impl Renderer {
         &self.targets.picture
     }
 
+    /// What the scene's textures take.
+    pub fn texture_facts(&self) -> &TextureFacts {
+        &self.world.texture_facts
+    }
+
     /// GPU time of precomputation, pass by pass.
     pub fn precompute_times(&self) -> impl Iterator<Item = &PassTime> {
         self.light.times.iter().chain(&self.table.times)
     }
 
+    /// Sets the guides that the next frame recorded in `slot` shows; an empty list shows none. They stay until set anew.
+    /// Called when the frame that used the slot before has finished.
+    pub fn set_guides(&mut self, slot: usize, guides: &Guides) -> Result<()> {
+        let pass = match &mut self.guides {
+            Some(pass) => pass,
+            None => self.guides.insert(GuidesPass::new(&self.gpu, &self.frame_layout, &self.settings, self.eyes)?),
+        };
+        pass.set(slot, guides);
+        Ok(())
+    }
+
     /// Records one frame. `slot` counts frames modulo [`FRAMES_IN_FLIGHT`]; the frame that used it before has finished.
     pub fn record(&mut self, commands: &mut Commands<'_>, slot: usize, eyes: &[Eye], overlay: Option<&Overlay>) {
+        self.record_scene(commands, slot, eyes);
+        if let Some(overlay) = overlay {
+            self.record_text(commands, slot, overlay);
+        }
+    }
+
+    /// The same without text.
+    pub fn record_scene(&mut self, commands: &mut Commands<'_>, slot: usize, eyes: &[Eye]) {
         let block = self.frame_block(eyes);
         let (buffer, set) = &mut self.frames[slot];
         buffer.write(0, bytemuck::bytes_of(&block));
-        let (forward, world, targets) = (&self.forward, &self.world, &self.targets);
+        let models = self.world_from_models;
+        self.draws.fill(&self.world.draws, &moved(eyes, models.inverse())[..eyes.len()], self.savings);
+        let (forward, world, draws, guides, targets) =
+            (&self.forward, &self.world, &self.draws, &self.guides, &self.targets);
         commands.pass("scene", |commands| {
             targets.render(commands, |commands| {
-                forward.draw(commands, world, set);
+                if let Some(hidden) = &self.hidden_area {
+                    hidden.draw(commands);
+                }
+                forward.draw(commands, world, models, draws, set);
+                if let Some(guides) = guides {
+                    guides.draw(commands, slot, set);
+                }
                 forward.draw_sky(commands, set);
             });
         });
-        if let Some(overlay) = overlay {
-            commands.pass("text", |commands| targets.draw_over(commands, |commands| overlay.draw(commands, slot)));
-        }
+    }
+
+    /// Writes text over the picture as it is.
+    pub fn record_text(&self, commands: &mut Commands<'_>, slot: usize, overlay: &Overlay) {
+        commands.pass("text", |commands| self.targets.draw_over(commands, |commands| overlay.draw(commands, slot)));
     }
 
     fn frame_block(&self, eyes: &[Eye]) -> FrameBlock {
         let mut block = FrameBlock {
             environment_turn: [self.environment_turn.cos(), self.environment_turn.sin()],
-            exposure: self.exposure_ev.exp2(),
+            exposure: self.exposure_ev.exp2() * (1.0 - self.darkness),
             environment_scale: self.light.scale,
             light_count: self.world.light_count,
             ..Default::default()
@@ -239,6 +365,15 @@ impl Renderer {
     fn make_forward(&self, shading: Shading) -> Result<Forward> {
         Forward::new(&self.gpu, &self.frame_layout, &self.world, &self.settings, shading, self.eyes)
     }
+}
+
+/// The eyes as they stand to models that were moved: what is culled is listed where it was before.
+fn moved(eyes: &[Eye], models_from_world: Mat4) -> [Eye; MAX_EYES] {
+    let mut moved = [eyes[0]; MAX_EYES];
+    for (moved, eye) in moved.iter_mut().zip(eyes) {
+        *moved = Eye { world_from_view: models_from_world * eye.world_from_view, ..*eye };
+    }
+    moved
 }
 
 fn make_targets(gpu: &Arc<Gpu>, size: [u32; 2], eyes: u32, settings: &Settings) -> Result<Targets> {
