@@ -6,6 +6,7 @@
 pub mod brdf;
 pub mod cube;
 pub mod harmonics;
+pub mod importance;
 pub mod integrals;
 pub mod math;
 pub mod levels;

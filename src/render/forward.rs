@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use super::shared::{DrawBlock, constant};
 use super::world::{Needs, World};
-use super::{Settings, Shading};
+use super::{Settings, Shading, exact};
 use crate::Result;
 use crate::gpu::{Commands, Constant, Depth, Format, Gpu, GraphicsDesc, Pipeline, Set, SetLayout};
 use crate::scene::Vertex;
@@ -18,6 +18,24 @@ const ATTRIBUTES: [(Format, u32); 4] = [
     (Format::R32G32_SFLOAT, offset_of!(Vertex, uv) as u32),
     (Format::R32G32B32A32_SFLOAT, offset_of!(Vertex, tangent) as u32),
 ];
+
+/// The fragment stages and what they draw into: the picture itself, or samples for the exact one.
+struct Stage {
+    surface: &'static str,
+    sky: &'static str,
+    colour: Format,
+    samples: u32,
+}
+
+impl Stage {
+    fn new(settings: &Settings, shading: Shading) -> Self {
+        if shading == Shading::Reference {
+            return Self { surface: "exact.frag", sky: "exact_sky.frag", colour: exact::FORMAT, samples: 1 };
+        }
+        let (colour, samples) = (settings.output.format(), settings.samples);
+        Self { surface: "forward.frag", sky: "sky.frag", colour, samples }
+    }
+}
 
 /// Pipelines for one world and one group of settings.
 pub struct Forward {
@@ -36,6 +54,7 @@ impl Forward {
         shading: Shading,
         eyes: u32,
     ) -> Result<Self> {
+        let stage = Stage::new(settings, shading);
         let common: [Constant; 5] = [
             (constant::EYES, eyes),
             (constant::SHADING, shading as u32),
@@ -47,7 +66,7 @@ impl Forward {
         for needs in world.draws.iter().map(|d| world.materials[d.material].needs) {
             if let std::collections::hash_map::Entry::Vacant(entry) = materials.entry(needs) {
                 let sets = [frame_layout, &world.material_layout];
-                entry.insert(material_pipeline(gpu, &sets, needs, &common, settings)?);
+                entry.insert(material_pipeline(gpu, &sets, needs, &common, &stage)?);
             }
         }
         let sky = Pipeline::graphics(
@@ -55,15 +74,15 @@ impl Forward {
             &GraphicsDesc {
                 name: "sky",
                 vertex: "sky.vert",
-                fragment: "sky.frag",
+                fragment: stage.sky,
                 constants: &common,
                 sets: &[frame_layout],
                 push_bytes: 0,
                 vertex_stride: 0,
                 vertex_attributes: &[],
-                colour: settings.output.format(),
+                colour: stage.colour,
                 depth: Depth::Test,
-                samples: settings.samples,
+                samples: stage.samples,
                 cull_back: false,
                 blend: false,
             },
@@ -103,7 +122,7 @@ fn material_pipeline(
     sets: &[&SetLayout],
     needs: Needs,
     common: &[Constant],
-    settings: &Settings,
+    stage: &Stage,
 ) -> Result<Pipeline> {
     let mut constants = common.to_vec();
     constants.extend([
@@ -117,15 +136,15 @@ fn material_pipeline(
         &GraphicsDesc {
             name: "forward",
             vertex: "forward.vert",
-            fragment: "forward.frag",
+            fragment: stage.surface,
             constants: &constants,
             sets,
             push_bytes: size_of::<DrawBlock>() as u32,
             vertex_stride: size_of::<Vertex>() as u32,
             vertex_attributes: &ATTRIBUTES,
-            colour: settings.output.format(),
+            colour: stage.colour,
             depth: Depth::Write,
-            samples: settings.samples,
+            samples: stage.samples,
             cull_back: false,
             blend: false,
         },

@@ -1,5 +1,6 @@
-//! One frame for N eyes: forward pass, sky, resolve, text on top.
+//! One frame for N eyes: forward pass or the exact picture's samples, sky, resolve, text on top.
 
+mod exact;
 mod eye;
 mod forward;
 mod overlay;
@@ -13,6 +14,7 @@ use std::sync::Arc;
 
 use clap::ValueEnum;
 
+pub use exact::StandardError;
 pub use eye::{Eye, IPD_METRES, NEAR_METRES};
 pub use overlay::Overlay;
 pub use shared::MAX_EYES;
@@ -25,6 +27,7 @@ use crate::reference::brdf::Geometry;
 use crate::reference::table::SplitSum;
 use crate::scene::Scene;
 use crate::{Error, Result};
+use exact::Exact;
 use forward::Forward;
 use shared::{EyeBlock, FrameBlock};
 use targets::Targets;
@@ -63,6 +66,15 @@ pub enum Shading {
     Specular,
     /// Irradiance / pi.
     Irradiance,
+    /// Physically based without approximation: the panorama sampled, frame after frame, until it is stopped.
+    Reference,
+}
+
+impl Shading {
+    /// Frames that a still picture takes if nobody says how many.
+    pub fn default_frames(self) -> u64 {
+        if self == Self::Reference { exact::DEFAULT_FRAMES } else { 1 }
+    }
 }
 
 /// How pictures are made.
@@ -103,6 +115,9 @@ pub struct Renderer {
     frame_layout: SetLayout,
     frames: Vec<(Buffer, Set)>,
     forward: Forward,
+    /// Only where shading is [`Shading::Reference`].
+    exact: Option<Exact>,
+    importance: Buffer,
     targets: Targets,
 }
 
@@ -121,14 +136,16 @@ impl Renderer {
         let light = LightMaps::new(gpu, &scene.environment.panorama, &settings.precompute)?;
         let cache = settings.precompute.cache.as_ref();
         let table = BrdfTable::new(gpu, settings.geometry, settings.split_sum, cache)?;
-        let slots =
-            [Slot::Uniform, Slot::Storage, Slot::Sampled, Slot::Sampled, Slot::Sampled, Slot::Sampled, Slot::Sampled];
+        let [uniform, storage, sampled] = [Slot::Uniform, Slot::Storage, Slot::Sampled];
+        let slots = [uniform, storage, sampled, sampled, sampled, sampled, sampled, storage];
         let frame_layout = SetLayout::new(gpu, "frame", &slots)?;
         let samplers =
             [Sampler::new(gpu, "panorama", Edge::Panorama, false)?, Sampler::new(gpu, "clamped", Edge::Clamp, false)?];
-        let frames = make_frames(gpu, &frame_layout, &world, &light, &table, &samplers)?;
+        let importance = importance(gpu, &light, shading)?;
+        let frames = make_frames(gpu, &frame_layout, &world, &light, &table, &samplers, &importance)?;
         let forward = Forward::new(gpu, &frame_layout, &world, &settings, shading, eyes)?;
         let targets = make_targets(gpu, size, eyes, &settings)?;
+        let exact = make_exact(gpu, &frame_layout, &targets, eyes, settings.output, shading)?;
         Ok(Self {
             gpu: Arc::clone(gpu),
             settings,
@@ -143,6 +160,8 @@ impl Renderer {
             frame_layout,
             frames,
             forward,
+            exact,
+            importance,
             targets,
         })
     }
@@ -151,27 +170,36 @@ impl Renderer {
     pub fn resize(&mut self, size: [u32; 2]) -> Result<()> {
         if self.targets.picture.desc().size != size {
             self.targets = make_targets(&self.gpu, size, self.eyes, &self.settings)?;
+            self.exact = self.make_exact(self.shading)?;
         }
         Ok(())
     }
 
     /// Shows something else.
     pub fn set_shading(&mut self, shading: Shading) -> Result<()> {
-        self.forward = self.make_forward(shading)?;
-        self.shading = shading;
+        let (forward, exact) = (self.make_forward(shading)?, self.make_exact(shading)?);
+        if exact.is_some() != self.exact.is_some() {
+            let importance = importance(&self.gpu, &self.light, shading)?;
+            self.frames = self.make_frames(&self.light, &importance)?;
+            self.importance = importance;
+        }
+        (self.forward, self.exact, self.shading) = (forward, exact, shading);
         Ok(())
     }
 
     /// Makes all pipelines anew from the shaders as they are now; on an error the old ones stay.
     pub fn reload_shaders(&mut self) -> Result<()> {
-        self.forward = self.make_forward(self.shading)?;
+        let (forward, exact) = (self.make_forward(self.shading)?, self.make_exact(self.shading)?);
+        (self.forward, self.exact) = (forward, exact);
         Ok(())
     }
 
     /// Puts the scene under another panorama's light, unturned.
     pub fn set_light(&mut self, light: LightMaps) -> Result<()> {
-        self.frames = make_frames(&self.gpu, &self.frame_layout, &self.world, &light, &self.table, &self.samplers)?;
-        self.light = light;
+        let importance = importance(&self.gpu, &light, self.shading)?;
+        self.frames = self.make_frames(&light, &importance)?;
+        self.exact = self.make_exact(self.shading)?;
+        (self.light, self.importance) = (light, importance);
         self.environment_turn = 0.0;
         Ok(())
     }
@@ -203,16 +231,25 @@ impl Renderer {
 
     /// Records one frame. `slot` counts frames modulo [`FRAMES_IN_FLIGHT`]; the frame that used it before has finished.
     pub fn record(&mut self, commands: &mut Commands<'_>, slot: usize, eyes: &[Eye], overlay: Option<&Overlay>) {
-        let block = self.frame_block(eyes);
+        let mut block = self.frame_block(eyes);
+        if let Some(exact) = &mut self.exact {
+            let index = exact.next_index(&block);
+            let size = self.targets.picture.desc().size;
+            let jittered: Vec<Eye> = eyes.iter().map(|eye| exact::jittered(eye, index, size)).collect();
+            block = FrameBlock { sample_index: index, ..self.frame_block(&jittered) };
+        }
         let (buffer, set) = &mut self.frames[slot];
         buffer.write(0, bytemuck::bytes_of(&block));
         let (forward, world, targets) = (&self.forward, &self.world, &self.targets);
-        commands.pass("scene", |commands| {
-            targets.render(commands, |commands| {
-                forward.draw(commands, world, set);
-                forward.draw_sky(commands, set);
-            });
-        });
+        match &mut self.exact {
+            Some(exact) => exact.record(commands, slot, (forward, world, set), targets),
+            None => commands.pass("scene", |commands| {
+                targets.render(commands, |commands| {
+                    forward.draw(commands, world, set);
+                    forward.draw_sky(commands, set);
+                });
+            }),
+        }
         if let Some(overlay) = overlay {
             commands.pass("text", |commands| targets.draw_over(commands, |commands| overlay.draw(commands, slot)));
         }
@@ -236,9 +273,39 @@ impl Renderer {
         block
     }
 
+    /// How settled the exact picture was after the finished frame that had `slot`; `None` for other shading, and before
+    /// two frames.
+    pub fn standard_error(&self, slot: usize) -> Option<StandardError> {
+        self.exact.as_ref()?.standard_error(slot)
+    }
+
+    fn make_exact(&self, shading: Shading) -> Result<Option<Exact>> {
+        make_exact(&self.gpu, &self.frame_layout, &self.targets, self.eyes, self.settings.output, shading)
+    }
+
+    fn make_frames(&self, light: &LightMaps, importance: &Buffer) -> Result<Vec<(Buffer, Set)>> {
+        make_frames(&self.gpu, &self.frame_layout, &self.world, light, &self.table, &self.samplers, importance)
+    }
+
     fn make_forward(&self, shading: Shading) -> Result<Forward> {
         Forward::new(&self.gpu, &self.frame_layout, &self.world, &self.settings, shading, self.eyes)
     }
+}
+
+fn make_exact(
+    gpu: &Arc<Gpu>,
+    frame_layout: &SetLayout,
+    targets: &Targets,
+    eyes: u32,
+    output: Output,
+    shading: Shading,
+) -> Result<Option<Exact>> {
+    let make = || Exact::new(gpu, frame_layout, targets.picture.desc().size, eyes, output);
+    (shading == Shading::Reference).then(make).transpose()
+}
+
+fn importance(gpu: &Arc<Gpu>, light: &LightMaps, shading: Shading) -> Result<Buffer> {
+    exact::importance_buffer(gpu, (shading == Shading::Reference).then_some(&light.panorama))
 }
 
 fn make_targets(gpu: &Arc<Gpu>, size: [u32; 2], eyes: u32, settings: &Settings) -> Result<Targets> {
@@ -267,6 +334,7 @@ fn make_frames(
     light: &LightMaps,
     table: &BrdfTable,
     [panorama, clamped]: &[Sampler; 2],
+    importance: &Buffer,
 ) -> Result<Vec<(Buffer, Set)>> {
     let frame = |_| {
         let buffer = Buffer::new(gpu, "frame", BufferKind::Uniform, size_of::<FrameBlock>() as u64)?;
@@ -278,6 +346,7 @@ fn make_frames(
             Bind::Sampled(&light.specular[0], clamped),
             Bind::Sampled(&light.specular[1], clamped),
             Bind::Sampled(&table.image, clamped),
+            Bind::Storage(importance),
         ];
         let set = Set::new(gpu, "frame", layout, &binds)?;
         Ok((buffer, set))
