@@ -5,6 +5,7 @@
 
 pub mod brdf;
 pub mod cube;
+pub mod energy;
 pub mod harmonics;
 pub mod importance;
 pub mod integrals;

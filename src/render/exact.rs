@@ -65,13 +65,7 @@ pub struct Exact {
 
 impl Exact {
     /// For pictures of `size` pixels of `eyes` eyes.
-    pub fn new(
-        gpu: &Arc<Gpu>,
-        frame_layout: &SetLayout,
-        size: [u32; 2],
-        eyes: u32,
-        output: Output,
-    ) -> Result<Self> {
+    pub fn new(gpu: &Arc<Gpu>, frame_layout: &SetLayout, size: [u32; 2], eyes: u32, output: Output) -> Result<Self> {
         let make = |name: &str, format, usage| {
             let flat = ImageDesc::flat(format, size, usage);
             Image::new(gpu, name, ImageDesc { shape: Shape::Layers(eyes), ..flat })
