@@ -1,5 +1,5 @@
 //! Compiles every stage file of glsl/ to SPIR-V and lists them for `gpu::shader`, those of tests/glsl/ in a list apart;
-//! hashes the code of `precompute`.
+//! hashes the code of what is kept on disk; says to Windows what the program can do.
 
 #[path = "src/gpu/shader_compiler.rs"]
 mod shader_compiler;
@@ -31,8 +31,25 @@ fn run() -> Result<(), String> {
     // Only unit tests include this one.
     let tests = table("FOR_TESTS", &root.join("tests/glsl"), &glsl, &out, debug)?;
     write_file(&out.join("test_shaders.rs"), tests.as_bytes())?;
-    println!("cargo:rustc-env=PBR_VR_PRECOMPUTE_CODE={:016x}", code_hash(&root)?);
+    let maps = code_hash(&root, &["src/precompute", "src/reference"])?;
+    println!("cargo:rustc-env=PBR_VR_PRECOMPUTE_CODE={maps:016x}");
+    let textures = code_hash(&root, &["src/asset", "src/scene/maps.rs", "src/reference/mip.rs"])?;
+    println!("cargo:rustc-env=PBR_VR_TEXTURE_CODE={textures:016x}");
+    if variable("CARGO_CFG_TARGET_OS")? == "windows" {
+        embed_manifest()?;
+    }
     Ok(())
+}
+
+/// What Windows is told about the programs: they take paths beyond 260 characters, text is UTF-8, and each monitor's
+/// pixels are their own affair.
+fn embed_manifest() -> Result<(), String> {
+    use embed_manifest::manifest::{ActiveCodePage, DpiAwareness, Setting};
+    let manifest = embed_manifest::new_manifest("pbr-vr")
+        .active_code_page(ActiveCodePage::Utf8)
+        .dpi_awareness(DpiAwareness::PerMonitorV2)
+        .long_path_aware(Setting::Enabled);
+    embed_manifest::embed_manifest(manifest).map_err(|e| format!("the Windows manifest: {e}"))
 }
 
 /// Rust source of a list of all stage files of `folder`, compiled into `out`.
@@ -49,27 +66,24 @@ fn table(list: &str, folder: &Path, includes: &Path, out: &Path, debug: bool) ->
     Ok(table)
 }
 
-/// Tells one state of the code that precomputed maps come from apart from another, for those kept on disk.
-fn code_hash(root: &Path) -> Result<u64, String> {
+/// Tells one state of the code that things kept on disk come from apart from another.
+fn code_hash(root: &Path, places: &[&str]) -> Result<u64, String> {
     let mut hasher = DefaultHasher::new();
-    for folder in ["src/precompute", "src/reference"] {
-        println!("cargo:rerun-if-changed={folder}");
-        hash_folder(&root.join(folder), &mut hasher).map_err(|e| format!("{folder}: {e}"))?;
+    for place in places {
+        println!("cargo:rerun-if-changed={place}");
+        hash_place(&root.join(place), &mut hasher).map_err(|e| format!("{place}: {e}"))?;
     }
     Ok(hasher.finish())
 }
 
-fn hash_folder(folder: &Path, hasher: &mut DefaultHasher) -> std::io::Result<()> {
-    let mut paths = fs::read_dir(folder)?.map(|entry| Ok(entry?.path())).collect::<std::io::Result<Vec<_>>>()?;
-    paths.sort();
-    for path in paths {
-        if path.is_dir() {
-            hash_folder(&path, hasher)?;
-        } else {
-            (path.file_name(), fs::read(&path)?).hash(hasher);
-        }
+fn hash_place(path: &Path, hasher: &mut DefaultHasher) -> std::io::Result<()> {
+    if path.is_file() {
+        (path.file_name(), fs::read(path)?).hash(hasher);
+        return Ok(());
     }
-    Ok(())
+    let mut paths = fs::read_dir(path)?.map(|entry| Ok(entry?.path())).collect::<std::io::Result<Vec<_>>>()?;
+    paths.sort();
+    paths.iter().try_for_each(|path| hash_place(path, hasher))
 }
 
 fn write_file(path: &Path, bytes: &[u8]) -> Result<(), String> {

@@ -110,8 +110,5 @@ vec3 environment_light(Surface s)
 void main()
 {
     Surface s = read_surface();
-    vec3 sum = environment_light(s);
-    if (HAS_LIGHTS)
-        sum += point_lights(s);
-    radiance = vec4(sum, 1.0);
+    radiance = vec4(environment_light(s) + point_lights(s), 1.0);
 }

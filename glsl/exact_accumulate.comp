@@ -10,7 +10,10 @@ layout(set = 0, binding = 1, rgba32f) uniform image2DArray mean_radiance;
 layout(set = 0, binding = 2, rgba32f) uniform image2DArray deviations;
 // Of one workgroup: the sum and the maximum of its pixels' relative standard errors, and how many pixels have light.
 layout(set = 0, binding = 3, scalar) writeonly buffer Errors { vec3 errors[]; };
-layout(push_constant) uniform Count { uint frames; }; // this one included
+layout(push_constant, scalar) uniform Count {
+    uvec2 area;  // pixels that were drawn, from the upper left
+    uint frames; // this one included
+};
 
 shared vec2 relative[64]; // and 1 where there is light
 
@@ -35,8 +38,8 @@ vec2 add(ivec3 at)
 
 void main()
 {
-    ivec3 at = ivec3(gl_GlobalInvocationID), size = imageSize(mean_radiance);
-    relative[gl_LocalInvocationIndex] = all(lessThan(at, size)) ? add(at) : vec2(0.0);
+    ivec3 at = ivec3(gl_GlobalInvocationID);
+    relative[gl_LocalInvocationIndex] = all(lessThan(at.xy, ivec2(area))) ? add(at) : vec2(0.0);
     barrier();
     if (gl_LocalInvocationIndex != 0u)
         return;

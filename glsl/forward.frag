@@ -13,8 +13,7 @@ layout(location = 0) out vec4 colour;
 // Phong knows neither metals nor mirror images of the surroundings: an ambient term and the lamps are all it has.
 vec3 phong(Surface s)
 {
-    vec3 radiance = s.albedo * environment_diffuse(s.n) * s.occlusion;
-    return HAS_LIGHTS ? radiance + point_lights(s) : radiance;
+    return s.albedo * environment_diffuse(s.n) * s.occlusion + point_lights(s);
 }
 
 struct Split {
@@ -26,9 +25,12 @@ struct Split {
 Split environment(Surface s)
 {
     SpecularLobe lobe = specular_lobe(s.n, s.v, s.nv, f0_from_metallic(s.albedo, s.metallic), s.roughness);
-    vec3 left = (1.0 - lobe.reflectance) * (1.0 - s.metallic);
     Split split;
-    split.diffuse = left * s.albedo * environment_diffuse(s.n) * s.occlusion;
+    split.diffuse = vec3(0.0);
+    if (METALS != METALS_ALL) {
+        vec3 left = (1.0 - lobe.reflectance) * (1.0 - s.metallic);
+        split.diffuse = left * s.albedo * environment_diffuse(s.n) * s.occlusion;
+    }
     split.specular = lobe.reflectance * environment_specular(lobe) * s.occlusion;
     return split;
 }
@@ -36,15 +38,14 @@ Split environment(Surface s)
 vec3 physically_based(Surface s)
 {
     Split split = environment(s);
-    vec3 radiance = split.diffuse + split.specular;
-    return HAS_LIGHTS ? radiance + point_lights(s) : radiance;
+    return split.diffuse + split.specular + point_lights(s);
 }
 
 // D, F and G for the first light, or for a lamp at the eye where the scene has none.
 vec3 term(Surface s)
 {
     vec3 l = s.v;
-    if (HAS_LIGHTS)
+    if (frame.light_count > 0u)
         light_irradiance(lights[0], l);
     float nl = max(dot(s.n, l), 0.0);
     vec3 h = s.v + l;

@@ -17,7 +17,8 @@ vec3 light_irradiance(PointLight light, out vec3 l)
 vec3 point_lights(Surface s)
 {
     vec3 sum = vec3(0.0);
-    for (uint i = 0u; i < frame.light_count; ++i) {
+    uint count = LIGHTS < 0 ? frame.light_count : uint(LIGHTS);
+    for (uint i = 0u; i < count; ++i) {
         vec3 l;
         vec3 irradiance = light_irradiance(lights[i], l);
         float nl = dot(s.n, l);

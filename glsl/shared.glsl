@@ -24,7 +24,13 @@ layout(constant_id = 4) const bool HAS_ALBEDO_MAP = true;
 layout(constant_id = 5) const bool HAS_NORMAL_MAP = true;
 layout(constant_id = 6) const bool HAS_SURFACE_MAP = true;
 layout(constant_id = 7) const bool ALPHA_MASK = false;
-layout(constant_id = 8) const bool HAS_LIGHTS = true;
+layout(constant_id = 8) const int LIGHTS = -1; // below 0: as many as the frame says
+layout(constant_id = 9) const uint METALS = 2;
+
+// METALS: the order of scene::needs::Metals.
+const uint METALS_NONE = 0;
+const uint METALS_ALL = 1;
+const uint METALS_SOME = 2;
 
 // SHADING: the order of render::Shading.
 const uint SHADING_PBR = 0;

@@ -39,7 +39,9 @@ vec3 mapped_normal()
     vec3 n = normalize_or(normal_world, vec3(0.0, 1.0, 0.0));
     if (!HAS_NORMAL_MAP)
         return n;
-    vec3 m = 2.0 * texture(normal_map, uv).xyz - 1.0;
+    // Two channels hold a unit vector on the surface's own side.
+    vec2 m_xy = 2.0 * texture(normal_map, uv).xy - 1.0;
+    vec3 m = vec3(m_xy, sqrt(max(1.0 - dot(m_xy, m_xy), 0.0)));
     vec3 b = tangent_world.w * cross(normal_world, tangent_world.xyz);
     return normalize_or(m.x * tangent_world.xyz + m.y * b + m.z * normal_world, n);
 }
@@ -57,7 +59,7 @@ Surface read_surface()
     vec3 maps = HAS_SURFACE_MAP ? texture(surface_map, uv).rgb : vec3(1.0);
     s.occlusion = maps.r;
     s.roughness = maps.g * material.roughness;
-    s.metallic = maps.b * material.metallic;
+    s.metallic = METALS == METALS_SOME ? maps.b * material.metallic : float(METALS == METALS_ALL);
     vec3 n = mapped_normal();
     // Cloth and leaves are seen from behind, too.
     s.n = gl_FrontFacing ? n : -n;

@@ -5,16 +5,18 @@ use std::process::ExitCode;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
-use pbr_vr::asset::Report;
 use pbr_vr::asset::file::write_atomically;
 use pbr_vr::asset::picture::{Picture, compare};
+use pbr_vr::asset::{Report, Storage, TextureOptions};
 use pbr_vr::gpu::GpuOptions;
 use pbr_vr::measure::{self, MeasureRequest};
 use pbr_vr::precompute::{Cache, Options};
 use pbr_vr::reference::brdf::Geometry;
 use pbr_vr::reference::table::SplitSum;
 use pbr_vr::render::Shading;
-use pbr_vr::view::{self, BakeRequest, RenderRequest, ViewRequest, doctor};
+use pbr_vr::scene::Model;
+use pbr_vr::scene::needs::findings::Findings;
+use pbr_vr::view::{self, BakeRequest, HiddenAreaV, Mirror, RenderRequest, TextureChoice, ViewRequest, doctor};
 use pbr_vr::{Error, Result};
 
 /// Physically based materials under real light, in a headset, a window or a picture.
@@ -54,10 +56,15 @@ enum Command {
     Bake(Bake),
     /// Measure speed against accuracy: tables and charts.
     Measure(Measure),
+    /// Say what is modelled for a scene, what is left out, and why.
+    Needs(NeedsArgs),
     /// Say how different two pictures are.
     Compare(Compare),
     /// Say what this machine has, what is missing, and what to do.
     Doctor,
+    /// What a process of its own is asked: whether a headset answers.
+    #[command(name = view::PROBE_SUBCOMMAND, hide = true)]
+    ProbeHeadset,
 }
 
 #[derive(Args, Default)]
@@ -70,6 +77,15 @@ struct View {
     /// Stop after this many frames.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     frames: Option<u64>,
+    /// Which way v points in the headset's hidden area; `off` draws that, too.
+    #[arg(long, value_enum, default_value_t)]
+    hidden_area: HiddenAreaV,
+    /// What the window beside a headset shows.
+    #[arg(long, value_enum, default_value_t)]
+    mirror: Mirror,
+    /// Write times and facts of the run, as JSON.
+    #[arg(long, value_name = "FILE")]
+    report: Option<PathBuf>,
     #[command(flatten)]
     look: Look,
 }
@@ -93,11 +109,33 @@ struct Look {
     /// How surfaces mirror the panorama.
     #[arg(long, value_enum, default_value = "moment")]
     split_sum: SplitSumName,
+    /// Model what the scene needs, or everything: the same picture, slower.
+    #[arg(long, value_enum, default_value = "needed")]
+    model: Model,
+    /// How textures are stored: four bytes a texel, or compressed to one. What suits the GPU if left out.
+    #[arg(long, value_enum)]
+    textures: Option<Storage>,
+    /// GPU memory for textures; what does not fit is drawn with smaller ones. What is free, less a margin, if left out.
+    #[arg(long, value_name = "MIB")]
+    texture_budget: Option<u32>,
+}
+
+impl Look {
+    fn textures(&self) -> TextureChoice {
+        TextureChoice { storage: self.textures, budget_mib: self.texture_budget }
+    }
 }
 
 impl Default for Look {
     fn default() -> Self {
-        Self { shading: Shading::Pbr, geometry: GeometryName::Smith, split_sum: SplitSumName::Moment }
+        Self {
+            shading: Shading::Pbr,
+            geometry: GeometryName::Smith,
+            split_sum: SplitSumName::Moment,
+            model: Model::Needed,
+            textures: None,
+            texture_budget: None,
+        }
     }
 }
 
@@ -142,6 +180,15 @@ struct Render {
     json: Option<PathBuf>,
     #[command(flatten)]
     look: Look,
+}
+
+#[derive(Args)]
+struct NeedsArgs {
+    /// A scene description (.toml) or a model (.obj).
+    scene: PathBuf,
+    /// Write the decisions, material by material.
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
 }
 
 #[derive(Args)]
@@ -196,6 +243,9 @@ struct Measure {
 struct Compare {
     a: PathBuf,
     b: PathBuf,
+    /// Write a.png and b.png, as a viewer sees them, and flip.png, bright where they differ.
+    #[arg(long, value_name = "DIR")]
+    maps: Option<PathBuf>,
     /// Write the numbers.
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
@@ -208,6 +258,7 @@ fn main() -> ExitCode {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             eprintln!("pbr-vr: {error}");
+            view::console::hold();
             ExitCode::from(error.exit_code())
         }
     }
@@ -223,24 +274,35 @@ fn run(cli: &Cli) -> Result<()> {
         Command::Render(render) => run_render(render, gpu, cache),
         Command::Bake(bake) => run_bake(bake, gpu, cache),
         Command::Measure(measure) => run_measure(measure, gpu),
+        Command::Needs(needs) => run_needs(needs),
         Command::Compare(compare) => run_compare(compare),
         Command::Doctor => doctor::run(),
+        Command::ProbeHeadset => {
+            view::answer_probe();
+            Ok(())
+        }
     }
 }
 
 fn run_view(args: &View, gpu: GpuOptions<'_>, cache: Option<&Cache>) -> Result<()> {
+    view::console::step_aside();
     let request = ViewRequest {
         scene: args.scene.as_deref(),
         frames: args.frames,
         shading: args.look.shading,
         geometry: args.look.geometry.into(),
         split_sum: args.look.split_sum.into(),
+        model: args.look.model,
+        textures: args.look.textures(),
         cache,
+        hidden_area: args.hidden_area,
+        mirror: args.mirror,
+        report: args.report.as_deref(),
     };
     match args.on {
         On::Auto => view::auto(&request, gpu),
         On::Window => view::window(&request, gpu),
-        On::Headset => view::headset(),
+        On::Headset => view::headset(&request, gpu),
     }
 }
 
@@ -255,6 +317,8 @@ fn run_render(args: &Render, gpu: GpuOptions<'_>, cache: Option<&Cache>) -> Resu
         shading: args.look.shading,
         geometry: args.look.geometry.into(),
         split_sum: args.look.split_sum.into(),
+        model: args.look.model,
+        textures: args.look.textures(),
         cache,
     };
     let facts = view::render(&request, gpu, &Report::to_terminal())?;
@@ -263,6 +327,17 @@ fn run_render(args: &Render, gpu: GpuOptions<'_>, cache: Option<&Cache>) -> Resu
     }
     match &args.json {
         Some(path) => write_json(path, &facts),
+        None => Ok(()),
+    }
+}
+
+fn run_needs(args: &NeedsArgs) -> Result<()> {
+    // Nothing is drawn: compressing would only take time.
+    let textures = TextureOptions { storage: Storage::Raw, ..TextureOptions::default() };
+    let findings = Findings::of(&view::load_scene(&args.scene, &textures, &Report::to_terminal())?);
+    println!("{}: {} triangles, {}", args.scene.display(), findings.triangles, findings.lines().join("\n  "));
+    match &args.json {
+        Some(path) => write_json(path, &findings),
         None => Ok(()),
     }
 }
@@ -300,13 +375,20 @@ fn run_measure(args: &Measure, gpu: GpuOptions<'_>) -> Result<()> {
 }
 
 fn run_compare(args: &Compare) -> Result<()> {
-    let comparison = compare(&Picture::read(&args.a)?, &Picture::read(&args.b)?)?;
+    let (a, b) = (Picture::read(&args.a)?, Picture::read(&args.b)?);
+    let comparison = compare(&a, &b)?;
     println!("FLIP          mean {:.4}, largest {:.4}", comparison.flip_mean, comparison.flip_max);
     println!("relative MSE  {:.3e}", comparison.relative_mse);
     println!(
         "error         mean {:.3e}, largest {:.3e} at {:?}",
         comparison.mean_error, comparison.max_error, comparison.max_error_at
     );
+    if let Some(folder) = &args.maps {
+        std::fs::create_dir_all(folder).map_err(Error::write(folder))?;
+        a.to_display(0.0).write(&folder.join("a.png"))?;
+        b.to_display(0.0).write(&folder.join("b.png"))?;
+        comparison.flip_map().write(&folder.join("flip.png"))?;
+    }
     match &args.json {
         Some(path) => write_json(path, &comparison),
         None => Ok(()),
@@ -335,7 +417,9 @@ fn start_log(verbose: u8) {
         1 => (LevelFilter::INFO, LevelFilter::WARN),
         _ => (LevelFilter::DEBUG, LevelFilter::DEBUG),
     };
-    let ansi = std::io::IsTerminal::is_terminal(&std::io::stderr());
+    // Windows' console shows colours once it is asked to; where it cannot, their codes would be rubbish on the screen.
+    let console_shows_colours = anstyle_query::windows::enable_ansi_colors() != Some(false);
+    let ansi = std::io::IsTerminal::is_terminal(&std::io::stderr()) && console_shows_colours;
     let layer =
         tracing_subscriber::fmt::layer().with_writer(std::io::stderr).with_ansi(ansi).without_time().with_target(false);
     let levels = Targets::new().with_default(others).with_target("pbr_vr", ours);

@@ -13,7 +13,8 @@ use pbr_vr::precompute::Cache;
 use pbr_vr::reference::brdf::Geometry;
 use pbr_vr::reference::table::SplitSum;
 use pbr_vr::render::Shading;
-use pbr_vr::view::{BakeRequest, RenderFacts, RenderRequest, bake, render};
+use pbr_vr::scene::Model;
+use pbr_vr::view::{BakeRequest, RenderFacts, RenderRequest, TextureChoice, bake, render};
 
 /// A rough metal sphere under a coloured sky, and a cache.
 struct Scene {
@@ -52,6 +53,8 @@ impl Scene {
             shading: Shading::Pbr,
             geometry,
             split_sum,
+            model: Model::Needed,
+            textures: TextureChoice::default(),
             cache,
         };
         let facts = render(&request, validated(), &Report::silent()).expect("a render without validation messages");

@@ -13,7 +13,8 @@ use pbr_vr::reference::brdf::{Geometry, f_schlick, f0_from_metallic};
 use pbr_vr::reference::integrals::{PanoramaView, Surface, reflected};
 use pbr_vr::reference::table::SplitSum;
 use pbr_vr::render::{Shading, StandardError};
-use pbr_vr::view::{RenderRequest, render};
+use pbr_vr::scene::Model;
+use pbr_vr::view::{RenderRequest, TextureChoice, render};
 
 const SIDE: u32 = 24;
 const ALBEDO: [f32; 3] = [0.9, 0.5, 0.2];
@@ -67,6 +68,8 @@ fn exact(shop: &Workshop, case: &Case, geometry: Geometry, frames: u64) -> (Pict
         shading: Shading::Reference,
         geometry,
         split_sum: SplitSum::Moment,
+        model: Model::Needed,
+        textures: TextureChoice::default(),
         cache: Some(&cache),
     };
     let facts = render(&request, validated(), &Report::silent()).expect("a render without validation messages");

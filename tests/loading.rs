@@ -81,7 +81,8 @@ fn check(scene: &Scene) {
         assert!(maps.into_iter().flatten().all(|map| map < scene.textures.len()));
     }
     for texture in &scene.textures {
-        assert_eq!(texture.pixels.len(), texture.width as usize * texture.height as usize * 4);
+        let blocks = texture.width.div_ceil(4) as usize * texture.height.div_ceil(4) as usize;
+        assert_eq!(texture.levels[0].len(), blocks * 16, "{}", texture.name);
     }
     assert!(scene.instances.iter().all(|instance| instance.mesh < scene.meshes.len()));
     assert!(!scene.cameras.is_empty());
@@ -294,7 +295,10 @@ fn test_scenes() {
         ("gltf-targets/NormalTangentMirrorTest/obj/NormalTangentMirrorTest.obj", 5_240, 1, &[]),
     ] {
         let (start, report) = (Instant::now(), Report::silent());
-        let options = LoadOptions { default_panorama: Some(folder.join("hdri/studio_small_03_1k.hdr")) };
+        let options = LoadOptions {
+            default_panorama: Some(folder.join("hdri/studio_small_03_1k.hdr")),
+            ..LoadOptions::default()
+        };
         let scene = scene::load(&folder.join(file), &options, &report).unwrap();
         let time = start.elapsed();
         check(&scene);

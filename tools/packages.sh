@@ -1,13 +1,16 @@
-# Sourced by tools/run and tools/test: installs missing Debian or Ubuntu packages, and checks for Rust.
+# Sourced by the scripts in tools/: installs missing Debian or Ubuntu packages, and checks for Rust.
 # shellcheck shell=bash
 
-# What the program needs to be built and to run: compiler, shaderc in parts, Vulkan with a CPU driver, the libraries that a window loads.
-# The two sourcing scripts read these lists.
+# What the program needs to be built and to run: compiler, cmake and libclang for OpenVR's loader, shaderc in parts, Vulkan with a CPU driver,
+# the libraries that a window loads. The sourcing scripts read these lists.
 # shellcheck disable=SC2034
-PACKAGES_TO_RUN=(g++ pkg-config libshaderc-dev glslang-dev spirv-tools libvulkan1 mesa-vulkan-drivers
+PACKAGES_TO_RUN=(g++ make cmake pkg-config libclang-dev libshaderc-dev glslang-dev spirv-tools libvulkan1 mesa-vulkan-drivers
     libxkbcommon0 libxkbcommon-x11-0 libx11-6 libx11-xcb1 libxcursor1 libxi6 libxrandr2 libwayland-client0)
 # shellcheck disable=SC2034
 PACKAGES_TO_TEST=(vulkan-validationlayers xvfb python3)
+# shellcheck disable=SC2034
+PACKAGES_TO_CHECK_WINDOWS=(rustc-web cargo-web rust-web-src gcc-mingw-w64-x86-64-posix g++-mingw-w64-x86-64-posix wine64
+    xvfb xdotool imagemagick python3)
 
 # Installs those of the named packages that are missing; says so in one line; does nothing when all are there.
 install_packages() {

@@ -1,7 +1,12 @@
-//! Bytes to checked CPU data: models, materials, textures, panoramas, pictures, KTX2; limits and warnings.
+//! Bytes to checked CPU data: models, materials, textures with mips, panoramas, pictures, KTX2; a cache; limits and warnings.
 
+pub mod cache;
+mod compress;
 pub mod file;
+pub mod folders;
 pub mod ktx2;
+pub mod mip_chain;
+pub mod mips;
 pub mod mtl;
 pub mod normals;
 pub mod obj;
@@ -13,6 +18,8 @@ pub mod report;
 pub mod shipped;
 pub mod texture;
 
+pub use cache::Cache;
+pub use mip_chain::{MipChain, Storage, TextureOptions};
 pub use panorama::Panorama;
 pub use report::Report;
 pub use texture::Texture;

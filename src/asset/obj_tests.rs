@@ -46,7 +46,9 @@ fn a_library_may_be_named_late_in_any_case_or_not_at_all() {
     let faces = format!("usemtl red\n{TRIANGLE}f 1/1/1 2/2/1 3/3/1\n");
     let (model, warnings) = loaded(format!("{faces}mtllib my lib.MTL\n"), "newmtl red\n");
     assert_eq!(model.unwrap().parts[0].material, Some(0));
-    assert_eq!(warnings, ["a.obj:10: mtllib my lib.MTL: found as My Lib.mtl"]);
+    // Windows itself does not tell the two names apart.
+    let told = ["a.obj:10: mtllib my lib.MTL: found as My Lib.mtl"];
+    assert_eq!(warnings, told[usize::from(cfg!(windows))..]);
     let (model, warnings) = loaded(format!("mtllib no.mtl\n{faces}"), "");
     assert_eq!(model.unwrap().parts[0].material, None);
     assert_eq!(warnings.len(), 2);

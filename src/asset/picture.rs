@@ -67,6 +67,17 @@ pub struct Comparison {
     pub max_error: f64,
     /// Column and row, from the top left, of the largest error.
     pub max_error_at: [u32; 2],
+    /// FLIP of each pixel, rows from the top.
+    #[serde(skip)]
+    pub flip: Vec<f32>,
+}
+
+impl Comparison {
+    /// FLIP pixel by pixel, dark where the pictures agree.
+    pub fn flip_map(&self) -> Picture {
+        let pixels = metrics::flip_colours(&self.flip).into_iter().map(|p| p.map(|c| f32::from(c) / 255.0)).collect();
+        Picture { name: "FLIP".into(), width: self.width, height: self.height, kind: Kind::Display, pixels }
+    }
 }
 
 impl Picture {
@@ -181,6 +192,7 @@ pub fn compare(test: &Picture, reference: &Picture) -> Result<Comparison> {
         mean_error: metrics::mean_error(&test.pixels, &reference.pixels),
         max_error,
         max_error_at: [at as u32 % width, at as u32 / width],
+        flip: flip.errors,
     })
 }
 
@@ -400,6 +412,9 @@ mod tests {
         let truth = 4.0 / (0.09 + 0.01) / (3.0 * 23.0 * 11.0);
         assert!((far.relative_mse / truth - 1.0).abs() < 1e-5, "{far:?}");
         assert!(far.flip_mean > 0.0 && far.flip_max > far.flip_mean);
+        let map = far.flip_map();
+        let brightest = (0..map.pixels.len()).max_by(|a, b| map.pixels[*a][0].total_cmp(&map.pixels[*b][0])).unwrap();
+        assert_eq!((map.width, map.height, brightest), (23, 11, 5 * 23 + 7));
         let json = serde_json::to_value(&far).unwrap();
         assert_eq!(json["kind"], "radiance");
         assert_eq!(json["max_error_at"][1], 5);

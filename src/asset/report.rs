@@ -1,24 +1,35 @@
-//! What loading tells its user: warnings, and progress on a terminal.
+//! What loading tells its user: warnings, progress on a terminal, and where the time went.
 
+use std::collections::BTreeMap;
 use std::sync::Mutex;
+use std::time::{Duration, Instant};
 
 use indicatif::{MultiProgress, ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 /// Collects warnings and shows progress; shared by every loader of one run.
 pub struct Report {
     warnings: Mutex<Vec<String>>,
+    times: Mutex<BTreeMap<&'static str, Duration>>,
     bars: MultiProgress,
 }
 
 impl Report {
     /// Prints warnings to stderr as they come, and progress where stderr is a terminal.
     pub fn to_terminal() -> Self {
-        Self { warnings: Mutex::default(), bars: MultiProgress::with_draw_target(ProgressDrawTarget::stderr()) }
+        Self {
+            warnings: Mutex::default(),
+            times: Mutex::default(),
+            bars: MultiProgress::with_draw_target(ProgressDrawTarget::stderr()),
+        }
     }
 
     /// Only collects.
     pub fn silent() -> Self {
-        Self { warnings: Mutex::default(), bars: MultiProgress::with_draw_target(ProgressDrawTarget::hidden()) }
+        Self {
+            warnings: Mutex::default(),
+            times: Mutex::default(),
+            bars: MultiProgress::with_draw_target(ProgressDrawTarget::hidden()),
+        }
     }
 
     /// Notes something the user should know but that stops nothing: file first, then key, then what was done.
@@ -42,6 +53,25 @@ impl Report {
         bar.set_style(style);
         bar.set_message(name);
         bar
+    }
+
+    /// Does `work` and adds its time to a stage's. Threads at work at once each add their own, so that a stage can take
+    /// longer than the clock says; `work` must hand nothing to other threads and wait, or it would count what it waits for.
+    pub fn time<T>(&self, stage: &'static str, work: impl FnOnce() -> T) -> T {
+        let start = Instant::now();
+        let done = work();
+        *self.lock_times().entry(stage).or_default() += start.elapsed();
+        done
+    }
+
+    /// Milliseconds of each stage so far, over all threads.
+    pub fn times_ms(&self) -> BTreeMap<&'static str, f64> {
+        self.lock_times().iter().map(|(stage, time)| (*stage, time.as_secs_f64() * 1e3)).collect()
+    }
+
+    fn lock_times(&self) -> std::sync::MutexGuard<'_, BTreeMap<&'static str, Duration>> {
+        // Each entry is whole at any time.
+        self.times.lock().unwrap_or_else(std::sync::PoisonError::into_inner)
     }
 
     fn lock(&self) -> std::sync::MutexGuard<'_, Vec<String>> {

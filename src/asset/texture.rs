@@ -11,7 +11,8 @@ use crate::{Error, Result};
 
 /// Largest side taken, in texels: what every Vulkan 1.3 desktop GPU can hold.
 pub const MAX_SIDE: u32 = 16384;
-const MAX_FILE_BYTES: u64 = 1 << 30;
+/// Bytes of a picture file at most.
+pub const MAX_FILE_BYTES: u64 = 1 << 30;
 /// For the decoder's own buffers: the largest picture at 16 bits a channel.
 const MAX_DECODER_BYTES: u64 = 2 << 30;
 
@@ -84,6 +85,13 @@ impl Texture {
         }
     }
 
+    /// Multiplies one channel by a factor of at most 1.
+    pub fn scale_channel(&mut self, index: usize, factor: f32) {
+        for texel in self.pixels.chunks_exact_mut(4).filter(|_| factor < 1.0) {
+            texel[index] = (f32::from(texel[index]) * factor).round() as u8;
+        }
+    }
+
     /// Makes every texel opaque.
     pub fn clear_alpha(&mut self) {
         self.pixels.chunks_exact_mut(4).for_each(|texel| texel[3] = 255);
@@ -145,7 +153,8 @@ impl Texture {
         normal.z > 0.5 && (0.6..1.2).contains(&normal.length()) && normal.truncate().length() < 0.5
     }
 
-    fn texels(&self) -> impl Iterator<Item = &[u8; 4]> {
+    /// Its texels, rows from the top.
+    pub fn texels(&self) -> impl Iterator<Item = &[u8; 4]> {
         self.pixels.as_chunks().0.iter()
     }
 }
@@ -178,8 +187,13 @@ impl Channel {
 
     /// The one value of every texel, where it varies by no more than JPEG's rounding.
     pub fn constant(&self) -> Option<u8> {
-        let (min, max) = (self.values.iter().min()?, self.values.iter().max()?);
-        (max - min <= CONSTANT_SPREAD).then_some(*max)
+        let (min, max) = self.range()?;
+        (max - min <= CONSTANT_SPREAD).then_some(max)
+    }
+
+    /// Its least and its greatest value.
+    pub fn range(&self) -> Option<(u8, u8)> {
+        Some((*self.values.iter().min()?, *self.values.iter().max()?))
     }
 
     /// Does it leave some texels out and some in, as a cutout does?

@@ -2,13 +2,17 @@
 
 use std::ffi::CStr;
 
-use ash::{khr, vk};
+use ash::vk::Handle as _;
+use ash::{ext, khr, vk};
 
 use super::instance::Instance;
 use crate::{Error, Result};
 
 /// What the program asks of every GPU.
 const NEEDS: &str = "Vulkan 1.3 with layered output from the vertex shader";
+
+/// The kind of those that are none.
+const SOFTWARE: &str = "CPU";
 
 /// One GPU as the system lists it.
 #[derive(Clone, Debug)]
@@ -27,18 +31,35 @@ pub struct GpuInfo {
     pub unfit: Option<String>,
 }
 
+impl GpuInfo {
+    /// Whether it is no GPU but a processor that does a GPU's work.
+    pub fn is_software(&self) -> bool {
+        self.kind == SOFTWARE
+    }
+}
+
 pub(super) struct Candidate {
     pub(super) physical: vk::PhysicalDevice,
     pub(super) info: GpuInfo,
     pub(super) family: u32,
     pub(super) properties: vk::PhysicalDeviceProperties,
-    pub(super) anisotropy: bool,
+    pub(super) options: Options,
     rank: u32,
+}
+
+/// What is used where it is there.
+#[derive(Clone, Copy, Default)]
+pub(super) struct Options {
+    pub(super) anisotropy: bool,
+    /// BC1 to BC7.
+    pub(super) compressed_textures: bool,
+    /// VK_EXT_memory_budget.
+    pub(super) memory_budget: bool,
 }
 
 /// All GPUs, the preferred one first.
 pub fn survey() -> Result<Vec<GpuInfo>> {
-    let instance = Instance::new(false, None)?;
+    let instance = Instance::new(false, None, &[])?;
     let mut all = candidates(&instance, false)?;
     all.sort_by_key(|c| (c.info.unfit.is_some(), c.rank));
     Ok(all.into_iter().map(|c| c.info).collect())
@@ -62,6 +83,17 @@ pub(super) fn choose(instance: &Instance, name: Option<&str>, present: bool) -> 
             remedy: "update the graphics driver, or install Mesa's software one (Debian: mesa-vulkan-drivers)",
         }
     })
+}
+
+/// The GPU that a headset's runtime names by its handle.
+pub(super) fn named_by_runtime(instance: &Instance, handle: u64, present: bool) -> Result<Candidate> {
+    let named = candidates(instance, present)?.into_iter().find(|c| c.physical.as_raw() == handle);
+    let headset = |problem| Error::Headset { problem };
+    let named = named.ok_or_else(|| headset("its runtime names a GPU that Vulkan does not list".into()))?;
+    match &named.info.unfit {
+        None => Ok(named),
+        Some(reason) => Err(headset(format!("it hangs on the GPU {}, which {reason}", named.info.name))),
+    }
 }
 
 fn candidates(instance: &Instance, present: bool) -> Result<Vec<Candidate>> {
@@ -91,7 +123,7 @@ fn examine(instance: &Instance, physical: vk::PhysicalDevice, present: bool) -> 
     };
     if version < vk::API_VERSION_1_3 {
         info.unfit = Some(format!("has Vulkan {} only, {NEEDS} is needed", info.vulkan));
-        return Candidate { physical, info, family: 0, properties, anisotropy: false, rank };
+        return Candidate { physical, info, family: 0, properties, options: Options::default(), rank };
     }
     let mut driver = vk::PhysicalDeviceDriverProperties::default();
     let mut properties2 = vk::PhysicalDeviceProperties2::default().push_next(&mut driver);
@@ -101,8 +133,10 @@ fn examine(instance: &Instance, physical: vk::PhysicalDevice, present: bool) -> 
     info.driver = format!("{} {}", text(driver.driver_name_as_c_str()), text(driver.driver_info_as_c_str()));
     let features = Features::of(instance, physical);
     info.options = vec![
-        ("anisotropic filtering", features.anisotropy),
-        ("presenting to windows", has_swapchain(instance, physical)),
+        ("anisotropic filtering", features.options.anisotropy),
+        ("block-compressed textures (BC5, BC7)", features.options.compressed_textures),
+        ("telling how much memory is free", features.options.memory_budget),
+        ("presenting to windows", has_extension(instance, physical, khr::swapchain::NAME)),
     ];
     let family = graphics_family(instance, physical);
     info.unfit = features.missing().or_else(|| {
@@ -111,17 +145,17 @@ fn examine(instance: &Instance, physical: vk::PhysicalDevice, present: bool) -> 
         let problem = match () {
             () if family.is_none() => "has no queue for graphics and compute",
             () if !sampled.contains(vk::SampleCountFlags::TYPE_4) => "cannot do 4x MSAA",
-            () if present && !has_swapchain(instance, physical) => "cannot present to a window",
+            () if present && !has_extension(instance, physical, khr::swapchain::NAME) => "cannot present to a window",
             () => return None,
         };
         Some(problem.into())
     });
-    Candidate { physical, info, family: family.unwrap_or(0), properties, anisotropy: features.anisotropy, rank }
+    Candidate { physical, info, family: family.unwrap_or(0), properties, options: features.options, rank }
 }
 
 struct Features {
     needed: [(&'static str, vk::Bool32); 8],
-    anisotropy: bool,
+    options: Options,
 }
 
 impl Features {
@@ -131,7 +165,11 @@ impl Features {
         let mut all = vk::PhysicalDeviceFeatures2::default().push_next(&mut v12).push_next(&mut v13);
         // SAFETY: Vulkan 1.2/1.3 structures on a 1.3 device; the call only writes into them.
         unsafe { instance.raw.get_physical_device_features2(physical, &mut all) };
-        let anisotropy = all.features.sampler_anisotropy == vk::TRUE;
+        let options = Options {
+            anisotropy: all.features.sampler_anisotropy == vk::TRUE,
+            compressed_textures: all.features.texture_compression_bc == vk::TRUE,
+            memory_budget: has_extension(instance, physical, ext::memory_budget::NAME),
+        };
         let needed = [
             ("dynamicRendering", v13.dynamic_rendering),
             ("synchronization2", v13.synchronization2),
@@ -142,7 +180,7 @@ impl Features {
             ("shaderOutputLayer", v12.shader_output_layer),
             ("scalarBlockLayout", v12.scalar_block_layout),
         ];
-        Self { needed, anisotropy }
+        Self { needed, options }
     }
 
     fn missing(&self) -> Option<String> {
@@ -157,7 +195,7 @@ fn rank(kind: vk::PhysicalDeviceType) -> (u32, &'static str) {
         vk::PhysicalDeviceType::DISCRETE_GPU => (0, "discrete"),
         vk::PhysicalDeviceType::INTEGRATED_GPU => (1, "integrated"),
         vk::PhysicalDeviceType::VIRTUAL_GPU => (2, "virtual"),
-        vk::PhysicalDeviceType::CPU => (4, "CPU"),
+        vk::PhysicalDeviceType::CPU => (4, SOFTWARE),
         _ => (3, "other"),
     }
 }
@@ -170,10 +208,10 @@ fn graphics_family(instance: &Instance, physical: vk::PhysicalDevice) -> Option<
     u32::try_from(index).ok()
 }
 
-fn has_swapchain(instance: &Instance, physical: vk::PhysicalDevice) -> bool {
+fn has_extension(instance: &Instance, physical: vk::PhysicalDevice, name: &CStr) -> bool {
     // SAFETY: `physical` comes from this instance; the call only reads.
     let all = unsafe { instance.raw.enumerate_device_extension_properties(physical) }.unwrap_or_default();
-    all.iter().any(|e| e.extension_name_as_c_str() == Ok(khr::swapchain::NAME))
+    all.iter().any(|e| e.extension_name_as_c_str() == Ok(name))
 }
 
 fn device_memory(instance: &Instance, physical: vk::PhysicalDevice) -> u64 {

@@ -1,7 +1,5 @@
 //! Recording: barriers, rendering, dispatches, copies, pass labels.
 
-use std::ffi::CString;
-
 use ash::vk;
 
 use super::buffer::Buffer;
@@ -18,6 +16,30 @@ pub struct Targets<'a> {
     pub depth: Option<&'a Image>,
     /// `None` keeps what is there.
     pub clear: Option<[f32; 4]>,
+    /// Only this many pixels from the upper left corner are drawn; the rest is left as it is.
+    pub area: [u32; 2],
+}
+
+/// A rectangle of pixels, its corner from the upper left.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Rect {
+    pub corner: [u32; 2],
+    pub size: [u32; 2],
+}
+
+impl Rect {
+    /// From the upper left corner.
+    pub fn of(size: [u32; 2]) -> Self {
+        Self { corner: [0, 0], size }
+    }
+
+    /// Its two corners, as Vulkan blits want them.
+    pub(super) fn offsets(self) -> [vk::Offset3D; 2] {
+        // Images have at most 2^15 pixels a side on any GPU.
+        let at = |x: u32, y: u32, z| vk::Offset3D { x: x as i32, y: y as i32, z };
+        let ([x, y], [width, height]) = (self.corner, self.size);
+        [at(x, y, 0), at(x + width, y + height, 1)]
+    }
 }
 
 /// One layer of one mip.
@@ -36,9 +58,7 @@ impl Commands<'_> {
     /// Names and times what `record` records.
     pub fn pass<R>(&mut self, name: &'static str, record: impl FnOnce(&mut Self) -> R) -> R {
         let raw = self.recorder.raw;
-        if let Ok(label) = CString::new(name) {
-            self.recorder.gpu.begin_label(raw, &label);
-        }
+        self.recorder.gpu.begin_label(raw, name);
         let first = self.recorder.start_timer(name);
         let result = record(self);
         self.recorder.stop_timer(first);
@@ -78,10 +98,10 @@ impl Commands<'_> {
         unsafe { self.device().cmd_pipeline_barrier2(self.recorder.raw, &info) };
     }
 
-    /// Draws into `targets`; they must have been prepared. Sets the viewport to their whole size.
+    /// Draws into `targets`; they must have been prepared. Sets the viewport to their area, and culls nothing.
     pub fn render(&mut self, targets: &Targets<'_>, record: impl FnOnce(&mut Self)) {
         let desc = targets.colour.desc();
-        let [width, height] = desc.size;
+        let [width, height] = targets.area;
         let area = vk::Rect2D { offset: vk::Offset2D::default(), extent: vk::Extent2D { width, height } };
         let load = if targets.clear.is_some() { vk::AttachmentLoadOp::CLEAR } else { vk::AttachmentLoadOp::LOAD };
         let (colour_layout, ..) = Use::Colour.parts();
@@ -120,6 +140,7 @@ impl Commands<'_> {
             device.cmd_set_viewport(self.recorder.raw, 0, &[viewport]);
             device.cmd_set_scissor(self.recorder.raw, 0, &[area]);
         }
+        self.cull_back(false);
         record(self);
         // SAFETY: rendering was begun above.
         unsafe { self.device().cmd_end_rendering(self.recorder.raw) };
@@ -158,13 +179,20 @@ impl Commands<'_> {
         unsafe { self.device().cmd_draw(self.recorder.raw, vertices, instances, 0, 0) };
     }
 
-    /// Takes vertices and 32-bit indices.
+    /// Leaves out triangles that show their backs, or none.
+    pub fn cull_back(&mut self, on: bool) {
+        let mode = if on { vk::CullModeFlags::BACK } else { vk::CullModeFlags::NONE };
+        // SAFETY: the command buffer is being recorded; every graphics pipeline has this state dynamic.
+        unsafe { self.device().cmd_set_cull_mode(self.recorder.raw, mode) };
+    }
+
+    /// Takes vertices and 16-bit indices.
     pub fn bind_mesh(&mut self, vertices: &Buffer, indices: &Buffer) {
         // SAFETY: the command buffer is being recorded; both buffers are alive and of the right kind.
         unsafe {
             let device = &self.recorder.gpu.device;
             device.cmd_bind_vertex_buffers(self.recorder.raw, 0, &[vertices.raw], &[0]);
-            device.cmd_bind_index_buffer(self.recorder.raw, indices.raw, 0, vk::IndexType::UINT32);
+            device.cmd_bind_index_buffer(self.recorder.raw, indices.raw, 0, vk::IndexType::UINT16);
         }
     }
 
@@ -198,9 +226,17 @@ impl Commands<'_> {
         unsafe { self.device().cmd_copy_buffer_to_image(self.recorder.raw, from.raw, image.raw, layout, &[region]) };
     }
 
-    /// Copies tightly packed texels into some rows of mip 0 of the first layer; the image must be prepared for `CopyTo`.
-    pub fn copy_rows_to_image(&mut self, from: &Buffer, image: &Image, rows: std::ops::Range<u32>) {
-        let mut region = self.region(image, Part { mip: 0, layer: 0 });
+    /// Copies tightly packed texels, or blocks, into some rows of one mip of the first layer; the image must be prepared
+    /// for `CopyTo`. Rows of blocks begin and end at blocks' borders, or at the image's.
+    pub fn copy_rows_to_image(
+        &mut self,
+        from: &Buffer,
+        offset: u64,
+        image: &Image,
+        mip: u32,
+        rows: std::ops::Range<u32>,
+    ) {
+        let mut region = self.region(image, Part { mip, layer: 0 }).buffer_offset(offset);
         // An image has at most 2^15 rows on any GPU.
         region.image_offset.y = rows.start as i32;
         region.image_extent.height = rows.end - rows.start;
@@ -215,6 +251,26 @@ impl Commands<'_> {
         let (layout, ..) = Use::CopyFrom.parts();
         // SAFETY: the command buffer is being recorded; buffer and image are alive.
         unsafe { self.device().cmd_copy_image_to_buffer(self.recorder.raw, image.raw, layout, to.raw, &[region]) };
+    }
+
+    /// Copies the upper left corner of one layer, of `size`, into a flat image of the same format; they must be
+    /// prepared for `CopyFrom` and `CopyTo`.
+    pub fn copy_layer(&mut self, from: &Image, layer: u32, to: &Image, [width, height]: [u32; 2]) {
+        let layers = |image: &Image, layer| vk::ImageSubresourceLayers {
+            aspect_mask: image.aspect(),
+            mip_level: 0,
+            base_array_layer: layer,
+            layer_count: 1,
+        };
+        let region = vk::ImageCopy::default()
+            .src_subresource(layers(from, layer))
+            .dst_subresource(layers(to, 0))
+            .extent(vk::Extent3D { width, height, depth: 1 });
+        let (from_layout, to_layout) = (Use::CopyFrom.parts().0, Use::CopyTo.parts().0);
+        // SAFETY: the command buffer is being recorded; images are alive and in these layouts.
+        unsafe {
+            self.device().cmd_copy_image(self.recorder.raw, from.raw, from_layout, to.raw, to_layout, &[region]);
+        }
     }
 
     /// Makes host reads of readback buffers see the copies recorded so far.
@@ -235,8 +291,8 @@ impl Commands<'_> {
         let mips = image.desc().mips;
         for mip in 1..mips {
             self.mip_barrier(image, mip - 1, Use::CopyTo, Use::CopyFrom);
-            let sizes = [image.mip_size(mip - 1), image.mip_size(mip)];
-            self.blit_raw(image.raw, image.raw, sizes, [self.layers(image, mip - 1), self.layers(image, mip)]);
+            let parts = [Rect::of(image.mip_size(mip - 1)), Rect::of(image.mip_size(mip))];
+            self.blit_raw(image.raw, image.raw, parts, [self.layers(image, mip - 1), self.layers(image, mip)]);
         }
         for mip in 0..mips - 1 {
             self.mip_barrier(image, mip, Use::CopyFrom, Use::Sampled);
@@ -249,15 +305,14 @@ impl Commands<'_> {
         &mut self,
         from: vk::Image,
         to: vk::Image,
-        sizes: [[u32; 2]; 2],
+        parts: [Rect; 2],
         layers: [vk::ImageSubresourceLayers; 2],
     ) {
-        let corner = |size: [u32; 2]| vk::Offset3D { x: size[0] as i32, y: size[1] as i32, z: 1 };
         let regions = [vk::ImageBlit2::default()
             .src_subresource(layers[0])
-            .src_offsets([vk::Offset3D::default(), corner(sizes[0])])
+            .src_offsets(parts[0].offsets())
             .dst_subresource(layers[1])
-            .dst_offsets([vk::Offset3D::default(), corner(sizes[1])])];
+            .dst_offsets(parts[1].offsets())];
         let info = vk::BlitImageInfo2::default()
             .src_image(from)
             .src_image_layout(Use::CopyFrom.parts().0)
@@ -267,6 +322,25 @@ impl Commands<'_> {
             .filter(vk::Filter::LINEAR);
         // SAFETY: the command buffer is being recorded; images are alive and in these layouts.
         unsafe { self.device().cmd_blit_image2(self.recorder.raw, &info) };
+    }
+
+    pub(super) fn clear_raw(&mut self, image: vk::Image, range: vk::ImageSubresourceRange) {
+        let (layout, black) = (Use::CopyTo.parts().0, vk::ClearColorValue { float32: [0.0, 0.0, 0.0, 1.0] });
+        // SAFETY: the command buffer is being recorded; the image is alive and in this layout.
+        unsafe { self.device().cmd_clear_color_image(self.recorder.raw, image, layout, &black, &[range]) };
+    }
+
+    /// What was cleared or copied may be copied over.
+    pub(super) fn copied(&mut self) {
+        let (_, stage, access) = Use::CopyTo.parts();
+        let barrier = [vk::MemoryBarrier2::default()
+            .src_stage_mask(stage)
+            .src_access_mask(access)
+            .dst_stage_mask(stage)
+            .dst_access_mask(access)];
+        let info = vk::DependencyInfo::default().memory_barriers(&barrier);
+        // SAFETY: the command buffer is being recorded.
+        unsafe { self.device().cmd_pipeline_barrier2(self.recorder.raw, &info) };
     }
 
     pub(super) fn layers(&self, image: &Image, mip: u32) -> vk::ImageSubresourceLayers {

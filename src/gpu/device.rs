@@ -5,13 +5,14 @@ use std::ffi::{CStr, CString, c_char};
 use std::mem::ManuallyDrop;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
+use ash::vk::Handle as _;
 use ash::{ext, khr, vk};
 use gpu_allocator::MemoryLocation;
 use gpu_allocator::vulkan::{Allocation, AllocationCreateDesc, AllocationScheme, Allocator, AllocatorCreateDesc};
 use raw_window_handle::RawDisplayHandle;
 
 use super::choice::{self, GpuInfo};
-use super::instance::{Instance, Messages};
+use super::instance::{Instance, Messages, check_extensions, drop_repeated, names};
 use crate::{Error, Result};
 
 /// What to open.
@@ -31,6 +32,7 @@ pub struct Gpu {
     pub(super) physical: vk::PhysicalDevice,
     pub(super) family: u32,
     pub(super) max_anisotropy: Option<f32>,
+    options: choice::Options,
     pub(super) limits: vk::PhysicalDeviceLimits,
     /// Signalled with the number of each finished submission.
     pub(super) timeline: vk::Semaphore,
@@ -40,7 +42,18 @@ pub struct Gpu {
     graveyard: Mutex<VecDeque<(u64, Retired)>>,
     info: GpuInfo,
     // Last: the instance goes after the device.
-    pub(super) instance: Instance,
+    pub(super) instance: Arc<Instance>,
+}
+
+/// Vulkan's own handles, for a headset's runtime.
+#[derive(Clone, Copy, Debug)]
+pub struct Handles {
+    pub instance: u64,
+    pub physical: u64,
+    pub device: u64,
+    pub queue: u64,
+    /// The queue's family.
+    pub family: u32,
 }
 
 /// The only queue, and how many submissions it has had.
@@ -66,9 +79,33 @@ impl Gpu {
     /// # Errors
     /// No Vulkan, no fit GPU, an unknown `name`, or a driver that fails.
     pub fn open(options: GpuOptions<'_>) -> Result<Arc<Self>> {
-        let instance = Instance::new(options.validate, options.display)?;
+        let instance = Arc::new(Instance::new(options.validate, options.display, &[])?);
         let chosen = choice::choose(&instance, options.name, options.display.is_some())?;
-        let device = make_device(&instance, &chosen, options.display.is_some())?;
+        Self::on(instance, chosen, options.display.is_some(), &[])
+    }
+
+    /// Opens the GPU that a headset hangs on, `physical` as its runtime names it, with the device extensions that this
+    /// asks for; where it names none (0), the one that `open` would take. `instance` was made for `options.display`.
+    ///
+    /// # Errors
+    /// A GPU that will not do, extensions that it lacks, or a driver that fails.
+    pub fn open_for_headset(
+        options: GpuOptions<'_>,
+        instance: &Arc<Instance>,
+        physical: u64,
+        asked: impl FnOnce(u64) -> Result<Vec<CString>>,
+    ) -> Result<Arc<Self>> {
+        let present = options.display.is_some();
+        let chosen = match physical {
+            0 => choice::choose(instance, options.name, present)?,
+            named => choice::named_by_runtime(instance, named, present)?,
+        };
+        let asked = asked(chosen.physical.as_raw())?;
+        Self::on(Arc::clone(instance), chosen, present, &asked)
+    }
+
+    fn on(instance: Arc<Instance>, chosen: choice::Candidate, present: bool, asked: &[CString]) -> Result<Arc<Self>> {
+        let device = make_device(&instance, &chosen, present, asked)?;
         // SAFETY: the family and its queue 0 were asked for in `make_device`.
         let queue = unsafe { device.get_device_queue(chosen.family, 0) };
         let mut kind = vk::SemaphoreTypeCreateInfo::default().semaphore_type(vk::SemaphoreType::TIMELINE);
@@ -90,7 +127,8 @@ impl Gpu {
             allocator: ManuallyDrop::new(Mutex::new(allocator)),
             physical: chosen.physical,
             family: chosen.family,
-            max_anisotropy: chosen.anisotropy.then_some(chosen.properties.limits.max_sampler_anisotropy),
+            options: chosen.options,
+            max_anisotropy: chosen.options.anisotropy.then_some(chosen.properties.limits.max_sampler_anisotropy),
             limits: chosen.properties.limits,
             timeline,
             queue: Mutex::new(Queue { raw: queue, submitted: 0 }),
@@ -116,6 +154,44 @@ impl Gpu {
     /// The widest 2D image the GPU takes, in texels.
     pub fn max_image_size(&self) -> u32 {
         self.limits.max_image_dimension2_d
+    }
+
+    /// Calls something that uses the queue itself: a headset's runtime.
+    pub fn lend_queue<R>(&self, call: impl FnOnce() -> R) -> R {
+        let _queue = self.queue();
+        call()
+    }
+
+    /// What a headset's runtime must know to read our images.
+    pub fn handles(&self) -> Handles {
+        Handles {
+            instance: self.instance.handle(),
+            physical: self.physical.as_raw(),
+            device: self.device.handle().as_raw(),
+            queue: self.queue().raw.as_raw(),
+            family: self.family,
+        }
+    }
+
+    /// Whether images may be of block-compressed formats.
+    pub fn compresses_textures(&self) -> bool {
+        self.options.compressed_textures
+    }
+
+    /// Bytes of its own memory that this process may still take; all of it, less an eighth, where the driver does not
+    /// tell what others have taken.
+    pub fn free_memory(&self) -> u64 {
+        if !self.options.memory_budget {
+            return self.info.memory - self.info.memory / 8;
+        }
+        let mut budget = vk::PhysicalDeviceMemoryBudgetPropertiesEXT::default();
+        let mut memory = vk::PhysicalDeviceMemoryProperties2::default().push_next(&mut budget);
+        // SAFETY: the extension is enabled; the call only writes into the structures.
+        unsafe { self.instance.raw.get_physical_device_memory_properties2(self.physical, &mut memory) };
+        let heaps = memory.memory_properties;
+        let own = |i: &usize| heaps.memory_heaps[*i].flags.contains(vk::MemoryHeapFlags::DEVICE_LOCAL);
+        let free = |i: usize| budget.heap_budget[i].saturating_sub(budget.heap_usage[i]);
+        (0..heaps.memory_heap_count as usize).filter(own).map(free).sum()
     }
 
     /// Waits until the GPU has nothing left to do.
@@ -146,8 +222,11 @@ impl Gpu {
         let _ = unsafe { debug.set_debug_utils_object_name(&info) };
     }
 
-    pub(super) fn begin_label(&self, commands: vk::CommandBuffer, name: &CStr) {
-        if let Some(debug) = &self.debug {
+    /// Begins a named part of a recording, without allocating; names longer than 63 bytes lose their ends.
+    pub(super) fn begin_label(&self, commands: vk::CommandBuffer, name: &str) {
+        let mut text = [0; 64];
+        text.iter_mut().zip(name.bytes().take(63)).for_each(|(to, from)| *to = from);
+        if let (Some(debug), Ok(name)) = (&self.debug, CStr::from_bytes_until_nul(&text)) {
             let label = vk::DebugUtilsLabelEXT::default().label_name(name);
             // SAFETY: the command buffer is being recorded by the caller.
             unsafe { debug.cmd_begin_debug_utils_label(commands, &label) };
@@ -248,7 +327,15 @@ impl Drop for Gpu {
     }
 }
 
-fn make_device(instance: &Instance, chosen: &choice::Candidate, present: bool) -> Result<ash::Device> {
+fn make_device(
+    instance: &Instance,
+    chosen: &choice::Candidate,
+    present: bool,
+    asked: &[CString],
+) -> Result<ash::Device> {
+    // SAFETY: the physical device comes from this instance; the call only reads.
+    let there = unsafe { instance.raw.enumerate_device_extension_properties(chosen.physical) }.unwrap_or_default();
+    check_extensions("device", asked, &names(&there))?;
     let priorities = [1.0];
     let queues = [vk::DeviceQueueCreateInfo::default().queue_family_index(chosen.family).queue_priorities(&priorities)];
     let mut v12 = vk::PhysicalDeviceVulkan12Features::default()
@@ -261,11 +348,17 @@ fn make_device(instance: &Instance, chosen: &choice::Candidate, present: bool) -
         .dynamic_rendering(true)
         .synchronization2(true)
         .shader_demote_to_helper_invocation(true);
-    let core = vk::PhysicalDeviceFeatures::default().sampler_anisotropy(chosen.anisotropy);
-    let mut extensions: Vec<*const c_char> = Vec::new();
+    let core = vk::PhysicalDeviceFeatures::default()
+        .sampler_anisotropy(chosen.options.anisotropy)
+        .texture_compression_bc(chosen.options.compressed_textures);
+    let mut extensions: Vec<*const c_char> = asked.iter().map(|name| name.as_ptr()).collect();
+    if chosen.options.memory_budget {
+        extensions.push(ext::memory_budget::NAME.as_ptr());
+    }
     if present {
         extensions.push(khr::swapchain::NAME.as_ptr());
     }
+    drop_repeated(&mut extensions);
     let info = vk::DeviceCreateInfo::default()
         .queue_create_infos(&queues)
         .enabled_features(&core)

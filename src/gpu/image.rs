@@ -4,6 +4,7 @@ use std::cell::Cell;
 use std::sync::Arc;
 
 use ash::vk;
+use ash::vk::Handle as _;
 use gpu_allocator::MemoryLocation;
 use gpu_allocator::vulkan::Allocation;
 
@@ -178,6 +179,11 @@ impl Image {
         &self.desc
     }
 
+    /// The VkImage, for a headset's runtime.
+    pub fn handle(&self) -> u64 {
+        self.raw.as_raw()
+    }
+
     /// Width and height of one mip.
     pub fn mip_size(&self, mip: u32) -> [u32; 2] {
         self.desc.size.map(|s| (s >> mip).max(1))
@@ -233,15 +239,15 @@ pub struct Sampler {
 }
 
 impl Sampler {
-    /// Makes a sampler; `anisotropic` asks for up to 16 samples where the GPU can.
-    pub fn new(gpu: &Arc<Gpu>, name: &str, edge: Edge, anisotropic: bool) -> Result<Self> {
+    /// Makes a sampler that takes up to `anisotropy` samples along a slanted footprint, where the GPU can; 1 for one.
+    pub fn new(gpu: &Arc<Gpu>, name: &str, edge: Edge, anisotropy: u32) -> Result<Self> {
         let (repeat, clamp) = (vk::SamplerAddressMode::REPEAT, vk::SamplerAddressMode::CLAMP_TO_EDGE);
         let (u, v) = match edge {
             Edge::Repeat => (repeat, repeat),
             Edge::Clamp => (clamp, clamp),
             Edge::Panorama => (repeat, clamp),
         };
-        let anisotropy = gpu.max_anisotropy.filter(|_| anisotropic);
+        let most = gpu.max_anisotropy.filter(|_| anisotropy > 1).map(|most| most.min(anisotropy as f32));
         let info = vk::SamplerCreateInfo::default()
             .mag_filter(vk::Filter::LINEAR)
             .min_filter(vk::Filter::LINEAR)
@@ -249,8 +255,8 @@ impl Sampler {
             .address_mode_u(u)
             .address_mode_v(v)
             .address_mode_w(clamp)
-            .anisotropy_enable(anisotropy.is_some())
-            .max_anisotropy(anisotropy.unwrap_or(1.0).min(16.0))
+            .anisotropy_enable(most.is_some())
+            .max_anisotropy(most.unwrap_or(1.0))
             .max_lod(vk::LOD_CLAMP_NONE);
         // SAFETY: the device is alive; anisotropy is enabled only where the feature was.
         let raw = unsafe { gpu.device.create_sampler(&info, None) }.map_err(Error::vulkan("making a sampler"))?;

@@ -1,8 +1,9 @@
 //! The Vulkan instance: loader, layers, extensions, and what the validation layer says.
 
-use std::ffi::{CStr, c_char, c_void};
+use std::ffi::{CStr, CString, c_char, c_void};
 use std::sync::{Arc, Mutex, PoisonError};
 
+use ash::vk::Handle as _;
 use ash::{ext, vk};
 use raw_window_handle::RawDisplayHandle;
 
@@ -51,15 +52,18 @@ pub struct Instance {
 }
 
 impl Instance {
-    /// Loads Vulkan and makes an instance that can present to `display`, if there is one.
-    pub fn new(validate: bool, display: Option<RawDisplayHandle>) -> Result<Self> {
+    /// Loads Vulkan and makes an instance that can present to `display`, if there is one, with the extensions that a
+    /// headset's runtime asks for.
+    pub fn new(validate: bool, display: Option<RawDisplayHandle>, asked: &[CString]) -> Result<Self> {
         // SAFETY: loading the system's Vulkan loader runs its initialisers, which is what it is for.
         let entry = unsafe { ash::Entry::load() }.map_err(|e| Error::NoVulkan {
             problem: format!("the Vulkan loader does not load ({e})"),
             remedy: "install a graphics driver with Vulkan, or Mesa's software one (Debian: mesa-vulkan-drivers libvulkan1)",
         })?;
-        let has_debug_utils = has_extension(&entry, ext::debug_utils::NAME);
-        let mut extensions: Vec<*const c_char> = Vec::new();
+        let there = extensions(&entry);
+        check_extensions("instance", asked, &there)?;
+        let has_debug_utils = there.iter().any(|name| name.as_c_str() == ext::debug_utils::NAME);
+        let mut extensions: Vec<*const c_char> = asked.iter().map(|name| name.as_ptr()).collect();
         if let Some(display) = display {
             let wanted = ash_window::enumerate_required_extensions(display)
                 .map_err(|e| Error::Window { problem: format!("Vulkan cannot present to this display ({e})") })?;
@@ -68,6 +72,7 @@ impl Instance {
         if has_debug_utils {
             extensions.push(ext::debug_utils::NAME.as_ptr());
         }
+        drop_repeated(&mut extensions);
         let mut layers: Vec<*const c_char> = Vec::new();
         if validate {
             if !has_layer(&entry, VALIDATION_LAYER) || !has_debug_utils {
@@ -100,6 +105,11 @@ impl Instance {
             instance.listen()?;
         }
         Ok(instance)
+    }
+
+    /// The VkInstance, for a headset's runtime.
+    pub fn handle(&self) -> u64 {
+        self.raw.handle().as_raw()
     }
 
     /// What the validation layer has said so far.
@@ -158,10 +168,36 @@ unsafe extern "system" fn on_message(
     vk::FALSE
 }
 
-fn has_extension(entry: &ash::Entry, name: &CStr) -> bool {
+fn extensions(entry: &ash::Entry) -> Vec<CString> {
     // SAFETY: no layer name is given; the call only reads.
-    let all = unsafe { entry.enumerate_instance_extension_properties(None) }.unwrap_or_default();
-    all.iter().any(|e| e.extension_name_as_c_str() == Ok(name))
+    names(&unsafe { entry.enumerate_instance_extension_properties(None) }.unwrap_or_default())
+}
+
+/// The names in a list of extensions.
+pub(super) fn names(all: &[vk::ExtensionProperties]) -> Vec<CString> {
+    all.iter().filter_map(|e| e.extension_name_as_c_str().ok().map(CStr::to_owned)).collect()
+}
+
+/// An error if a headset's runtime asks for what the driver lacks.
+pub(super) fn check_extensions(what: &str, asked: &[CString], there: &[CString]) -> Result<()> {
+    let missing: Vec<_> =
+        asked.iter().filter(|name| !there.contains(name)).map(|name| name.to_string_lossy()).collect();
+    if missing.is_empty() {
+        return Ok(());
+    }
+    let missing = missing.join(", ");
+    Err(Error::Headset {
+        problem: format!(
+            "its runtime needs the Vulkan {what} extension(s) {missing}, which this GPU's driver lacks; update the driver"
+        ),
+    })
+}
+
+/// Vulkan wants each name once.
+pub(super) fn drop_repeated(names: &mut Vec<*const c_char>) {
+    let mut seen = std::collections::HashSet::new();
+    // SAFETY: the callers' names are NUL-terminated and outlive the list.
+    names.retain(|name| seen.insert(unsafe { CStr::from_ptr(*name) }.to_owned()));
 }
 
 fn has_layer(entry: &ash::Entry, name: &CStr) -> bool {

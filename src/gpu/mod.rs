@@ -12,6 +12,7 @@ mod recorder;
 mod shader;
 #[cfg(feature = "hot-reload")]
 mod shader_compiler;
+mod staging;
 mod swapchain;
 mod transfer;
 
@@ -20,15 +21,16 @@ pub use ash::vk::{Format, ImageUsageFlags};
 
 pub use buffer::{Buffer, BufferKind};
 pub use choice::{GpuInfo, survey};
-pub use commands::{Commands, Part, Targets};
+pub use commands::{Commands, Part, Rect, Targets};
 pub use descriptor::{Bind, Set, SetLayout, Slot};
-pub use device::{Gpu, GpuOptions};
+pub use device::{Gpu, GpuOptions, Handles};
 pub use image::{Edge, Image, ImageDesc, Sampler, Shape, Use};
-pub use instance::{Messages, validation_available};
+pub use instance::{Instance, Messages, validation_available};
 pub use pipeline::{Constant, DEPTH_FORMAT, Depth, GraphicsDesc, Pipeline};
-pub use recorder::{PassTime, Recorder, run};
+pub use recorder::{PassTime, PassTimes, Recorder, run};
 pub use shader::compute_shaders;
 #[cfg(feature = "hot-reload")]
 pub use shader::on_disk::folder as shader_folder;
-pub use swapchain::{Acquired, PresentMode, Swapchain};
-pub use transfer::{Upload, read_buffer, read_image, read_mips, upload_rows, write_mips};
+pub use staging::{Upload, upload_rows};
+pub use swapchain::{Acquired, Polled, PresentMode, Swapchain};
+pub use transfer::{read_buffer, read_image, read_mips, write_mips};

@@ -12,7 +12,8 @@ use crate::{Error, Result};
 /// A 32-bit specialization constant: its id, and its value's bits.
 pub type Constant = (u32, u32);
 
-/// What a graphics pipeline draws with. Triangles, counter-clockwise front, dynamic viewport.
+/// What a graphics pipeline draws with. Triangles, counter-clockwise front; viewport and culled faces are set while
+/// recording.
 pub struct GraphicsDesc<'a> {
     pub name: &'a str,
     /// File names under glsl/.
@@ -28,7 +29,6 @@ pub struct GraphicsDesc<'a> {
     pub colour: vk::Format,
     pub depth: Depth,
     pub samples: u32,
-    pub cull_back: bool,
     /// Source-over with straight alpha.
     pub blend: bool,
 }
@@ -102,7 +102,6 @@ impl Pipeline {
         let viewport = vk::PipelineViewportStateCreateInfo::default().viewport_count(1).scissor_count(1);
         let raster = vk::PipelineRasterizationStateCreateInfo::default()
             .polygon_mode(vk::PolygonMode::FILL)
-            .cull_mode(if desc.cull_back { vk::CullModeFlags::BACK } else { vk::CullModeFlags::NONE })
             .front_face(vk::FrontFace::COUNTER_CLOCKWISE)
             .line_width(1.0);
         let multisample = vk::PipelineMultisampleStateCreateInfo::default()
@@ -113,7 +112,7 @@ impl Pipeline {
             .depth_compare_op(vk::CompareOp::GREATER_OR_EQUAL);
         let blends = [blend(desc.blend)];
         let blend = vk::PipelineColorBlendStateCreateInfo::default().attachments(&blends);
-        let dynamic = [vk::DynamicState::VIEWPORT, vk::DynamicState::SCISSOR];
+        let dynamic = [vk::DynamicState::VIEWPORT, vk::DynamicState::SCISSOR, vk::DynamicState::CULL_MODE];
         let dynamic = vk::PipelineDynamicStateCreateInfo::default().dynamic_states(&dynamic);
         let formats = [desc.colour];
         let mut rendering = vk::PipelineRenderingCreateInfo::default().color_attachment_formats(&formats);

@@ -1,5 +1,6 @@
 //! One command buffer's life: record, submit, wait, read its timers, again.
 
+use std::ops::Deref;
 use std::sync::Arc;
 
 use ash::vk;
@@ -10,13 +11,29 @@ use super::swapchain::Acquired;
 use crate::{Error, Result};
 
 /// Passes that one recording can time; later ones go untimed.
-const MAX_TIMERS: u32 = 32;
+const MAX_TIMERS: usize = 32;
+const MAX_QUERIES: u32 = 2 * MAX_TIMERS as u32;
 
 /// GPU time of one pass.
-#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
 pub struct PassTime {
     pub name: &'static str,
     pub ms: f64,
+}
+
+/// The times of one recording's passes, in order: a slice that needs no allocation.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct PassTimes {
+    times: [PassTime; MAX_TIMERS],
+    count: usize,
+}
+
+impl Deref for PassTimes {
+    type Target = [PassTime];
+
+    fn deref(&self) -> &[PassTime] {
+        &self.times[..self.count]
+    }
 }
 
 /// A command buffer with its timers.
@@ -25,7 +42,9 @@ pub struct Recorder {
     pub(super) raw: vk::CommandBuffer,
     pool: vk::CommandPool,
     queries: vk::QueryPool,
-    names: Vec<&'static str>,
+    /// Of the passes being timed.
+    names: [&'static str; MAX_TIMERS],
+    timers: usize,
     /// The number of its last submission; 0 before the first.
     submission: u64,
 }
@@ -44,7 +63,8 @@ impl Recorder {
             raw: vk::CommandBuffer::null(),
             pool,
             queries: vk::QueryPool::null(),
-            names: Vec::new(),
+            names: [""; MAX_TIMERS],
+            timers: 0,
             submission: 0,
         };
         let info = vk::CommandBufferAllocateInfo::default().command_pool(pool).command_buffer_count(1);
@@ -52,7 +72,7 @@ impl Recorder {
         let buffers =
             unsafe { gpu.device.allocate_command_buffers(&info) }.map_err(Error::vulkan("making a command buffer"))?;
         recorder.raw = buffers.first().copied().unwrap_or_default();
-        let info = vk::QueryPoolCreateInfo::default().query_type(vk::QueryType::TIMESTAMP).query_count(2 * MAX_TIMERS);
+        let info = vk::QueryPoolCreateInfo::default().query_type(vk::QueryType::TIMESTAMP).query_count(MAX_QUERIES);
         // SAFETY: the device is alive; the queue family has timestamps (see `choice`).
         recorder.queries =
             unsafe { gpu.device.create_query_pool(&info, None) }.map_err(Error::vulkan("making timers"))?;
@@ -60,7 +80,7 @@ impl Recorder {
     }
 
     /// Waits for the last submission and starts anew; also returns that submission's pass times.
-    pub fn begin(&mut self) -> Result<(Commands<'_>, Vec<PassTime>)> {
+    pub fn begin(&mut self) -> Result<(Commands<'_>, PassTimes)> {
         let times = self.finish()?;
         let info = vk::CommandBufferBeginInfo::default().flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
         // SAFETY: the last submission has finished, so pool, queries and buffer are free to be reused.
@@ -69,39 +89,42 @@ impl Recorder {
             device
                 .reset_command_pool(self.pool, vk::CommandPoolResetFlags::empty())
                 .map_err(Error::vulkan("resetting a command pool"))?;
-            device.reset_query_pool(self.queries, 0, 2 * MAX_TIMERS);
+            device.reset_query_pool(self.queries, 0, MAX_QUERIES);
             device.begin_command_buffer(self.raw, &info).map_err(Error::vulkan("starting to record"))?;
         }
         Ok((Commands { recorder: self }, times))
     }
 
     /// Waits for the last submission and returns its pass times.
-    pub fn finish(&mut self) -> Result<Vec<PassTime>> {
+    pub fn finish(&mut self) -> Result<PassTimes> {
+        let mut finished = PassTimes::default();
         if self.submission == 0 {
-            return Ok(Vec::new());
+            return Ok(finished);
         }
         self.gpu.wait_for(self.submission)?;
-        let names = std::mem::take(&mut self.names);
-        let mut ticks = vec![0u64; 2 * names.len()];
-        if !names.is_empty() {
+        finished.count = std::mem::take(&mut self.timers);
+        let mut ticks = [[0u64; 2]; MAX_TIMERS];
+        let ticks = &mut ticks[..finished.count];
+        if !ticks.is_empty() {
             // SAFETY: the submission that wrote these queries has finished.
             unsafe {
                 let flags = vk::QueryResultFlags::TYPE_64 | vk::QueryResultFlags::WAIT;
-                self.gpu.device.get_query_pool_results(self.queries, 0, &mut ticks, flags)
+                self.gpu.device.get_query_pool_results(self.queries, 0, ticks.as_flattened_mut(), flags)
             }
             .map_err(Error::vulkan("reading timers"))?;
         }
         let ms_per_tick = f64::from(self.gpu.limits.timestamp_period) * 1e-6;
-        let ms = |pair: &[u64]| pair[1].saturating_sub(pair[0]) as f64 * ms_per_tick;
-        Ok(names.into_iter().zip(ticks.chunks_exact(2)).map(|(name, pair)| PassTime { name, ms: ms(pair) }).collect())
+        for ((time, name), [start, end]) in finished.times.iter_mut().zip(self.names).zip(ticks) {
+            *time = PassTime { name, ms: end.saturating_sub(*start) as f64 * ms_per_tick };
+        }
+        Ok(finished)
     }
 
     pub(super) fn start_timer(&mut self, name: &'static str) -> Option<u32> {
-        let first = 2 * u32::try_from(self.names.len()).ok()?;
-        if first >= 2 * MAX_TIMERS {
-            return None;
-        }
-        self.names.push(name);
+        *self.names.get_mut(self.timers)? = name;
+        // Below `MAX_QUERIES`, as the line above has found room.
+        let first = 2 * self.timers as u32;
+        self.timers += 1;
         self.stamp(first, vk::PipelineStageFlags2::TOP_OF_PIPE);
         Some(first)
     }
@@ -134,14 +157,14 @@ impl Commands<'_> {
         let commands = [vk::CommandBufferSubmitInfo::default().command_buffer(recorder.raw)];
         let all = vk::PipelineStageFlags2::ALL_COMMANDS;
         let semaphore = |raw| vk::SemaphoreSubmitInfo::default().semaphore(raw).stage_mask(all);
-        let waits: Vec<_> = window.iter().map(|w| semaphore(w.ready)).collect();
+        let waits = window.and_then(|w| w.ready).map(semaphore);
         let mut queue = gpu.queue();
-        let mut signals = vec![semaphore(gpu.timeline).value(queue.submitted + 1)];
-        signals.extend(window.iter().map(|w| semaphore(w.done)));
+        let finished = semaphore(gpu.timeline).value(queue.submitted + 1);
+        let signals = [finished, window.map_or(finished, |w| semaphore(w.done))];
         let submit = vk::SubmitInfo2::default()
             .command_buffer_infos(&commands)
-            .wait_semaphore_infos(&waits)
-            .signal_semaphore_infos(&signals);
+            .wait_semaphore_infos(waits.as_slice())
+            .signal_semaphore_infos(&signals[..1 + usize::from(window.is_some())]);
         // SAFETY: the queue is locked; all handles are alive and stay so until the timeline says it is finished.
         unsafe { gpu.device.queue_submit2(queue.raw, &[submit], vk::Fence::null()) }
             .map_err(Error::vulkan("submitting work"))?;
@@ -157,5 +180,5 @@ pub fn run(gpu: &Arc<Gpu>, record: impl FnOnce(&mut Commands<'_>) -> Result<()>)
     let (mut commands, _) = recorder.begin()?;
     record(&mut commands)?;
     commands.submit(None)?;
-    recorder.finish()
+    Ok(recorder.finish()?.to_vec())
 }

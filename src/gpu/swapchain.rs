@@ -5,7 +5,7 @@ use std::sync::Arc;
 use ash::{khr, vk};
 use raw_window_handle::{RawDisplayHandle, RawWindowHandle};
 
-use super::commands::{Commands, Part, transition};
+use super::commands::{Commands, Part, Rect, transition};
 use super::device::Gpu;
 use super::image::{Image, Use};
 use crate::{Error, Result};
@@ -46,10 +46,19 @@ impl PresentMode {
 /// An image of the swapchain that may be drawn to.
 pub struct Acquired {
     index: u32,
-    /// Signalled when the window system is done reading.
-    pub(super) ready: vk::Semaphore,
+    /// Signalled when the window system is done reading; `None` if that was so before it was handed out.
+    pub(super) ready: Option<vk::Semaphore>,
     /// To be signalled when drawing is done.
     pub(super) done: vk::Semaphore,
+}
+
+/// What asking for an image without waiting gives.
+pub enum Polled {
+    Ready(Acquired),
+    /// The window system has all images: ask again later.
+    Busy,
+    /// The swapchain does not fit the window: `resize` it.
+    Stale,
 }
 
 /// The window's side of presenting.
@@ -67,6 +76,8 @@ pub struct Swapchain {
     /// One per image: presenting an image again proves its last wait is over.
     done: Vec<vk::Semaphore>,
     turn: usize,
+    /// Signalled when the image that `poll` has asked for is free, and that image.
+    polled: (vk::Fence, Option<u32>),
 }
 
 impl Swapchain {
@@ -92,6 +103,7 @@ impl Swapchain {
             ready: Vec::new(),
             done: Vec::new(),
             turn: 0,
+            polled: (vk::Fence::null(), None),
         };
         // SAFETY: family, surface and physical device belong together.
         let presents =
@@ -175,6 +187,9 @@ impl Swapchain {
             unsafe { self.api.get_swapchain_images(self.raw) }.map_err(Error::vulkan("asking for window images"))?;
         self.ready = self.semaphores(self.images.len() + 1)?;
         self.done = self.semaphores(self.images.len())?;
+        // SAFETY: the device is alive.
+        let fence = unsafe { self.gpu.device.create_fence(&vk::FenceCreateInfo::default(), None) };
+        self.polled = (fence.map_err(Error::vulkan("making a fence"))?, None);
         Ok(())
     }
 
@@ -190,15 +205,50 @@ impl Swapchain {
         match acquired {
             Ok((index, _)) => {
                 self.turn += 1;
-                Ok(Some(Acquired { index, ready, done: self.done[index as usize] }))
+                Ok(Some(Acquired { index, ready: Some(ready), done: self.done[index as usize] }))
             }
             Err(vk::Result::ERROR_OUT_OF_DATE_KHR | vk::Result::TIMEOUT | vk::Result::NOT_READY) => Ok(None),
             Err(result) => Err(Error::Vulkan { doing: "taking a window image", result }),
         }
     }
 
+    /// Like `acquire`, but waits for nothing: `None` also where no image is free yet. Of a swapchain, one of the two is
+    /// used, never both.
+    pub fn poll(&mut self) -> Result<Polled> {
+        if self.images.is_empty() {
+            return Ok(Polled::Stale);
+        }
+        let (fence, asked) = self.polled;
+        let index = match asked {
+            Some(index) => index,
+            // SAFETY: the swapchain is alive; the fence is not in use.
+            None => match unsafe { self.api.acquire_next_image(self.raw, 0, vk::Semaphore::null(), fence) } {
+                Ok((index, _)) => index,
+                Err(vk::Result::TIMEOUT | vk::Result::NOT_READY) => return Ok(Polled::Busy),
+                Err(vk::Result::ERROR_OUT_OF_DATE_KHR) => return Ok(Polled::Stale),
+                Err(result) => return Err(Error::Vulkan { doing: "taking a window image", result }),
+            },
+        };
+        self.polled.1 = Some(index);
+        // SAFETY: the fence is this device's and alive.
+        if !unsafe { self.gpu.device.get_fence_status(fence) }.map_err(Error::vulkan("asking for a window image"))? {
+            return Ok(Polled::Busy);
+        }
+        // SAFETY: the fence is signalled, nothing uses it.
+        unsafe { self.gpu.device.reset_fences(&[fence]) }.map_err(Error::vulkan("asking for a window image"))?;
+        self.polled.1 = None;
+        Ok(Polled::Ready(Acquired { index, ready: None, done: self.done[index as usize] }))
+    }
+
     /// Scales one layer of a picture over the whole acquired image; `from` must be prepared for `CopyFrom`.
     pub fn copy(&self, commands: &mut Commands<'_>, from: &Image, part: Part, to: &Acquired) {
+        let whole = [Rect::of(from.mip_size(part.mip)), Rect::of(self.size)];
+        self.copy_parts(commands, from, &[(part, whole)], to);
+    }
+
+    /// Scales parts of a picture's layers into parts of the acquired image and leaves the rest black; `from` must be
+    /// prepared for `CopyFrom`.
+    pub fn copy_parts(&self, commands: &mut Commands<'_>, from: &Image, parts: &[(Part, [Rect; 2])], to: &Acquired) {
         let image = self.images[to.index as usize];
         let range = vk::ImageSubresourceRange {
             aspect_mask: vk::ImageAspectFlags::COLOR,
@@ -215,8 +265,14 @@ impl Swapchain {
             base_array_layer: layer,
             layer_count: 1,
         };
-        let sizes = [from.mip_size(part.mip), self.size];
-        commands.blit_raw(from.raw, image, sizes, [layers(part.mip, part.layer), layers(0, 0)]);
+        let covered = parts.iter().any(|(_, [_, onto])| *onto == Rect::of(self.size));
+        if !covered {
+            commands.clear_raw(image, range);
+            commands.copied();
+        }
+        for (part, rects) in parts {
+            commands.blit_raw(from.raw, image, *rects, [layers(part.mip, part.layer), layers(0, 0)]);
+        }
         commands.raw_image_barrier(transition(Use::CopyTo, Use::Present).image(image).subresource_range(range));
     }
 
@@ -252,8 +308,14 @@ impl Swapchain {
         self.size = [0, 0];
         self.images.clear();
         let semaphores = self.ready.drain(..).chain(self.done.drain(..));
-        // SAFETY: the caller has waited for the GPU and the queue.
+        let (fence, asked) = std::mem::take(&mut self.polled);
+        // SAFETY: the caller has waited for the GPU and the queue, and the fence is waited for where it is in use. A
+        // window system that never signals it has died, and uses it no more.
         unsafe {
+            if asked.is_some() {
+                let _ = self.gpu.device.wait_for_fences(&[fence], true, ACQUIRE_NS);
+            }
+            self.gpu.device.destroy_fence(fence, None);
             semaphores.for_each(|s| self.gpu.device.destroy_semaphore(s, None));
             self.api.destroy_swapchain(std::mem::take(&mut self.raw), None);
         }

@@ -2,12 +2,17 @@
 
 mod chart;
 mod clock;
+mod frame;
+mod geometry;
 mod judge;
 mod maps;
 mod precompute;
 mod synthetic;
 mod table;
 mod texels;
+mod texture_chart;
+mod textures;
+mod widening;
 
 use std::path::{Path, PathBuf};
 
@@ -22,8 +27,11 @@ pub use table::{Row, Sweep};
 pub use texels::{Accuracy, prefiltered_truth, spread_texels};
 
 /// What can be measured: its name, and what it does.
-pub const NAMES: [(&str, &str); 2] = [
+pub const NAMES: [(&str, &str); 5] = [
     ("precompute", "time and error of every way to fill the irradiance and specular maps"),
+    ("frame", "processor time of a frame and of recording it, with each saving and without"),
+    ("geometry", "what vertices lose in fewer bytes, and what ordering triangles gains"),
+    ("textures", "memory, time and picture of ways to store and filter textures"),
     ("panoramas", "write the synthetic panoramas as OpenEXR, for other programs"),
 ];
 
@@ -61,6 +69,15 @@ pub fn run(request: &MeasureRequest<'_>, gpu: GpuOptions<'_>, report: &Report) -
     let wanted = |name: &str| request.names.is_empty() || request.names.iter().any(|n| n == name);
     if wanted("panoramas") {
         write_panoramas(request.output)?;
+    }
+    if wanted("frame") {
+        frame::run(request.output, request.full, gpu, report)?;
+    }
+    if wanted("geometry") {
+        geometry::run(request.output, report)?;
+    }
+    if wanted("textures") {
+        textures::run(request, gpu, report)?;
     }
     if wanted("precompute") { precompute::run(request, gpu, report).map(Some) } else { Ok(None) }
 }

@@ -2,7 +2,8 @@
 
 use std::sync::Arc;
 
-use super::cache::{Cache, cached};
+use super::Cache;
+use super::cache::cached;
 use crate::Result;
 use crate::gpu::{
     Bind, Buffer, BufferKind, Format, Gpu, Image, ImageDesc, ImageUsageFlags, PassTime, Pipeline, Set, SetLayout,

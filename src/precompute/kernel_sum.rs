@@ -80,7 +80,7 @@ impl<'a> KernelSum<'a> {
             Buffer::new(gpu, "norms", BufferKind::Storage, u64::from(norms) * size_of::<f32>() as u64)?,
         ];
         let [nodes, entries, tiles, norms] = &buffers;
-        let sampler = Sampler::new(gpu, "panorama", Edge::Panorama, false)?;
+        let sampler = Sampler::new(gpu, "panorama", Edge::Panorama, 1)?;
         let set = |layout: &SetLayout, binds: &[Bind<'_>]| Set::new(gpu, "kernel sum", layout, binds);
         let variants = |shader, constant, taps: Option<u32>, layout: &SetLayout, push_bytes: usize| {
             let variant = |white: usize| {

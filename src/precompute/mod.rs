@@ -9,8 +9,8 @@ mod light_maps;
 mod node_lists;
 mod texture;
 
+pub use crate::asset::cache::Cache;
 pub use brdf_table::BrdfTable;
-pub use cache::Cache;
 pub use light_maps::{LightMaps, check_face_size};
 pub use texture::read_texture;
 

@@ -5,10 +5,12 @@
 pub const PIXELS_PER_DEGREE: f32 = 67.0;
 
 /// Mean and maximum of a FLIP error map, both in [0, 1].
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Flip {
     pub mean: f32,
     pub max: f32,
+    /// Each pixel's, rows from the top.
+    pub errors: Vec<f32>,
 }
 
 /// LDR-FLIP (Andersson et al. 2020) of two pictures of sRGB bytes, `width · height` each, as a viewer with
@@ -24,7 +26,18 @@ pub fn flip(size: [u32; 2], test: &[[u8; 3]], reference: &[[u8; 3]], pixels_per_
     let image = |pixels: &[[u8; 3]]| nv_flip::FlipImageRgb8::with_data(width, height, pixels.as_flattened());
     let errors = nv_flip::flip(image(reference), image(test), pixels_per_degree).to_vec();
     let sum: f64 = errors.iter().copied().map(f64::from).sum();
-    Some(Flip { mean: (sum / count as f64) as f32, max: errors.into_iter().fold(0.0, f32::max) })
+    Some(Flip { mean: (sum / count as f64) as f32, max: errors.iter().copied().fold(0.0, f32::max), errors })
+}
+
+/// FLIP's errors, 0 to 1, as sRGB colours from black over violet to light yellow: its authors' choice, matplotlib's magma.
+pub fn flip_colours(errors: &[f32]) -> Vec<[u8; 3]> {
+    let ramp = nv_flip::magma_lut().to_vec();
+    let last = ramp.len() / 3 - 1;
+    let colour = |error: &f32| {
+        let at = 3 * (error.clamp(0.0, 1.0) * last as f32).round() as usize;
+        [ramp[at], ramp[at + 1], ramp[at + 2]]
+    };
+    errors.iter().map(colour).collect()
 }
 
 /// Mean over pixels and channels of (test − reference)² / (reference² + 0.01): Rousselle et al., "Adaptive Sampling and

@@ -3,15 +3,13 @@
 use std::fmt;
 use std::sync::Arc;
 
-use bytemuck::bytes_of;
-use glam::UVec4;
+use bytemuck::{Pod, Zeroable, bytes_of};
+use glam::{Mat4, UVec4};
 use serde::Serialize;
 
-use super::forward::Forward;
 use super::shared::{FrameBlock, constant};
 use super::targets::Targets;
-use super::world::World;
-use super::{Eye, FRAMES_IN_FLIGHT, Output};
+use super::{Eye, FRAMES_IN_FLIGHT, Output, Shading};
 use crate::Result;
 use crate::gpu::{
     Bind, Buffer, BufferKind, Commands, DEPTH_FORMAT, Depth, Edge, Format, Gpu, GraphicsDesc, Image, ImageDesc,
@@ -45,6 +43,33 @@ impl fmt::Display for StandardError {
     }
 }
 
+/// What frames that are averaged have in common.
+#[derive(Clone, Copy)]
+pub struct Shown {
+    /// Without jitter.
+    pub block: FrameBlock,
+    /// Where the models stand.
+    pub models: Mat4,
+    /// The part of the picture that is drawn, pixels.
+    pub area: [u32; 2],
+}
+
+impl Shown {
+    /// Exposure comes after averaging.
+    fn is_like(&self, other: &Self) -> bool {
+        let bare = |shown: &Self| FrameBlock { exposure: 0.0, sample_index: 0, ..shown.block };
+        bytes_of(&bare(self)) == bytes_of(&bare(other)) && self.models == other.models && self.area == other.area
+    }
+}
+
+/// What `glsl/exact_accumulate.comp` is pushed.
+#[repr(C)]
+#[derive(Clone, Copy, Pod, Zeroable)]
+struct Count {
+    area: [u32; 2],
+    frames: u32,
+}
+
 /// Images that outlive a frame, and the passes that fill them.
 pub struct Exact {
     latest: Image,
@@ -60,12 +85,24 @@ pub struct Exact {
     groups: [u32; 3],
     frames: u32,
     /// What the accumulated frames show.
-    shown: Option<FrameBlock>,
+    shown: Option<Shown>,
 }
 
 impl Exact {
+    /// For [`Shading::Reference`]; others need none.
+    pub fn of_shading(
+        shading: Shading,
+        gpu: &Arc<Gpu>,
+        frame_layout: &SetLayout,
+        size: [u32; 2],
+        eyes: u32,
+        output: Output,
+    ) -> Result<Option<Self>> {
+        (shading == Shading::Reference).then(|| Self::new(gpu, frame_layout, size, eyes, output)).transpose()
+    }
+
     /// For pictures of `size` pixels of `eyes` eyes.
-    pub fn new(gpu: &Arc<Gpu>, frame_layout: &SetLayout, size: [u32; 2], eyes: u32, output: Output) -> Result<Self> {
+    fn new(gpu: &Arc<Gpu>, frame_layout: &SetLayout, size: [u32; 2], eyes: u32, output: Output) -> Result<Self> {
         let make = |name: &str, format, usage| {
             let flat = ImageDesc::flat(format, size, usage);
             Image::new(gpu, name, ImageDesc { shape: Shape::Layers(eyes), ..flat })
@@ -79,7 +116,7 @@ impl Exact {
         let errors = Buffer::new(gpu, "errors", BufferKind::Storage, bytes)?;
         let readback = |_| Ok((Buffer::new(gpu, "errors", BufferKind::Readback, bytes)?, 0));
         let readbacks = (0..FRAMES_IN_FLIGHT).map(readback).collect::<Result<_>>()?;
-        let sampler = Sampler::new(gpu, "exact", Edge::Clamp, false)?;
+        let sampler = Sampler::new(gpu, "exact", Edge::Clamp, 1)?;
         let slots = [Slot::Sampled, Slot::StorageImage, Slot::StorageImage, Slot::Storage];
         let layout = SetLayout::new(gpu, "accumulate", &slots)?;
         let binds = [
@@ -89,7 +126,8 @@ impl Exact {
             Bind::Storage(&errors),
         ];
         let set = Set::new(gpu, "accumulate", &layout, &binds)?;
-        let accumulate = (Pipeline::compute(gpu, "exact_accumulate.comp", &[], &[&layout], 4)?, set);
+        let accumulate =
+            (Pipeline::compute(gpu, "exact_accumulate.comp", &[], &[&layout], size_of::<Count>() as u32)?, set);
         let show = show_pass(gpu, frame_layout, &mean, &sampler, eyes, output)?;
         Ok(Self {
             latest,
@@ -107,34 +145,30 @@ impl Exact {
         })
     }
 
-    /// The number of the frame that comes next among those averaged: 0 whenever `block` shows something else than the last.
-    pub fn next_index(&mut self, block: &FrameBlock) -> u32 {
-        // Exposure comes after averaging.
-        let block = FrameBlock { exposure: 0.0, sample_index: 0, ..*block };
-        if self.shown.as_ref().is_none_or(|shown| bytes_of(shown) != bytes_of(&block)) || self.frames == u32::MAX {
+    /// The number of the frame that comes next among those averaged: 0 whenever it shows something else than the last.
+    pub fn next_index(&mut self, shown: Shown) -> u32 {
+        if self.shown.is_none_or(|last| !last.is_like(&shown)) || self.frames == u32::MAX {
             self.frames = 0;
         }
-        self.shown = Some(block);
+        self.shown = Some(shown);
         self.frames
     }
 
-    /// Draws one frame's samples, adds them and shows the mean in `targets`.
+    /// Has `draw` make one frame's samples, adds them and shows the mean in `targets`.
     pub fn record(
         &mut self,
         commands: &mut Commands<'_>,
         slot: usize,
-        (forward, world, frame): (&Forward, &World, &Set),
+        draw: impl FnOnce(&mut Commands<'_>),
+        frame: &Set,
         targets: &Targets,
     ) {
         self.frames += 1;
         commands.pass("samples", |commands| {
             commands.prepare_fresh(&self.depth, Use::Depth);
             commands.prepare_fresh(&self.latest, Use::Colour);
-            let (colour, depth) = (&self.latest, Some(&self.depth));
-            commands.render(&Rendering { colour, resolve: None, depth, clear: Some([0.0; 4]) }, |commands| {
-                forward.draw(commands, world, frame);
-                forward.draw_sky(commands, frame);
-            });
+            let (colour, depth, area) = (&self.latest, Some(&self.depth), targets.area);
+            commands.render(&Rendering { colour, resolve: None, depth, clear: Some([0.0; 4]), area }, draw);
         });
         commands.pass("accumulate", |commands| {
             commands.prepare(&self.latest, Use::Sampled);
@@ -144,7 +178,7 @@ impl Exact {
             commands.buffers_written();
             let (pipeline, set) = &self.accumulate;
             commands.bind(pipeline, &[set]);
-            commands.push(pipeline, bytes_of(&self.frames));
+            commands.push(pipeline, bytes_of(&Count { area: targets.area, frames: self.frames }));
             commands.dispatch(self.groups);
             commands.buffers_written();
             let (readback, frames) = &mut self.readbacks[slot];
@@ -201,10 +235,10 @@ fn pcg4d(v: UVec4) -> UVec4 {
 }
 
 /// What `glsl/importance.glsl` draws panorama samples from: a panorama's table, or an empty one where nothing samples.
-pub fn importance_buffer(gpu: &Arc<Gpu>, panorama: Option<&Image>) -> Result<Buffer> {
-    let Some(panorama) = panorama else {
+pub fn importance_buffer(gpu: &Arc<Gpu>, panorama: &Image, shading: Shading) -> Result<Buffer> {
+    if shading != Shading::Reference {
         return Buffer::new(gpu, "no importance", BufferKind::StorageFromCpu, 8 + size_of::<Cell>() as u64);
-    };
+    }
     let mips = panorama.desc().mips;
     let mip = (0..mips).find(|mip| panorama.mip_size(*mip)[0] <= MOST_CELLS).unwrap_or(mips - 1);
     let size = panorama.mip_size(mip);
@@ -239,8 +273,47 @@ fn show_pass(
         colour: output.format(),
         depth: Depth::None,
         samples: 1,
-        cull_back: false,
         blend: false,
     };
     Ok((Pipeline::graphics(gpu, &desc)?, set))
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::Vec3;
+
+    use super::*;
+
+    #[test]
+    fn averaging_goes_on_through_exposure_and_ends_with_everything_else() {
+        let shown = Shown { block: FrameBlock::default(), models: Mat4::IDENTITY, area: [8, 8] };
+        let with = |change: fn(&mut Shown)| {
+            let mut other = shown;
+            change(&mut other);
+            shown.is_like(&other)
+        };
+        assert!(with(|s| s.block.exposure = 3.0));
+        assert!(!with(|s| s.block.environment_turn[0] = 0.5));
+        assert!(!with(|s| s.block.eyes[0].world_from_view[3][0] = 1e-3));
+        assert!(!with(|s| s.block.light_count = 1));
+        assert!(!with(|s| s.models = Mat4::from_translation(Vec3::X)));
+        assert!(!with(|s| s.area = [8, 7]));
+    }
+
+    /// Jitter fills the pixel evenly and never leaves it; failures.md row 15: also where f32 cannot count frames any more.
+    #[test]
+    fn jitter_stays_in_the_pixel_and_does_not_repeat() {
+        let eye = Eye::looking(Vec3::Z, Vec3::ZERO, 60.0, 1.0);
+        let pixel = (eye.right - eye.left) / 100.0;
+        for first in [0, 1 << 24] {
+            let offset = |i: u32| (jittered(&eye, first + i, [100, 100]).left - eye.left) / pixel;
+            let mut offsets: Vec<f32> = (0..1000).map(offset).collect();
+            assert!(offsets.iter().all(|o| o.abs() <= 0.5 + 1e-4));
+            let mean = offsets.iter().sum::<f32>() / 1000.0;
+            assert!(mean.abs() < 4.0 * 0.2887 / 1000f32.sqrt(), "{mean}");
+            offsets.sort_by(f32::total_cmp);
+            offsets.dedup();
+            assert!(offsets.len() > 990, "{} of 1000", offsets.len());
+        }
+    }
 }

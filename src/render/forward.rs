@@ -1,23 +1,17 @@
 //! The forward pass: one pipeline per combination of what materials need, and the sky behind.
 
 use std::collections::HashMap;
-use std::mem::offset_of;
 use std::sync::Arc;
 
+use glam::Mat4;
+
+use super::draws::DrawList;
 use super::shared::{DrawBlock, constant};
-use super::world::{Needs, World};
+use super::world::{ATTRIBUTES, PackedVertex, World};
 use super::{Settings, Shading, exact};
 use crate::Result;
 use crate::gpu::{Commands, Constant, Depth, Format, Gpu, GraphicsDesc, Pipeline, Set, SetLayout};
-use crate::scene::Vertex;
-
-/// Locations 0.. of `glsl/forward.vert`.
-const ATTRIBUTES: [(Format, u32); 4] = [
-    (Format::R32G32B32_SFLOAT, offset_of!(Vertex, position) as u32),
-    (Format::R32G32B32_SFLOAT, offset_of!(Vertex, normal) as u32),
-    (Format::R32G32_SFLOAT, offset_of!(Vertex, uv) as u32),
-    (Format::R32G32B32A32_SFLOAT, offset_of!(Vertex, tangent) as u32),
-];
+use crate::scene::MaterialNeeds;
 
 /// The fragment stages and what they draw into: the picture itself, or samples for the exact one.
 struct Stage {
@@ -39,7 +33,7 @@ impl Stage {
 
 /// Pipelines for one world and one group of settings.
 pub struct Forward {
-    materials: HashMap<Needs, Pipeline>,
+    materials: HashMap<MaterialNeeds, Pipeline>,
     sky: Pipeline,
     eyes: u32,
 }
@@ -60,7 +54,8 @@ impl Forward {
             (constant::SHADING, shading as u32),
             (constant::GEOMETRY, settings.geometry as u32),
             (constant::LINEAR_OUTPUT, u32::from(settings.output == super::Output::Linear)),
-            (constant::HAS_LIGHTS, u32::from(world.light_count > 0)),
+            // Below 0 the shader asks the frame.
+            (constant::LIGHTS, world.lights_needed.map_or(u32::MAX, |count| count)),
         ];
         let mut materials = HashMap::new();
         for needs in world.draws.iter().map(|d| world.materials[d.material].needs) {
@@ -83,31 +78,43 @@ impl Forward {
                 colour: stage.colour,
                 depth: Depth::Test,
                 samples: stage.samples,
-                cull_back: false,
                 blend: false,
             },
         )?;
         Ok(Self { materials, sky, eyes })
     }
 
-    /// Draws all instances for all eyes.
-    pub fn draw(&self, commands: &mut Commands<'_>, world: &World, frame: &Set) {
+    /// Draws what is listed for all eyes, moved together by a rigid `models`, setting only what changes from draw to draw.
+    pub fn draw(&self, commands: &mut Commands<'_>, world: &World, models: Mat4, list: &DrawList, frame: &Set) {
         commands.bind_mesh(&world.geometry.vertices, &world.geometry.indices);
-        let mut bound: (Option<Needs>, Option<usize>) = (None, None);
-        for draw in &world.draws {
-            let material = &world.materials[draw.material];
-            let Some(pipeline) = self.materials.get(&material.needs) else { continue };
-            if bound.0 != Some(material.needs) {
-                commands.bind(pipeline, &[frame]);
-                bound = (Some(material.needs), None);
+        let (mut pipeline, mut needs, mut material, mut placed) = (None, None, None, None);
+        let mut cull_back = false;
+        for listed in list.iter() {
+            let draw = &world.draws[listed.draw as usize];
+            if material != Some(draw.material) {
+                let next = &world.materials[draw.material];
+                if needs != Some(next.needs) {
+                    pipeline = self.materials.get(&next.needs);
+                    needs = Some(next.needs);
+                    // Another pipeline's layout may keep neither sets nor push constants.
+                    pipeline.iter().for_each(|pipeline| commands.bind(pipeline, &[frame]));
+                    placed = None;
+                }
+                pipeline.iter().for_each(|pipeline| commands.bind_set(pipeline, 1, &next.set));
+                material = Some(draw.material);
             }
-            if bound.1 != Some(draw.material) {
-                commands.bind_set(pipeline, 1, &material.set);
-                bound.1 = Some(draw.material);
+            let Some(pipeline) = pipeline else { continue };
+            if placed != Some(draw.world_from_local) {
+                commands.push(pipeline, bytemuck::bytes_of(&DrawBlock::new(models * draw.world_from_local)));
+                placed = Some(draw.world_from_local);
             }
-            commands.push(pipeline, bytemuck::bytes_of(&DrawBlock::new(draw.world_from_local)));
+            if cull_back != listed.cull_back {
+                commands.cull_back(listed.cull_back);
+                cull_back = listed.cull_back;
+            }
             commands.draw_indexed(draw.range.indices.clone(), draw.range.first_vertex, self.eyes);
         }
+        commands.cull_back(false);
     }
 
     /// Draws the panorama wherever nothing else is.
@@ -120,7 +127,7 @@ impl Forward {
 fn material_pipeline(
     gpu: &Arc<Gpu>,
     sets: &[&SetLayout],
-    needs: Needs,
+    needs: MaterialNeeds,
     common: &[Constant],
     stage: &Stage,
 ) -> Result<Pipeline> {
@@ -130,6 +137,7 @@ fn material_pipeline(
         (constant::HAS_NORMAL_MAP, u32::from(needs.normal_map)),
         (constant::HAS_SURFACE_MAP, u32::from(needs.surface_map)),
         (constant::ALPHA_MASK, u32::from(needs.alpha_mask)),
+        (constant::METALS, needs.metals as u32),
     ]);
     Pipeline::graphics(
         gpu,
@@ -140,12 +148,11 @@ fn material_pipeline(
             constants: &constants,
             sets,
             push_bytes: size_of::<DrawBlock>() as u32,
-            vertex_stride: size_of::<Vertex>() as u32,
+            vertex_stride: size_of::<PackedVertex>() as u32,
             vertex_attributes: &ATTRIBUTES,
             colour: stage.colour,
             depth: Depth::Write,
             samples: stage.samples,
-            cull_back: false,
             blend: false,
         },
     )

@@ -1,8 +1,12 @@
-//! One frame for N eyes: forward pass or the exact picture's samples, sky, resolve, text on top.
+//! One frame for N eyes: what no eye sees, forward pass or the exact picture's samples, sky, resolve, text on top.
 
+mod culling;
+mod draws;
 mod exact;
 mod eye;
 mod forward;
+mod guides;
+mod hidden_area;
 mod overlay;
 mod shared;
 #[cfg(test)]
@@ -13,22 +17,30 @@ mod world;
 use std::sync::Arc;
 
 use clap::ValueEnum;
+use glam::Mat4;
 
+pub use draws::{Order, Savings};
 pub use exact::StandardError;
 pub use eye::{Eye, IPD_METRES, NEAR_METRES};
+pub use guides::{GuideVertex, Guides, MAX_GUIDE_VERTICES};
+pub use hidden_area::HiddenArea;
 pub use overlay::Overlay;
 pub use shared::MAX_EYES;
 pub use targets::Output;
+pub use world::TextureFacts;
 
-use crate::asset::Report;
+use crate::asset::{Report, TextureOptions};
 use crate::gpu::{Bind, Buffer, BufferKind, Commands, Edge, Gpu, Image, PassTime, Sampler, Set, SetLayout, Slot};
 use crate::precompute::{self, BrdfTable, LightMaps};
 use crate::reference::brdf::Geometry;
 use crate::reference::table::SplitSum;
-use crate::scene::Scene;
+use crate::scene::needs::resolution::Viewpoint;
+use crate::scene::{Model, Needs, Scene};
 use crate::{Error, Result};
-use exact::Exact;
+use draws::DrawList;
+use exact::{Exact, Shown};
 use forward::Forward;
+use guides::GuidesPass;
 use shared::{EyeBlock, FrameBlock};
 use targets::Targets;
 use world::World;
@@ -82,10 +94,15 @@ impl Shading {
 pub struct Settings {
     pub geometry: Geometry,
     pub split_sum: SplitSum,
+    pub model: Model,
+    /// Where all pictures will be taken from; `None` for anywhere.
+    pub viewpoint: Option<Viewpoint>,
     pub output: Output,
     /// Samples per pixel: 1 or 4.
     pub samples: u32,
     pub precompute: precompute::Options,
+    /// The scene's textures are loaded with the same ones.
+    pub textures: TextureOptions,
 }
 
 impl Default for Settings {
@@ -93,9 +110,12 @@ impl Default for Settings {
         Self {
             geometry: Geometry::Smith,
             split_sum: SplitSum::Moment,
+            model: Model::Needed,
+            viewpoint: None,
             output: Output::Display,
             samples: 4,
             precompute: precompute::Options::default(),
+            textures: TextureOptions::default(),
         }
     }
 }
@@ -109,6 +129,8 @@ pub struct Renderer {
     exposure_ev: f32,
     environment_turn: f32,
     world: World,
+    savings: Savings,
+    draws: DrawList,
     light: LightMaps,
     table: BrdfTable,
     samplers: [Sampler; 2],
@@ -118,7 +140,14 @@ pub struct Renderer {
     /// Only where shading is [`Shading::Reference`].
     exact: Option<Exact>,
     importance: Buffer,
+    hidden_area: Option<HiddenArea>,
+    /// Made for the first guides.
+    guides: Option<GuidesPass>,
     targets: Targets,
+    /// Where the scene's models stand, as a whole.
+    world_from_models: Mat4,
+    /// 0: as it is, 1: all dark.
+    darkness: f32,
 }
 
 impl Renderer {
@@ -132,20 +161,22 @@ impl Renderer {
         eyes: u32,
         report: &Report,
     ) -> Result<Self> {
-        let world = World::new(gpu, scene, report)?;
-        let light = LightMaps::new(gpu, &scene.environment.panorama, &settings.precompute)?;
+        let world =
+            World::new(gpu, scene, &Needs::of(scene, settings.model, settings.viewpoint), &settings.textures, report)?;
+        let panorama = &scene.environment.panorama;
+        let light = report.time("precompute", || LightMaps::new(gpu, panorama, &settings.precompute))?;
         let cache = settings.precompute.cache.as_ref();
         let table = BrdfTable::new(gpu, settings.geometry, settings.split_sum, cache)?;
         let [uniform, storage, sampled] = [Slot::Uniform, Slot::Storage, Slot::Sampled];
         let slots = [uniform, storage, sampled, sampled, sampled, sampled, sampled, storage];
         let frame_layout = SetLayout::new(gpu, "frame", &slots)?;
         let samplers =
-            [Sampler::new(gpu, "panorama", Edge::Panorama, false)?, Sampler::new(gpu, "clamped", Edge::Clamp, false)?];
-        let importance = importance(gpu, &light, shading)?;
+            [Sampler::new(gpu, "panorama", Edge::Panorama, 1)?, Sampler::new(gpu, "clamped", Edge::Clamp, 1)?];
+        let importance = exact::importance_buffer(gpu, &light.panorama, shading)?;
         let frames = make_frames(gpu, &frame_layout, &world, &light, &table, &samplers, &importance)?;
         let forward = Forward::new(gpu, &frame_layout, &world, &settings, shading, eyes)?;
         let targets = make_targets(gpu, size, eyes, &settings)?;
-        let exact = make_exact(gpu, &frame_layout, &targets, eyes, settings.output, shading)?;
+        let exact = Exact::of_shading(shading, gpu, &frame_layout, size, eyes, settings.output)?;
         Ok(Self {
             gpu: Arc::clone(gpu),
             settings,
@@ -154,6 +185,8 @@ impl Renderer {
             exposure_ev: scene.exposure_ev,
             environment_turn: scene.environment.rotation_degrees.to_radians(),
             world,
+            savings: Savings::default(),
+            draws: DrawList::default(),
             light,
             table,
             samplers,
@@ -162,24 +195,62 @@ impl Renderer {
             forward,
             exact,
             importance,
+            hidden_area: None,
+            guides: None,
             targets,
+            world_from_models: Mat4::IDENTITY,
+            darkness: 0.0,
         })
     }
 
     /// New targets; the old ones are given back once the GPU is done with them.
     pub fn resize(&mut self, size: [u32; 2]) -> Result<()> {
         if self.targets.picture.desc().size != size {
-            self.targets = make_targets(&self.gpu, size, self.eyes, &self.settings)?;
-            self.exact = self.make_exact(self.shading)?;
+            let targets = make_targets(&self.gpu, size, self.eyes, &self.settings)?;
+            self.exact = self.make_exact(self.shading, size)?;
+            self.targets = targets;
         }
         Ok(())
     }
 
+    /// Draws for another number of eyes from now on; scene and light stay as they are.
+    pub fn set_eyes(&mut self, eyes: u32) -> Result<()> {
+        if self.eyes != eyes {
+            let (before, size) = (std::mem::replace(&mut self.eyes, eyes), self.targets.picture.desc().size);
+            let made = self.make_forward(self.shading).and_then(|forward| {
+                let targets = make_targets(&self.gpu, size, eyes, &self.settings)?;
+                Ok((forward, self.make_exact(self.shading, size)?, targets))
+            });
+            if made.is_err() {
+                self.eyes = before;
+            }
+            (self.forward, self.exact, self.targets) = made?;
+            (self.hidden_area, self.guides) = (None, None);
+        }
+        Ok(())
+    }
+
+    /// Draws only the upper left `area` pixels of the picture from now on, at most all of them.
+    pub fn set_area(&mut self, area: [u32; 2]) {
+        let size = self.targets.picture.desc().size;
+        self.targets.area = [0, 1].map(|i| area[i].clamp(1, size[i]));
+    }
+
+    /// What no eye can see and is not drawn from now on.
+    pub fn set_hidden_area(&mut self, area: Option<HiddenArea>) {
+        self.hidden_area = area;
+    }
+
+    /// Whether a hidden area is left out.
+    pub fn has_hidden_area(&self) -> bool {
+        self.hidden_area.is_some()
+    }
+
     /// Shows something else.
     pub fn set_shading(&mut self, shading: Shading) -> Result<()> {
-        let (forward, exact) = (self.make_forward(shading)?, self.make_exact(shading)?);
+        let (forward, exact) = (self.make_forward(shading)?, self.make_exact(shading, self.size())?);
         if exact.is_some() != self.exact.is_some() {
-            let importance = importance(&self.gpu, &self.light, shading)?;
+            let importance = exact::importance_buffer(&self.gpu, &self.light.panorama, shading)?;
             self.frames = self.make_frames(&self.light, &importance)?;
             self.importance = importance;
         }
@@ -189,19 +260,29 @@ impl Renderer {
 
     /// Makes all pipelines anew from the shaders as they are now; on an error the old ones stay.
     pub fn reload_shaders(&mut self) -> Result<()> {
-        let (forward, exact) = (self.make_forward(self.shading)?, self.make_exact(self.shading)?);
-        (self.forward, self.exact) = (forward, exact);
+        let (forward, exact) = (self.make_forward(self.shading)?, self.make_exact(self.shading, self.size())?);
+        (self.forward, self.exact, self.guides) = (forward, exact, None);
         Ok(())
     }
 
     /// Puts the scene under another panorama's light, unturned.
     pub fn set_light(&mut self, light: LightMaps) -> Result<()> {
-        let importance = importance(&self.gpu, &light, self.shading)?;
+        let importance = exact::importance_buffer(&self.gpu, &light.panorama, self.shading)?;
+        let exact = self.make_exact(self.shading, self.size())?;
         self.frames = self.make_frames(&light, &importance)?;
-        self.exact = self.make_exact(self.shading)?;
-        (self.light, self.importance) = (light, importance);
+        (self.light, self.importance, self.exact) = (light, importance, exact);
         self.environment_turn = 0.0;
         Ok(())
+    }
+
+    /// Moves all models of the scene together, rigidly; at first they stand as the scene says.
+    pub fn world_from_models(&mut self) -> &mut Mat4 {
+        &mut self.world_from_models
+    }
+
+    /// Darkens scene and sky: 0 not at all, 1 to black.
+    pub fn darken(&mut self, darkness: f32) {
+        self.darkness = darkness.clamp(0.0, 1.0);
     }
 
     /// Stops of exposure; the picture's radiance is multiplied by 2^ev.
@@ -214,6 +295,16 @@ impl Renderer {
         &mut self.environment_turn
     }
 
+    /// What is done so that a frame costs less.
+    pub fn savings(&mut self) -> &mut Savings {
+        &mut self.savings
+    }
+
+    /// How many draws the last recorded frame has, of how many there are.
+    pub fn draw_counts(&self) -> [usize; 2] {
+        [self.draws.iter().count(), self.world.draws.len()]
+    }
+
     /// What is shown.
     pub fn shading(&self) -> Shading {
         self.shading
@@ -224,41 +315,80 @@ impl Renderer {
         &self.targets.picture
     }
 
+    /// What the scene's textures take.
+    pub fn texture_facts(&self) -> &TextureFacts {
+        &self.world.texture_facts
+    }
+
     /// GPU time of precomputation, pass by pass.
     pub fn precompute_times(&self) -> impl Iterator<Item = &PassTime> {
         self.light.times.iter().chain(&self.table.times)
     }
 
+    /// Sets the guides that the next frame recorded in `slot` shows; an empty list shows none. They stay until set anew.
+    /// Called when the frame that used the slot before has finished.
+    pub fn set_guides(&mut self, slot: usize, guides: &Guides) -> Result<()> {
+        let pass = match &mut self.guides {
+            Some(pass) => pass,
+            None => self.guides.insert(GuidesPass::new(&self.gpu, &self.frame_layout, &self.settings, self.eyes)?),
+        };
+        pass.set(slot, guides);
+        Ok(())
+    }
+
     /// Records one frame. `slot` counts frames modulo [`FRAMES_IN_FLIGHT`]; the frame that used it before has finished.
     pub fn record(&mut self, commands: &mut Commands<'_>, slot: usize, eyes: &[Eye], overlay: Option<&Overlay>) {
+        self.record_scene(commands, slot, eyes);
+        if let Some(overlay) = overlay {
+            self.record_text(commands, slot, overlay);
+        }
+    }
+
+    /// The same without text.
+    pub fn record_scene(&mut self, commands: &mut Commands<'_>, slot: usize, eyes: &[Eye]) {
         let mut block = self.frame_block(eyes);
         if let Some(exact) = &mut self.exact {
-            let index = exact.next_index(&block);
-            let size = self.targets.picture.desc().size;
-            let jittered: Vec<Eye> = eyes.iter().map(|eye| exact::jittered(eye, index, size)).collect();
+            let area = self.targets.area;
+            let index = exact.next_index(Shown { block, models: self.world_from_models, area });
+            let jittered: Vec<Eye> = eyes.iter().map(|eye| exact::jittered(eye, index, area)).collect();
             block = FrameBlock { sample_index: index, ..self.frame_block(&jittered) };
         }
         let (buffer, set) = &mut self.frames[slot];
         buffer.write(0, bytemuck::bytes_of(&block));
-        let (forward, world, targets) = (&self.forward, &self.world, &self.targets);
-        match &mut self.exact {
-            Some(exact) => exact.record(commands, slot, (forward, world, set), targets),
-            None => commands.pass("scene", |commands| {
-                targets.render(commands, |commands| {
-                    forward.draw(commands, world, set);
-                    forward.draw_sky(commands, set);
-                });
-            }),
+        let models = self.world_from_models;
+        self.draws.fill(&self.world.draws, &moved(eyes, models.inverse())[..eyes.len()], self.savings);
+        let (forward, world, draws, guides, targets) =
+            (&self.forward, &self.world, &self.draws, &self.guides, &self.targets);
+        if let Some(exact) = &mut self.exact {
+            let draw = |commands: &mut Commands<'_>| {
+                forward.draw(commands, world, models, draws, set);
+                forward.draw_sky(commands, set);
+            };
+            return exact.record(commands, slot, draw, set, targets);
         }
-        if let Some(overlay) = overlay {
-            commands.pass("text", |commands| targets.draw_over(commands, |commands| overlay.draw(commands, slot)));
-        }
+        commands.pass("scene", |commands| {
+            targets.render(commands, |commands| {
+                if let Some(hidden) = &self.hidden_area {
+                    hidden.draw(commands);
+                }
+                forward.draw(commands, world, models, draws, set);
+                if let Some(guides) = guides {
+                    guides.draw(commands, slot, set);
+                }
+                forward.draw_sky(commands, set);
+            });
+        });
+    }
+
+    /// Writes text over the picture as it is.
+    pub fn record_text(&self, commands: &mut Commands<'_>, slot: usize, overlay: &Overlay) {
+        commands.pass("text", |commands| self.targets.draw_over(commands, |commands| overlay.draw(commands, slot)));
     }
 
     fn frame_block(&self, eyes: &[Eye]) -> FrameBlock {
         let mut block = FrameBlock {
             environment_turn: [self.environment_turn.cos(), self.environment_turn.sin()],
-            exposure: self.exposure_ev.exp2(),
+            exposure: self.exposure_ev.exp2() * (1.0 - self.darkness),
             environment_scale: self.light.scale,
             light_count: self.world.light_count,
             ..Default::default()
@@ -279,8 +409,12 @@ impl Renderer {
         self.exact.as_ref()?.standard_error(slot)
     }
 
-    fn make_exact(&self, shading: Shading) -> Result<Option<Exact>> {
-        make_exact(&self.gpu, &self.frame_layout, &self.targets, self.eyes, self.settings.output, shading)
+    fn size(&self) -> [u32; 2] {
+        self.targets.picture.desc().size
+    }
+
+    fn make_exact(&self, shading: Shading, size: [u32; 2]) -> Result<Option<Exact>> {
+        Exact::of_shading(shading, &self.gpu, &self.frame_layout, size, self.eyes, self.settings.output)
     }
 
     fn make_frames(&self, light: &LightMaps, importance: &Buffer) -> Result<Vec<(Buffer, Set)>> {
@@ -292,20 +426,13 @@ impl Renderer {
     }
 }
 
-fn make_exact(
-    gpu: &Arc<Gpu>,
-    frame_layout: &SetLayout,
-    targets: &Targets,
-    eyes: u32,
-    output: Output,
-    shading: Shading,
-) -> Result<Option<Exact>> {
-    let make = || Exact::new(gpu, frame_layout, targets.picture.desc().size, eyes, output);
-    (shading == Shading::Reference).then(make).transpose()
-}
-
-fn importance(gpu: &Arc<Gpu>, light: &LightMaps, shading: Shading) -> Result<Buffer> {
-    exact::importance_buffer(gpu, (shading == Shading::Reference).then_some(&light.panorama))
+/// The eyes as they stand to models that were moved: what is culled is listed where it was before.
+fn moved(eyes: &[Eye], models_from_world: Mat4) -> [Eye; MAX_EYES] {
+    let mut moved = [eyes[0]; MAX_EYES];
+    for (moved, eye) in moved.iter_mut().zip(eyes) {
+        *moved = Eye { world_from_view: models_from_world * eye.world_from_view, ..*eye };
+    }
+    moved
 }
 
 fn make_targets(gpu: &Arc<Gpu>, size: [u32; 2], eyes: u32, settings: &Settings) -> Result<Targets> {

@@ -52,7 +52,6 @@ impl Overlay {
                 colour: Output::Display.format(),
                 depth: Depth::None,
                 samples: 1,
-                cull_back: false,
                 blend: true,
             },
         )?;

@@ -92,5 +92,6 @@ pub mod constant {
     pub const HAS_NORMAL_MAP: u32 = 5;
     pub const HAS_SURFACE_MAP: u32 = 6;
     pub const ALPHA_MASK: u32 = 7;
-    pub const HAS_LIGHTS: u32 = 8;
+    pub const LIGHTS: u32 = 8;
+    pub const METALS: u32 = 9;
 }

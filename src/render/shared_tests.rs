@@ -120,7 +120,8 @@ fn specialization_constants_have_their_ids() {
         ("HAS_NORMAL_MAP", constant::HAS_NORMAL_MAP),
         ("HAS_SURFACE_MAP", constant::HAS_SURFACE_MAP),
         ("ALPHA_MASK", constant::ALPHA_MASK),
-        ("HAS_LIGHTS", constant::HAS_LIGHTS),
+        ("LIGHTS", constant::LIGHTS),
+        ("METALS", constant::METALS),
     ];
     assert_eq!(declared.collect::<Vec<_>>(), ours);
 }

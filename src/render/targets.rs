@@ -39,6 +39,8 @@ pub struct Targets {
     samples: Option<Image>,
     depth: Image,
     pub picture: Image,
+    /// The part that is drawn, pixels from the upper left corner.
+    pub area: [u32; 2],
 }
 
 impl Targets {
@@ -55,6 +57,7 @@ impl Targets {
             samples: multisampled,
             depth: make("depth", DEPTH_FORMAT, ImageUsageFlags::DEPTH_STENCIL_ATTACHMENT, samples)?,
             picture: make("picture", output.format(), picture_usage, 1)?,
+            area: size,
         })
     }
 
@@ -70,16 +73,16 @@ impl Targets {
     pub fn render(&self, commands: &mut Commands<'_>, record: impl FnOnce(&mut Commands<'_>)) {
         commands.prepare_fresh(&self.depth, Use::Depth);
         commands.prepare_fresh(&self.picture, Use::Colour);
-        let clear = Some([0.0; 4]);
+        let (clear, area, depth) = (Some([0.0; 4]), self.area, Some(&self.depth));
         match &self.samples {
             Some(samples) => {
                 commands.prepare_fresh(samples, Use::Colour);
                 let resolve = Some(&self.picture);
-                commands.render(&Rendering { colour: samples, resolve, depth: Some(&self.depth), clear }, record);
+                commands.render(&Rendering { colour: samples, resolve, depth, clear, area }, record);
             }
             None => {
                 let colour = &self.picture;
-                commands.render(&Rendering { colour, resolve: None, depth: Some(&self.depth), clear }, record);
+                commands.render(&Rendering { colour, resolve: None, depth, clear, area }, record);
             }
         }
     }
@@ -87,6 +90,7 @@ impl Targets {
     /// Draws over the finished picture, without depth or multisampling.
     pub fn draw_over(&self, commands: &mut Commands<'_>, record: impl FnOnce(&mut Commands<'_>)) {
         commands.prepare(&self.picture, Use::Colour);
-        commands.render(&Rendering { colour: &self.picture, resolve: None, depth: None, clear: None }, record);
+        let area = self.area;
+        commands.render(&Rendering { colour: &self.picture, resolve: None, depth: None, clear: None, area }, record);
     }
 }

@@ -3,63 +3,63 @@
 mod geometry;
 mod materials;
 mod textures;
+mod vertex;
 
 use std::sync::Arc;
 
-use glam::Mat4;
-
+use super::draws::Draw;
 use super::shared::LightBlock;
 use crate::Result;
-use crate::asset::Report;
+use crate::asset::{Report, TextureOptions};
 use crate::gpu::{Buffer, BufferKind, Edge, Gpu, Image, Sampler, SetLayout};
-use crate::scene::{Material, Scene};
-use geometry::{Geometry, MeshRange};
-use materials::GpuMaterial;
-pub use materials::Needs;
-
-/// One draw: a range of the index buffer, placed.
-pub struct Draw {
-    pub range: MeshRange,
-    pub material: usize,
-    pub world_from_local: Mat4,
-}
+use crate::scene::cluster::clusters;
+use crate::scene::{Needs, Scene};
+use geometry::Geometry;
+pub use geometry::MeshRange;
+use materials::{GpuMaterial, StandIns};
+pub use textures::TextureFacts;
+pub use vertex::{ATTRIBUTES, PackedVertex};
 
 /// Everything of a scene but its environment.
 pub struct World {
     pub geometry: Geometry,
     pub materials: Vec<GpuMaterial>,
-    /// Sorted by what they need, then by material, so that few pipelines and sets are bound.
     pub draws: Vec<Draw>,
     pub lights: Buffer,
     pub light_count: u32,
+    /// The number that shaders are made for; `None` for any.
+    pub lights_needed: Option<u32>,
     pub material_layout: SetLayout,
+    pub texture_facts: TextureFacts,
     // The materials' sets refer to them.
     _textures: Vec<Image>,
+    _stand_ins: StandIns,
     _sampler: Sampler,
 }
 
 impl World {
-    /// Uploads a scene.
-    pub fn new(gpu: &Arc<Gpu>, scene: &Scene, report: &Report) -> Result<Self> {
-        let geometry = Geometry::new(gpu, &scene.meshes)?;
-        let textures = textures::upload(gpu, &scene.textures, report)?;
-        let sampler = Sampler::new(gpu, "material", Edge::Repeat, true)?;
+    /// Uploads what a scene needs.
+    pub fn new(
+        gpu: &Arc<Gpu>,
+        scene: &Scene,
+        needs: &Needs,
+        options: &TextureOptions,
+        report: &Report,
+    ) -> Result<Self> {
+        let clusters = clusters(&scene.meshes, &scene.instances);
+        let geometry = Geometry::new(gpu, &clusters)?;
+        let (textures, texture_facts) = textures::upload(gpu, &scene.textures, &needs.first_levels, options, report)?;
+        let sampler = Sampler::new(gpu, "material", Edge::Repeat, options.anisotropy)?;
         let layout = SetLayout::new(gpu, "material", &materials::SLOTS)?;
-        let material = |m: &Material| materials::upload(gpu, &layout, m, &textures, &sampler);
-        let materials: Vec<GpuMaterial> = scene.materials.iter().map(material).collect::<Result<_>>()?;
-        let mut draws: Vec<Draw> = scene
-            .instances
-            .iter()
-            .map(|instance| Draw {
-                range: geometry.ranges[instance.mesh].clone(),
-                material: scene.meshes[instance.mesh].material,
-                world_from_local: instance.world_from_local,
-            })
-            .collect();
-        draws.sort_by_key(|d| {
-            let needs = materials[d.material].needs;
-            (needs.alpha_mask, needs.normal_map, needs.albedo_map, needs.surface_map, d.material)
+        let stand_ins = StandIns::new(gpu)?;
+        let material = |material| materials::upload(gpu, &layout, material, (&textures, &stand_ins), &sampler);
+        let each = scene.materials.iter().zip(needs.materials.iter().copied());
+        let materials: Vec<GpuMaterial> = each.map(material).collect::<Result<_>>()?;
+        let draws = clusters.iter().zip(&geometry.ranges).flat_map(|(cluster, range)| {
+            let masked = materials[cluster.material].needs.alpha_mask;
+            cluster.placements.iter().map(move |place| Draw::new(cluster, range.clone(), *place, masked))
         });
+        let draws = draws.collect();
         let lights: Vec<LightBlock> = scene
             .lights
             .iter()
@@ -75,8 +75,11 @@ impl World {
             draws,
             lights,
             light_count,
+            lights_needed: needs.lights,
             material_layout: layout,
+            texture_facts,
             _textures: textures,
+            _stand_ins: stand_ins,
             _sampler: sampler,
         })
     }

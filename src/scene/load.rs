@@ -12,7 +12,7 @@ use super::mesh::{Bounds, Mesh};
 use super::{Camera, Environment, Instance, Scene, material, tangent};
 use crate::asset::mtl::Mtl;
 use crate::asset::obj::{self, Part};
-use crate::asset::{Panorama, Report, file};
+use crate::asset::{Panorama, Report, TextureOptions, file};
 use crate::{Error, Result};
 
 const AUTO_FOV_DEGREES: f32 = 45.0;
@@ -22,6 +22,8 @@ const AUTO_FOV_DEGREES: f32 = 45.0;
 pub struct LoadOptions {
     /// For an .obj, or a description without `environment`; without it such a scene is lit evenly.
     pub default_panorama: Option<PathBuf>,
+    /// How textures are made.
+    pub textures: TextureOptions,
 }
 
 /// Loads a scene description (.toml) or a model (.obj) with all it names.
@@ -37,7 +39,7 @@ pub fn load(path: &Path, options: &LoadOptions, report: &Report) -> Result<Scene
     };
     let environment = environment(path, &description, options, report)?;
     let models = Models::load(&description.models, report)?;
-    let (mut materials, textures) = material::build(&models.mtls, report);
+    let (mut materials, textures) = material::build(&models.mtls, &options.textures, report);
     if models.meshes.iter().any(|mesh| mesh.material == materials.len()) {
         materials.push(material::default_material());
     }
@@ -94,7 +96,7 @@ impl Models {
             let meshes = match known.get(model.file.as_path()) {
                 Some(meshes) => meshes.clone(),
                 None => {
-                    let (loaded, first) = (obj::load(&model.file, report)?, all_mtls.len());
+                    let (loaded, first) = (report.time("parse", || obj::load(&model.file, report))?, all_mtls.len());
                     let start = parts.len();
                     parts.extend(
                         loaded

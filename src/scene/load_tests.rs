@@ -48,7 +48,7 @@ fn a_description_with_everything() {
 fn a_bare_model_gets_light_and_a_camera_that_sees_it() {
     let folder = folder();
     let (report, path) = (Report::silent(), folder.path().join("a.obj"));
-    let options = LoadOptions { default_panorama: Some(folder.path().join("sky.hdr")) };
+    let options = LoadOptions { default_panorama: Some(folder.path().join("sky.hdr")), ..LoadOptions::default() };
     let scene = load(&path, &options, &report).unwrap();
     assert_eq!(scene.environment.panorama.name, "sky.hdr");
     let camera = &scene.cameras[0];

@@ -7,29 +7,33 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use super::Material;
+use super::maps::{ALPHA_CUTOFF, Job, Made, Normals, Pictures};
 use crate::asset::mtl::{Map, Mtl};
-use crate::asset::texture::{Channel, Encoding};
-use crate::asset::{Report, Texture, file};
-use crate::{Error, Result};
+use crate::asset::{MipChain, Report, TextureOptions, file};
 
-/// Fragments with less alpha than this are not there.
-const ALPHA_CUTOFF: f32 = 0.5;
 /// For materials that say nothing of it: neither mirror nor chalk.
 const DEFAULT_ROUGHNESS: f32 = 0.5;
-/// A normal map whose every x and y is within one step of 128 bends nothing.
-const FLAT_NORMAL: std::ops::RangeInclusive<u8> = 127..=129;
-
 /// What stands in for a material that a model names and nothing defines: grey, dielectric, half rough.
 pub fn default_material() -> Material {
-    Material {
-        name: "default".into(),
-        albedo_factor: Vec3::splat(0.8),
-        metallic_factor: 0.0,
-        roughness_factor: DEFAULT_ROUGHNESS,
-        albedo_map: None,
-        normal_map: None,
-        surface_map: None,
-        alpha_cutoff: None,
+    Material::plain("default", Vec3::splat(0.8), 0.0, DEFAULT_ROUGHNESS)
+}
+
+impl Material {
+    /// The same all over.
+    pub fn plain(name: &str, albedo: Vec3, metallic: f32, roughness: f32) -> Self {
+        Self {
+            name: name.into(),
+            albedo_factor: albedo,
+            metallic_factor: metallic,
+            roughness_factor: roughness,
+            albedo_map: None,
+            normal_map: None,
+            surface_map: None,
+            metallic_range: [metallic; 2],
+            roughness_range: [roughness; 2],
+            occludes: false,
+            alpha_cutoff: None,
+        }
     }
 }
 
@@ -40,155 +44,41 @@ pub fn default_material() -> Material {
 /// by alpha² = 2/(Ns + 2) (Walter et al. 2007, section 5.2), else 0.5. Occlusion is `map_ao`, else `map_Ka`, unless that
 /// repeats `map_Kd`, as the Phong model's ambient colour did. Cutouts come from `map_d`, else from alpha of `map_Kd`.
 /// A texture that is absent or broken is left out with a warning that names file and key.
-pub fn build(mtls: &[Mtl], report: &Report) -> (Vec<Material>, Vec<Texture>) {
+pub fn build(mtls: &[Mtl], options: &TextureOptions, report: &Report) -> (Vec<Material>, Vec<MipChain>) {
     let mut told = HashSet::new();
     let plans: Vec<Plan> = mtls.iter().map(|mtl| Plan::new(mtl, &mut told, report)).collect();
-    let scalar_files: BTreeSet<_> = plans.iter().flat_map(Plan::scalar_files).collect();
     let jobs: BTreeSet<_> = plans.iter().flat_map(Plan::jobs).collect();
-    let progress = report.stage("textures", (scalar_files.len() + jobs.len()) as u64);
-    let scalars: Scalars = scalar_files
-        .into_par_iter()
-        .map(|(path, kind)| {
-            let channel = if kind == Kind::Mask { Channel::load_mask(&path) } else { Channel::load(&path) };
-            progress.inc(1);
-            ((path, kind), channel)
-        })
-        .collect();
+    let pictures = Pictures::new(&jobs, options, report);
+    let progress = report.stage("textures", jobs.len() as u64);
     let made: Vec<_> = jobs
         .into_par_iter()
         .map(|job| {
-            let made = job.run(&scalars);
+            let made = pictures.make(&job);
             progress.inc(1);
             (job, made)
         })
         .collect();
     progress.finish_and_clear();
     let mut textures = Vec::new();
-    let results: HashMap<Job, Result<Ready>> =
-        made.into_iter().map(|(job, made)| (job, made.map(|made| made.store(&mut textures)))).collect();
-    (plans.iter().map(|plan| plan.material(&results, &scalars, report)).collect(), textures)
+    let results: HashMap<Job, Ready> =
+        made.into_iter().map(|(job, made)| (job, Ready::new(made, &mut textures))).collect();
+    (plans.iter().map(|plan| plan.material(&results, report)).collect(), textures)
 }
 
-/// What a picture of which one channel counts is read for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
-enum Kind {
-    Red,
-    Mask,
-}
-
-type Scalars = HashMap<(PathBuf, Kind), Result<Channel>>;
-
-/// A texture of the scene that is to be made; equal jobs are done once.
-#[derive(Clone, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
-enum Job {
-    Albedo {
-        colour: Option<PathBuf>,
-        mask: Option<PathBuf>,
-    },
-    /// A certain normal map.
-    Normal(PathBuf),
-    /// Bits of the strength, so that it can be compared.
-    Bump(PathBuf, u32),
-    /// Occlusion, roughness, metallic.
-    Surface([Option<PathBuf>; 3]),
-}
-
-/// What a job comes to: a texture, or what it would say everywhere, or both.
-struct Made {
-    texture: Option<Texture>,
-    /// Albedo (linear), or occlusion, roughness, metallic: 1 where the texture says it.
-    factor: Vec3,
-    cutout: bool,
-}
-
-/// The same, with its texture among the scene's.
+/// What a job came to, with its texture among the scene's.
 struct Ready {
     texture: Option<usize>,
-    factor: Vec3,
-    cutout: bool,
+    made: Made,
 }
 
-impl Made {
-    fn store(self, textures: &mut Vec<Texture>) -> Ready {
-        let texture = self.texture.map(|texture| {
+impl Ready {
+    fn new(mut made: Made, textures: &mut Vec<MipChain>) -> Self {
+        let texture = made.texture.take().map(|texture| {
             textures.push(texture);
             textures.len() - 1
         });
-        Ready { texture, factor: self.factor, cutout: self.cutout }
+        Self { texture, made }
     }
-}
-
-impl Job {
-    fn run(&self, scalars: &Scalars) -> Result<Made> {
-        match self {
-            Self::Albedo { colour, mask } => {
-                let mask = mask.as_ref().and_then(|path| scalar(scalars, path, Kind::Mask));
-                albedo(colour.as_deref(), mask.filter(|mask| mask.cuts_out()))
-            }
-            Self::Normal(path) => normal(Texture::load(path, Encoding::Normal)?),
-            Self::Bump(path, strength) => {
-                normal(Texture::load(path, Encoding::Linear)?.into_normal_map(f32::from_bits(*strength)))
-            }
-            Self::Surface(paths) => Ok(surface(
-                paths.each_ref().map(|path| path.as_ref().and_then(|p| Some((p, scalar(scalars, p, Kind::Red)?)))),
-            )),
-        }
-    }
-}
-
-fn scalar<'a>(scalars: &'a Scalars, path: &Path, kind: Kind) -> Option<&'a Channel> {
-    scalars.get(&(path.to_owned(), kind))?.as_ref().ok()
-}
-
-fn albedo(path: Option<&Path>, mask: Option<&Channel>) -> Result<Made> {
-    let Some(path) = path else {
-        return Ok(Made { texture: mask.map(white), factor: Vec3::ONE, cutout: mask.is_some() });
-    };
-    let mut texture = Texture::load(path, Encoding::Srgb)?;
-    let own_alpha = texture.channel(3);
-    let cutout = mask.is_some() || own_alpha.cuts_out();
-    if !cutout {
-        texture.clear_alpha();
-    }
-    if let Some(colour) = texture.constant_colour() {
-        let factor = Vec3::from_array(colour.map(srgb_to_linear));
-        let mask = mask.or(cutout.then_some(&own_alpha));
-        return Ok(Made { texture: mask.map(white), factor, cutout });
-    }
-    if let Some(mask) = mask {
-        texture.set_alpha(mask);
-    }
-    Ok(Made { texture: Some(texture), factor: Vec3::ONE, cutout })
-}
-
-/// White where `mask` lets it be.
-fn white(mask: &Channel) -> Texture {
-    let pixels = mask.values.iter().flat_map(|alpha| [255, 255, 255, *alpha]).collect();
-    Texture { name: "mask".into(), width: mask.width, height: mask.height, encoding: Encoding::Srgb, pixels }
-}
-
-fn normal(mut texture: Texture) -> Result<Made> {
-    texture.clear_alpha();
-    let flat = texture.constant().is_some_and(|[x, y, ..]| FLAT_NORMAL.contains(&x) && FLAT_NORMAL.contains(&y));
-    Ok(Made { texture: (!flat).then_some(texture), factor: Vec3::ONE, cutout: false })
-}
-
-/// Packs what varies. Constant roughness and metallic become factors; occlusion has none, so if it darkens, it stays.
-fn surface(maps: [Option<(&PathBuf, &Channel)>; 3]) -> Made {
-    let constants = maps.map(|map| map.and_then(|(_, channel)| channel.constant()));
-    let darkens = constants[0].is_some_and(|occlusion| occlusion < 255);
-    let varies = |i: usize| maps[i].filter(|_| constants[i].is_none() || (i == 0 && darkens));
-    let varying = [varies(0), varies(1), varies(2)];
-    let names: Vec<_> = varying.iter().flatten().map(|(path, _)| file::short_name(path)).collect();
-    let texture = Texture::packed(names.join("+"), varying.map(|map| map.map(|(_, channel)| channel)));
-    let factor = |i: usize| constants[i].map_or(1.0, |value| f32::from(value) / 255.0);
-    Made { texture, factor: Vec3::new(1.0, factor(1), factor(2)), cutout: false }
-}
-
-/// IEC 61966-2-1.
-fn srgb_to_linear(value: u8) -> f32 {
-    let v = f32::from(value) / 255.0;
-    if v <= 0.04045 { v / 12.92 } else { ((v + 0.055) / 1.055).powf(2.4) }
 }
 
 /// One material's maps, found on disk.
@@ -227,70 +117,67 @@ impl<'a> Plan<'a> {
         }
     }
 
-    fn scalar_files(&self) -> impl Iterator<Item = (PathBuf, Kind)> {
-        let red = self.surface.iter().flatten().map(|source| (source.path.clone(), Kind::Red));
-        red.chain(self.mask.iter().map(|source| (source.path.clone(), Kind::Mask)))
-    }
-
     fn albedo_job(&self) -> Option<Job> {
-        let path = |source: &Option<Source>| source.as_ref().map(|source| source.path.clone());
         let (colour, mask) = (path(&self.albedo), path(&self.mask));
         (colour.is_some() || mask.is_some()).then_some(Job::Albedo { colour, mask })
     }
 
-    fn normal_job(&self) -> Option<Job> {
-        let bump = |source: &Source| Job::Bump(source.path.clone(), source.map.bump_strength.to_bits());
-        let norm = self.norm.as_ref().map(|source| Job::Normal(source.path.clone()));
+    fn normals(&self) -> Option<Normals> {
+        let bump = |source: &Source| Normals::Bump(source.path.clone(), source.map.bump_strength.to_bits());
+        let norm = self.norm.as_ref().map(|source| Normals::Map(source.path.clone()));
         norm.or_else(|| self.bump.as_ref().map(bump))
     }
 
+    /// The roughness that the map is multiplied by, and what stands for it where it is absent or broken, are a part of it.
     fn surface_job(&self) -> Option<Job> {
-        let paths = self.surface.each_ref().map(|source| source.as_ref().map(|source| source.path.clone()));
-        paths.iter().any(Option::is_some).then_some(Job::Surface(paths))
+        let maps = self.surface.each_ref().map(path);
+        let normals = self.normals();
+        let roughness = [true, false].map(|has_map| roughness_factor(self.mtl, has_map).to_bits());
+        (maps.iter().any(Option::is_some) || normals.is_some()).then_some(Job::Surface { maps, normals, roughness })
     }
 
     fn jobs(&self) -> impl Iterator<Item = Job> {
-        [self.albedo_job(), self.normal_job(), self.surface_job()].into_iter().flatten()
+        [self.albedo_job(), self.normals().map(Job::Normal), self.surface_job()].into_iter().flatten()
     }
 
-    fn material(&self, results: &HashMap<Job, Result<Ready>>, scalars: &Scalars, report: &Report) -> Material {
-        let name = &self.mtl.name;
-        let ready = |job: Option<Job>, source: &Option<Source>| match results.get(&job?)? {
-            Ok(ready) => Some(ready),
-            Err(error) => {
-                if let Some(source) = source {
-                    warn_unusable(self.mtl, source.map, error, report);
-                }
-                None
-            }
-        };
-        let albedo = ready(self.albedo_job(), &self.albedo);
+    fn material(&self, results: &HashMap<Job, Ready>, report: &Report) -> Material {
+        let ready = |job: Option<Job>| results.get(&job?);
+        let albedo = ready(self.albedo_job());
+        let normal = ready(self.normals().map(Job::Normal));
+        let surface = ready(self.surface_job());
         let normal_source = if self.norm.is_some() { &self.norm } else { &self.bump };
-        let normal = ready(self.normal_job(), normal_source);
-        let surface = ready(self.surface_job(), &None);
-        let scalar_sources = self.surface.iter().flatten().map(|s| (s, Kind::Red));
-        for (source, kind) in scalar_sources.chain(self.mask.iter().map(|s| (s, Kind::Mask))) {
-            if let Some(Err(error)) = scalars.get(&(source.path.clone(), kind)) {
-                warn_unusable(self.mtl, source.map, error, report);
-            }
+        for (ready, sources) in [(albedo, [&self.albedo, &self.mask].as_slice()), (normal, &[normal_source])] {
+            warn_unusable(self.mtl, ready, sources, report);
         }
+        warn_unusable(self.mtl, surface, &self.surface.each_ref(), report);
         warn_of_the_unmodelled(self.mtl, report);
-        let is_read = |source: &Option<Source>| {
-            source.as_ref().is_some_and(|source| scalar(scalars, &source.path, Kind::Red).is_some())
-        };
-        let surface_factor = surface.map_or(Vec3::ONE, |surface| surface.factor);
-        let (roughness, metallic) = (is_read(&self.surface[1]), is_read(&self.surface[2]));
+        let is_read = |i: usize| surface.is_some_and(|surface| surface.made.read[i]);
+        let has_colour = albedo.is_some_and(|albedo| albedo.made.read[0]);
+        let factor = |ready: Option<&Ready>| ready.map_or(Vec3::ONE, |ready| ready.made.factor);
+        let ranges =
+            surface.map_or([[1.0; 2]; 3], |surface| surface.made.ranges.map(|r| r.map(|v| f32::from(v) / 255.0)));
+        let own_roughness = roughness_factor(self.mtl, is_read(1));
+        let roughness = own_roughness * factor(surface).y;
+        let metallic = metallic_factor(self.mtl, is_read(2));
         Material {
-            name: name.clone(),
-            albedo_factor: albedo_factor(self.mtl, albedo.is_some(), report) * albedo.map_or(Vec3::ONE, |a| a.factor),
-            metallic_factor: metallic_factor(self.mtl, metallic) * surface_factor.z,
-            roughness_factor: roughness_factor(self.mtl, roughness) * surface_factor.y,
+            name: self.mtl.name.clone(),
+            albedo_factor: albedo_factor(self.mtl, has_colour, report) * factor(albedo),
+            metallic_factor: metallic * factor(surface).z,
+            // A map that is widened where normals lose detail holds all of the roughness.
+            roughness_factor: if surface.is_some_and(|s| s.made.holds_roughness) { 1.0 } else { roughness },
             albedo_map: albedo.and_then(|albedo| albedo.texture),
             normal_map: normal.and_then(|normal| normal.texture),
             surface_map: surface.and_then(|surface| surface.texture),
-            alpha_cutoff: albedo.is_some_and(|albedo| albedo.cutout).then_some(ALPHA_CUTOFF),
+            metallic_range: ranges[2].map(|value| value * metallic),
+            roughness_range: ranges[1].map(|value| value * own_roughness),
+            occludes: ranges[0][0] < 1.0,
+            alpha_cutoff: albedo.is_some_and(|albedo| albedo.made.cutout).then_some(ALPHA_CUTOFF),
         }
     }
+}
+
+fn path(source: &Option<Source>) -> Option<PathBuf> {
+    source.as_ref().map(|source| source.path.clone())
 }
 
 fn place(mtl: &Mtl, map: &Map) -> String {
@@ -316,8 +203,14 @@ fn find<'a>(mtl: &Mtl, map: &'a Map, told: &mut HashSet<(PathBuf, String)>, repo
     Some(Source { map, path: found.path })
 }
 
-fn warn_unusable(mtl: &Mtl, map: &Map, error: &Error, report: &Report) {
-    report.warn(format!("{}: {error}; using the factor alone", place(mtl, map)));
+/// Tells of each of a job's files that could not be read.
+fn warn_unusable(mtl: &Mtl, ready: Option<&Ready>, sources: &[&Option<Source>], report: &Report) {
+    for source in sources.iter().copied().flatten() {
+        let problems = ready.iter().flat_map(|ready| &ready.made.problems);
+        if let Some((_, problem)) = problems.into_iter().find(|(path, _)| *path == source.path) {
+            report.warn(format!("{}: {problem}; using the factor alone", place(mtl, source.map)));
+        }
+    }
 }
 
 fn warn_of_the_unmodelled(mtl: &Mtl, report: &Report) {

@@ -3,7 +3,8 @@
 use image::{GrayImage, Luma, Rgb, RgbImage, Rgba, RgbaImage};
 
 use super::*;
-use crate::asset::mtl;
+use crate::asset::ktx2::TexelFormat;
+use crate::asset::{Cache, Storage, mtl};
 
 struct Folder(tempfile::TempDir);
 
@@ -36,22 +37,31 @@ impl Folder {
         self.0.path().join(name)
     }
 
-    fn build(&self, mtl: &str) -> (Vec<Material>, Vec<Texture>, Vec<String>) {
+    fn build(&self, mtl: &str) -> (Vec<Material>, Vec<MipChain>, Vec<String>) {
+        let (materials, textures, report) = self.build_with(mtl, &RAW);
+        (materials, textures, report.warnings())
+    }
+
+    fn build_with(&self, mtl: &str, options: &TextureOptions) -> (Vec<Material>, Vec<MipChain>, Report) {
         let path = self.path("m.mtl");
         std::fs::write(&path, mtl).unwrap();
         let report = Report::silent();
-        let (materials, textures) = build(&mtl::load(&path, &report).unwrap(), &report);
-        (materials, textures, report.warnings())
+        let (materials, textures) = build(&mtl::load(&path, &report).unwrap(), options, &report);
+        (materials, textures, report)
     }
 }
 
-fn only(folder: &Folder, keys: &str) -> (Material, Vec<Texture>, Vec<String>) {
+/// So that texels can be looked at.
+const RAW: TextureOptions =
+    TextureOptions { storage: Storage::Raw, cache: None, budget_bytes: None, dropped_levels: 0, anisotropy: 1 };
+
+fn only(folder: &Folder, keys: &str) -> (Material, Vec<MipChain>, Vec<String>) {
     let (mut materials, textures, warnings) = folder.build(&format!("newmtl a\n{keys}"));
     (materials.remove(0), textures, warnings)
 }
 
-fn first_texel(texture: &Texture) -> [u8; 4] {
-    texture.pixels[..4].try_into().unwrap()
+fn first_texel(texture: &MipChain) -> [u8; 4] {
+    texture.levels[0][..4].try_into().unwrap()
 }
 
 #[test]
@@ -89,15 +99,31 @@ fn varying_maps_are_packed() {
         only(&folder, "map_Kd coloured.png\nnorm bumpy.png\nmap_Pr vary.png\nmap_Pm grey51.png");
     let map = |index: Option<usize>| &textures[index.unwrap()];
     assert_eq!(first_texel(map(material.albedo_map)), [255, 0, 0, 255]);
-    assert_eq!(map(material.albedo_map).encoding, Encoding::Srgb);
-    assert_eq!(first_texel(map(material.normal_map)), [140, 128, 250, 255]);
-    assert_eq!(map(material.normal_map).encoding, Encoding::Normal);
+    assert_eq!(map(material.albedo_map).format, TexelFormat::Rgba8Srgb);
+    assert_eq!(first_texel(map(material.normal_map)), [140, 128, 254, 255], "normalised");
+    assert_eq!(map(material.normal_map).format, TexelFormat::Rgba8);
     assert_eq!(first_texel(map(material.surface_map)), [255, 0, 255, 255], "absent or constant channels are 1");
-    assert_eq!(map(material.surface_map).encoding, Encoding::Linear);
+    assert_eq!(map(material.surface_map).format, TexelFormat::Rgba8);
     assert_eq!(material.roughness_factor, 1.0);
     assert!((material.metallic_factor - 0.2).abs() < 1e-6);
     let dark = only(&folder, "map_ao grey51.png");
     assert_eq!(first_texel(&dark.1[0]), [51, 255, 255, 255], "occlusion has no factor");
+}
+
+#[test]
+fn ranges_are_what_factors_and_maps_come_to() {
+    let folder = Folder::new();
+    let ranges = |keys: &str| {
+        let material = only(&folder, keys).0;
+        let cut = |range: [f32; 2]| range.map(|value| (value * 1000.0).round() / 1000.0);
+        (cut(material.roughness_range), cut(material.metallic_range), material.occludes)
+    };
+    assert_eq!(ranges(""), ([0.5; 2], [0.0; 2], false));
+    assert_eq!(ranges("Pr 0.5\nmap_Pr vary.png\nPm 1"), ([0.0, 0.392], [1.0; 2], false));
+    assert_eq!(ranges("map_Pr grey51.png\nmap_Pm vary.png"), ([0.2; 2], [0.0, 0.784], false));
+    assert_eq!(ranges("map_Pm grey255.png\nmap_ao vary.png"), ([0.5; 2], [1.0; 2], true));
+    assert_eq!(ranges("map_ao grey51.png\nPr 0.3"), ([0.3; 2], [0.0; 2], true));
+    assert_eq!(ranges("map_Pr missing.png\nPr 0.3\nmap_Pm broken.png"), ([0.3; 2], [0.0; 2], false));
 }
 
 #[test]
@@ -114,10 +140,9 @@ fn bumps_become_normals_and_norm_wins() {
     let folder = Folder::new();
     let (material, textures, _) = only(&folder, "bump -bm 4 vary.png");
     let normals = &textures[material.normal_map.unwrap()];
-    assert_eq!(normals.encoding, Encoding::Normal);
-    assert_ne!(normals.pixels[4..8], [128, 128, 255, 255]);
+    assert_ne!(normals.levels[0][4..8], [128, 128, 255, 255]);
     let (material, textures, _) = only(&folder, "bump bumpy.png");
-    assert_eq!(first_texel(&textures[material.normal_map.unwrap()]), [140, 128, 250, 255]);
+    assert_eq!(first_texel(&textures[material.normal_map.unwrap()]), [140, 128, 254, 255], "normalised");
     assert_eq!(only(&folder, "norm flat.png\nbump vary.png").0.normal_map, None);
 }
 
@@ -126,7 +151,7 @@ fn cutouts() {
     let folder = Folder::new();
     let (material, textures, _) = only(&folder, "map_Kd coloured.png\nmap_d vary.png");
     let albedo = &textures[material.albedo_map.unwrap()];
-    assert_eq!((material.alpha_cutoff, first_texel(albedo), albedo.pixels[15]), (Some(0.5), [255, 0, 0, 0], 200));
+    assert_eq!((material.alpha_cutoff, first_texel(albedo), albedo.levels[0][15]), (Some(0.5), [255, 0, 0, 0], 200));
     let (material, textures, _) = only(&folder, "map_Kd leaf.png");
     assert_eq!((material.alpha_cutoff, first_texel(&textures[0])), (Some(0.5), [9, 99, 9, 0]));
     let (material, textures, _) = only(&folder, "map_Kd red.png\nmap_d leaf.png");
@@ -178,4 +203,91 @@ fn other_letter_case_is_found_and_told() {
 fn what_is_not_modelled_is_told() {
     let (_, _, warnings) = only(&Folder::new(), "d 0.5\nKe 1 1 1");
     assert_eq!(warnings.len(), 2, "{warnings:?}");
+}
+
+#[test]
+fn roughness_without_a_map_gets_one_where_normals_lose_detail() {
+    let folder = Folder::new();
+    let (material, textures, _) = only(&folder, "norm bumpy.png\nPr 0.4");
+    let surface = &textures[material.surface_map.unwrap()];
+    assert_eq!((material.roughness_factor, first_texel(surface)), (1.0, [255, 102, 255, 255]));
+    assert!(surface.levels[2][1] > 102, "the last level is rougher: {:?}", surface.levels[2]);
+    // A factor goes into the map with it: 200 · 0.5.
+    let (material, textures, _) = only(&folder, "norm bumpy.png\nPr 0.5\nPm 0.3\nmap_Pr vary.png");
+    let surface = &textures[material.surface_map.unwrap()];
+    assert_eq!((material.roughness_factor, material.metallic_factor, surface.levels[0][13]), (1.0, 0.3, 100));
+    // The same surface with other normals, or with none, is another texture.
+    let keys = "map_Pr vary.png\n";
+    let (_, textures, _) = folder.build(&format!("newmtl a\n{keys}newmtl b\n{keys}norm bumpy.png"));
+    assert_eq!(textures.len(), 3);
+    assert_eq!(only(&folder, "norm flat.png\nPr 0.4").1.len(), 0, "flat normals lose nothing");
+}
+
+#[test]
+fn what_is_found_in_the_cache_is_what_was_made_and_is_not_decoded() {
+    let folder = Folder::new();
+    let options = TextureOptions {
+        storage: Storage::Bc,
+        cache: Some(Cache::in_folder(folder.path("cache"))),
+        ..TextureOptions::default()
+    };
+    let mtl = "newmtl a\nmap_Kd coloured.png\nmap_d vary.png\nnorm bumpy.png\nmap_Pr vary.png\nmap_Pm grey51.png\n\
+        newmtl b\nKd 0.5 1 1\nmap_Kd red.png\nnorm flat.png\nmap_Pr grey51.png\nnewmtl c\nmap_Kd leaf.png\nbump -bm 2 vary.png\n";
+    let decoded = |report: &Report| report.times_ms().contains_key("decode");
+    let without = folder.build_with(mtl, &TextureOptions { cache: None, ..options.clone() });
+    let cold = folder.build_with(mtl, &options);
+    let warm = folder.build_with(mtl, &options);
+    assert!(decoded(&without.2) && decoded(&cold.2) && !decoded(&warm.2));
+    for other in [&cold, &warm] {
+        assert!((&without.0, &without.1) == (&other.0, &other.1), "{:?}", other.0);
+    }
+    // A changed picture, another strength of bumps, another factor.
+    std::fs::copy(folder.path("grey255.png"), folder.path("grey51.png")).unwrap();
+    assert!(decoded(&folder.build_with(mtl, &options).2));
+    for (from, to) in [("-bm 2", "-bm 3"), ("norm bumpy.png", "norm bumpy.png\nPr 0.5")] {
+        assert!(decoded(&folder.build_with(&mtl.replace(from, to), &options).2), "{to}");
+    }
+    assert!(!decoded(&folder.build_with(mtl, &options).2));
+    // Broken pictures are told of every time.
+    for _ in 0..2 {
+        let (_, _, report) = folder.build_with("newmtl a\nmap_Kd coloured.png\nmap_Pr broken.png", &options);
+        assert_eq!(report.warnings().len(), 1, "{:?}", report.warnings());
+    }
+}
+
+#[test]
+fn broken_entries_of_the_cache_are_made_again() {
+    let folder = Folder::new();
+    let options = TextureOptions {
+        storage: Storage::Bc,
+        cache: Some(Cache::in_folder(folder.path("cache"))),
+        ..TextureOptions::default()
+    };
+    let mtl = "newmtl a\nmap_Kd coloured.png\nnorm bumpy.png\nmap_Pr vary.png";
+    let build = || folder.build_with(mtl, &options);
+    let good = build();
+    let entries = || -> Vec<(PathBuf, Vec<u8>)> {
+        let paths = std::fs::read_dir(folder.path("cache")).unwrap().map(|entry| entry.unwrap().path());
+        let mut all: Vec<_> = paths.map(|path| (path.clone(), std::fs::read(path).unwrap())).collect();
+        all.sort();
+        all
+    };
+    let whole = entries();
+    assert_eq!(whole.len(), 3);
+    type Harm = fn(&[u8], &[u8]) -> Vec<u8>;
+    let harms: [(&str, Harm); 5] = [
+        ("truncated", |bytes, _| bytes[..bytes.len() / 2].to_vec()),
+        ("empty", |_, _| Vec::new()),
+        ("garbage", |bytes, _| vec![0x5a; bytes.len()]),
+        ("another's", |_, other| other.to_vec()),
+        ("a bent texel", |bytes, _| [&bytes[..bytes.len() - 1], &[bytes[bytes.len() - 1] ^ 0x40]].concat()),
+    ];
+    for (name, harm) in harms {
+        for (i, (path, bytes)) in whole.iter().enumerate() {
+            std::fs::write(path, harm(bytes, &whole[(i + 1) % whole.len()].1)).unwrap();
+        }
+        let again = build();
+        assert!(again.2.times_ms().contains_key("decode"), "{name}: taken");
+        assert!((&good.0, &good.1) == (&again.0, &again.1) && entries() == whole, "{name}: made otherwise");
+    }
 }

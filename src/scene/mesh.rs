@@ -1,8 +1,8 @@
 //! Indexed triangles as the GPU reads them.
 
-use glam::Vec3;
+use glam::{BVec3, Mat4, Vec3};
 
-/// One vertex: 48 bytes, read by `glsl/forward.vert`.
+/// One vertex: 48 bytes. The GPU reads it packed.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
 pub struct Vertex {
@@ -43,6 +43,15 @@ impl Bounds {
     /// The smallest box around some points.
     pub fn of(points: impl IntoIterator<Item = Vec3>) -> Self {
         points.into_iter().fold(Self::EMPTY, |b, p| Self { min: b.min.min(p), max: b.max.max(p) })
+    }
+
+    /// The smallest box around the corners of this one, moved by a transform; empty stays empty.
+    pub fn placed(self, transform: Mat4) -> Self {
+        if !self.min.cmple(self.max).all() {
+            return Self::EMPTY;
+        }
+        let corner = |i: u32| Vec3::select(BVec3::new(i & 1 != 0, i & 2 != 0, i & 4 != 0), self.max, self.min);
+        Self::of((0..8).map(|i| transform.transform_point3(corner(i))))
     }
 
     /// Its middle.

@@ -1,16 +1,21 @@
 //! What is drawn, as plain data: meshes, materials, lights, cameras, surroundings.
 
+pub mod cluster;
 pub mod description;
 pub mod load;
+mod maps;
 pub mod material;
 pub mod mesh;
+pub mod needs;
+mod shell;
 pub mod tangent;
 
 use glam::{Mat4, Vec3};
 
-use crate::asset::{Panorama, Texture};
+use crate::asset::{MipChain, Panorama};
 pub use load::{LoadOptions, load};
 pub use mesh::{Bounds, Mesh, Vertex};
+pub use needs::{MaterialNeeds, Model, Needs};
 
 /// Everything one frame needs to know about the world. Right-handed, +Y up, metres.
 #[derive(Clone, Debug)]
@@ -18,7 +23,7 @@ pub struct Scene {
     pub meshes: Vec<Mesh>,
     pub instances: Vec<Instance>,
     pub materials: Vec<Material>,
-    pub textures: Vec<Texture>,
+    pub textures: Vec<MipChain>,
     pub lights: Vec<PointLight>,
     /// At least one.
     pub cameras: Vec<Camera>,
@@ -28,17 +33,15 @@ pub struct Scene {
 }
 
 impl Scene {
+    /// Triangles in the world: those of each mesh as often as it is placed.
+    pub fn triangles(&self) -> usize {
+        self.instances.iter().map(|i| self.meshes[i.mesh].indices.len() / 3).sum()
+    }
+
     /// A box around everything, in the world; empty without instances.
     pub fn bounds(&self) -> Bounds {
-        let corners = |instance: &Instance| {
-            let Bounds { min, max } = self.meshes[instance.mesh].bounds;
-            let world_from_local = instance.world_from_local;
-            (0..8).map(move |i| {
-                let far = glam::BVec3::new(i & 1 != 0, i & 2 != 0, i & 4 != 0);
-                world_from_local.transform_point3(Vec3::select(far, max, min))
-            })
-        };
-        Bounds::of(self.instances.iter().flat_map(corners))
+        let placed = self.instances.iter().map(|i| self.meshes[i.mesh].bounds.placed(i.world_from_local));
+        Bounds::of(placed.filter(|b| *b != Bounds::EMPTY).flat_map(|b| [b.min, b.max]))
     }
 }
 
@@ -64,6 +67,11 @@ pub struct Material {
     pub normal_map: Option<usize>,
     /// Occlusion, roughness, metallic in R, G, B.
     pub surface_map: Option<usize>,
+    /// Least and most of what factor and map together say; smaller levels of a map may be rougher, where normals vary.
+    pub metallic_range: [f32; 2],
+    pub roughness_range: [f32; 2],
+    /// Does the surface map darken crevices?
+    pub occludes: bool,
     /// With `Some(a)`, fragments whose albedo map has alpha < a are not there.
     pub alpha_cutoff: Option<f32>,
 }

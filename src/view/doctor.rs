@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use super::headset;
 use crate::Result;
 use crate::asset::shipped;
 use crate::gpu::{GpuInfo, survey, validation_available};
@@ -27,12 +28,14 @@ pub fn run() -> Result<()> {
         None => println!("display     there"),
         Some(reason) => println!("display     missing: {reason}; pictures can be written all the same"),
     }
-    match openvr_registry() {
-        Some(path) => println!(
-            "OpenVR      runtime registered in {}; this version draws to windows and pictures only",
-            path.display()
-        ),
+    match headset::registry() {
+        Some(path) => println!("OpenVR      runtime registered in {}", path.display()),
         None => println!("OpenVR      no runtime; install Steam and SteamVR to use a headset"),
+    }
+    match headset::probe() {
+        Ok(Some(name)) => println!("headset     {name}"),
+        Ok(None) => println!("headset     there; its runtime is not running and will be started"),
+        Err(reason) => println!("headset     missing: {reason}"),
     }
     match shipped::folder() {
         Ok(folder) => println!("assets      {}", folder.display()),
@@ -60,22 +63,4 @@ fn print_gpu(index: usize, gpu: &GpuInfo) {
 
 fn line(what: &str, there: bool, yes: &str, no: &str) {
     println!("{what:<11} {}", if there { yes } else { no });
-}
-
-/// The file by which OpenVR's loader finds its runtime, where there is one.
-pub(super) fn openvr_registry() -> Option<PathBuf> {
-    let named = std::env::var_os("VR_PATHREG_OVERRIDE").map(PathBuf::from);
-    let file = named.or_else(|| Some(config_folder()?.join("openvr").join("openvrpaths.vrpath")))?;
-    file.is_file().then_some(file)
-}
-
-#[cfg(windows)]
-fn config_folder() -> Option<PathBuf> {
-    std::env::var_os("LOCALAPPDATA").map(PathBuf::from)
-}
-
-#[cfg(not(windows))]
-fn config_folder() -> Option<PathBuf> {
-    let set = std::env::var_os("XDG_CONFIG_HOME").map(PathBuf::from);
-    set.or_else(|| Some(PathBuf::from(std::env::var_os("HOME")?).join(".config")))
 }

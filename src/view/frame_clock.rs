@@ -15,6 +15,8 @@ pub struct Rate {
     pub frames_per_second: f64,
     /// Wall time from frame to frame.
     pub frame_ms: f64,
+    /// Processor time of recording and submitting.
+    pub record_ms: f64,
     /// GPU time of each pass.
     pub passes: Vec<PassTime>,
 }
@@ -32,6 +34,8 @@ pub struct FrameClock {
     last: Option<Instant>,
     frames: u32,
     time: Duration,
+    recording: Duration,
+    recorded: u32,
     /// Sums, and over how many frames.
     passes: Vec<(PassTime, u32)>,
     rate: Option<Rate>,
@@ -60,9 +64,15 @@ impl FrameClock {
         for time in times {
             match self.passes.iter_mut().find(|(sum, _)| sum.name == time.name) {
                 Some((sum, count)) => (sum.ms, *count) = (sum.ms + time.ms, *count + 1),
-                None => self.passes.push((time.clone(), 1)),
+                None => self.passes.push((*time, 1)),
             }
         }
+    }
+
+    /// Notes the processor time that recording and submitting one frame took.
+    pub fn add_recording(&mut self, time: Duration) {
+        self.recording += time;
+        self.recorded += 1;
     }
 
     /// The last full period's averages.
@@ -77,9 +87,11 @@ impl FrameClock {
         self.rate = Some(Rate {
             frames_per_second: frames / seconds,
             frame_ms: 1e3 * seconds / frames,
+            record_ms: 1e3 * self.recording.as_secs_f64() / f64::from(self.recorded.max(1)),
             passes: self.passes.drain(..).map(mean).collect(),
         });
         (self.frames, self.time) = (0, Duration::ZERO);
+        (self.recorded, self.recording) = (0, Duration::ZERO);
     }
 }
 
@@ -97,10 +109,12 @@ mod tests {
         for frame in 0..=50 {
             let step = clock.tick(start + Duration::from_millis(20 * frame));
             assert!((step - if frame == 0 { 0.0 } else { 0.02 }).abs() < 1e-6);
+            clock.add_recording(Duration::from_micros(400 + frame % 2 * 200));
             clock.add_gpu(&[pass("scene", if frame % 2 == 0 { 2.0 } else { 4.0 }), pass("text", 0.5)]);
         }
         let rate = clock.rate().expect("a second has passed");
         assert!((rate.frames_per_second - 50.0).abs() < 1e-9 && (rate.frame_ms - 20.0).abs() < 1e-9);
+        assert!((rate.record_ms - 0.5).abs() < 0.01, "{rate:?}");
         assert!((rate.gpu_ms() - 3.5).abs() < 0.2, "{rate:?}");
         assert_eq!(rate.passes.iter().map(|p| p.name).collect::<Vec<_>>(), ["scene", "text"]);
     }

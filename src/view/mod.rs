@@ -1,24 +1,32 @@
-//! Where eyes come from and where pictures go: window, picture file; baked maps; camera control.
+//! Where eyes come from and where pictures go: headset, window, picture file; baked maps; camera control.
 
 mod bake;
 mod control;
 pub mod doctor;
 mod frame_clock;
+pub mod headset;
 mod picture;
 mod window;
 
 use std::path::{Path, PathBuf};
 
 pub use bake::{BakeFacts, BakeRequest, bake};
-pub use picture::{RenderFacts, RenderRequest, render};
+pub use headset::{HiddenAreaV, PROBE_SUBCOMMAND, answer_probe};
+pub use picture::{RenderFacts, RenderRequest, load_scene, render};
+pub use window::console;
 
-use crate::asset::{Report, shipped};
-use crate::gpu::GpuOptions;
-use crate::precompute::Cache;
+use clap::ValueEnum;
+
+use crate::asset::file::write_atomically;
+use crate::asset::{Report, Storage, TextureOptions, shipped};
+use crate::gpu::{Gpu, GpuOptions};
+use crate::precompute::{Cache, Options};
 use crate::reference::brdf::Geometry;
 use crate::reference::table::SplitSum;
-use crate::render::Shading;
+use crate::render::{Settings, Shading};
+use crate::scene::Model;
 use crate::{Error, Result};
+use headset::RunReport;
 
 /// What to show.
 #[derive(Clone, Copy)]
@@ -30,11 +38,77 @@ pub struct ViewRequest<'a> {
     pub shading: Shading,
     pub geometry: Geometry,
     pub split_sum: SplitSum,
+    pub model: Model,
     /// Where precomputed light is kept.
+    pub textures: TextureChoice,
+    /// Where precomputed light and compressed textures are kept.
     pub cache: Option<&'a Cache>,
+    /// Which way up the headset's runtime gives the hidden area.
+    pub hidden_area: HiddenAreaV,
+    /// What the window shows of the headset.
+    pub mirror: Mirror,
+    /// Where times and facts are written at the end.
+    pub report: Option<&'a Path>,
+}
+
+/// What a window beside the headset shows.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub enum Mirror {
+    /// Both eyes, side by side.
+    #[default]
+    Both,
+    Left,
+    Right,
+}
+
+/// Where frames are to go.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Wanted {
+    Window,
+    /// The headset, mirrored in the window; the window alone if that fails.
+    Headset,
+    /// The headset, or an error.
+    HeadsetOnly,
+}
+
+/// What the command line says of textures.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct TextureChoice {
+    /// `None`: compressed, unless the GPU cannot read that or is none; a processor takes ten times as long for each texel
+    /// of a block (measured on lavapipe), and has no memory to save.
+    pub storage: Option<Storage>,
+    /// MiB on the GPU; `None` for what it has free, less a margin.
+    pub budget_mib: Option<u32>,
+}
+
+impl TextureChoice {
+    /// What this GPU can do of it; where that is less, it is told.
+    pub fn options(self, gpu: &Gpu, cache: Option<&Cache>, report: &Report) -> TextureOptions {
+        let best = if gpu.info().is_software() { Storage::Raw } else { Storage::Bc };
+        let mut storage = self.storage.unwrap_or(best);
+        if storage == Storage::Bc && !gpu.compresses_textures() {
+            report.warn(format!("{}: no block-compressed textures; they take four times the memory", gpu.info().name));
+            storage = Storage::Raw;
+        }
+        let budget_bytes = self.budget_mib.map(|mib| u64::from(mib) << 20);
+        TextureOptions { storage, cache: cache.cloned(), budget_bytes, ..TextureOptions::default() }
+    }
 }
 
 impl ViewRequest<'_> {
+    fn settings(&self, gpu: &Gpu) -> Settings {
+        let (geometry, split_sum, model) = (self.geometry, self.split_sum, self.model);
+        let precompute = Options { cache: self.cache.cloned(), ..Options::default() };
+        let textures = self.textures.options(gpu, self.cache, &Report::to_terminal());
+        Settings { geometry, split_sum, model, precompute, textures, ..Settings::default() }
+    }
+
+    fn write_report(&self, report: impl FnOnce() -> RunReport) -> Result<()> {
+        let Some(path) = self.report else { return Ok(()) };
+        let text = serde_json::to_string(&report()).map_err(|e| Error::write(path)(e.into()))?;
+        write_atomically(path, (text + "\n").as_bytes())
+    }
+
     fn scene(&self) -> Result<PathBuf> {
         self.scene.map_or_else(|| Ok(shipped::folder()?.join(shipped::DEMO)), |scene| Ok(scene.to_owned()))
     }
@@ -44,17 +118,31 @@ impl ViewRequest<'_> {
 const FALLBACK: &str = "pbr-vr.png";
 
 /// Shows a scene in a headset, else in a window, else as a picture; one line says which and why.
+///
+/// # Errors
+/// Whatever stops loading or drawing; a headset that is lost where there is no window to go on in.
 pub fn auto(request: &ViewRequest<'_>, gpu: GpuOptions<'_>) -> Result<()> {
-    let no_headset = headset_problem();
+    let probed = headset::probe();
     let no_window = match no_display() {
         Some(reason) => reason,
         None => {
-            println!("pbr-vr: in a window, because {no_headset}");
-            match window::run(request, gpu) {
-                Err(Error::Window { problem }) => problem,
-                done => return done,
+            if let Err(no_headset) = &probed {
+                println!("pbr-vr: in a window, because {no_headset}");
+            }
+            let wanted = if probed.is_ok() { Wanted::Headset } else { Wanted::Window };
+            match window::run(request, gpu, wanted)? {
+                None => return Ok(()),
+                Some(reason) => reason,
             }
         }
+    };
+    let no_headset = match probed {
+        Err(reason) => reason,
+        Ok(_) => match headset::connect(gpu) {
+            Ok(connected) => return headset::run_alone(request, connected),
+            Err(Error::Headset { problem }) => problem,
+            Err(error) => return Err(error),
+        },
     };
     let scene = request.scene()?;
     let output = Path::new(FALLBACK);
@@ -68,31 +156,37 @@ pub fn auto(request: &ViewRequest<'_>, gpu: GpuOptions<'_>) -> Result<()> {
         shading: request.shading,
         geometry: request.geometry,
         split_sum: request.split_sum,
+        model: request.model,
+        textures: request.textures,
         cache: request.cache,
     };
     render(&still, gpu, &Report::to_terminal())?;
-    println!("pbr-vr: wrote {FALLBACK}, because {no_window}; start it in a desktop session to get a window");
+    println!(
+        "pbr-vr: wrote {FALLBACK}, because {no_headset}, and {no_window}; start it in a desktop session to get a window"
+    );
     Ok(())
 }
 
 /// Shows a scene in a window, or fails.
+///
+/// # Errors
+/// [`Error::Window`] where none can be opened; whatever stops loading or drawing.
 pub fn window(request: &ViewRequest<'_>, gpu: GpuOptions<'_>) -> Result<()> {
-    match no_display() {
-        Some(problem) => Err(Error::Window { problem }),
-        None => window::run(request, gpu),
-    }
+    let problem = match no_display() {
+        Some(problem) => Some(problem),
+        None => window::run(request, gpu, Wanted::Window)?,
+    };
+    problem.map_or(Ok(()), |problem| Err(Error::Window { problem }))
 }
 
-/// Fails with the reason why there is no headset.
-pub fn headset() -> Result<()> {
-    Err(Error::Headset { problem: headset_problem() })
-}
-
-fn headset_problem() -> String {
-    match doctor::openvr_registry() {
-        None => "no headset runtime is installed (SteamVR gives one)".into(),
-        Some(_) => "this version does not drive headsets yet".into(),
-    }
+/// Shows a scene in a headset, with a mirror where there is a display, or fails.
+///
+/// # Errors
+/// [`Error::Headset`] with the reason why there is none; whatever stops loading or drawing.
+pub fn headset(request: &ViewRequest<'_>, gpu: GpuOptions<'_>) -> Result<()> {
+    headset::probe().map_err(|problem| Error::Headset { problem })?;
+    let mirrored = no_display().is_none() && window::run(request, gpu, Wanted::HeadsetOnly)?.is_none();
+    if mirrored { Ok(()) } else { headset::run_alone(request, headset::connect(gpu)?) }
 }
 
 /// Why no window can be opened here, if that can be known beforehand.

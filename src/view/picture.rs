@@ -1,20 +1,26 @@
 //! Pictures to files: what `render` does, and `view` where there is no display.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
 
+use cpu_time::ThreadTime;
 use serde::Serialize;
 
+use super::TextureChoice;
 use crate::asset::picture::Picture;
-use crate::asset::{Report, shipped};
+use crate::asset::{Report, TextureOptions, shipped};
 use crate::gpu::{Gpu, GpuOptions, Part, PassTime, Recorder, read_image};
 use crate::precompute::{Cache, Options};
 use crate::reference::brdf::Geometry;
 use crate::reference::table::SplitSum;
-use crate::render::{Eye, FRAMES_IN_FLIGHT, IPD_METRES, Output, Renderer, Settings, Shading, StandardError};
+use crate::render::{
+    Eye, FRAMES_IN_FLIGHT, IPD_METRES, Output, Renderer, Settings, Shading, StandardError, TextureFacts,
+};
 use crate::scene::load::{LoadOptions, load};
-use crate::scene::{Camera, Scene};
+use crate::scene::needs::resolution::Viewpoint;
+use crate::scene::{Camera, Model, Scene};
 use crate::{Error, Result};
 
 /// What to render and where to write it.
@@ -30,7 +36,9 @@ pub struct RenderRequest<'a> {
     pub shading: Shading,
     pub geometry: Geometry,
     pub split_sum: SplitSum,
-    /// Where precomputed light is kept.
+    pub model: Model,
+    pub textures: TextureChoice,
+    /// Where precomputed light and compressed textures are kept.
     pub cache: Option<&'a Cache>,
 }
 
@@ -49,10 +57,18 @@ pub struct RenderFacts {
     pub load_ms: f64,
     /// Opening the GPU, uploading, precomputing.
     pub prepare_ms: f64,
+    /// Where that time went, by stage, over all threads together: parse, hash, decode, mips, compress, cache, upload,
+    /// precompute. What is found in the cache is neither decoded nor compressed.
+    pub stages_ms: BTreeMap<&'static str, f64>,
+    pub textures: TextureFacts,
     /// GPU time of each precompute pass; those from the cache say so by name.
     pub precompute: Vec<PassTime>,
     /// GPU time of each pass, one list per frame.
     pub gpu_frames: Vec<Vec<PassTime>>,
+    /// Processor time of the thread that records and submits, for each frame.
+    pub record_ms: Vec<f64>,
+    /// Ranges of triangles drawn in the last frame, and how many there are.
+    pub draws: [usize; 2],
     /// Wall time from recording the first frame to the end of the last.
     pub frames_ms: f64,
     /// Of the exact picture after two frames or more.
@@ -67,7 +83,12 @@ pub struct RenderFacts {
 pub fn render(request: &RenderRequest<'_>, gpu: GpuOptions<'_>, report: &Report) -> Result<RenderFacts> {
     let output = output_of(request.output)?;
     let started = Instant::now();
-    let scene = load_scene(request.scene, report)?;
+    let gpu = Gpu::open(gpu)?;
+    let messages = gpu.messages();
+    let open_ms = ms_since(started);
+    let textures = request.textures.options(&gpu, request.cache, report);
+    let started = Instant::now();
+    let mut scene = load_scene(request.scene, &textures, report)?;
     let load_ms = ms_since(started);
     let camera = find_camera(&scene, request.camera)?;
     let aspect = request.size[0] as f32 / request.size[1] as f32;
@@ -75,15 +96,27 @@ pub fn render(request: &RenderRequest<'_>, gpu: GpuOptions<'_>, report: &Report)
     let eyes = if request.stereo { eye.stereo(IPD_METRES).to_vec() } else { vec![eye] };
 
     let started = Instant::now();
-    let gpu = Gpu::open(gpu)?;
-    let messages = gpu.messages();
     let (geometry, split_sum) = (request.geometry, request.split_sum);
     let precompute = Options { cache: request.cache.cloned(), ..Options::default() };
-    let settings = Settings { geometry, split_sum, output, precompute, ..Settings::default() };
+    let around_metres = if request.stereo { 0.5 * IPD_METRES } else { 0.0 };
+    let tangents = [eye.left, eye.right, eye.down, eye.up];
+    let viewpoint = Some(Viewpoint::new(eye.position(), around_metres, tangents, request.size));
+    let settings = Settings {
+        geometry,
+        split_sum,
+        model: request.model,
+        viewpoint,
+        output,
+        precompute,
+        textures,
+        ..Settings::default()
+    };
     let mut renderer = Renderer::new(&gpu, &scene, settings, request.shading, request.size, eyes.len() as u32, report)?;
-    let prepare_ms = ms_since(started);
+    // They are on the GPU now.
+    scene.textures = Vec::new();
+    let prepare_ms = open_ms + ms_since(started);
     let started = Instant::now();
-    let gpu_frames = draw(&gpu, &mut renderer, &eyes, request.frames)?;
+    let (gpu_frames, record_ms) = draw(&gpu, &mut renderer, &eyes, request.frames)?;
     let facts = RenderFacts {
         scene: request.scene.to_owned(),
         files: write_layers(&gpu, &renderer, output, request)?,
@@ -92,11 +125,15 @@ pub fn render(request: &RenderRequest<'_>, gpu: GpuOptions<'_>, report: &Report)
         gpu: gpu.info().name.clone(),
         driver: gpu.info().driver.clone(),
         frames: request.frames,
-        triangles: triangles(&scene),
+        triangles: scene.triangles(),
         load_ms,
         prepare_ms,
+        stages_ms: report.times_ms(),
+        textures: renderer.texture_facts().clone(),
         precompute: renderer.precompute_times().cloned().collect(),
         gpu_frames,
+        record_ms,
+        draws: renderer.draw_counts(),
         frames_ms: ms_since(started),
         standard_error: renderer.standard_error(last_slot(request.frames)),
         warnings: report.warnings(),
@@ -108,9 +145,9 @@ pub fn render(request: &RenderRequest<'_>, gpu: GpuOptions<'_>, report: &Report)
 }
 
 /// Loads a scene with the shipped panorama for those that name none.
-pub fn load_scene(path: &Path, report: &Report) -> Result<Scene> {
+pub fn load_scene(path: &Path, textures: &TextureOptions, report: &Report) -> Result<Scene> {
     let default_panorama = shipped::folder().ok().map(|folder| folder.join(shipped::PANORAMA));
-    load(path, &LoadOptions { default_panorama }, report)
+    load(path, &LoadOptions { default_panorama, textures: textures.clone() }, report)
 }
 
 /// A scene's camera by name; its first for `None`.
@@ -123,23 +160,26 @@ pub fn find_camera<'a>(scene: &'a Scene, name: Option<&str>) -> Result<&'a Camer
     })
 }
 
-fn draw(gpu: &Arc<Gpu>, renderer: &mut Renderer, eyes: &[Eye], frames: u64) -> Result<Vec<Vec<PassTime>>> {
+/// Draws frames; returns the GPU times of each and what recording each took.
+fn draw(gpu: &Arc<Gpu>, renderer: &mut Renderer, eyes: &[Eye], frames: u64) -> Result<(Vec<Vec<PassTime>>, Vec<f64>)> {
     let mut recorders = (0..FRAMES_IN_FLIGHT).map(|_| Recorder::new(gpu)).collect::<Result<Vec<_>>>()?;
-    let mut times = Vec::new();
+    let (mut times, mut record_ms) = (Vec::new(), Vec::new());
     for slot in (0..FRAMES_IN_FLIGHT).cycle().take(usize::try_from(frames).unwrap_or(usize::MAX)) {
-        let (mut commands, earlier) = recorders[slot].begin()?;
-        times.push(earlier);
+        times.push(recorders[slot].finish()?.to_vec());
+        let started = ThreadTime::now();
+        let (mut commands, _) = recorders[slot].begin()?;
         renderer.record(&mut commands, slot, eyes, None);
         commands.submit(None)?;
+        record_ms.push(started.elapsed().as_secs_f64() * 1e3);
     }
     // The oldest frame still under way is the next one's slot.
     let next = usize::try_from(frames % FRAMES_IN_FLIGHT as u64).unwrap_or(0);
     recorders.rotate_left(next);
     for recorder in &mut recorders {
-        times.push(recorder.finish()?);
+        times.push(recorder.finish()?.to_vec());
     }
     times.retain(|frame| !frame.is_empty());
-    Ok(times)
+    Ok((times, record_ms))
 }
 
 /// The slot of the last of so many frames.
@@ -187,10 +227,6 @@ fn suffixed(path: &Path, suffix: &str) -> PathBuf {
         name.push(extension);
     }
     path.with_file_name(name)
-}
-
-fn triangles(scene: &Scene) -> usize {
-    scene.instances.iter().map(|i| scene.meshes[i.mesh].indices.len() / 3).sum()
 }
 
 pub(super) fn ms_since(start: Instant) -> f64 {

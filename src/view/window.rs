@@ -1,12 +1,13 @@
 //! The desktop window: event loop, and when the window, the GPU and what is drawn come and go.
 
 mod canvas;
+pub mod console;
 #[cfg(feature = "hot-reload")]
 mod hot_reload;
 mod hud;
 mod keys;
 mod viewer;
-mod worker;
+pub(super) mod worker;
 
 use std::sync::Arc;
 
@@ -17,48 +18,75 @@ use winit::event_loop::{ActiveEventLoop, ControlFlow, EventLoop, EventLoopProxy}
 use winit::raw_window_handle::HasDisplayHandle;
 use winit::window::{Window, WindowId};
 
-use super::ViewRequest;
+use super::headset::{self, Session};
+use super::{ViewRequest, Wanted};
 use crate::gpu::{Gpu, GpuOptions, Messages};
-use crate::precompute::Options;
-use crate::render::Settings;
 use crate::{Error, Result};
 use viewer::Viewer;
 
 /// Logical pixels.
 const SIZE: LogicalSize<u32> = LogicalSize::new(1280, 720);
 
-/// Shows a scene in a window until that is closed, or for as many frames as asked for.
+/// Shows a scene in a window until that is closed, or for as many frames as asked for; and in a headset, if wanted, with the
+/// window as its mirror. Returns why no window could be opened, if so; then nothing has been shown.
 ///
 /// # Errors
-/// [`Error::Window`] where none can be opened; whatever stops loading or drawing; validation messages where asked for.
-pub fn run(request: &ViewRequest<'_>, gpu: GpuOptions<'_>) -> Result<()> {
-    let event_loop = EventLoop::with_user_event().build().map_err(window_error)?;
+/// Whatever stops loading or drawing; a headset that is wanted before all else and cannot be had; validation messages where
+/// asked for.
+pub fn run(request: &ViewRequest<'_>, gpu: GpuOptions<'_>, wanted: Wanted) -> Result<Option<String>> {
+    let event_loop = match EventLoop::with_user_event().build() {
+        Ok(event_loop) => event_loop,
+        Err(error) => return Ok(Some(problem_of(&error))),
+    };
     let proxy = event_loop.create_proxy();
-    let mut app = App { request, options: gpu, proxy, viewer: None, messages: None, failure: None };
+    let mut app = App {
+        request,
+        options: gpu,
+        wanted,
+        proxy,
+        viewer: None,
+        opened: false,
+        messages: None,
+        failure: None,
+        reported: Ok(()),
+    };
     // `exiting` drops the viewer before the event loop goes.
     let ended = event_loop.run_app(&mut app);
-    if let Some(error) = app.failure {
-        return Err(error);
+    match app.failure {
+        Some(Error::Window { problem }) if !app.opened => return Ok(Some(problem)),
+        Some(error) => return Err(error),
+        None => {}
     }
     ended.map_err(window_error)?;
-    app.messages.map_or(Ok(()), |messages| messages.check())
+    app.reported?;
+    app.messages.map_or(Ok(()), |messages| messages.check())?;
+    Ok(None)
 }
 
 fn window_error(error: impl std::fmt::Display) -> Error {
+    Error::Window { problem: problem_of(&error) }
+}
+
+fn problem_of(error: &impl std::fmt::Display) -> String {
     let text = error.to_string();
     // Winit begins with the line of its source, which tells its users nothing.
     let what = text.strip_prefix("os error at ").and_then(|rest| rest.split_once(": "));
-    Error::Window { problem: what.map_or(text.as_str(), |(_, what)| what).to_owned() }
+    what.map_or(text.as_str(), |(_, what)| what).to_owned()
 }
 
 struct App<'a> {
     request: &'a ViewRequest<'a>,
     options: GpuOptions<'a>,
+    wanted: Wanted,
     proxy: EventLoopProxy<()>,
     viewer: Option<Viewer>,
+    /// Whether there has been a viewer.
+    opened: bool,
     messages: Option<Arc<Messages>>,
     /// What ended the program early.
     failure: Option<Error>,
+    /// Whether the report could be written.
+    reported: Result<()>,
 }
 
 impl App<'_> {
@@ -67,15 +95,32 @@ impl App<'_> {
         let attributes = Window::default_attributes().with_title("pbr-vr").with_inner_size(SIZE);
         let window = event_loop.create_window(attributes).map_err(window_error)?;
         let display = event_loop.display_handle().map_err(window_error)?.as_raw();
-        let gpu = Gpu::open(GpuOptions { display: Some(display), ..self.options })?;
+        let options = GpuOptions { display: Some(display), ..self.options };
+        let (gpu, session) = self.open_gpu(options)?;
         self.messages = Some(gpu.messages());
-        let (geometry, split_sum) = (self.request.geometry, self.request.split_sum);
-        let precompute = Options { cache: self.request.cache.cloned(), ..Options::default() };
-        let settings = Settings { geometry, split_sum, precompute, ..Settings::default() };
         // SAFETY: `exiting` drops the viewer while the event loop still runs.
-        let mut viewer = unsafe { Viewer::new(gpu, window, settings, self.request.shading, self.proxy.clone()) }?;
+        let mut viewer = unsafe { Viewer::new(gpu, window, self.request, self.proxy.clone(), session) }?;
+        self.opened = true;
         viewer.open_first(scene);
         Ok(viewer)
+    }
+
+    fn open_gpu(&self, options: GpuOptions<'_>) -> Result<(Arc<Gpu>, Option<Session>)> {
+        if self.wanted == Wanted::Window {
+            return Ok((Gpu::open(options)?, None));
+        }
+        let connected = headset::connect(options).and_then(|connected| {
+            let gpu = Arc::clone(&connected.gpu);
+            let session = connected.begin(self.request.settings(&gpu), self.request.hidden_area)?;
+            Ok((gpu, Some(session)))
+        });
+        match connected {
+            Err(Error::Headset { problem }) if self.wanted == Wanted::Headset => {
+                println!("pbr-vr: in a window, because {problem}");
+                Ok((Gpu::open(options)?, None))
+            }
+            connected => connected,
+        }
     }
 
     /// Does something with the viewer, if there is one; a failure ends the program.
@@ -119,7 +164,11 @@ impl ApplicationHandler<()> for App<'_> {
 
     fn window_event(&mut self, event_loop: &ActiveEventLoop, _: WindowId, event: WindowEvent) {
         if let WindowEvent::RedrawRequested = event {
-            return self.draw(event_loop);
+            // The headset sets the pace, whether or not the window is seen.
+            if !self.viewer.as_ref().is_some_and(Viewer::is_in_headset) {
+                self.draw(event_loop);
+            }
+            return;
         }
         self.with(event_loop, |viewer| {
             match event {
@@ -148,7 +197,10 @@ impl ApplicationHandler<()> for App<'_> {
     fn about_to_wait(&mut self, event_loop: &ActiveEventLoop) {
         let Some(viewer) = self.viewer.as_mut().filter(|_| self.failure.is_none()) else { return };
         let pace = viewer.pace();
-        if pace == ControlFlow::Poll {
+        if viewer.is_in_headset() {
+            event_loop.set_control_flow(pace);
+            self.draw(event_loop);
+        } else if pace == ControlFlow::Poll {
             // The request itself wakes the loop, so that it can wait for it.
             viewer.window().request_redraw();
             event_loop.set_control_flow(ControlFlow::Wait);
@@ -158,6 +210,9 @@ impl ApplicationHandler<()> for App<'_> {
     }
 
     fn exiting(&mut self, _: &ActiveEventLoop) {
+        if let Some(viewer) = &self.viewer {
+            self.reported = self.request.write_report(|| viewer.report());
+        }
         self.viewer = None;
     }
 }

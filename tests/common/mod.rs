@@ -1,7 +1,9 @@
 //! Small scenes and renders that the end-to-end tests share.
 #![allow(dead_code)]
 
+pub mod headset;
 pub mod light;
+pub mod room;
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -15,7 +17,8 @@ use pbr_vr::gpu::GpuOptions;
 use pbr_vr::reference::brdf::Geometry;
 use pbr_vr::reference::table::SplitSum;
 use pbr_vr::render::Shading;
-use pbr_vr::view::{RenderRequest, render};
+use pbr_vr::scene::Model;
+use pbr_vr::view::{RenderRequest, TextureChoice, render};
 
 /// A folder for one test's files.
 pub struct Workshop(pub tempfile::TempDir);
@@ -71,6 +74,8 @@ impl Workshop {
             shading: look.shading,
             geometry: look.geometry,
             split_sum: look.split_sum,
+            model: look.model,
+            textures: TextureChoice::default(),
             cache: None,
         };
         let facts = render(&request, validated(), &Report::silent()).expect("a render without validation messages");
@@ -88,6 +93,7 @@ pub struct Look<'a> {
     pub shading: Shading,
     pub geometry: Geometry,
     pub split_sum: SplitSum,
+    pub model: Model,
 }
 
 impl Default for Look<'_> {
@@ -100,6 +106,7 @@ impl Default for Look<'_> {
             shading: Shading::Pbr,
             geometry: Geometry::Smith,
             split_sum: SplitSum::Moment,
+            model: Model::Needed,
         }
     }
 }

@@ -1,4 +1,5 @@
 //! A desktop for tests: an X server of one's own, the program on it, and hands on its window.
+#![allow(dead_code)]
 
 use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
@@ -68,13 +69,16 @@ pub struct Program {
 }
 
 impl Program {
+    /// A scene in a window.
     pub fn start(display: &Display, folder: &Path, scene: &str, more: &[&str]) -> Self {
-        let mut child = command(folder)
-            .env("DISPLAY", &display.name)
-            .args(["view", scene, "--on", "window", "--validate"])
-            .args(more)
-            .spawn()
-            .expect("the program");
+        let mut command = command(folder);
+        command.args(["view", scene, "--on", "window", "--validate"]).args(more);
+        Self::spawn(display, command)
+    }
+
+    /// Any command on a display.
+    pub fn spawn(display: &Display, mut command: Command) -> Self {
+        let mut child = command.env("DISPLAY", &display.name).spawn().expect("the program");
         let (sender, lines) = channel();
         let stdout = BufReader::new(child.stdout.take().expect("a pipe"));
         std::thread::spawn(move || stdout.lines().map_while(Result::ok).try_for_each(|line| sender.send(line)));
@@ -197,6 +201,14 @@ impl Hands {
         };
         codes.iter().for_each(|code| send(KEY_PRESS_EVENT, *code));
         codes.iter().rev().for_each(|code| send(KEY_RELEASE_EVENT, *code));
+    }
+
+    /// Asks the window to close, as its frame's button does.
+    pub fn close(&self) {
+        let data = [self.atom("WM_DELETE_WINDOW"), CURRENT_TIME, 0, 0, 0];
+        let event = ClientMessageEvent::new(32, self.window, self.atom("WM_PROTOCOLS"), data);
+        let sent = self.x.send_event(false, self.window, EventMask::NO_EVENT, event);
+        sent.expect("a request").check().expect("sent");
     }
 
     pub fn map(&self, map: bool) {

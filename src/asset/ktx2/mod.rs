@@ -1,4 +1,5 @@
-//! KTX 2.0 textures in memory: flat pictures and cube maps of floats, with mips. Written and read here, uncompressed.
+//! KTX 2.0 textures in memory: flat pictures and cube maps with mips, of floats, bytes or compressed blocks.
+//! Written and read here without supercompression.
 //!
 //! Facts are those of the "KTX File Format Specification", version 2.0 (Khronos, 2022), and of the "Khronos Data Format
 //! Specification", version 1.3 (2019).
@@ -19,9 +20,13 @@ pub const WRITER_KEY: &str = "KTXwriter";
 /// The key that says where x and y point; the writer sets it.
 pub const ORIENTATION_KEY: &str = "KTXorientation";
 
-/// How a texel is stored; linear, little-endian.
+/// How texels are stored; numbers little-endian.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum TexelFormat {
+    /// R, G, B, A: bytes, 0 to 1.
+    Rgba8,
+    /// The same, RGB sRGB-encoded.
+    Rgba8Srgb,
     /// R, G: f16.
     Rg16Float,
     /// R, G, B, A: f16.
@@ -30,29 +35,50 @@ pub enum TexelFormat {
     Rg32Float,
     /// R, G, B, A: f32.
     Rgba32Float,
+    /// R, G, 0 to 1: 16 bytes for 4×4 texels.
+    Bc5,
+    /// R, G, B, A, 0 to 1: 16 bytes for 4×4 texels.
+    Bc7,
+    /// The same, RGB sRGB-encoded.
+    Bc7Srgb,
 }
 
 impl TexelFormat {
-    const ALL: [Self; 4] = [Self::Rg16Float, Self::Rgba16Float, Self::Rg32Float, Self::Rgba32Float];
+    const ALL: [Self; 9] = [
+        Self::Rgba8,
+        Self::Rgba8Srgb,
+        Self::Rg16Float,
+        Self::Rgba16Float,
+        Self::Rg32Float,
+        Self::Rgba32Float,
+        Self::Bc5,
+        Self::Bc7,
+        Self::Bc7Srgb,
+    ];
+
+    /// Its number and its name among Vulkan's formats.
+    fn vulkan_entry(self) -> (u32, &'static str) {
+        match self {
+            Self::Rgba8 => (37, "R8G8B8A8_UNORM"),
+            Self::Rgba8Srgb => (43, "R8G8B8A8_SRGB"),
+            Self::Rg16Float => (83, "R16G16_SFLOAT"),
+            Self::Rgba16Float => (97, "R16G16B16A16_SFLOAT"),
+            Self::Rg32Float => (103, "R32G32_SFLOAT"),
+            Self::Rgba32Float => (109, "R32G32B32A32_SFLOAT"),
+            Self::Bc5 => (141, "BC5_UNORM_BLOCK"),
+            Self::Bc7 => (145, "BC7_UNORM_BLOCK"),
+            Self::Bc7Srgb => (146, "BC7_SRGB_BLOCK"),
+        }
+    }
 
     /// Its number among Vulkan's formats.
     pub fn vulkan(self) -> u32 {
-        match self {
-            Self::Rg16Float => 83,
-            Self::Rgba16Float => 97,
-            Self::Rg32Float => 103,
-            Self::Rgba32Float => 109,
-        }
+        self.vulkan_entry().0
     }
 
     /// Its name among Vulkan's formats.
     pub fn name(self) -> &'static str {
-        match self {
-            Self::Rg16Float => "R16G16_SFLOAT",
-            Self::Rgba16Float => "R16G16B16A16_SFLOAT",
-            Self::Rg32Float => "R32G32_SFLOAT",
-            Self::Rgba32Float => "R32G32B32A32_SFLOAT",
-        }
+        self.vulkan_entry().1
     }
 
     /// The format with this number among Vulkan's, if it is one of ours.
@@ -60,38 +86,73 @@ impl TexelFormat {
         Self::ALL.into_iter().find(|format| format.vulkan() == number)
     }
 
-    /// Bytes of one number.
+    /// Whether blocks of 4×4 texels are stored, not texels.
+    pub fn is_compressed(self) -> bool {
+        self.block_side() > 1
+    }
+
+    /// Texels along a side of what is stored as one: 1, or 4.
+    pub fn block_side(self) -> u32 {
+        if matches!(self, Self::Bc5 | Self::Bc7 | Self::Bc7Srgb) { 4 } else { 1 }
+    }
+
+    /// Bytes of one number; 1 for blocks, which are bytes to KTX 2.0.
     fn channel_bytes(self) -> u32 {
         match self {
+            Self::Rgba8 | Self::Rgba8Srgb | Self::Bc5 | Self::Bc7 | Self::Bc7Srgb => 1,
             Self::Rg16Float | Self::Rgba16Float => 2,
             Self::Rg32Float | Self::Rgba32Float => 4,
         }
     }
 
-    fn channels(self) -> u32 {
-        match self {
-            Self::Rg16Float | Self::Rg32Float => 2,
-            Self::Rgba16Float | Self::Rgba32Float => 4,
-        }
-    }
-
-    /// Bytes of one texel: a power of two of at least 4, so it is also what levels are aligned to.
+    /// Bytes of one texel, or of one block: a power of two of at least 4, so it is also what levels are aligned to.
     pub fn bytes(self) -> u32 {
-        self.channel_bytes() * self.channels()
+        match self {
+            Self::Rg16Float | Self::Rg32Float => 2 * self.channel_bytes(),
+            Self::Rgba8 | Self::Rgba8Srgb | Self::Rgba16Float | Self::Rgba32Float => 4 * self.channel_bytes(),
+            Self::Bc5 | Self::Bc7 | Self::Bc7Srgb => 16,
+        }
     }
 
     /// The basic data format descriptor with its length before it: KTX 2.0, section 3.10; Data Format 1.3, chapter 5.
     fn descriptor(self) -> Vec<u8> {
-        // Channel numbers of the model RGBSDA; alpha is 15.
-        let ids = &[0u32, 1, 2, 15][..self.channels() as usize];
-        let block = 24 + 16 * self.channels();
-        // Model RGBSDA with BT.709 primaries, linear, alpha not premultiplied; one texel per block, in one plane.
-        let mut words = vec![4 + block, 0, 2 | (block << 16), 1 | (1 << 8) | (1 << 16), 0, self.bytes(), 0];
-        let bits = 8 * self.channel_bytes();
-        for (i, id) in (0u32..).zip(ids) {
-            // Signed floats, where −1 and 1 are themselves.
-            let kind = id | 0x80 | 0x40;
-            words.extend([(i * bits) | ((bits - 1) << 16) | (kind << 24), 0, (-1f32).to_bits(), 1f32.to_bits()]);
+        /// Numbers of colour models: plain channels, and each block format's own.
+        const RGBSDA: u32 = 1;
+        const BC5: u32 = 132;
+        const BC7: u32 = 134;
+        /// Channel number and kind: alpha; a float; signed; linear although the colour is not.
+        const ALPHA: u32 = 15;
+        const FLOAT: u32 = 0x80 | 0x40;
+        const LINEAR: u32 = 0x10;
+        let srgb = matches!(self, Self::Rgba8Srgb | Self::Bc7Srgb);
+        // Channel, bits, least and largest value of each sample.
+        let float = |channel: u32| (channel | FLOAT, 8 * self.channel_bytes(), (-1f32).to_bits(), 1f32.to_bits());
+        let byte = |channel: u32| (channel, 8, 0, 255);
+        let alpha = if srgb { ALPHA | LINEAR } else { ALPHA };
+        let (model, samples) = match self {
+            Self::Rgba8 | Self::Rgba8Srgb => (RGBSDA, vec![byte(0), byte(1), byte(2), byte(alpha)]),
+            Self::Rg16Float | Self::Rg32Float => (RGBSDA, vec![float(0), float(1)]),
+            Self::Rgba16Float | Self::Rgba32Float => (RGBSDA, vec![float(0), float(1), float(2), float(ALPHA)]),
+            Self::Bc5 => (BC5, vec![(0, 64, 0, u32::MAX), (1, 64, 0, u32::MAX)]),
+            Self::Bc7 | Self::Bc7Srgb => (BC7, vec![(0, 128, 0, u32::MAX)]),
+        };
+        let block = 24 + 16 * samples.len() as u32;
+        let transfer = if srgb { 2 } else { 1 };
+        // BT.709 primaries, alpha not premultiplied; sides of a block less 1; all in one plane.
+        let side = self.block_side() - 1;
+        let mut words = vec![
+            4 + block,
+            0,
+            2 | (block << 16),
+            model | (1 << 8) | (transfer << 16),
+            side | (side << 8),
+            self.bytes(),
+            0,
+        ];
+        let mut bit = 0;
+        for (kind, bits, least, largest) in samples {
+            words.extend([bit | ((bits - 1) << 16) | (kind << 24), 0, least, largest]);
+            bit += bits;
         }
         words.into_iter().flat_map(u32::to_le_bytes).collect()
     }
@@ -133,7 +194,7 @@ impl Ktx2 {
 
 /// Saturates: no file is that long.
 fn level_bytes(format: TexelFormat, size: [u32; 2], layers: u32, faces: u32, level: u32) -> u64 {
-    let side = |i: usize| u64::from(size[i].checked_shr(level).unwrap_or(0).max(1));
+    let side = |i: usize| u64::from(size[i].checked_shr(level).unwrap_or(0).max(1).div_ceil(format.block_side()));
     [side(1), u64::from(layers.max(1)), u64::from(faces), u64::from(format.bytes())]
         .into_iter()
         .fold(side(0), u64::saturating_mul)
@@ -149,6 +210,7 @@ mod tests {
         assert_eq!(level_bytes(TexelFormat::Rgba32Float, [256, 4], 2, 1, 3), 32 * 2 * 16);
         assert_eq!(level_bytes(TexelFormat::Rgba32Float, [u32::MAX; 2], u32::MAX, 6, 0), u64::MAX);
         assert_eq!(level_bytes(TexelFormat::Rg32Float, [1; 2], 0, 1, 40), 8);
+        assert_eq!([0, 1, 2].map(|level| level_bytes(TexelFormat::Bc7, [9, 6], 0, 1, level)), [6 * 16, 16, 16]);
     }
 
     #[test]
@@ -157,7 +219,7 @@ mod tests {
             assert_eq!(TexelFormat::from_vulkan(format.vulkan()), Some(format));
             assert!(format.bytes().is_power_of_two() && format.bytes() >= 4);
         }
-        assert_eq!(TexelFormat::from_vulkan(37), None);
+        assert_eq!(TexelFormat::from_vulkan(1), None);
     }
 
     #[test]
@@ -168,5 +230,17 @@ mod tests {
         assert_eq!(descriptor[..28], head);
         // Alpha: at bit 48, 16 bits, channel 15, signed float, from −1 to 1.
         assert_eq!(descriptor[76..], [48, 0, 15, 0xcf, 0, 0, 0, 0, 0, 0, 0x80, 0xbf, 0, 0, 0x80, 0x3f]);
+    }
+
+    #[test]
+    fn the_block_descriptors_are_what_the_standard_says() {
+        let descriptor = TexelFormat::Bc7Srgb.descriptor();
+        let head = [44, 0, 0, 0, 0, 0, 0, 0, 2, 0, 40, 0, 134, 1, 2, 0, 3, 3, 0, 0, 16, 0, 0, 0, 0, 0, 0, 0];
+        assert_eq!(descriptor[..28], head);
+        assert_eq!(descriptor[28..], [0, 0, 127, 0, 0, 0, 0, 0, 0, 0, 0, 0, 255, 255, 255, 255]);
+        let green = TexelFormat::Bc5.descriptor()[44..48].to_vec();
+        assert_eq!(green, [64, 0, 63, 1]);
+        let alpha = TexelFormat::Rgba8Srgb.descriptor()[76..].to_vec();
+        assert_eq!(alpha, [24, 0, 7, 31, 0, 0, 0, 0, 0, 0, 0, 0, 255, 0, 0, 0]);
     }
 }

@@ -19,7 +19,7 @@ impl Ktx2 {
     /// Reads a file of at most `limit` bytes.
     ///
     /// # Errors
-    /// It cannot be read, is too large, is broken, or is of a kind that is not written here: compressed, not floats, 3D.
+    /// It cannot be read, is too large, is broken, or is of a kind that is not written here: supercompressed, 3D.
     pub fn read(path: &Path, limit: u64) -> Result<Self> {
         Self::from_bytes(path, &file::read(path, "KTX2 texture", limit)?)
     }
@@ -56,7 +56,7 @@ fn parse(bytes: &[u8]) -> Parsed<Ktx2> {
         return Err(format!("type size {} does not go with its format", word(1)));
     }
     if word(8) != 0 || bytes[64..80].iter().any(|b| *b != 0) {
-        return Err("it is compressed".into());
+        return Err("it is supercompressed".into());
     }
     // At most 15 levels, as checked above.
     let index_end = HEADER_BYTES + LEVEL_BYTES * levels as usize;
@@ -245,7 +245,7 @@ mod tests {
     fn what_is_not_ours_is_told() {
         assert!(problem(b"\xabKTX 11\xbb\r\n\x1a\n").contains("does not begin"));
         for (at, value, part) in [
-            (12, 37, "format 37"),
+            (12, 1, "format 1 "),
             (16, 4, "type size"),
             (20, 0, "0 x 4"),
             (20, u32::MAX, "can be read"),

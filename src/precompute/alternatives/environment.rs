@@ -19,7 +19,7 @@ impl Environment {
     /// Computes the cube, `size` texels along a face (a power of two), from a panorama in f32.
     pub fn new(gpu: &Arc<Gpu>, panorama: &Image, scale: f32, size: u32) -> Result<Self> {
         let cube = cube(gpu, "environment", size, size.ilog2() + 1)?;
-        let sampler = Sampler::new(gpu, "panorama", Edge::Panorama, false)?;
+        let sampler = Sampler::new(gpu, "panorama", Edge::Panorama, 1)?;
         let set = |layout: &SetLayout, binds: &[Bind<'_>]| Set::new(gpu, "environment", layout, binds);
 
         // Two taps for each panorama texel that a cube texel spans at the equator.

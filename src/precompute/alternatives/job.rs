@@ -41,7 +41,7 @@ impl<'a> Job<'a> {
     pub fn new(gpu: &Arc<Gpu>, environment: &'a Environment, method: Method, targets: &[Target]) -> Result<Self> {
         let cubes =
             targets.iter().map(|target| cube(gpu, method.name(), target.size, 1)).collect::<Result<Vec<_>>>()?;
-        let sampler = Sampler::new(gpu, "cube", Edge::Clamp, false)?;
+        let sampler = Sampler::new(gpu, "cube", Edge::Clamp, 1)?;
         let reads = if matches!(method, Method::Harmonics { .. }) { Use::Storage } else { Use::Sampled };
         let mut job =
             Self { environment, reads, pipelines: Vec::new(), steps: Vec::new(), cubes, sampler, _coefficients: None };

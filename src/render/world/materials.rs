@@ -3,36 +3,52 @@
 use std::sync::Arc;
 
 use crate::Result;
-use crate::gpu::{Bind, Buffer, BufferKind, Gpu, Image, Sampler, Set, SetLayout, Slot};
+use crate::gpu::{
+    Bind, Buffer, BufferKind, Format, Gpu, Image, ImageDesc, ImageUsageFlags, Sampler, Set, SetLayout, Slot,
+    upload_rows,
+};
 use crate::render::shared::MaterialBlock;
-use crate::scene::Material;
+use crate::scene::{Material, MaterialNeeds};
 
 /// The descriptor slots of set 1.
 pub const SLOTS: [Slot; 4] = [Slot::Uniform, Slot::Sampled, Slot::Sampled, Slot::Sampled];
 
-/// What a material needs of its pipeline.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub struct Needs {
-    pub albedo_map: bool,
-    pub normal_map: bool,
-    pub surface_map: bool,
-    pub alpha_mask: bool,
-}
-
 /// One material, ready to be bound.
 pub struct GpuMaterial {
-    pub needs: Needs,
+    pub needs: MaterialNeeds,
     pub set: Set,
     // The set refers to it.
     _block: Buffer,
 }
 
-/// Uploads one material; the last of `textures` is white, for maps that are not there.
+/// One texel each, for maps that are not there.
+pub struct StandIns {
+    /// 1 in every channel.
+    white: Image,
+    /// The normal map that bends nothing: in half float, because no eight-bit number is one half.
+    flat: Image,
+}
+
+impl StandIns {
+    /// Uploads them.
+    pub fn new(gpu: &Arc<Gpu>) -> Result<Self> {
+        let texel = |name, normal: [f32; 4]| {
+            let usage = ImageUsageFlags::SAMPLED | ImageUsageFlags::TRANSFER_DST;
+            let image = Image::new(gpu, name, ImageDesc::flat(Format::R16G16B16A16_SFLOAT, [1, 1], usage))?;
+            let halves = normal.map(half::f16::from_f32);
+            upload_rows(gpu, &image, size_of_val(&halves) as u64, |_| bytemuck::cast_slice(&halves).to_vec())?;
+            Ok::<_, crate::Error>(image)
+        };
+        Ok(Self { white: texel("white", [1.0; 4])?, flat: texel("flat normal", [0.5, 0.5, 1.0, 1.0])? })
+    }
+}
+
+/// Uploads one material, whose pipeline is made for `needs`.
 pub fn upload(
     gpu: &Arc<Gpu>,
     layout: &SetLayout,
-    material: &Material,
-    textures: &[Image],
+    (material, needs): (&Material, MaterialNeeds),
+    (textures, stand_ins): (&[Image], &StandIns),
     sampler: &Sampler,
 ) -> Result<GpuMaterial> {
     let block = MaterialBlock {
@@ -42,14 +58,13 @@ pub fn upload(
         alpha_cutoff: material.alpha_cutoff.unwrap_or(0.0),
     };
     let block = Buffer::with_bytes(gpu, &material.name, BufferKind::Uniform, bytemuck::bytes_of(&block))?;
-    let white = textures.len() - 1;
-    let map = |index: Option<usize>| Bind::Sampled(&textures[index.unwrap_or(white)], sampler);
-    let binds = [Bind::Uniform(&block), map(material.albedo_map), map(material.normal_map), map(material.surface_map)];
-    let needs = Needs {
-        albedo_map: material.albedo_map.is_some(),
-        normal_map: material.normal_map.is_some(),
-        surface_map: material.surface_map.is_some(),
-        alpha_mask: material.alpha_cutoff.is_some(),
-    };
+    let map = |index: Option<usize>, absent| Bind::Sampled(index.map_or(absent, |index| &textures[index]), sampler);
+    let StandIns { white, flat } = stand_ins;
+    let binds = [
+        Bind::Uniform(&block),
+        map(material.albedo_map, white),
+        map(material.normal_map, flat),
+        map(material.surface_map, white),
+    ];
     Ok(GpuMaterial { needs, set: Set::new(gpu, &material.name, layout, &binds)?, _block: block })
 }

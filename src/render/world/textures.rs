@@ -1,35 +1,181 @@
-//! A scene's textures on the GPU.
+//! A scene's textures on the GPU, within a budget.
 
 use std::sync::Arc;
 
-use crate::Result;
-use crate::asset::texture::Encoding;
-use crate::asset::{Report, Texture};
-use crate::gpu::{Format, Gpu, Image, ImageDesc, ImageUsageFlags, Upload};
+use serde::Serialize;
 
-/// The scene's textures, and a white one at the end for materials that have none.
-pub fn upload(gpu: &Arc<Gpu>, textures: &[Texture], report: &Report) -> Result<Vec<Image>> {
-    let white = Texture { name: "white".into(), width: 1, height: 1, encoding: Encoding::Linear, pixels: vec![255; 4] };
-    let images: Vec<Image> =
-        textures.iter().chain([&white]).map(|texture| texture_image(gpu, texture)).collect::<Result<_>>()?;
-    let progress = report.stage("upload", images.len() as u64);
-    let mut upload = Upload::new(gpu);
-    for (image, texture) in images.iter().zip(textures.iter().chain([&white])) {
-        upload.texture(image, &texture.pixels)?;
-        progress.inc(1);
-    }
-    upload.finish()?;
-    progress.finish_and_clear();
-    Ok(images)
+use crate::asset::ktx2::TexelFormat;
+use crate::asset::mips::level_size;
+use crate::asset::{MipChain, Report, TextureOptions};
+use crate::gpu::{Format, Gpu, Image, ImageDesc, ImageUsageFlags, Upload};
+use crate::{Error, Result};
+
+/// What textures leave free for pictures, light maps and other programs where no budget was given.
+const MARGIN_BYTES: u64 = 512 << 20;
+
+/// What a scene's textures take.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct TextureFacts {
+    pub count: usize,
+    /// On the GPU, all levels.
+    pub bytes: u64,
+    /// With four bytes a texel and no level left out.
+    pub raw_bytes: u64,
+    pub budget_bytes: u64,
+    /// Top levels left out of the textures that lost most.
+    pub dropped_levels: u32,
 }
 
-fn texture_image(gpu: &Arc<Gpu>, texture: &Texture) -> Result<Image> {
-    let format = match texture.encoding {
-        Encoding::Srgb => Format::R8G8B8A8_SRGB,
-        Encoding::Linear | Encoding::Normal => Format::R8G8B8A8_UNORM,
+/// The scene's textures from the levels on that are needed, and what they take.
+pub fn upload(
+    gpu: &Arc<Gpu>,
+    textures: &[MipChain],
+    first_levels: &[u32],
+    options: &TextureOptions,
+    report: &Report,
+) -> Result<(Vec<Image>, TextureFacts)> {
+    if !gpu.compresses_textures()
+        && let Some(texture) = textures.iter().find(|texture| texture.format.is_compressed())
+    {
+        let what = format!("{}: this GPU has no compressed textures; use --textures raw", texture.name);
+        return Err(Error::Usage(what));
+    }
+    let free = gpu.free_memory();
+    let budget = options.budget_bytes.unwrap_or(free - free.min(2 * MARGIN_BYTES) / 2);
+    let needed: Vec<u32> = first_levels.iter().map(|first| (*first).max(options.dropped_levels)).collect();
+    let firsts = fit(textures, &needed, budget);
+    let facts = facts(textures, &firsts, budget);
+    if firsts.iter().zip(&needed).any(|(first, needed)| first > needed) || facts.bytes > budget {
+        report.warn(told(textures, &firsts, &facts));
+    }
+    let all: Vec<(&MipChain, u32)> = textures.iter().zip(firsts).collect();
+    let images: Vec<Image> = all.iter().map(|(texture, first)| image(gpu, texture, *first)).collect::<Result<_>>()?;
+    let progress = report.stage("upload", images.len() as u64);
+    report.time("upload", || -> Result<()> {
+        let mut upload = Upload::new(gpu);
+        for (image, (texture, first)) in images.iter().zip(&all) {
+            for (mip, level) in (0..).zip(&texture.levels[*first as usize..]) {
+                upload.mip(image, mip, texture.format.block_side(), level)?;
+            }
+            upload.image_done(image)?;
+            progress.inc(1);
+        }
+        upload.finish()
+    })?;
+    progress.finish_and_clear();
+    Ok((images, facts))
+}
+
+/// The first level that is kept of each texture. The textures with the longest side lose a level, all of them at once,
+/// until everything fits; the last level always stays.
+fn fit(textures: &[MipChain], needed: &[u32], budget: u64) -> Vec<u32> {
+    let last = |texture: &MipChain| texture.levels.len() as u32 - 1;
+    let mut firsts: Vec<u32> = textures.iter().zip(needed).map(|(t, first)| (*first).min(last(t))).collect();
+    let side =
+        |(texture, first): (&MipChain, &u32)| level_size([texture.width, texture.height], *first).into_iter().max();
+    while total(textures, &firsts) > budget {
+        let longest = textures.iter().zip(&firsts).filter_map(side).max().unwrap_or(1);
+        if longest <= 1 {
+            break;
+        }
+        for (texture, first) in textures.iter().zip(&mut firsts) {
+            *first += u32::from(side((texture, first)) == Some(longest));
+        }
+    }
+    firsts
+}
+
+fn total(textures: &[MipChain], firsts: &[u32]) -> u64 {
+    textures.iter().zip(firsts).map(|(texture, first)| texture.bytes_from(*first)).sum()
+}
+
+fn facts(textures: &[MipChain], firsts: &[u32], budget_bytes: u64) -> TextureFacts {
+    TextureFacts {
+        count: textures.len(),
+        bytes: total(textures, firsts),
+        raw_bytes: textures.iter().map(MipChain::raw_bytes).sum(),
+        budget_bytes,
+        dropped_levels: firsts.iter().copied().max().unwrap_or(0),
+    }
+}
+
+/// One line on what had to go.
+fn told(textures: &[MipChain], firsts: &[u32], facts: &TextureFacts) -> String {
+    let mib = |bytes: u64| bytes as f64 / f64::from(1 << 20);
+    let fewer = firsts.iter().filter(|first| **first > 0).count();
+    let whole: u64 = textures.iter().map(|texture| texture.bytes_from(0)).sum();
+    let (bytes, budget) = (mib(facts.bytes), mib(facts.budget_bytes));
+    let over = if facts.bytes > facts.budget_bytes { "; they do not get smaller" } else { "" };
+    format!(
+        "textures: {:.1} MiB do not fit {budget:.1}; {fewer} of {} drawn with up to {} top level(s) less, {bytes:.1} MiB{over} \
+         (--texture-budget sets the limit)",
+        mib(whole),
+        textures.len(),
+        facts.dropped_levels
+    )
+}
+
+fn image(gpu: &Arc<Gpu>, texture: &MipChain, first: u32) -> Result<Image> {
+    let format = match texture.format {
+        TexelFormat::Rgba8 => Format::R8G8B8A8_UNORM,
+        TexelFormat::Rgba8Srgb => Format::R8G8B8A8_SRGB,
+        TexelFormat::Bc5 => Format::BC5_UNORM_BLOCK,
+        TexelFormat::Bc7 => Format::BC7_UNORM_BLOCK,
+        TexelFormat::Bc7Srgb => Format::BC7_SRGB_BLOCK,
+        TexelFormat::Rg16Float => Format::R16G16_SFLOAT,
+        TexelFormat::Rgba16Float => Format::R16G16B16A16_SFLOAT,
+        TexelFormat::Rg32Float => Format::R32G32_SFLOAT,
+        TexelFormat::Rgba32Float => Format::R32G32B32A32_SFLOAT,
     };
-    let size = [texture.width, texture.height];
-    let usage = ImageUsageFlags::SAMPLED | ImageUsageFlags::TRANSFER_DST | ImageUsageFlags::TRANSFER_SRC;
-    let desc = ImageDesc { mips: ImageDesc::full_mips(size), ..ImageDesc::flat(format, size, usage) };
+    let size = level_size([texture.width, texture.height], first);
+    let usage = ImageUsageFlags::SAMPLED | ImageUsageFlags::TRANSFER_DST;
+    let desc = ImageDesc { mips: texture.levels.len() as u32 - first, ..ImageDesc::flat(format, size, usage) };
     Image::new(gpu, &texture.name, desc)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::asset::mips::level_count;
+
+    const NONE: [u32; 4] = [0; 4];
+
+    fn chain(width: u32, height: u32) -> MipChain {
+        let levels = (0..level_count([width, height])).map(|level| {
+            let [w, h] = level_size([width, height], level);
+            vec![0; (4 * w * h) as usize]
+        });
+        MipChain { name: "t".into(), width, height, format: TexelFormat::Rgba8, levels: levels.collect() }
+    }
+
+    #[test]
+    fn the_largest_lose_levels_first_and_evenly() {
+        let textures = [chain(64, 64), chain(16, 16), chain(32, 64), chain(32, 32)];
+        let all = total(&textures, &[0; 4]);
+        assert_eq!(fit(&textures, &NONE, all), [0; 4]);
+        assert_eq!(fit(&textures, &NONE, all - 1), [1, 0, 1, 0], "both with a side of 64");
+        assert_eq!(
+            fit(&textures, &NONE, total(&textures, &[1, 0, 1, 0]) - 1),
+            [2, 0, 2, 1],
+            "then all with a side of 32"
+        );
+        for budget in (0..all).step_by(97) {
+            let firsts = fit(&textures, &NONE, budget);
+            assert!(total(&textures, &firsts) <= budget || firsts == [6, 4, 6, 5], "{budget}: {firsts:?}");
+        }
+        assert_eq!(fit(&textures, &NONE, 0), [6, 4, 6, 5], "the last level stays");
+        assert_eq!(fit(&textures, &[5; 4], all), [5, 4, 5, 5]);
+        assert_eq!(fit(&[], &[], 0), [0; 0]);
+    }
+
+    #[test]
+    fn what_had_to_go_is_told_in_one_line() {
+        let textures = [chain(64, 64), chain(16, 16)];
+        let firsts = fit(&textures, &NONE, 7000);
+        let facts = facts(&textures, &firsts, 7000);
+        let line = told(&textures, &firsts, &facts);
+        assert!(line.contains("1 of 2 drawn with up to 1 top level(s) less") && !line.contains('\n'), "{line}");
+        assert!(facts.bytes <= 7000 && facts.raw_bytes > 20_000 && facts.dropped_levels == 1, "{facts:?}");
+        assert!(told(&textures, &firsts, &TextureFacts { budget_bytes: 1, ..facts }).contains("do not get smaller"));
+    }
 }

@@ -3,15 +3,18 @@
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use cpu_time::ThreadTime;
 use winit::raw_window_handle::{HasDisplayHandle, HasWindowHandle};
 use winit::window::Window;
 
-use crate::gpu::{Acquired, Gpu, Part, PassTime, PresentMode, Recorder, Swapchain, Use, read_image};
+use crate::gpu::{Acquired, Gpu, Part, PassTimes, Polled, PresentMode, Recorder, Rect, Swapchain, Use, read_image};
 use crate::render::{Eye, FRAMES_IN_FLIGHT, Overlay, Renderer};
 use crate::{Error, Result};
 
 /// After an image could not be had, this long passes before the next try.
 const RETRY: Duration = Duration::from_millis(20);
+/// A mirror that cannot be shown is tried again less often: trying costs the headset time.
+const MIRROR_RETRY: Duration = Duration::from_millis(250);
 
 /// Where frames go.
 pub struct Canvas {
@@ -78,7 +81,7 @@ impl Canvas {
 
     /// Waits for the frame that had the slot, and for an image to show the next one with; `wanted` is the window's size.
     /// Without an image there is nothing to draw to now. The times are the waited-for frame's.
-    pub fn begin(&mut self, wanted: [u32; 2]) -> Result<(Option<Acquired>, Vec<PassTime>)> {
+    pub fn begin(&mut self, wanted: [u32; 2]) -> Result<(Option<Acquired>, PassTimes)> {
         let times = self.recorders[self.slot].finish()?;
         if self.stale {
             self.swapchain.resize(wanted, self.mode)?;
@@ -90,7 +93,57 @@ impl Canvas {
         Ok((acquired, times))
     }
 
-    /// Draws a frame and shows it.
+    /// Shows frames without waiting for the display, where the surface can.
+    pub fn choose_free_mode(&mut self) {
+        let modes = self.swapchain.modes();
+        let free = [PresentMode::Mailbox, PresentMode::Immediate].into_iter().find(|mode| modes.contains(mode));
+        self.mode = free.unwrap_or(self.mode);
+        self.stale = true;
+    }
+
+    /// Like `begin`, but waits for no image: `None` if there is none now.
+    pub fn poll(&mut self, wanted: [u32; 2], now: Instant) -> Result<Option<Acquired>> {
+        if wanted.contains(&0) || self.retry_at.is_some_and(|at| now < at) {
+            return Ok(None);
+        }
+        if self.stale {
+            self.swapchain.resize(wanted, self.mode)?;
+            self.stale = false;
+        }
+        self.retry_at = None;
+        match self.swapchain.poll()? {
+            Polled::Ready(acquired) => {
+                self.recorders[self.slot].finish()?;
+                Ok(Some(acquired))
+            }
+            Polled::Busy => Ok(None),
+            Polled::Stale => {
+                (self.stale, self.retry_at) = (true, Some(now + MIRROR_RETRY));
+                Ok(None)
+            }
+        }
+    }
+
+    /// Shows parts of a picture that has been drawn, with text over its first layer.
+    pub fn show_parts(
+        &mut self,
+        acquired: Acquired,
+        renderer: &Renderer,
+        overlay: Option<&Overlay>,
+        parts: &[(Part, [Rect; 2])],
+        window: &Window,
+    ) -> Result<()> {
+        let (mut commands, _) = self.recorders[self.slot].begin()?;
+        if let Some(overlay) = overlay {
+            renderer.record_text(&mut commands, self.slot, overlay);
+        }
+        commands.prepare(renderer.picture(), Use::CopyFrom);
+        self.swapchain.copy_parts(&mut commands, renderer.picture(), parts, &acquired);
+        commands.submit(Some(&acquired))?;
+        self.present(acquired, window)
+    }
+
+    /// Draws a frame and shows it; returns the processor time of recording and submitting.
     pub fn show(
         &mut self,
         acquired: Acquired,
@@ -98,12 +151,19 @@ impl Canvas {
         eye: Eye,
         overlay: Option<&Overlay>,
         window: &Window,
-    ) -> Result<()> {
+    ) -> Result<Duration> {
+        let started = ThreadTime::now();
         let (mut commands, _) = self.recorders[self.slot].begin()?;
         renderer.record(&mut commands, self.slot, &[eye], overlay);
         commands.prepare(renderer.picture(), Use::CopyFrom);
         self.swapchain.copy(&mut commands, renderer.picture(), Part { mip: 0, layer: 0 }, &acquired);
         commands.submit(Some(&acquired))?;
+        let recording = started.elapsed();
+        self.present(acquired, window)?;
+        Ok(recording)
+    }
+
+    fn present(&mut self, acquired: Acquired, window: &Window) -> Result<()> {
         self.slot = (self.slot + 1) % FRAMES_IN_FLIGHT;
         window.pre_present_notify();
         self.stale |= !self.swapchain.present(acquired)?;

@@ -110,7 +110,8 @@ pub fn title(scene: &str, rate: Option<&Rate>) -> String {
 fn rate_line(rate: &Rate) -> String {
     let passes: Vec<String> = rate.passes.iter().map(|pass| format!("{} {:.2}", pass.name, pass.ms)).collect();
     let (fps, ms) = (rate.frames_per_second, rate.frame_ms);
-    format!("{fps:.1} fps  {ms:.2} ms  GPU {:.2} ms ({})", rate.gpu_ms(), passes.join(", "))
+    let (cpu, gpu) = (rate.record_ms, rate.gpu_ms());
+    format!("{fps:.1} fps  {ms:.2} ms  CPU {cpu:.2} ms  GPU {gpu:.2} ms ({})", passes.join(", "))
 }
 
 /// Cuts a line at spaces, and words where they are longer than a line.
@@ -191,8 +192,8 @@ mod tests {
     #[test]
     fn rates_show_the_gpu_pass_by_pass() {
         let passes = vec![PassTime { name: "scene", ms: 3.0 }, PassTime { name: "text", ms: 0.25 }];
-        let rate = Rate { frames_per_second: 59.94, frame_ms: 16.68, passes };
-        assert_eq!(rate_line(&rate), "59.9 fps  16.68 ms  GPU 3.25 ms (scene 3.00, text 0.25)");
+        let rate = Rate { frames_per_second: 59.94, frame_ms: 16.68, record_ms: 0.4, passes };
+        assert_eq!(rate_line(&rate), "59.9 fps  16.68 ms  CPU 0.40 ms  GPU 3.25 ms (scene 3.00, text 0.25)");
         assert_eq!(title("demo.toml", Some(&rate)), "demo.toml - 60 fps, GPU 3.25 ms - pbr-vr");
     }
 }

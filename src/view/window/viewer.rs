@@ -1,6 +1,7 @@
 //! What stands behind one window: scene, camera and text, and how a frame is made of them; files that are opened.
 
 mod input;
+mod mirrored;
 
 use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
@@ -15,6 +16,9 @@ use winit::window::Window;
 
 use super::super::control::{Control, Mode};
 use super::super::frame_clock::FrameClock;
+use super::super::headset::playlist::Playlist;
+use super::super::headset::{HeadsetReport, Session};
+use super::super::{Mirror, ViewRequest};
 use super::canvas::Canvas;
 #[cfg(feature = "hot-reload")]
 use super::hot_reload::ShaderWatch;
@@ -23,7 +27,7 @@ use super::keys::Held;
 use super::worker::{Done, Job, Stage, Worker, file_name, report_screenshot};
 use crate::gpu::Gpu;
 use crate::precompute::LightMaps;
-use crate::render::{Overlay, Settings, Shading};
+use crate::render::{Overlay, Shading};
 use crate::{Error, Result};
 
 /// A minimised window is looked at this often.
@@ -41,6 +45,12 @@ enum Drag {
 /// A window with all that it shows. The order of its fields is the order in which they go: the window last, after
 /// the swapchain that presents to it, and everything on the GPU before the device.
 pub struct Viewer {
+    /// First of all: the runtime leaves before the GPU's objects go.
+    session: Option<Session>,
+    /// Of a session that is over.
+    session_report: Option<HeadsetReport>,
+    mirror: Mirror,
+    playlist: Playlist,
     worker: Worker,
     #[cfg(feature = "hot-reload")]
     shader_watch: ShaderWatch,
@@ -78,21 +88,32 @@ impl Viewer {
     pub unsafe fn new(
         gpu: Arc<Gpu>,
         window: Window,
-        settings: Settings,
-        shading: Shading,
+        request: &ViewRequest<'_>,
         wake: EventLoopProxy<()>,
+        session: Option<Session>,
     ) -> Result<Self> {
+        // Without an event loop it needs no waking.
+        let wake = move || {
+            let _ = wake.send_event(());
+        };
         // SAFETY: the window becomes a field that is dropped after the canvas; the caller keeps the event loop.
-        let canvas = unsafe { Canvas::new(&gpu, &window) }?;
+        let mut canvas = unsafe { Canvas::new(&gpu, &window) }?;
+        if session.is_some() {
+            canvas.choose_free_mode();
+        }
         Ok(Self {
-            worker: Worker::new(&gpu, settings, wake)?,
+            session,
+            session_report: None,
+            mirror: request.mirror,
+            playlist: Playlist::default(),
+            worker: Worker::new(&gpu, request.settings(&gpu), wake)?,
             #[cfg(feature = "hot-reload")]
             shader_watch: ShaderWatch::new(&crate::gpu::shader_folder())?,
             canvas,
             overlay: Overlay::new(&gpu, 1)?,
             stage: None,
             camera: 0,
-            shading,
+            shading: request.shading,
             clock: FrameClock::default(),
             titled: None,
             hud: Hud::default(),
@@ -124,7 +145,9 @@ impl Viewer {
     /// When the next frame is due: at once (`Poll`), later, or after some event.
     pub fn pace(&mut self) -> ControlFlow {
         let now = Instant::now();
-        let pace = if self.stage.is_none() || self.occluded || self.size.contains(&0) {
+        let pace = if self.session.is_some() {
+            return self.headset_pace(now);
+        } else if self.stage.is_none() || self.occluded || self.size.contains(&0) {
             ControlFlow::Wait
         } else if !self.focused && self.window.is_minimized() == Some(true) {
             // X11 tells of minimising only who asks.
@@ -142,6 +165,9 @@ impl Viewer {
     pub fn draw(&mut self) -> Result<()> {
         #[cfg(feature = "hot-reload")]
         self.reload_changed_shaders()?;
+        if self.session.is_some() {
+            return self.draw_headset();
+        }
         let wanted = self.size;
         let Some((stage, control)) = self.stage.as_mut().filter(|_| !wanted.contains(&0)) else { return Ok(()) };
         let (acquired, times) = self.canvas.begin(wanted)?;
@@ -161,7 +187,8 @@ impl Viewer {
         self.overlay.set_text(self.canvas.slot(), &lines, size, scale);
         // Screenshots are of the scene alone.
         let overlay = (!self.screenshot).then_some(&self.overlay);
-        self.canvas.show(acquired, &mut stage.renderer, eye, overlay, &self.window)?;
+        let recording = self.canvas.show(acquired, &mut stage.renderer, eye, overlay, &self.window)?;
+        self.clock.add_recording(recording);
         if std::mem::take(&mut self.screenshot) {
             self.worker.start(Job::Screenshot { pixels: self.canvas.read(&stage.renderer)?, size });
         }
@@ -192,6 +219,7 @@ impl Viewer {
     /// Starts loading the scene that the window was opened for, whatever its name; failing is final.
     pub fn open_first(&mut self, path: PathBuf) {
         let name = file_name(&path);
+        self.playlist = Playlist::new(&path);
         self.window.set_title(&title(&name, None));
         let job = self.scene_job(path);
         self.start(name, job);
@@ -240,7 +268,8 @@ impl Viewer {
     }
 
     fn scene_job(&self, path: PathBuf) -> Job {
-        Job::Scene { path, shading: self.shading, size: self.size.map(|s| s.max(1)) }
+        let (size, eyes) = self.session.as_ref().map_or((self.size, 1), |session| (session.size(), 2));
+        Job::Scene { path, shading: self.shading, size: size.map(|s| s.max(1)), eyes }
     }
 
     fn start(&mut self, name: String, job: Job) {
@@ -249,7 +278,11 @@ impl Viewer {
     }
 
     fn enter(&mut self, mut stage: Box<Stage>) -> Result<()> {
-        // It may have been changed while the scene was loading.
+        // These may have been changed while the scene was loading.
+        match &mut self.session {
+            Some(session) => session.go_to(0),
+            None => stage.renderer.set_eyes(1)?,
+        }
         if stage.renderer.shading() != self.shading {
             stage.renderer.set_shading(self.shading)?;
         }

@@ -8,11 +8,10 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::thread::JoinHandle;
 
-use winit::event_loop::EventLoopProxy;
-
+use super::super::headset::floor_under;
 use super::super::picture::load_scene;
 use crate::asset::picture::Picture;
-use crate::asset::{Panorama, Report};
+use crate::asset::{Panorama, Report, folders};
 use crate::gpu::Gpu;
 use crate::precompute::LightMaps;
 use crate::render::{Renderer, Settings, Shading};
@@ -27,6 +26,8 @@ pub struct Stage {
     /// At least one.
     pub cameras: Vec<Camera>,
     pub bounds: Bounds,
+    /// Heights of the floor under each camera.
+    pub floors: Vec<f32>,
     pub exposure_ev: f32,
     pub rotation_degrees: f32,
 }
@@ -37,11 +38,12 @@ pub enum Job {
         path: PathBuf,
         shading: Shading,
         size: [u32; 2],
+        eyes: u32,
     },
     Panorama {
         path: PathBuf,
     },
-    /// RGBA, 8 bits a channel, to be written into the working folder.
+    /// RGBA, 8 bits a channel, to be written into the working folder, or else among the user's pictures.
     Screenshot {
         pixels: Vec<u8>,
         size: [u32; 2],
@@ -65,7 +67,7 @@ pub struct Worker {
 
 impl Worker {
     /// Starts it; `wake` is called from its thread whenever there is something to take.
-    pub fn new(gpu: &Arc<Gpu>, settings: Settings, wake: EventLoopProxy<()>) -> Result<Self> {
+    pub fn new(gpu: &Arc<Gpu>, settings: Settings, wake: impl Fn() + Clone + Send + 'static) -> Result<Self> {
         let (jobs, to_do) = channel();
         let (sender, done) = channel();
         let closing = Arc::new(AtomicBool::new(false));
@@ -76,9 +78,9 @@ impl Worker {
                 if stop.load(Ordering::Relaxed) && !matches!(job, Job::Screenshot { .. }) {
                     continue;
                 }
-                // The window is there until this thread has ended; without an event loop it needs no waking.
+                // Its owner is there until this thread has ended.
                 let _ = sender.send(perform(&gpu, &settings, job));
-                let _ = wake.send_event(());
+                wake();
             }
         };
         let thread = std::thread::Builder::new()
@@ -121,11 +123,11 @@ impl Drop for Worker {
 }
 
 /// Wakes the window even if the thread dies.
-struct WakeAtEnd(EventLoopProxy<()>);
+struct WakeAtEnd<F: Fn()>(F);
 
-impl Drop for WakeAtEnd {
+impl<F: Fn()> Drop for WakeAtEnd<F> {
     fn drop(&mut self) {
-        let _ = self.0.send_event(());
+        (self.0)();
     }
 }
 
@@ -140,14 +142,19 @@ pub fn report_screenshot(written: &Result<PathBuf>) {
 fn perform(gpu: &Arc<Gpu>, settings: &Settings, job: Job) -> Done {
     let report = Report::to_terminal();
     match job {
-        Job::Scene { path, shading, size } => Done::Scene(load_stage(gpu, settings, &path, shading, size, &report)),
+        Job::Scene { path, shading, size, eyes } => {
+            let pictures = (shading, size, eyes);
+            Done::Scene(load_stage(gpu, settings, &path, pictures, &report))
+        }
         Job::Panorama { path } => {
             let light = Panorama::load(&path, &report)
                 .and_then(|panorama| LightMaps::new(gpu, &panorama, &settings.precompute))
                 .map(Box::new);
             Done::Panorama { name: file_name(&path), light }
         }
-        Job::Screenshot { pixels, size } => Done::Screenshot(write_screenshot(&pixels, size, Path::new(""))),
+        Job::Screenshot { pixels, size } => {
+            Done::Screenshot(keep_screenshot(&pixels, size, Path::new(""), folders::pictures()))
+        }
     }
 }
 
@@ -155,18 +162,19 @@ fn load_stage(
     gpu: &Arc<Gpu>,
     settings: &Settings,
     path: &Path,
-    shading: Shading,
-    size: [u32; 2],
+    (shading, size, eyes): (Shading, [u32; 2], u32),
     report: &Report,
 ) -> Result<Box<Stage>> {
-    let scene = load_scene(path, report)?;
-    let renderer = Renderer::new(gpu, &scene, settings.clone(), shading, size, 1, report)?;
+    let scene = load_scene(path, &settings.textures, report)?;
+    let renderer = Renderer::new(gpu, &scene, settings.clone(), shading, size, eyes, report)?;
     let bounds = scene.bounds();
+    let floors = scene.cameras.iter().map(|camera| floor_under(&scene, camera.position)).collect();
     Ok(Box::new(Stage {
         name: file_name(path),
         renderer,
         cameras: scene.cameras,
         bounds,
+        floors,
         exposure_ev: scene.exposure_ev,
         rotation_degrees: scene.environment.rotation_degrees,
     }))
@@ -175,6 +183,15 @@ fn load_stage(
 /// A path's last part, for people.
 pub fn file_name(path: &Path) -> String {
     path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned()
+}
+
+/// Writes it into `folder`. Started from a menu, a program may stand where it cannot write: then the user's pictures are
+/// the place, and the path that comes back says so.
+fn keep_screenshot(pixels: &[u8], size: [u32; 2], folder: &Path, pictures: Option<PathBuf>) -> Result<PathBuf> {
+    match (write_screenshot(pixels, size, folder), pictures) {
+        (Err(error), Some(pictures)) => write_screenshot(pixels, size, &pictures).map_err(|_| error),
+        (written, _) => written,
+    }
 }
 
 /// Writes `pbr-vr-N.png` with the first N that no file has.
@@ -221,5 +238,17 @@ mod tests {
         let folder = tempfile::tempdir().expect("a temporary folder");
         let error = write_screenshot(&[0; 4], [1, 1], &folder.path().join("none")).expect_err("nowhere to write");
         assert!(error.to_string().contains("pbr-vr-1.png"), "{error}");
+    }
+
+    #[test]
+    fn where_nothing_can_be_written_a_screenshot_goes_among_the_pictures() {
+        let pictures = tempfile::tempdir().expect("a temporary folder");
+        let keep =
+            |folder: &str, into: PathBuf| keep_screenshot(&[0; 4], [1, 1], &pictures.path().join(folder), Some(into));
+        let kept = keep("none", pictures.path().into()).expect("a screenshot");
+        assert_eq!(kept, pictures.path().join("pbr-vr-1.png"));
+        assert!(kept.is_file());
+        let error = keep("none", pictures.path().join("neither")).expect_err("nowhere to write").to_string();
+        assert!(error.contains("none") && !error.contains("neither"), "the folder that was meant: {error}");
     }
 }

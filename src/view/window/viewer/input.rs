@@ -3,7 +3,7 @@
 use std::f32::consts::TAU;
 
 use clap::ValueEnum;
-use glam::Vec2;
+use glam::{Mat4, Vec2};
 use winit::dpi::PhysicalPosition;
 use winit::event::{ElementState, KeyEvent, MouseButton, MouseScrollDelta};
 use winit::keyboard::ModifiersState;
@@ -134,6 +134,7 @@ impl Viewer {
         if let Some((stage, control)) = &mut self.stage {
             self.camera = index % stage.cameras.len();
             control.set_camera(&stage.cameras[self.camera]);
+            self.session.iter_mut().for_each(|session| session.go_to(self.camera));
         }
     }
 
@@ -142,10 +143,11 @@ impl Viewer {
         if let Some((stage, _)) = &mut self.stage {
             *stage.renderer.exposure_ev() = stage.exposure_ev;
             *stage.renderer.environment_turn() = stage.rotation_degrees.to_radians();
+            *stage.renderer.world_from_models() = Mat4::IDENTITY;
         }
     }
 
-    fn shade(&mut self, forward: usize) -> Result<()> {
+    pub(super) fn shade(&mut self, forward: usize) -> Result<()> {
         let all = Shading::value_variants();
         let at = all.iter().position(|s| *s == self.shading).unwrap_or(0);
         self.shading = all[(at + forward) % all.len()];

@@ -1,0 +1,204 @@
+//! Textures with all their levels as the GPU takes them: plain or compressed, made from pictures or found in the cache.
+
+use clap::ValueEnum;
+
+use super::compress::{Block, ENCODER, compress, decompress};
+use super::ktx2::{Ktx2, TexelFormat};
+use super::mips::{self, NormalLoss, level_size};
+use super::texture::Encoding;
+use super::{Cache, Report, Texture};
+
+/// How texels are stored.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, ValueEnum)]
+pub enum Storage {
+    /// Four bytes a texel.
+    Raw,
+    /// BC7 and BC5, one byte a texel.
+    #[default]
+    Bc,
+}
+
+/// How a scene's textures are made and kept.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TextureOptions {
+    pub storage: Storage,
+    /// For compressed ones; `None` compresses always, and keeps nothing.
+    pub cache: Option<Cache>,
+    /// GPU memory that they may take together, in bytes; `None` for what the GPU has free, less a margin.
+    pub budget_bytes: Option<u64>,
+    /// Top levels left out of every texture, for measurements.
+    pub dropped_levels: u32,
+    /// Samples along a slanted footprint at most, 1 to 16.
+    pub anisotropy: u32,
+}
+
+impl Default for TextureOptions {
+    fn default() -> Self {
+        Self { storage: Storage::default(), cache: None, budget_bytes: None, dropped_levels: 0, anisotropy: 8 }
+    }
+}
+
+/// Part of every key in the cache: what says which program made an entry.
+pub fn program() -> [&'static str; 3] {
+    [env!("CARGO_PKG_VERSION"), env!("PBR_VR_TEXTURE_CODE"), ENCODER]
+}
+
+/// A texture with all its levels, down to 1×1.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MipChain {
+    /// For messages and GPU debug names.
+    pub name: String,
+    /// Texels of level 0.
+    pub width: u32,
+    pub height: u32,
+    pub format: TexelFormat,
+    /// Level 0 first; each as in a KTX2 file.
+    pub levels: Vec<Vec<u8>>,
+}
+
+impl MipChain {
+    /// An albedo map; its alpha is a mask where there is a cutoff, else 1.
+    pub fn albedo(texture: Texture, cutoff: Option<f32>, storage: Storage, report: &Report) -> Self {
+        let (name, size) = (texture.name.clone(), [texture.width, texture.height]);
+        let block = if cutoff.is_some() { Block::Alpha } else { Block::Opaque };
+        let levels = report.time("mips", || mips::colour_levels(texture, cutoff));
+        Self::store(name, size, Encoding::Srgb, levels, block, storage, report)
+    }
+
+    /// A normal map: x and y; shaders find z.
+    pub fn normal(texture: &Texture, storage: Storage, report: &Report) -> Self {
+        let size = [texture.width, texture.height];
+        let levels = report.time("mips", || mips::normal_levels(texture));
+        Self::store(texture.name.clone(), size, Encoding::Normal, levels, Block::TwoChannels, storage, report)
+    }
+
+    /// A surface map, rougher where `normals` lose detail.
+    pub fn surface(texture: Texture, normals: Option<&NormalLoss>, storage: Storage, report: &Report) -> Self {
+        let (name, size) = (texture.name.clone(), [texture.width, texture.height]);
+        let levels = report.time("mips", || mips::surface_levels(texture, normals));
+        Self::store(name, size, Encoding::Linear, levels, Block::Opaque, storage, report)
+    }
+
+    /// Bytes of the levels from one on.
+    pub fn bytes_from(&self, first: u32) -> u64 {
+        self.levels.iter().skip(first as usize).map(|level| level.len() as u64).sum()
+    }
+
+    /// What it would take uncompressed.
+    pub fn raw_bytes(&self) -> u64 {
+        let texels = |level| level_size([self.width, self.height], level).map(u64::from).iter().product::<u64>();
+        (0..self.levels.len() as u32).map(|level| 4 * texels(level)).sum()
+    }
+
+    /// The same texels uncompressed, as a GPU would read them.
+    pub fn decompressed(&self) -> Self {
+        let (block, format) = match self.format {
+            TexelFormat::Bc5 => (Block::TwoChannels, TexelFormat::Rgba8),
+            TexelFormat::Bc7 => (Block::Alpha, TexelFormat::Rgba8),
+            TexelFormat::Bc7Srgb => (Block::Alpha, TexelFormat::Rgba8Srgb),
+            _ => return self.clone(),
+        };
+        let size = |level| level_size([self.width, self.height], level);
+        let levels = (0u32..).zip(&self.levels).map(|(level, blocks)| decompress(block, size(level), blocks)).collect();
+        Self { name: self.name.clone(), format, levels, ..*self }
+    }
+
+    /// The same as an entry of the cache.
+    pub fn into_ktx2(self) -> Ktx2 {
+        let (size, levels) = ([self.width, self.height], self.levels);
+        let mut texture =
+            Ktx2 { format: self.format, size, layers: 0, faces: 1, levels, key_values: Default::default() };
+        texture.set_text(NAME, &self.name);
+        texture
+    }
+
+    /// What [`MipChain::into_ktx2`] made; `None` for a texture of another shape.
+    pub fn from_ktx2(texture: Ktx2) -> Option<Self> {
+        let whole = texture.levels.len() == mips::level_count(texture.size) as usize;
+        if !whole || texture.faces != 1 || texture.layers != 0 {
+            return None;
+        }
+        let ([width, height], name) = (texture.size, texture.text(NAME)?.to_owned());
+        Some(Self { name, width, height, format: texture.format, levels: texture.levels })
+    }
+
+    fn store(
+        name: String,
+        size: [u32; 2],
+        encoding: Encoding,
+        mut levels: Vec<Vec<u8>>,
+        block: Block,
+        storage: Storage,
+        report: &Report,
+    ) -> Self {
+        if storage == Storage::Bc {
+            // One level after another, so that no more than one is there twice.
+            for (level, bytes) in (0u32..).zip(&mut levels) {
+                *bytes = compress(block, level_size(size, level), bytes, report);
+            }
+        }
+        let format = match (storage, encoding) {
+            (Storage::Raw, Encoding::Srgb) => TexelFormat::Rgba8Srgb,
+            (Storage::Raw, _) => TexelFormat::Rgba8,
+            (Storage::Bc, Encoding::Srgb) => TexelFormat::Bc7Srgb,
+            (Storage::Bc, Encoding::Linear) => TexelFormat::Bc7,
+            (Storage::Bc, Encoding::Normal) => TexelFormat::Bc5,
+        };
+        let [width, height] = size;
+        Self { name, width, height, format, levels }
+    }
+}
+
+/// The key under which an entry keeps the texture's name.
+const NAME: &str = "pbrvrName";
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn texture(width: u32, height: u32) -> Texture {
+        let texel = |i: u32| [(i * 37 % 251) as u8, (i * 11 % 241) as u8, 128, 255];
+        let pixels = (0..width * height).flat_map(texel).collect();
+        Texture { name: "t".into(), width, height, encoding: Encoding::Srgb, pixels }
+    }
+
+    #[test]
+    fn chains_of_any_size_are_whole_and_a_quarter_of_their_raw_size() {
+        for (width, height) in [(64, 64), (37, 50), (1, 9), (5, 1), (2, 2)] {
+            let chains = [Storage::Raw, Storage::Bc].map(|storage| {
+                let report = Report::silent();
+                [
+                    MipChain::albedo(texture(width, height), None, storage, &report),
+                    MipChain::normal(&texture(width, height), storage, &report),
+                    MipChain::surface(texture(width, height), None, storage, &report),
+                ]
+            });
+            for chain in chains.iter().flatten() {
+                assert_eq!(chain.levels.len() as u32, mips::level_count([width, height]));
+                let ktx2 = chain.clone().into_ktx2();
+                for (level, bytes) in (0u32..).zip(&chain.levels) {
+                    assert_eq!(bytes.len() as u64, ktx2.level_bytes(level), "{:?} level {level}", chain.format);
+                }
+                assert_eq!(MipChain::from_ktx2(ktx2).as_ref(), Some(chain));
+            }
+            for (raw, compressed) in chains[0].iter().zip(&chains[1]) {
+                assert_eq!(raw.bytes_from(0), raw.raw_bytes());
+                assert_eq!(compressed.raw_bytes(), raw.raw_bytes());
+                let (back, same) = (compressed.decompressed(), raw.decompressed());
+                assert_eq!((back.format, back.bytes_from(0)), (raw.format, raw.raw_bytes()));
+                assert_eq!(same, *raw, "nothing to do");
+                if width == 64 {
+                    let ratio = raw.bytes_from(0) as f64 / compressed.bytes_from(0) as f64;
+                    assert!(ratio > 3.98, "{:?}: {ratio}", compressed.format);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_chain_that_lacks_levels_is_not_taken() {
+        let mut ktx2 = MipChain::albedo(texture(8, 8), None, Storage::Raw, &Report::silent()).into_ktx2();
+        ktx2.levels.pop();
+        assert_eq!(MipChain::from_ktx2(ktx2), None);
+    }
+}

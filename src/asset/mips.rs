@@ -1,0 +1,249 @@
+//! Smaller levels of textures, each in the space that it is averaged in: colour in linear light, normals as vectors,
+//! roughness as the square of a lobe's width. Twin of `reference::mip`.
+
+use super::Texture;
+
+/// Weight of a texel that is not there, so that its colour counts only among its like.
+const TRANSPARENT_WEIGHT: f32 = 1.0 / 4096.0;
+
+/// Mips down to 1×1.
+pub fn level_count(size: [u32; 2]) -> u32 {
+    32 - size[0].max(size[1]).max(1).leading_zeros()
+}
+
+/// Size of a level: halves, rounded down, at least 1.
+pub fn level_size(size: [u32; 2], level: u32) -> [u32; 2] {
+    size.map(|side| side.checked_shr(level).unwrap_or(0).max(1))
+}
+
+/// One level as numbers, rows from the top.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Level<const N: usize> {
+    pub size: [u32; 2],
+    pub texels: Vec<[f32; N]>,
+}
+
+/// All levels of an albedo map as RGBA bytes, the first as it is. RGB is averaged in linear light; with a `cutoff` (of
+/// alpha, 0 to 1), weighted by alpha, and alpha is scaled so that each level covers as much as the first (Castaño,
+/// "Computing Alpha Mipmaps", 2010).
+pub fn colour_levels(texture: Texture, cutoff: Option<f32>) -> Vec<Vec<u8>> {
+    let linear: [f32; 256] = std::array::from_fn(|i| srgb_to_linear(i as f32 / 255.0));
+    let weighted = cutoff.is_some();
+    let read = |[r, g, b, a]: [u8; 4]| {
+        let alpha = f32::from(a) / 255.0;
+        let weight = if weighted { alpha + TRANSPARENT_WEIGHT } else { 1.0 };
+        [
+            linear[r as usize] * weight,
+            linear[g as usize] * weight,
+            linear[b as usize] * weight,
+            if weighted { weight } else { alpha },
+        ]
+    };
+    let chain = smaller_levels(&texture, read);
+    let coverage = cutoff.map(|cutoff| coverage(texture.pixels.iter().skip(3).step_by(4).copied(), cutoff));
+    let bytes = |level: &Level<4>| -> Vec<u8> {
+        let alphas = || level.texels.iter().map(|t| if weighted { t[3] - TRANSPARENT_WEIGHT } else { t[3] });
+        let scale =
+            cutoff.zip(coverage).map_or(1.0, |(cutoff, coverage)| alpha_scale(alphas().collect(), cutoff, coverage));
+        let write = |(texel, alpha): (&[f32; 4], f32)| {
+            let weight = if weighted { texel[3] } else { 1.0 };
+            let [r, g, b] = [0, 1, 2].map(|c| byte(linear_to_srgb(texel[c] / weight)));
+            [r, g, b, byte(alpha * scale)]
+        };
+        level.texels.iter().zip(alphas()).flat_map(write).collect()
+    };
+    std::iter::once(texture.pixels).chain(chain.iter().map(bytes)).collect()
+}
+
+/// The mean vectors of a normal map's smaller levels, not normalised: the shorter, the more their texels differ.
+pub fn mean_normals(texture: &Texture) -> Vec<Level<3>> {
+    smaller_levels(texture, unit_normal)
+}
+
+/// All levels of a normal map as RGBA bytes, normalised, the first too: shaders find z from x and y.
+pub fn normal_levels(texture: &Texture) -> Vec<Vec<u8>> {
+    let means = mean_normals(texture);
+    let write = |n: [f32; 3]| {
+        let [x, y, z] = normalised(n).map(|v| (v * 127.5 + 127.5).round() as u8);
+        [x, y, z, 255]
+    };
+    let first = texture.texels().flat_map(|texel| write(unit_normal(*texel))).collect();
+    std::iter::once(first).chain(means.iter().map(|l| l.texels.iter().flat_map(|n| write(*n)).collect())).collect()
+}
+
+/// All levels of a surface map (occlusion, roughness, metallic) as RGBA bytes, the first as it is. Roughness is averaged
+/// as α² = roughness⁴, and widened by what the material's normal map loses at that size (`reference::mip::Widening::Fisher`).
+pub fn surface_levels(texture: Texture, normals: Option<&NormalLoss>) -> Vec<Vec<u8>> {
+    let unit = |v: u8| f32::from(v) / 255.0;
+    let read = |[o, r, m, _]: [u8; 4]| [unit(o), unit(r).powi(4), unit(m)];
+    let chain = smaller_levels(&texture, read);
+    let bytes = |level: &Level<3>| -> Vec<u8> {
+        let widths = normals.and_then(|normals| normals.widths(level.size));
+        let write = |(i, [o, alpha_squared, m]): (usize, &[f32; 3])| {
+            let added = widths.as_ref().map_or(0.0, |widths| widths[i]);
+            let roughness = (alpha_squared + added).min(1.0).powf(0.25);
+            [byte(*o), byte(roughness), byte(*m), 255]
+        };
+        level.texels.iter().enumerate().flat_map(write).collect()
+    };
+    std::iter::once(texture.pixels).chain(chain.iter().map(bytes)).collect()
+}
+
+/// What a normal map loses in its smaller levels, for surface maps of any size.
+pub struct NormalLoss {
+    size: [u32; 2],
+    means: Vec<Level<3>>,
+}
+
+impl NormalLoss {
+    /// From a normal map.
+    pub fn new(texture: &Texture) -> Self {
+        Self { size: [texture.width, texture.height], means: mean_normals(texture) }
+    }
+
+    /// What is added to α² in a level of `size`; `None` where the normal map is shown in full.
+    fn widths(&self, size: [u32; 2]) -> Option<Vec<f32>> {
+        if size[0] >= self.size[0] && size[1] >= self.size[1] {
+            return None;
+        }
+        // The smallest level that is still as fine; a map longer than the other one is wide has none.
+        let fine = |level: &&Level<3>| level.size[0] >= size[0] && level.size[1] >= size[1];
+        let from = self.means.iter().rev().find(fine).or(self.means.first())?;
+        let resized;
+        let means = if from.size == size {
+            from
+        } else {
+            resized = shrink(from.size, size, |y, row| row.copy_from_slice(row_of(from, y)));
+            &resized
+        };
+        Some(means.texels.iter().map(|n| fisher_width(length(*n))).collect())
+    }
+}
+
+/// As `reference::mip::fisher_width`.
+fn fisher_width(r: f32) -> f32 {
+    let r = r.clamp(1e-3, 1.0);
+    2.0 * (1.0 - r * r) / (r * (3.0 - r * r))
+}
+
+/// Levels 1 and on of a texture whose texels become numbers by `read`.
+fn smaller_levels<const N: usize>(texture: &Texture, read: impl Fn([u8; 4]) -> [f32; N]) -> Vec<Level<N>> {
+    let size = [texture.width, texture.height];
+    let width = texture.width as usize;
+    let mut levels: Vec<Level<N>> = Vec::new();
+    for level in 1..level_count(size) {
+        let to = level_size(size, level);
+        let next = match levels.last() {
+            None => {
+                let (texels, _) = texture.pixels.as_chunks::<4>();
+                shrink(size, to, |y, row| {
+                    row.iter_mut().zip(&texels[y * width..]).for_each(|(out, texel)| *out = read(*texel));
+                })
+            }
+            Some(last) => shrink(last.size, to, |y, row| row.copy_from_slice(row_of(last, y))),
+        };
+        levels.push(next);
+    }
+    levels
+}
+
+fn row_of<const N: usize>(level: &Level<N>, y: usize) -> &[[f32; N]] {
+    let width = level.size[0] as usize;
+    &level.texels[y * width..(y + 1) * width]
+}
+
+/// Box average of a picture that `fill` writes row by row.
+fn shrink<const N: usize>(from: [u32; 2], to: [u32; 2], fill: impl Fn(usize, &mut [[f32; N]])) -> Level<N> {
+    let (across, down) = (Taps::new(from[0], to[0]), Taps::new(from[1], to[1]));
+    let width = to[0] as usize;
+    let mut texels = vec![[0.0; N]; width * to[1] as usize];
+    let mut source = vec![[0.0; N]; from[0] as usize];
+    let mut summed = source.clone();
+    for (k, row) in texels.chunks_exact_mut(width).enumerate() {
+        summed.fill([0.0; N]);
+        let (first, shares) = down.of(k);
+        for (y, share) in (first..).zip(shares) {
+            fill(y, &mut source);
+            summed.iter_mut().zip(&source).for_each(|(sum, texel)| add(sum, texel, *share));
+        }
+        for (x, out) in row.iter_mut().enumerate() {
+            let (first, shares) = across.of(x);
+            summed[first..].iter().zip(shares).for_each(|(texel, share)| add(out, texel, *share));
+        }
+    }
+    Level { size: to, texels }
+}
+
+fn add<const N: usize>(sum: &mut [f32; N], texel: &[f32; N], share: f32) {
+    (0..N).for_each(|c| sum[c] += texel[c] * share);
+}
+
+/// For each texel along an axis, the first that it covers and their shares.
+struct Taps(Vec<(usize, Vec<f32>)>);
+
+impl Taps {
+    fn new(from: u32, to: u32) -> Self {
+        let tap = |i| {
+            let (first, shares) = crate::reference::mip::box_weights(from, to, i);
+            (first as usize, shares.into_iter().map(|share| share as f32).collect())
+        };
+        Self((0..to).map(tap).collect())
+    }
+
+    fn of(&self, i: usize) -> (usize, &[f32]) {
+        (self.0[i].0, &self.0[i].1)
+    }
+}
+
+/// Share of texels with at least `cutoff` of alpha.
+fn coverage(alphas: impl ExactSizeIterator<Item = u8>, cutoff: f32) -> f32 {
+    let count = alphas.len();
+    alphas.filter(|a| f32::from(*a) >= cutoff * 255.0).count() as f32 / count.max(1) as f32
+}
+
+/// What alpha is multiplied by so that as near to `coverage` of the texels as can be have at least `cutoff`; 1 where all
+/// or none do.
+fn alpha_scale(mut alphas: Vec<f32>, cutoff: f32, coverage: f32) -> f32 {
+    let stay = (coverage * alphas.len() as f32).round() as usize;
+    if stay == 0 || stay >= alphas.len() {
+        return 1.0;
+    }
+    alphas.sort_unstable_by(|a, b| b.total_cmp(a));
+    // Equal ones stay or go together.
+    let edge = alphas[stay - 1];
+    let (first, end) = (alphas.partition_point(|a| *a > edge), alphas.partition_point(|a| *a >= edge));
+    let stay = if first > 0 && stay - first < end - stay { first } else { end };
+    let middle = 0.5 * (alphas[stay - 1] + alphas.get(stay).copied().unwrap_or(0.0));
+    if middle > 0.0 { cutoff / middle } else { 1.0 }
+}
+
+fn unit_normal([x, y, z, _]: [u8; 4]) -> [f32; 3] {
+    normalised([x, y, z].map(|v| f32::from(v) / 127.5 - 1.0))
+}
+
+fn normalised(n: [f32; 3]) -> [f32; 3] {
+    let length = length(n);
+    // Half of the sphere is behind the surface; normals there, or none, are taken for straight ones.
+    if length < 1e-6 || n[2] <= 0.0 { [0.0, 0.0, 1.0] } else { n.map(|v| v / length) }
+}
+
+fn length(n: [f32; 3]) -> f32 {
+    n.iter().map(|v| v * v).sum::<f32>().sqrt()
+}
+
+fn byte(unit: f32) -> u8 {
+    (unit * 255.0).round() as u8
+}
+
+/// IEC 61966-2-1.
+pub fn srgb_to_linear(encoded: f32) -> f32 {
+    if encoded <= 0.04045 { encoded / 12.92 } else { ((encoded + 0.055) / 1.055).powf(2.4) }
+}
+
+fn linear_to_srgb(linear: f32) -> f32 {
+    if linear <= 0.003_130_8 { 12.92 * linear } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 }
+}
+
+#[cfg(test)]
+#[path = "mips_tests.rs"]
+mod tests;

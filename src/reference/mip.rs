@@ -1,0 +1,168 @@
+//! Smaller levels of textures in f64: box averages of any size, and how much rougher averaged normals make a surface.
+//!
+//! `asset::mips` is the fast twin.
+
+use glam::DVec4;
+
+/// Least length of a mean normal: below it the normals point everywhere, and the lobe is as wide as it gets.
+const SHORTEST: f64 = 1e-3;
+/// Most that one texel adds to α² in [`Widening::Clamped`]: the bound that Tokuyoshi and Kaplanyan (2019) recommend.
+const MOST_ADDED: f64 = 0.18;
+
+/// Texel `i` of `to` along one axis covers [i, i + 1) · from / to texels of the larger level: the first of them and
+/// their shares, which add up to 1.
+pub fn box_weights(from: u32, to: u32, i: u32) -> (u32, Vec<f64>) {
+    let scale = f64::from(from) / f64::from(to);
+    let (start, end) = (f64::from(i) * scale, f64::from(i + 1) * scale);
+    let first = (start + 1e-9).floor();
+    let last = (end - 1e-9).ceil().min(f64::from(from));
+    let count = (last - first) as u32;
+    let share = |k: u32| {
+        let left = first + f64::from(k);
+        (end.min(left + 1.0) - start.max(left)).max(0.0) / scale
+    };
+    (first as u32, (0..count).map(share).collect())
+}
+
+/// Box average of `from[0] · from[1]` texels, rows from the top, onto `to[0] · to[1]`.
+pub fn box_average(texels: &[DVec4], from: [u32; 2], to: [u32; 2]) -> Vec<DVec4> {
+    let texel = |x: u32, y: u32| {
+        let ((left, across), (top, down)) = (box_weights(from[0], to[0], x), box_weights(from[1], to[1], y));
+        let mut sum = DVec4::ZERO;
+        for (row, wy) in (top..).zip(&down) {
+            for (column, wx) in (left..).zip(&across) {
+                sum += texels[(row * from[0] + column) as usize] * (wx * wy);
+            }
+        }
+        sum
+    };
+    (0..to[1]).flat_map(|y| (0..to[0]).map(move |x| (x, y))).map(|(x, y)| texel(x, y)).collect()
+}
+
+/// Ways to make up in roughness for normals that were averaged to a vector of length r ≤ 1.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Widening {
+    /// Nothing: what plain mips do.
+    None,
+    /// Toksvig, "Mipmapping of Normal Maps" (2005): the exponent s becomes r s / (r + s (1 − r)), with
+    /// α² = 2 / (s + 2) (Walter et al. 2007, section 5.2).
+    Toksvig,
+    /// The normals as a von Mises–Fisher lobe of κ = r (3 − r²) / (1 − r²) (Banerjee et al., "Clustering on the Unit
+    /// Hypersphere", 2005, eq. 4.4), convolved with the surface's: 1/κ add up (Han et al., "Frequency Domain Normal Map
+    /// Filtering", 2007), and α² ≈ 2/κ.
+    Fisher,
+    /// The normals' variance along each axis, σ² ≈ (1 − r²) / 2, doubled and clamped, is added to α²: Kaplanyan et al.,
+    /// "Filtering Distributions of Normals for Shading Antialiasing" (2016); clamped as in Tokuyoshi and Kaplanyan,
+    /// "Improved Geometric Specular Antialiasing" (2019).
+    Clamped,
+}
+
+impl Widening {
+    /// All of them.
+    pub const ALL: [Self; 4] = [Self::None, Self::Toksvig, Self::Fisher, Self::Clamped];
+
+    /// A name for tables.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::None => "none",
+            Self::Toksvig => "toksvig-2005",
+            Self::Fisher => "fisher-2007",
+            Self::Clamped => "clamped-2019",
+        }
+    }
+
+    /// α² of the widened lobe, from α² of the surface's own and the length r of the mean normal.
+    pub fn alpha_squared(self, alpha_squared: f64, r: f64) -> f64 {
+        let r = r.clamp(SHORTEST, 1.0);
+        let widened = match self {
+            Self::None => alpha_squared,
+            Self::Toksvig => {
+                let s = 2.0 / alpha_squared.max(1e-9) - 2.0;
+                2.0 / (r * s / (r + s * (1.0 - r)) + 2.0)
+            }
+            Self::Fisher => alpha_squared + fisher_width(r),
+            Self::Clamped => alpha_squared + (1.0 - r * r).min(MOST_ADDED),
+        };
+        widened.min(1.0)
+    }
+}
+
+/// What [`Widening::Fisher`] adds to α²: 2/κ.
+pub fn fisher_width(r: f64) -> f64 {
+    let r = r.clamp(SHORTEST, 1.0);
+    2.0 * (1.0 - r * r) / (r * (3.0 - r * r))
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+
+    use super::*;
+    use crate::reference::brdf::d_ggx;
+    use crate::reference::sampling::hammersley;
+
+    #[test]
+    fn shares_add_up_and_no_texel_is_dropped() {
+        for (from, to) in [(8, 4), (7, 3), (5, 2), (3, 1), (1, 1), (13, 6), (4, 6), (6, 4)] {
+            let mut used = vec![0.0; from as usize];
+            for i in 0..to {
+                let (first, shares) = box_weights(from, to, i);
+                assert!((shares.iter().sum::<f64>() - 1.0).abs() < 1e-9, "{from} to {to}");
+                shares.iter().enumerate().for_each(|(k, share)| used[first as usize + k] += share);
+            }
+            let even = f64::from(to) / f64::from(from);
+            assert!(used.iter().all(|u| (u - even).abs() < 1e-6), "{from} to {to}: {used:?}");
+        }
+    }
+
+    /// Normals of a bumpy patch whose slopes are spread like a Gauss bell, as those of photographed bricks about are.
+    fn bumps(deviation: f64) -> Vec<DVec3> {
+        let normal = |i| {
+            let u = hammersley(i, 8);
+            let (radius, around) = (deviation * (-2.0 * (1.0 - u.y).ln()).sqrt(), std::f64::consts::TAU * u.x);
+            DVec3::new(radius * around.cos(), radius * around.sin(), 1.0).normalize()
+        };
+        (0..256).map(normal).collect()
+    }
+
+    /// Mean over half vectors of |D of one widened lobe − mean of D over all normals|, over the mean of the latter.
+    fn error(normals: &[DVec3], alpha: f64, widening: Widening) -> f64 {
+        let mean = normals.iter().sum::<DVec3>() / normals.len() as f64;
+        let wide = widening.alpha_squared(alpha * alpha, mean.length()).sqrt();
+        let (mut wrong, mut all) = (0.0, 0.0);
+        for degrees in 0..60 {
+            let h = DVec3::new(f64::from(degrees).to_radians().sin(), 0.0, f64::from(degrees).to_radians().cos());
+            let truth = normals.iter().map(|n| d_ggx(*n, h, alpha)).sum::<f64>() / normals.len() as f64;
+            // Rings of directions: their circumference.
+            wrong += (d_ggx(mean.normalize(), h, wide) - truth).abs() * h.x;
+            all += truth * h.x;
+        }
+        wrong / all
+    }
+
+    #[test]
+    fn widening_comes_close_to_the_mean_of_all_lobes() {
+        for (bump, alpha) in [(0.1, 0.1), (0.15, 0.1), (0.2, 0.2), (0.2, 0.1)] {
+            let normals = bumps(bump);
+            let plain = error(&normals, alpha, Widening::None);
+            for widening in [Widening::Toksvig, Widening::Fisher, Widening::Clamped] {
+                let error = error(&normals, alpha, widening);
+                assert!(error < 0.6 * plain, "{widening:?}, bumps {bump}, α {alpha}: {error} against {plain}");
+            }
+        }
+    }
+
+    #[test]
+    fn equal_normals_widen_nothing_and_scattered_ones_never_beyond_one() {
+        for widening in Widening::ALL {
+            for alpha_squared in [1e-4, 0.04, 1.0] {
+                assert!((widening.alpha_squared(alpha_squared, 1.0) - alpha_squared).abs() < 1e-9, "{widening:?}");
+                let scattered = widening.alpha_squared(alpha_squared, 0.0);
+                assert!((alpha_squared..=1.0).contains(&scattered), "{widening:?}: {scattered}");
+                let steps: Vec<f64> =
+                    (0..=50).map(|i| widening.alpha_squared(alpha_squared, f64::from(i) / 50.0)).collect();
+                assert!(steps.windows(2).all(|w| w[0] >= w[1] - 1e-12), "{widening:?}: shorter means are wider");
+            }
+        }
+    }
+}

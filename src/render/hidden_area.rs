@@ -1,0 +1,74 @@
+//! What the lenses hide of each eye's picture: drawn first at the nearest depth, so that nothing there is shaded.
+
+use std::sync::Arc;
+
+use super::{Output, Settings};
+use crate::Result;
+use crate::gpu::{Buffer, BufferKind, Commands, Depth, Format, Gpu, GraphicsDesc, Pipeline, Upload};
+
+/// Corners of triangles: x and y of clip space (Vulkan's, y down), and the eye's index.
+type Corner = [f32; 3];
+
+/// The hidden triangles of all eyes.
+pub struct HiddenArea {
+    pipeline: Pipeline,
+    corners: Buffer,
+    indices: Buffer,
+    count: u32,
+}
+
+impl HiddenArea {
+    /// From the triangles of each eye, three corners each, in the units of the eye's picture: 0 to 1, v downwards.
+    /// `None` if there is not a single one.
+    pub fn new(gpu: &Arc<Gpu>, settings: &Settings, eyes: &[Vec<[f32; 2]>]) -> Result<Option<Self>> {
+        let corners: Vec<Corner> = (0u8..)
+            .zip(eyes)
+            .flat_map(|(eye, corners)| {
+                // A last triangle that lacks corners is no triangle.
+                let whole = &corners[..corners.len() / 3 * 3];
+                whole.iter().map(move |[u, v]| [2.0 * u - 1.0, 2.0 * v - 1.0, f32::from(eye)])
+            })
+            .collect();
+        let Ok(count) = u32::try_from(corners.len()) else { return Ok(None) };
+        if count == 0 {
+            return Ok(None);
+        }
+        let indices: Vec<u32> = (0..count).collect();
+        let buffer = |kind, bytes: &[u8]| Buffer::new(gpu, "hidden area", kind, bytes.len() as u64);
+        let (corners, indices): (&[u8], &[u8]) = (bytemuck::cast_slice(&corners), bytemuck::cast_slice(&indices));
+        let (on_corners, on_indices) = (buffer(BufferKind::Vertex, corners)?, buffer(BufferKind::Index, indices)?);
+        let mut upload = Upload::new(gpu);
+        upload.buffer(&on_corners, corners)?;
+        upload.buffer(&on_indices, indices)?;
+        upload.finish()?;
+        let pipeline = pipeline(gpu, settings)?;
+        Ok(Some(Self { pipeline, corners: on_corners, indices: on_indices, count }))
+    }
+
+    /// Draws it; called while rendering, before all else.
+    pub(super) fn draw(&self, commands: &mut Commands<'_>) {
+        commands.bind(&self.pipeline, &[]);
+        commands.bind_mesh(&self.corners, &self.indices);
+        commands.draw_indexed(0..self.count, 0, 1);
+    }
+}
+
+fn pipeline(gpu: &Arc<Gpu>, settings: &Settings) -> Result<Pipeline> {
+    Pipeline::graphics(
+        gpu,
+        &GraphicsDesc {
+            name: "hidden area",
+            vertex: "hidden_area.vert",
+            fragment: "hidden_area.frag",
+            constants: &[],
+            sets: &[],
+            push_bytes: 0,
+            vertex_stride: size_of::<Corner>() as u32,
+            vertex_attributes: &[(Format::R32G32B32_SFLOAT, 0)],
+            colour: Output::Display.format(),
+            depth: Depth::Write,
+            samples: settings.samples,
+            blend: false,
+        },
+    )
+}

@@ -1,0 +1,393 @@
+//! From picture files to the textures of materials: constants found, channels packed, levels made, compressed; or all of
+//! it found in the cache.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
+
+use glam::Vec3;
+use rayon::prelude::*;
+
+use crate::asset::cache::Key;
+use crate::asset::ktx2::{Ktx2, TexelFormat};
+use crate::asset::mip_chain::program;
+use crate::asset::mips::{NormalLoss, srgb_to_linear};
+use crate::asset::texture::{Channel, Encoding, MAX_FILE_BYTES};
+use crate::asset::{Cache, MipChain, Report, Storage, Texture, TextureOptions, file};
+
+/// Fragments with less alpha than this are not there.
+pub const ALPHA_CUTOFF: f32 = 0.5;
+/// A normal map whose every x and y is within one step of 128 bends nothing.
+const FLAT_NORMAL: std::ops::RangeInclusive<u8> = 127..=129;
+/// The largest texture, compressed, is smaller.
+const MAX_ENTRY_BYTES: u64 = 512 << 20;
+/// What an entry of the cache says beside the texture: 12 bytes of factor, a byte for each of cutout, "holds the
+/// roughness" and "there is a texture", and 6 of ranges.
+const FACTS: &str = "pbrvrFacts";
+
+/// Where a normal map comes from.
+#[derive(Clone, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum Normals {
+    /// A certain normal map.
+    Map(PathBuf),
+    /// A height map or a normal map. Bits of the strength, so that it can be compared.
+    Bump(PathBuf, u32),
+}
+
+/// A texture of the scene that is to be made; equal jobs are done once.
+#[derive(Clone, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum Job {
+    Albedo {
+        colour: Option<PathBuf>,
+        mask: Option<PathBuf>,
+    },
+    Normal(Normals),
+    /// Occlusion, roughness, metallic; the roughness factor with its map, and without it, as bits.
+    Surface {
+        maps: [Option<PathBuf>; 3],
+        normals: Option<Normals>,
+        roughness: [u32; 2],
+    },
+}
+
+/// What a job comes to: a texture, or what it would say everywhere, or both.
+pub struct Made {
+    pub texture: Option<MipChain>,
+    /// Albedo (linear), or occlusion, roughness, metallic: 1 where the texture says it.
+    pub factor: Vec3,
+    /// Least and most of a surface's occlusion, roughness and metallic maps, 255 where there is none.
+    pub ranges: [[u8; 2]; 3],
+    pub cutout: bool,
+    /// The texture's roughness has the material's factor in it.
+    pub holds_roughness: bool,
+    /// Which of the job's pictures could be read: the colour, or occlusion, roughness, metallic.
+    pub read: [bool; 3],
+    /// Files that could not be used, and why.
+    pub problems: Vec<(PathBuf, String)>,
+}
+
+impl Made {
+    fn nothing() -> Self {
+        Self {
+            texture: None,
+            factor: Vec3::ONE,
+            ranges: [[255; 2]; 3],
+            cutout: false,
+            holds_roughness: false,
+            read: [false; 3],
+            problems: Vec::new(),
+        }
+    }
+}
+
+/// What a picture of which one channel counts is read for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+enum Kind {
+    Red,
+    Mask,
+}
+
+type Digest = Result<[u8; 32], String>;
+
+/// The files of all jobs, and how textures are made of them.
+pub struct Pictures<'a> {
+    options: &'a TextureOptions,
+    report: &'a Report,
+    cache: Option<&'a Cache>,
+    /// Only where there is a cache.
+    digests: BTreeMap<PathBuf, Digest>,
+    /// Channels that several jobs want are decoded once.
+    shared: BTreeMap<(PathBuf, Kind), OnceLock<Result<Channel, String>>>,
+}
+
+impl<'a> Pictures<'a> {
+    /// Reads and hashes every file, if there is a cache to be asked.
+    pub fn new(jobs: &BTreeSet<Job>, options: &'a TextureOptions, report: &'a Report) -> Self {
+        // What is not compressed is made as fast as it is read.
+        let cache = options.cache.as_ref().filter(|_| options.storage == Storage::Bc);
+        let mut uses: BTreeMap<(PathBuf, Kind), u32> = BTreeMap::new();
+        for scalar in jobs.iter().flat_map(scalars) {
+            *uses.entry(scalar).or_default() += 1;
+        }
+        let shared = uses.into_iter().filter(|(_, uses)| *uses > 1).map(|(key, _)| (key, OnceLock::new())).collect();
+        let files: BTreeSet<PathBuf> = jobs.iter().filter(|_| cache.is_some()).flat_map(files).cloned().collect();
+        let digest = |path: PathBuf| {
+            let digest = report.time("hash", || {
+                file::read(&path, "texture", MAX_FILE_BYTES).map(|bytes| *blake3::hash(&bytes).as_bytes())
+            });
+            (path, digest.map_err(|error| error.to_string()))
+        };
+        Self { options, report, cache, digests: files.into_par_iter().map(digest).collect(), shared }
+    }
+
+    /// Does a job, or finds it in the cache.
+    pub fn make(&self, job: &Job) -> Made {
+        let key = self.cache.and_then(|_| self.key(job));
+        let Some((cache, key)) = self.cache.zip(key) else { return self.work(job) };
+        let found = self.report.time("cache", || cache.load(&key, MAX_ENTRY_BYTES, |texture| facts(texture).is_some()));
+        if let Some(made) = found.and_then(|texture| from_entry(texture, job)) {
+            return made;
+        }
+        let made = self.work(job);
+        // A file may be readable and still be no picture; that is found out, and told, each time.
+        if made.problems.is_empty()
+            && let Err(error) = self.report.time("cache", || cache.store(&key, to_entry(&made)))
+        {
+            // Without a cache everything works, only later.
+            tracing::debug!("cache: {error}");
+        }
+        made
+    }
+
+    /// All that a job depends on; `None` where a file cannot be read.
+    fn key(&self, job: &Job) -> Option<String> {
+        let mut key = Key::default();
+        program().iter().for_each(|text| key.add(text.as_bytes()));
+        let mut add = |path: Option<&PathBuf>| -> Option<()> {
+            match path {
+                None => key.add(b""),
+                Some(path) => key.add(self.digests.get(path)?.as_ref().ok()?),
+            }
+            Some(())
+        };
+        let kind = match job {
+            Job::Albedo { colour, mask } => {
+                add(colour.as_ref())?;
+                add(mask.as_ref())?;
+                "albedo".into()
+            }
+            Job::Normal(normals) => {
+                add(Some(normals.path()))?;
+                format!("normal {:?}", normals.strength())
+            }
+            Job::Surface { maps, normals, roughness } => {
+                maps.iter().try_for_each(|map| add(map.as_ref()))?;
+                add(normals.as_ref().map(Normals::path))?;
+                format!("surface {:?} {roughness:?}", normals.as_ref().map(Normals::strength))
+            }
+        };
+        key.add(kind.as_bytes());
+        Some(key.text())
+    }
+
+    fn work(&self, job: &Job) -> Made {
+        match job {
+            Job::Albedo { colour, mask } => self.albedo(colour.as_deref(), mask.as_deref()),
+            Job::Normal(normals) => match self.normal_map(normals) {
+                Ok(texture) => {
+                    let texture = texture.map(|t| MipChain::normal(&t, self.options.storage, self.report));
+                    Made { texture, read: [true; 3], ..Made::nothing() }
+                }
+                Err(problem) => Made { problems: vec![(normals.path().clone(), problem)], ..Made::nothing() },
+            },
+            Job::Surface { maps, normals, roughness } => {
+                self.surface(maps, normals.as_ref(), roughness.map(f32::from_bits))
+            }
+        }
+    }
+
+    fn albedo(&self, colour: Option<&Path>, mask: Option<&Path>) -> Made {
+        let mut made = Made::nothing();
+        let mask = mask.and_then(|path| self.channel(path, Kind::Mask, &mut made.problems));
+        let mask = mask.as_deref().filter(|mask| mask.cuts_out());
+        let mut texture = None;
+        if let Some(path) = colour {
+            match self.load(path, Encoding::Srgb) {
+                Ok(loaded) => texture = Some(loaded),
+                Err(problem) => {
+                    made.problems.push((path.to_owned(), problem));
+                    return made;
+                }
+            }
+            made.read[0] = true;
+        }
+        let Some(mut texture) = texture else {
+            made.cutout = mask.is_some();
+            made.texture = mask.map(|mask| self.masked(white(mask)));
+            return made;
+        };
+        let own_alpha = texture.channel(3);
+        made.cutout = mask.is_some() || own_alpha.cuts_out();
+        if !made.cutout {
+            texture.clear_alpha();
+        }
+        if let Some(colour) = texture.constant_colour() {
+            made.factor = Vec3::from_array(colour.map(|v| srgb_to_linear(f32::from(v) / 255.0)));
+            let mask = mask.or(made.cutout.then_some(&own_alpha));
+            made.texture = mask.map(|mask| self.masked(white(mask)));
+            return made;
+        }
+        if let Some(mask) = mask {
+            texture.set_alpha(mask);
+        }
+        let cutoff = made.cutout.then_some(ALPHA_CUTOFF);
+        made.texture = Some(MipChain::albedo(texture, cutoff, self.options.storage, self.report));
+        made
+    }
+
+    fn masked(&self, texture: Texture) -> MipChain {
+        MipChain::albedo(texture, Some(ALPHA_CUTOFF), self.options.storage, self.report)
+    }
+
+    /// The decoded normal map; `None` for one that bends nothing.
+    fn normal_map(&self, normals: &Normals) -> Result<Option<Texture>, String> {
+        let mut texture = match normals {
+            Normals::Map(path) => self.load(path, Encoding::Normal)?,
+            Normals::Bump(path, strength) => {
+                self.load(path, Encoding::Linear)?.into_normal_map(f32::from_bits(*strength))
+            }
+        };
+        texture.clear_alpha();
+        let flat = texture.constant().is_some_and(|[x, y, ..]| FLAT_NORMAL.contains(&x) && FLAT_NORMAL.contains(&y));
+        Ok((!flat).then_some(texture))
+    }
+
+    /// Packs what varies. Constant roughness and metallic become factors; occlusion has none, so if it darkens, it stays.
+    /// With a normal map, roughness varies by level even if not from place to place, and the texture holds all of it.
+    fn surface(&self, maps: &[Option<PathBuf>; 3], normals: Option<&Normals>, roughness: [f32; 2]) -> Made {
+        let mut made = Made::nothing();
+        let channels: [Option<Held>; 3] = maps
+            .each_ref()
+            .map(|path| path.as_ref().and_then(|path| self.channel(path, Kind::Red, &mut made.problems)));
+        let channels = channels.each_ref().map(Option::as_deref);
+        made.read = channels.map(|channel| channel.is_some());
+        let constants = channels.map(|channel| channel.and_then(Channel::constant));
+        let darkens = constants[0].is_some_and(|occlusion| occlusion < 255);
+        let varies = |i: usize| channels[i].filter(|_| constants[i].is_none() || (i == 0 && darkens));
+        let varying = [varies(0), varies(1), varies(2)];
+        let names = maps.iter().zip(&varying).filter_map(|(path, varies)| path.as_ref().filter(|_| varies.is_some()));
+        let name = names.map(|path| file::short_name(path)).collect::<Vec<_>>().join("+");
+        let factor = |i: usize| constants[i].map_or(1.0, |value| f32::from(value) / 255.0);
+        made.factor = Vec3::new(1.0, factor(1), factor(2));
+        // A constant counts as what its factor says.
+        let range = |i: usize| constants[i].map(|c| (c, c)).or(channels[i]?.range());
+        made.ranges = [0, 1, 2].map(|i| range(i).map_or([255; 2], |(least, most)| [least, most]));
+        let mut texture = Texture::packed(name, varying);
+        // A broken normal map is told by its own job.
+        let normals = normals.and_then(|normals| self.normal_map(normals).ok().flatten());
+        let loss = normals.as_ref().map(|normals| self.report.time("mips", || NormalLoss::new(normals)));
+        if let Some(normals) = normals {
+            let own = roughness[usize::from(!made.read[1])] * factor(1);
+            let texture = texture.get_or_insert_with(|| plain(&normals));
+            texture.scale_channel(1, own);
+            made.holds_roughness = true;
+        }
+        made.texture = texture.map(|t| MipChain::surface(t, loss.as_ref(), self.options.storage, self.report));
+        made
+    }
+
+    fn load(&self, path: &Path, encoding: Encoding) -> Result<Texture, String> {
+        self.report.time("decode", || Texture::load(path, encoding)).map_err(|error| error.to_string())
+    }
+
+    fn channel(&self, path: &Path, kind: Kind, problems: &mut Vec<(PathBuf, String)>) -> Option<Held<'_>> {
+        let load = || {
+            let load = |path| if kind == Kind::Mask { Channel::load_mask(path) } else { Channel::load(path) };
+            self.report.time("decode", || load(path)).map_err(|error| error.to_string())
+        };
+        let loaded = match self.shared.get(&(path.to_owned(), kind)) {
+            Some(once) => once.get_or_init(load).as_ref().map(Held::Shared).map_err(String::clone),
+            None => load().map(Held::Own),
+        };
+        loaded.map_err(|problem| problems.push((path.to_owned(), problem))).ok()
+    }
+}
+
+/// A channel of this job's own, or one that others want too.
+enum Held<'a> {
+    Own(Channel),
+    Shared(&'a Channel),
+}
+
+impl std::ops::Deref for Held<'_> {
+    type Target = Channel;
+
+    fn deref(&self) -> &Channel {
+        match self {
+            Self::Own(channel) => channel,
+            Self::Shared(channel) => channel,
+        }
+    }
+}
+
+impl Normals {
+    fn path(&self) -> &PathBuf {
+        match self {
+            Self::Map(path) | Self::Bump(path, _) => path,
+        }
+    }
+
+    fn strength(&self) -> Option<u32> {
+        match self {
+            Self::Map(_) => None,
+            Self::Bump(_, strength) => Some(*strength),
+        }
+    }
+}
+
+/// White where `mask` lets it be.
+fn white(mask: &Channel) -> Texture {
+    let pixels = mask.values.iter().flat_map(|alpha| [255, 255, 255, *alpha]).collect();
+    Texture { name: "mask".into(), width: mask.width, height: mask.height, encoding: Encoding::Srgb, pixels }
+}
+
+/// 1 in all channels, of another's size.
+fn plain(like: &Texture) -> Texture {
+    let pixels = vec![255; like.pixels.len()];
+    Texture { name: "roughness".into(), encoding: Encoding::Linear, pixels, ..*like }
+}
+
+fn files(job: &Job) -> Vec<&PathBuf> {
+    match job {
+        Job::Albedo { colour, mask } => colour.iter().chain(mask).collect(),
+        Job::Normal(normals) => vec![normals.path()],
+        Job::Surface { maps, normals, .. } => {
+            maps.iter().flatten().chain(normals.as_ref().map(Normals::path)).collect()
+        }
+    }
+}
+
+fn scalars(job: &Job) -> Vec<(PathBuf, Kind)> {
+    match job {
+        Job::Albedo { mask, .. } => mask.iter().map(|path| (path.clone(), Kind::Mask)).collect(),
+        Job::Normal(_) => Vec::new(),
+        Job::Surface { maps, .. } => maps.iter().flatten().map(|path| (path.clone(), Kind::Red)).collect(),
+    }
+}
+
+fn to_entry(made: &Made) -> Ktx2 {
+    let mut entry = match &made.texture {
+        Some(texture) => texture.clone().into_ktx2(),
+        None => {
+            let levels = vec![vec![0; 4]];
+            Ktx2 { format: TexelFormat::Rgba8, size: [1, 1], layers: 0, faces: 1, levels, key_values: [].into() }
+        }
+    };
+    let mut facts: Vec<u8> = made.factor.to_array().into_iter().flat_map(f32::to_le_bytes).collect();
+    facts.extend([made.cutout, made.holds_roughness, made.texture.is_some()].map(u8::from));
+    facts.extend(made.ranges.as_flattened());
+    entry.key_values.insert(FACTS.into(), facts);
+    entry
+}
+
+/// Factor, the three truths, ranges.
+type Facts = ([f32; 3], [bool; 3], [[u8; 2]; 3]);
+
+fn facts(entry: &Ktx2) -> Option<Facts> {
+    let facts: &[u8; 21] = entry.key_values.get(FACTS)?.as_slice().try_into().ok()?;
+    let factor = [0, 4, 8].map(|at| f32::from_le_bytes([facts[at], facts[at + 1], facts[at + 2], facts[at + 3]]));
+    let ranges = [15, 17, 19].map(|at| [facts[at], facts[at + 1]]);
+    Some((factor, [12, 13, 14].map(|at| facts[at] == 1), ranges))
+}
+
+/// What was stored for a job whose files could all be read.
+fn from_entry(entry: Ktx2, job: &Job) -> Option<Made> {
+    let (factor, [cutout, holds_roughness, has_texture], ranges) = facts(&entry)?;
+    let texture = if has_texture { Some(MipChain::from_ktx2(entry)?) } else { None };
+    let read = match job {
+        Job::Albedo { colour, .. } => [colour.is_some(); 3],
+        Job::Normal(_) => [true; 3],
+        Job::Surface { maps, .. } => maps.each_ref().map(Option::is_some),
+    };
+    Some(Made { texture, factor: factor.into(), ranges, cutout, holds_roughness, read, problems: Vec::new() })
+}

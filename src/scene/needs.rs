@@ -1,0 +1,172 @@
+//! What a scene needs modelled: what its pictures cannot be drawn without, and what would cost time and change nothing.
+
+pub mod findings;
+pub mod resolution;
+
+use clap::ValueEnum;
+use serde::Serialize;
+
+use super::{Material, Scene};
+use resolution::{Viewpoint, first_levels};
+
+/// How much is modelled.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, ValueEnum)]
+pub enum Model {
+    /// What the scene needs.
+    #[default]
+    Needed,
+    /// Everything there is, needed or not: the same picture, slower; for measurements.
+    Everything,
+}
+
+/// Which share of a material's surface is metal; the same order as in `glsl/shared.glsl`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Metals {
+    /// Dielectric all over: reflects 4 % head on, without colour.
+    None,
+    /// Metal all over: no diffuse light.
+    All,
+    /// Some of it, or partly so.
+    Some,
+}
+
+/// What a material needs of its pipeline.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize)]
+pub struct MaterialNeeds {
+    pub albedo_map: bool,
+    pub normal_map: bool,
+    /// Occlusion, roughness, metallic.
+    pub surface_map: bool,
+    pub alpha_mask: bool,
+    pub metals: Metals,
+}
+
+impl MaterialNeeds {
+    const EVERYTHING: Self =
+        Self { albedo_map: true, normal_map: true, surface_map: true, alpha_mask: true, metals: Metals::Some };
+
+    fn of(material: &Material) -> Self {
+        Self {
+            albedo_map: material.albedo_map.is_some(),
+            normal_map: material.normal_map.is_some(),
+            surface_map: material.surface_map.is_some(),
+            alpha_mask: material.alpha_cutoff.is_some(),
+            metals: match material.metallic_range {
+                [_, most] if most <= 0.0 => Metals::None,
+                [least, _] if least >= 1.0 => Metals::All,
+                _ => Metals::Some,
+            },
+        }
+    }
+}
+
+/// What the renderer builds for a scene.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Needs {
+    /// One for each of the scene's materials.
+    pub materials: Vec<MaterialNeeds>,
+    /// The number of point lights that shaders are made for; `None` for any number.
+    pub lights: Option<u32>,
+    /// The finest level of each texture that is ever read.
+    pub first_levels: Vec<u32>,
+}
+
+impl Needs {
+    /// Reads a scene that is seen from one place alone, or from anywhere.
+    pub fn of(scene: &Scene, model: Model, viewpoint: Option<Viewpoint>) -> Self {
+        let whole = vec![0; scene.textures.len()];
+        match model {
+            Model::Needed => Self {
+                materials: scene.materials.iter().map(MaterialNeeds::of).collect(),
+                lights: u32::try_from(scene.lights.len()).ok(),
+                first_levels: viewpoint.map_or(whole, |viewpoint| first_levels(scene, viewpoint)),
+            },
+            Model::Everything => Self {
+                materials: vec![MaterialNeeds::EVERYTHING; scene.materials.len()],
+                lights: None,
+                first_levels: whole,
+            },
+        }
+    }
+
+    /// Pipelines that differ.
+    pub fn pipelines(&self) -> usize {
+        self.materials.iter().collect::<std::collections::HashSet<_>>().len()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::Vec3;
+
+    use super::*;
+    use crate::asset::Panorama;
+    use crate::scene::material::default_material;
+    use crate::scene::{Environment, PointLight};
+
+    pub fn scene(materials: Vec<Material>, lights: usize) -> Scene {
+        let light = PointLight { position: Vec3::Y, intensity: Vec3::ONE };
+        Scene {
+            meshes: vec![],
+            instances: vec![],
+            materials,
+            textures: vec![],
+            lights: vec![light; lights],
+            cameras: vec![],
+            environment: Environment { panorama: Panorama::uniform(Vec3::ONE), rotation_degrees: 0.0 },
+            exposure_ev: 0.0,
+        }
+    }
+
+    #[test]
+    fn maps_that_are_not_there_are_not_needed() {
+        let all = Material {
+            albedo_map: Some(0),
+            normal_map: Some(1),
+            surface_map: Some(2),
+            alpha_cutoff: Some(0.5),
+            metallic_range: [0.0, 1.0],
+            ..default_material()
+        };
+        let needs = Needs::of(&scene(vec![default_material(), all], 0), Model::Needed, None);
+        assert_eq!(needs.materials[1], MaterialNeeds::EVERYTHING);
+        let plain = MaterialNeeds {
+            albedo_map: false,
+            normal_map: false,
+            surface_map: false,
+            alpha_mask: false,
+            metals: Metals::None,
+        };
+        assert_eq!(needs.materials[0], plain);
+        assert_eq!(needs.pipelines(), 2);
+    }
+
+    #[test]
+    fn metal_is_told_from_what_its_map_and_factor_come_to() {
+        let metals = |metallic_range| {
+            let material = Material { metallic_range, ..default_material() };
+            Needs::of(&scene(vec![material], 0), Model::Needed, None).materials[0].metals
+        };
+        assert_eq!(metals([0.0, 0.0]), Metals::None);
+        assert_eq!(metals([1.0, 1.0]), Metals::All);
+        for range in [[0.0, 0.004], [0.996, 1.0], [0.0, 1.0], [0.5, 0.5]] {
+            assert_eq!(metals(range), Metals::Some, "{range:?}");
+        }
+    }
+
+    #[test]
+    fn lights_are_counted() {
+        for count in [0, 1, 7] {
+            assert_eq!(Needs::of(&scene(vec![], count), Model::Needed, None).lights, Some(count as u32));
+            assert_eq!(Needs::of(&scene(vec![], count), Model::Everything, None).lights, None);
+        }
+    }
+
+    #[test]
+    fn everything_is_everything() {
+        let needs = Needs::of(&scene(vec![default_material(); 3], 1), Model::Everything, None);
+        assert_eq!(needs.materials, [MaterialNeeds::EVERYTHING; 3]);
+        assert_eq!(needs.pipelines(), 1);
+    }
+}

@@ -1,0 +1,80 @@
+//! The headset: whether one answers, connecting to it in OpenVR's order, and showing a scene in it without a window.
+
+mod actions;
+mod alone;
+mod codes;
+mod events;
+mod eye_images;
+mod frame_statistics;
+mod hands;
+mod hidden_area;
+mod optics;
+pub mod playlist;
+mod probe;
+mod quality;
+mod report;
+mod rig;
+mod runtime;
+mod session;
+mod watchdog;
+
+use std::sync::Arc;
+
+pub use alone::run as run_alone;
+pub use hidden_area::HiddenAreaV;
+pub use probe::{SUBCOMMAND as PROBE_SUBCOMMAND, answer as answer_probe, probe, registry};
+pub use report::{HeadsetReport, RunReport};
+pub use rig::floor_under;
+pub use session::{End, Frame, Session};
+
+use crate::gpu::{Gpu, GpuOptions, Instance};
+use crate::render::Settings;
+use crate::{Error, Result};
+use runtime::{Role, Runtime};
+use watchdog::{Patience, Watchdog};
+
+/// A runtime and the GPU that its headset hangs on; the runtime goes first.
+pub struct Connected {
+    runtime: Runtime,
+    watchdog: Watchdog,
+    pub gpu: Arc<Gpu>,
+}
+
+impl Connected {
+    /// Begins a session.
+    pub fn begin(self, settings: Settings, v: HiddenAreaV) -> Result<Session> {
+        // Should it fail, its arguments go in the right order: the runtime before our share of the GPU.
+        let Self { runtime, watchdog, gpu } = self;
+        Session::new(runtime, &gpu, watchdog, settings, v)
+    }
+}
+
+/// Fields go in this order: the runtime before what it was told of.
+struct Opening {
+    runtime: Runtime,
+    _instance: Arc<Instance>,
+}
+
+/// Connects, in the order that OpenVR demands: runtime, instance extensions, instance, its choice of a GPU, device
+/// extensions, device.
+///
+/// # Errors
+/// [`Error::Headset`] with the runtime's reason; whatever stops the GPU.
+pub fn connect(options: GpuOptions<'_>) -> Result<Connected> {
+    let watchdog = Watchdog::new()?;
+    let start = || Runtime::start(Role::Scene);
+    let runtime = watchdog
+        .watch("the start of the runtime", Patience::START, start)
+        .map_err(|refusal| Error::Headset { problem: refusal.to_string() })?;
+    let instance = Instance::new(options.validate, options.display, &runtime.instance_extensions())?;
+    let instance = Arc::new(instance);
+    let opening = Opening { runtime, _instance: Arc::clone(&instance) };
+    let physical = opening.runtime.output_device(instance.handle());
+    let asked = |physical| Ok(opening.runtime.device_extensions(physical));
+    let gpu = Gpu::open_for_headset(options, &instance, physical, asked)?;
+    let name = &gpu.info().name;
+    if let Some(wanted) = options.name.filter(|wanted| !name.to_lowercase().contains(&wanted.to_lowercase())) {
+        println!("pbr-vr: on {name} instead of {wanted}, because the headset hangs on it");
+    }
+    Ok(Connected { runtime: opening.runtime, watchdog, gpu })
+}

@@ -1,0 +1,148 @@
+//! The headset without a window: loading, frames, and the end.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::Duration;
+
+use clap::ValueEnum as _;
+
+use super::hands::Requests;
+use super::playlist::Playlist;
+use super::session::{End, Frame, Session};
+use super::{Connected, RunReport};
+use crate::gpu::Gpu;
+use crate::render::Shading;
+use crate::view::ViewRequest;
+use crate::view::window::worker::{Done, Job, Stage, Worker};
+use crate::{Error, Result};
+
+/// How often the runtime's events are looked at while the first scene is loading.
+const DOZE: Duration = Duration::from_millis(10);
+
+/// Shows a scene in a connected headset until the runtime or the number of frames ends it.
+///
+/// # Errors
+/// [`Error::Headset`] where it is lost on the way; whatever stops loading or drawing; validation
+/// messages where asked for.
+pub fn run(request: &ViewRequest<'_>, connected: Connected) -> Result<()> {
+    let scene = request.scene()?;
+    let gpu = Arc::clone(&connected.gpu);
+    let messages = gpu.messages();
+    let settings = request.settings(&gpu);
+    let session = connected.begin(settings.clone(), request.hidden_area)?;
+    let mut alone = Alone {
+        playlist: Playlist::new(&scene),
+        worker: Worker::new(&gpu, settings, || {})?,
+        session,
+        stage: None,
+        shading: request.shading,
+        gpu,
+    };
+    let end = alone.play(&scene, request.frames);
+    let reported = request.write_report(|| alone.report());
+    // The device says its last words, leaks for one, while it is destroyed.
+    drop(alone);
+    match end? {
+        Some(End::Lost(problem)) => return Err(Error::Headset { problem }),
+        Some(End::Quit) => println!("pbr-vr: ends, because the headset's runtime does"),
+        None => {}
+    }
+    reported?;
+    messages.check()
+}
+
+/// What is shown. The session goes first, and with it the runtime.
+struct Alone {
+    session: Session,
+    worker: Worker,
+    stage: Option<Box<Stage>>,
+    shading: Shading,
+    playlist: Playlist,
+    gpu: Arc<Gpu>,
+}
+
+impl Alone {
+    fn play(&mut self, scene: &Path, frames: Option<u64>) -> Result<Option<End>> {
+        self.load(scene.to_owned());
+        loop {
+            self.collect()?;
+            let Some(stage) = &mut self.stage else {
+                if let Some(end) = self.session.follow_events()? {
+                    return Ok(Some(end));
+                }
+                std::thread::sleep(DOZE);
+                continue;
+            };
+            match self.session.frame(stage)? {
+                Frame::Over(end) => return Ok(Some(end)),
+                Frame::Shown(requests) => self.obey(requests)?,
+            }
+            if self.session.frames() == 1 {
+                let [width, height] = self.session.size();
+                println!(
+                    "pbr-vr: in the headset {}, {width}x{height} per eye on {}",
+                    self.session.name(),
+                    self.gpu.info().name
+                );
+            }
+            if frames.is_some_and(|frames| self.session.frames() >= frames) {
+                return Ok(None);
+            }
+        }
+    }
+
+    fn load(&self, path: PathBuf) {
+        self.worker.start(Job::Scene { path, shading: self.shading, size: self.session.size(), eyes: 2 });
+    }
+
+    fn collect(&mut self) -> Result<()> {
+        while let Some(done) = self.worker.take()? {
+            match done {
+                Done::Scene(Ok(mut stage)) => {
+                    // It may have been changed while the scene was loading.
+                    if stage.renderer.shading() != self.shading {
+                        stage.renderer.set_shading(self.shading)?;
+                    }
+                    self.session.go_to(0);
+                    self.stage = Some(stage);
+                }
+                Done::Scene(Err(error)) if self.stage.is_none() => return Err(error),
+                Done::Scene(Err(error)) => eprintln!("pbr-vr: {error}"),
+                Done::Panorama { light, .. } => match (light, &mut self.stage) {
+                    (Ok(light), Some(stage)) => stage.renderer.set_light(*light)?,
+                    (Ok(_), None) => {}
+                    (Err(error), _) => eprintln!("pbr-vr: {error}"),
+                },
+                // Nobody asks for one here.
+                Done::Screenshot(_) => {}
+            }
+        }
+        Ok(())
+    }
+
+    fn obey(&mut self, requests: Requests) -> Result<()> {
+        if let Some(path) = requests.next_scene.then(|| self.playlist.next_scene()).flatten() {
+            self.load(path);
+        }
+        if let Some(path) = requests.next_panorama.then(|| self.playlist.next_panorama()).flatten() {
+            self.worker.start(Job::Panorama { path });
+        }
+        if let Some(stage) = self.stage.as_mut().filter(|_| requests.next_shading) {
+            let all = Shading::value_variants();
+            let at = all.iter().position(|s| *s == self.shading).unwrap_or(0);
+            self.shading = all[(at + 1) % all.len()];
+            stage.renderer.set_shading(self.shading)?;
+        }
+        Ok(())
+    }
+
+    fn report(&self) -> RunReport {
+        RunReport {
+            on: "headset",
+            gpu: self.gpu.info().name.clone(),
+            driver: self.gpu.info().driver.clone(),
+            frames: self.session.frames(),
+            headset: Some(self.session.report()),
+        }
+    }
+}

@@ -1,0 +1,364 @@
+//! One connection to the OpenVR runtime: the calls that are used of it, through its raw tables. The safe wrappers of the
+//! `openvr` crate panic where a runtime lacks an entry or gives a value that they do not know; these do not.
+
+use std::ffi::{CStr, CString, c_char};
+use std::ptr;
+
+use openvr_sys as sys;
+
+use super::codes::Refusal;
+use super::events::Event;
+use super::frame_statistics::{FRAME_TIMING_BYTES, FrameTiming};
+use super::optics::{Optics, matrix};
+use crate::gpu::Handles;
+use crate::{Error, Result};
+
+/// Poses that the runtime fills, one per device; the headset's is the first.
+pub const DEVICES: usize = sys::k_unMaxTrackedDeviceCount as usize;
+/// Names are not longer than this; what a runtime says to be longer is nonsense.
+const LONGEST_TEXT: u32 = 1 << 16;
+/// Likewise for the triangles of a hidden area.
+const MOST_TRIANGLES: u32 = 1 << 20;
+
+/// Left or right.
+pub const EYES: [sys::EVREye; 2] = [sys::EVREye_Eye_Left, sys::EVREye_Eye_Right];
+
+/// What kind of program this is to the runtime.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Role {
+    /// It shows pictures. Starts the runtime's own programs if need be.
+    Scene,
+    /// It only asks.
+    Background,
+}
+
+/// The connection. At most one at a time; it must go before any Vulkan object that the runtime knows of.
+pub struct Runtime {
+    system: *const sys::VR_IVRSystem_FnTable,
+    compositor: *const sys::VR_IVRCompositor_FnTable,
+    /// The compositor leaves our queue alone while it waits for us.
+    explicit_timing: bool,
+}
+
+impl Runtime {
+    /// Connects; the caller has seen to it that there is no other connection.
+    pub fn start(role: Role) -> std::result::Result<Self, Refusal> {
+        let kind = match role {
+            Role::Scene => sys::EVRApplicationType_VRApplication_Scene,
+            Role::Background => sys::EVRApplicationType_VRApplication_Background,
+        };
+        let mut code = sys::EVRInitError_VRInitError_None;
+        // SAFETY: the call loads the runtime's library, which is what it is for; the pointer is good.
+        unsafe { sys::VR_InitInternal(&mut code, kind) };
+        if code != sys::EVRInitError_VRInitError_None {
+            return Err(Refusal { code, words: words_of(code) });
+        }
+        // From here on, Drop disconnects whatever fails.
+        let mut runtime = Self { system: ptr::null(), compositor: ptr::null(), explicit_timing: false };
+        runtime.system = table(sys::IVRSystem_Version)?;
+        if role == Role::Scene {
+            runtime.compositor = table(sys::IVRCompositor_Version)?;
+        }
+        Ok(runtime)
+    }
+
+    /// Whether the device is there and switched on; 0 is the headset.
+    pub fn is_connected(&self, device: u32) -> bool {
+        // SAFETY: the entry takes any index.
+        self.system().IsTrackedDeviceConnected.is_none_or(|call| unsafe { call(device) })
+    }
+
+    /// Its maker and model, as far as they are told.
+    pub fn headset_name(&self) -> String {
+        let of = |property| self.text(property).unwrap_or_default();
+        let maker = of(sys::ETrackedDeviceProperty_Prop_ManufacturerName_String);
+        let model = of(sys::ETrackedDeviceProperty_Prop_ModelNumber_String);
+        match format!("{maker} {model}").trim() {
+            "" => "unnamed headset".into(),
+            name => name.to_owned(),
+        }
+    }
+
+    /// Pictures a second; `None` where the runtime does not know.
+    pub fn display_hertz(&self) -> Option<f32> {
+        let call = self.system().GetFloatTrackedDeviceProperty?;
+        let mut error = sys::ETrackedPropertyError_TrackedProp_Success;
+        // SAFETY: the pointer is good for the call.
+        let hertz = unsafe { call(0, sys::ETrackedDeviceProperty_Prop_DisplayFrequency_Float, &mut error) };
+        let known = error == sys::ETrackedPropertyError_TrackedProp_Success && hertz.is_finite() && hertz > 0.0;
+        known.then_some(hertz)
+    }
+
+    fn text(&self, property: sys::ETrackedDeviceProperty) -> Option<String> {
+        let call = self.system().GetStringTrackedDeviceProperty?;
+        let mut error = sys::ETrackedPropertyError_TrackedProp_Success;
+        // SAFETY: buffer and size belong together (see `text_of`); the error pointer is good for the call.
+        let text = text_of(|buffer, size| unsafe { call(0, property, buffer, size, &mut error) })?;
+        Some(text.to_string_lossy().trim().to_owned())
+    }
+
+    /// Names of Vulkan instance extensions that it needs.
+    pub fn instance_extensions(&self) -> Vec<CString> {
+        let call = self.compositor().GetVulkanInstanceExtensionsRequired;
+        // SAFETY: buffer and size belong together.
+        words(call.and_then(|call| text_of(|buffer, size| unsafe { call(buffer, size) })))
+    }
+
+    /// The VkPhysicalDevice that the headset hangs on; 0 where the runtime names none.
+    pub fn output_device(&self, instance: u64) -> u64 {
+        let mut device = 0;
+        if let Some(call) = self.system().GetOutputDevice {
+            // SAFETY: `instance` is a live VkInstance; the pointer is good for the call.
+            unsafe { call(&mut device, sys::ETextureType_TextureType_Vulkan, instance as *mut sys::VkInstance_T) };
+        }
+        device
+    }
+
+    /// Names of Vulkan device extensions that it needs on a VkPhysicalDevice.
+    pub fn device_extensions(&self, physical: u64) -> Vec<CString> {
+        let call = self.compositor().GetVulkanDeviceExtensionsRequired;
+        let physical = physical as *mut sys::VkPhysicalDevice_T;
+        // SAFETY: buffer and size belong together; the physical device is of a live instance.
+        words(call.and_then(|call| text_of(|buffer, size| unsafe { call(physical, buffer, size) })))
+    }
+
+    /// Pixels of each eye's picture, the user's own scale included.
+    pub fn recommended_size(&self) -> Result<[u32; 2]> {
+        let call = need(self.system().GetRecommendedRenderTargetSize, "GetRecommendedRenderTargetSize")?;
+        let (mut width, mut height) = (0, 0);
+        // SAFETY: both pointers are good for the call.
+        unsafe { call(&mut width, &mut height) };
+        if width == 0 || height == 0 {
+            return Err(Error::Headset {
+                problem: format!("its runtime asks for pictures of {width}x{height} pixels"),
+            });
+        }
+        Ok([width, height])
+    }
+
+    /// How one eye sees.
+    pub fn optics(&self, eye: sys::EVREye) -> Result<Optics> {
+        let raw = need(self.system().GetProjectionRaw, "GetProjectionRaw")?;
+        let place = need(self.system().GetEyeToHeadTransform, "GetEyeToHeadTransform")?;
+        let (mut left, mut right, mut top, mut bottom) = (0.0, 0.0, 0.0, 0.0);
+        // SAFETY: all pointers are good for the call.
+        let head_from_eye = unsafe {
+            raw(eye, &mut left, &mut right, &mut top, &mut bottom);
+            matrix(&place(eye))
+        };
+        Optics::new([left, right, top, bottom], head_from_eye)
+    }
+
+    /// The triangles of one eye that no lens shows, three corners each, in 0 to 1 of its picture; may be none.
+    pub fn hidden_area(&self, eye: sys::EVREye) -> Vec<[f32; 2]> {
+        let Some(call) = self.system().GetHiddenAreaMesh else { return Vec::new() };
+        // SAFETY: the entry takes every eye and kind.
+        let mesh = unsafe { call(eye, sys::EHiddenAreaMeshType_k_eHiddenAreaMesh_Standard) };
+        if mesh.pVertexData.is_null() || mesh.unTriangleCount == 0 || mesh.unTriangleCount > MOST_TRIANGLES {
+            return Vec::new();
+        }
+        // SAFETY: the runtime keeps three corners per triangle there, at least until the next event.
+        let corners = unsafe { std::slice::from_raw_parts(mesh.pVertexData, 3 * mesh.unTriangleCount as usize) };
+        corners.iter().map(|corner| corner.v).collect()
+    }
+
+    /// The oldest event not yet taken.
+    pub fn next_event(&self) -> Option<Event> {
+        let call = self.system().PollNextEvent?;
+        let mut event = sys::VREvent_t::default();
+        // SAFETY: the pointer is good for the call, the size is the structure's.
+        let there = unsafe { call(&mut event, size_of::<sys::VREvent_t>() as u32) };
+        there.then(|| Event::new(event.eventType, event.trackedDeviceIndex))
+    }
+
+    /// Says that we are on our way out. Only after [`Event::Quit`]: unasked, it makes some runtimes abort.
+    pub fn acknowledge_quit(&self) {
+        if let Some(call) = self.system().AcknowledgeQuit_Exiting {
+            // SAFETY: no arguments.
+            unsafe { call() };
+        }
+    }
+
+    /// Poses stand on the floor from now on; and the compositor keeps off our queue, where it knows how to.
+    pub fn prepare(&mut self) {
+        if let Some(call) = self.compositor().SetTrackingSpace {
+            // SAFETY: a value of the enumeration.
+            unsafe { call(sys::ETrackingUniverseOrigin_TrackingUniverseStanding) };
+        }
+        let calls = (self.compositor().SetExplicitTimingMode, self.compositor().PostPresentHandoff);
+        if let (Some(call), Some(_)) = calls {
+            let mode =
+                sys::EVRCompositorTimingMode_VRCompositorTimingMode_Explicit_ApplicationPerformsPostPresentHandoff;
+            // SAFETY: a value of the enumeration; `post_present_handoff` is called as it demands.
+            unsafe { call(mode) };
+            self.explicit_timing = true;
+        }
+    }
+
+    /// Whether `wait_get_poses` leaves our queue alone.
+    pub fn has_explicit_timing(&self) -> bool {
+        self.explicit_timing
+    }
+
+    /// Waits until the next frame is due; fills every device's pose at the time it will be seen. Returns the code.
+    /// Without explicit timing it uses our queue.
+    pub fn wait_get_poses(&self, poses: &mut [sys::TrackedDevicePose_t; DEVICES]) -> Result<sys::EVRCompositorError> {
+        let call = need(self.compositor().WaitGetPoses, "WaitGetPoses")?;
+        // SAFETY: the array has as many poses as is said; no second array is asked for.
+        Ok(unsafe { call(poses.as_mut_ptr(), DEVICES as u32, ptr::null_mut(), 0) })
+    }
+
+    /// Tells the compositor where on the queue the frame begins. Uses our queue.
+    pub fn submit_timing(&self) {
+        if let Some(call) = self.compositor().SubmitExplicitTimingData.filter(|_| self.explicit_timing) {
+            // SAFETY: no arguments. It only improves measurements: its code changes nothing.
+            unsafe { call() };
+        }
+    }
+
+    /// Shows one eye its picture: the part from 0, 0 to `bounds`. Returns the code. Uses our queue.
+    pub fn submit(&self, eye: sys::EVREye, picture: &EyePicture, bounds: [f32; 2]) -> Result<sys::EVRCompositorError> {
+        let call = need(self.compositor().Submit, "Submit")?;
+        let Handles { instance, physical, device, queue, family } = picture.handles;
+        let mut data = sys::VRVulkanTextureData_t {
+            m_nImage: picture.image,
+            m_pDevice: device as *mut _,
+            m_pPhysicalDevice: physical as *mut _,
+            m_pInstance: instance as *mut _,
+            m_pQueue: queue as *mut _,
+            m_nQueueFamilyIndex: family,
+            m_nWidth: picture.size[0],
+            m_nHeight: picture.size[1],
+            m_nFormat: picture.format,
+            m_nSampleCount: 1,
+        };
+        let mut texture = sys::Texture_t {
+            handle: (&raw mut data).cast(),
+            eType: sys::ETextureType_TextureType_Vulkan,
+            eColorSpace: sys::EColorSpace_ColorSpace_Auto,
+        };
+        let mut bounds = sys::VRTextureBounds_t { uMin: 0.0, vMin: 0.0, uMax: bounds[0], vMax: bounds[1] };
+        // SAFETY: structures and handles are good for the call; the image is in the layout it wants.
+        Ok(unsafe { call(eye, &mut texture, &mut bounds, sys::EVRSubmitFlags_Submit_Default) })
+    }
+
+    /// What became of a frame some time ago.
+    pub fn frame_timing(&self, frames_ago: u32) -> Option<FrameTiming> {
+        let call = self.compositor().GetFrameTiming?;
+        let mut timing = sys::Compositor_FrameTiming { m_nSize: FRAME_TIMING_BYTES, ..Default::default() };
+        // SAFETY: the structure is at least as long as it says.
+        unsafe { call(&mut timing, frames_ago) }.then(|| FrameTiming::from(&timing))
+    }
+
+    /// Says that both eyes have been submitted. Uses our queue.
+    pub fn post_present_handoff(&self) {
+        if let Some(call) = self.compositor().PostPresentHandoff {
+            // SAFETY: no arguments.
+            unsafe { call() };
+        }
+    }
+
+    fn system(&self) -> &sys::VR_IVRSystem_FnTable {
+        // SAFETY: `start` has got it from the runtime, which keeps it until `drop`.
+        unsafe { &*self.system }
+    }
+
+    /// Only of a [`Role::Scene`].
+    fn compositor(&self) -> &sys::VR_IVRCompositor_FnTable {
+        assert!(!self.compositor.is_null(), "a background program has no compositor");
+        // SAFETY: as above.
+        unsafe { &*self.compositor }
+    }
+}
+
+impl Drop for Runtime {
+    fn drop(&mut self) {
+        // SAFETY: `start` has connected; nothing uses the tables any more.
+        unsafe { sys::VR_ShutdownInternal() };
+    }
+}
+
+/// One eye's image, as the runtime wants to know it: flat, one sample, ready to be copied from.
+pub struct EyePicture {
+    pub handles: Handles,
+    /// VkImage.
+    pub image: u64,
+    pub size: [u32; 2],
+    /// VkFormat.
+    pub format: u32,
+}
+
+fn table<T>(version: &[u8]) -> std::result::Result<*const T, Refusal> {
+    // The header's names end in NUL.
+    let name = [b"FnTable:".as_slice(), version].concat();
+    let mut code = sys::EVRInitError_VRInitError_None;
+    // SAFETY: the name ends in NUL; the pointer is good for the call.
+    let table = unsafe { sys::VR_GetGenericInterface(name.as_ptr().cast(), &mut code) };
+    if code == sys::EVRInitError_VRInitError_None && table != 0 {
+        Ok(table as *const T)
+    } else {
+        let code = sys::EVRInitError_VRInitError_Init_InterfaceNotFound;
+        Err(Refusal { code, words: String::from_utf8_lossy(version).trim_end_matches('\0').to_owned() })
+    }
+}
+
+fn need<T>(entry: Option<T>, name: &str) -> Result<T> {
+    entry.ok_or_else(|| Error::Headset { problem: format!("its runtime lacks {name}; update it") })
+}
+
+/// What the loader calls an error.
+fn words_of(code: sys::EVRInitError) -> String {
+    // SAFETY: the call takes any code.
+    let text = unsafe { sys::VR_GetVRInitErrorAsEnglishDescription(code) };
+    if text.is_null() {
+        return String::new();
+    }
+    // SAFETY: not null, and the loader ends its texts in NUL.
+    unsafe { CStr::from_ptr(text) }.to_string_lossy().into_owned()
+}
+
+/// A text that is asked for twice: for its size, NUL counted, and for itself. `None` if there is none.
+fn text_of(mut ask: impl FnMut(*mut c_char, u32) -> u32) -> Option<CString> {
+    let size = ask(ptr::null_mut(), 0);
+    if !(1..=LONGEST_TEXT).contains(&size) {
+        return None;
+    }
+    let mut bytes = vec![0u8; size as usize];
+    ask(bytes.as_mut_ptr().cast(), size);
+    CStr::from_bytes_until_nul(&bytes).ok().map(CStr::to_owned)
+}
+
+fn words(text: Option<CString>) -> Vec<CString> {
+    let text = text.unwrap_or_default();
+    let split = text.as_bytes().split(|byte| byte.is_ascii_whitespace()).filter(|word| !word.is_empty());
+    split.filter_map(|word| CString::new(word).ok()).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn texts_are_asked_for_twice_and_may_be_missing_or_absurd() {
+        let speak = |text: &'static [u8]| {
+            move |buffer: *mut c_char, size: u32| {
+                if size as usize >= text.len() {
+                    // SAFETY: the buffer is `size` bytes long.
+                    unsafe { ptr::copy_nonoverlapping(text.as_ptr(), buffer.cast(), text.len()) };
+                }
+                text.len() as u32
+            }
+        };
+        assert_eq!(text_of(speak(b"VK_A VK_B\0")).as_deref(), Some(c"VK_A VK_B"));
+        assert_eq!(text_of(speak(b"\0")).as_deref(), Some(c""));
+        assert_eq!(text_of(speak(b"")), None);
+        assert_eq!(text_of(|_, _| u32::MAX), None);
+        assert_eq!(text_of(|buffer, _| if buffer.is_null() { 4 } else { 0 }).as_deref(), Some(c""));
+    }
+
+    #[test]
+    fn extension_lists_may_be_empty_and_have_stray_spaces() {
+        assert_eq!(words(None), Vec::<CString>::new());
+        assert_eq!(words(Some(c"  VK_A  VK_B ".to_owned())), [c"VK_A".to_owned(), c"VK_B".to_owned()]);
+    }
+}

@@ -1,0 +1,380 @@
+//! A session in the headset: the loop from the first pose to shutdown.
+
+use std::mem::ManuallyDrop;
+use std::sync::Arc;
+use std::time::Instant;
+
+use glam::Mat4;
+use openvr_sys as sys;
+
+use super::codes::{After, after};
+use super::events::Event;
+use super::eye_images::EyeImages;
+use super::frame_statistics::{FrameStatistics, FrameTiming};
+use super::hands::{Hands, Requests};
+use super::hidden_area::{HiddenAreaV, share};
+use super::optics::{Head, Optics};
+use super::quality::{Finished, Level, Quality};
+use super::report::{FrameTime, HeadsetReport, Timeline};
+use super::runtime::{DEVICES, EYES, Runtime};
+use super::watchdog::{Patience, Watchdog};
+use crate::Result;
+use crate::gpu::{Gpu, PassTime, PassTimes, Recorder};
+use crate::render::{FRAMES_IN_FLIGHT, HiddenArea, Settings};
+use crate::view::picture::ms_since;
+use crate::view::window::worker::Stage;
+
+/// The budget of a frame where the runtime does not tell the display's rate.
+const USUAL_HERTZ: f32 = 90.0;
+/// A headset that is gone so long, seconds, does not come back with the next blink of its cable.
+const GONE_SECONDS: f32 = 0.5;
+/// The first frames at a new place say nothing of the next ones' times: the driver still compiles and moves data.
+const WARM_UP: u32 = 10;
+/// Between frames that the runtime does not pace because it refuses them.
+const PAUSE: std::time::Duration = std::time::Duration::from_millis(5);
+
+/// Why a session is over.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum End {
+    /// The runtime asked us to go.
+    Quit,
+    /// The headset or its runtime is gone, in words.
+    Lost(String),
+}
+
+/// What a frame came to.
+pub enum Frame {
+    Shown(Requests),
+    Over(End),
+}
+
+/// The session. When it goes, the runtime goes first: before anything of Vulkan that it knows of.
+pub struct Session {
+    hands: Hands,
+    runtime: ManuallyDrop<Runtime>,
+    watchdog: Watchdog,
+    images: EyeImages,
+    recorders: Vec<Recorder>,
+    /// Which recorder and pair of images is next.
+    slot: usize,
+    /// The quality that each slot was drawn with last, and the last frame of all.
+    levels: [usize; FRAMES_IN_FLIGHT],
+    level: Level,
+    /// Frames until their times count.
+    warm_up: u32,
+    optics: [Optics; 2],
+    /// Of both eyes, v downwards.
+    hidden: [Vec<[f32; 2]>; 2],
+    settings: Settings,
+    head: Head,
+    poses: Box<[sys::TrackedDevicePose_t; DEVICES]>,
+    /// Since when the headset has not been connected.
+    gone: Option<Instant>,
+    last: Option<Instant>,
+    quality: Quality,
+    statistics: FrameStatistics,
+    timeline: Timeline,
+    /// GPU time of each pass of the frame that finished last.
+    times: PassTimes,
+    report: HeadsetReport,
+    gpu: Arc<Gpu>,
+}
+
+impl Session {
+    /// Begins; `watchdog` has watched the start already.
+    pub fn new(
+        mut runtime: Runtime,
+        gpu: &Arc<Gpu>,
+        watchdog: Watchdog,
+        settings: Settings,
+        v: HiddenAreaV,
+    ) -> Result<Self> {
+        runtime.prepare();
+        let most = gpu.max_image_size();
+        let size = runtime.recommended_size()?.map(|s| s.min(most));
+        let hertz = runtime.display_hertz();
+        let hidden = EYES.map(|eye| v.downwards(&runtime.hidden_area(eye)));
+        let report = HeadsetReport {
+            name: runtime.headset_name(),
+            hertz,
+            size,
+            explicit_timing: runtime.has_explicit_timing(),
+            hidden_area_v: v,
+            hidden_area_share: hidden.each_ref().map(|corners| share(corners)),
+            ..Default::default()
+        };
+        let quality = Quality::new(1e3 / hertz.unwrap_or(USUAL_HERTZ), size);
+        Ok(Self {
+            hands: Hands::new(&runtime),
+            images: EyeImages::new(gpu, size)?,
+            recorders: (0..FRAMES_IN_FLIGHT).map(|_| Recorder::new(gpu)).collect::<Result<_>>()?,
+            slot: 0,
+            levels: [0; FRAMES_IN_FLIGHT],
+            level: quality.level(),
+            warm_up: WARM_UP,
+            optics: [runtime.optics(EYES[0])?, runtime.optics(EYES[1])?],
+            hidden,
+            settings,
+            head: Head::default(),
+            poses: Box::new([sys::TrackedDevicePose_t::default(); DEVICES]),
+            gone: None,
+            last: None,
+            quality,
+            statistics: FrameStatistics::default(),
+            timeline: Timeline::default(),
+            times: PassTimes::default(),
+            report,
+            gpu: Arc::clone(gpu),
+            watchdog,
+            runtime: ManuallyDrop::new(runtime),
+        })
+    }
+
+    /// Pixels of an eye's picture.
+    pub fn size(&self) -> [u32; 2] {
+        self.report.size
+    }
+
+    /// What it is called.
+    pub fn name(&self) -> &str {
+        &self.report.name
+    }
+
+    /// Pixels of the eyes' pictures that the last frame filled, from the upper left corner.
+    pub fn area(&self) -> [u32; 2] {
+        self.level.size
+    }
+
+    /// Frames shown so far.
+    pub fn frames(&self) -> u64 {
+        self.report.frames
+    }
+
+    /// GPU time of each pass of the frame that finished last.
+    pub fn times(&self) -> &[PassTime] {
+        &self.times
+    }
+
+    /// Stands at one of the scene's cameras from the next frame on; also for a new scene.
+    pub fn go_to(&mut self, camera: usize) {
+        self.hands.go_to(camera);
+        self.warm_up = WARM_UP;
+    }
+
+    /// One line for the screen: quality, rate, what the compositor made of the frames.
+    pub fn line(&self) -> String {
+        let [width, height] = self.level.size;
+        let statistics = self.statistics.line(self.report.hertz.unwrap_or(USUAL_HERTZ));
+        format!("{}: {width}x{height} per eye; {statistics}", self.report.name)
+    }
+
+    /// Notes how long the mirror took, and whether it was ready.
+    pub fn mirrored(&mut self, shown: bool, ms: f64) {
+        self.report.mirror[usize::from(!shown)] += 1;
+        self.timeline.set_mirror(ms as f32);
+    }
+
+    /// Takes the runtime's events; to be called often, also while there is nothing to draw.
+    pub fn follow_events(&mut self) -> Result<Option<End>> {
+        while let Some(event) = self.watchdog.watch("PollNextEvent", Patience::FRAME, || self.runtime.next_event()) {
+            tracing::debug!("headset: {event:?}");
+            match event {
+                Event::Quit => {
+                    self.runtime.acknowledge_quit();
+                    self.report.quit_acknowledged = true;
+                    return Ok(Some(End::Quit));
+                }
+                Event::OpticsChanged => self.change_optics(),
+                Event::DeviceOff(0) => return Ok(Some(End::Lost("the headset is gone; connect it again".into()))),
+                Event::DeviceOn(device) | Event::DeviceOff(device) => {
+                    tracing::info!("headset: device {device} changed")
+                }
+                Event::Dashboard(up) => tracing::info!("headset: dashboard {}", if up { "up" } else { "away" }),
+                Event::WrongGpu => {
+                    return Ok(Some(End::Lost("the runtime says that another GPU must draw; start again".into())));
+                }
+                Event::Other(_) => {}
+            }
+        }
+        Ok(None)
+    }
+
+    /// Shows both eyes the scene from where the head will be.
+    pub fn frame(&mut self, stage: &mut Stage) -> Result<Frame> {
+        if let Some(end) = self.follow_events()? {
+            return Ok(self.over(end));
+        }
+        let started = Instant::now();
+        if let Some(end) = self.wait_for_poses()? {
+            return Ok(self.over(end));
+        }
+        let wait_ms = ms_since(started) as f32;
+        let started = Instant::now();
+        let seconds = self.last.replace(started).map_or(0.0, |last| (started - last).as_secs_f32());
+        let (world_from_play, requests) = self.hands.step(stage, &self.head, seconds);
+        self.draw(stage, world_from_play)?;
+        let cpu_ms = ms_since(started) as f32;
+        let started = Instant::now();
+        if let Some(end) = self.submit()? {
+            return Ok(self.over(end));
+        }
+        let area = self.level.bounds.iter().product();
+        let submit_ms = ms_since(started) as f32;
+        self.timeline.push(FrameTime { wait_ms, cpu_ms, submit_ms, area, ..Default::default() });
+        self.slot = (self.slot + 1) % FRAMES_IN_FLIGHT;
+        self.report.frames += 1;
+        Ok(Frame::Shown(requests))
+    }
+
+    /// All that is known of the session so far.
+    pub fn report(&self) -> HeadsetReport {
+        HeadsetReport {
+            tangents: self.optics.map(|optics| optics.tangents),
+            lost_poses: self.head.lost_poses,
+            compositor: (&self.statistics).into(),
+            mean: self.timeline.mean(),
+            timeline: self.timeline.frames().clone(),
+            ..self.report.clone()
+        }
+    }
+
+    /// What there is to tell at the end.
+    fn summary(&self) -> String {
+        let saved = 50.0 * self.report.hidden_area_share.iter().sum::<f64>();
+        let FrameTime { wait_ms, cpu_ms, gpu_ms, submit_ms, .. } = self.timeline.mean();
+        let statistics = self.statistics.line(self.report.hertz.unwrap_or(USUAL_HERTZ));
+        format!(
+            "{statistics}; per frame {wait_ms:.1} ms waiting, {cpu_ms:.1} ms CPU, {submit_ms:.1} ms in Submit, {gpu_ms:.1} ms GPU; \
+             {saved:.1} % of the pixels hidden by the lenses and not drawn"
+        )
+    }
+
+    fn over(&mut self, end: End) -> Frame {
+        self.report.ended = match &end {
+            End::Quit => "quit".into(),
+            End::Lost(why) => why.clone(),
+        };
+        Frame::Over(end)
+    }
+
+    fn wait_for_poses(&mut self) -> Result<Option<End>> {
+        let (runtime, gpu, poses) = (&self.runtime, &self.gpu, &mut self.poses);
+        let started = Instant::now();
+        let code = self.watchdog.watch("WaitGetPoses", Patience::FRAME, || {
+            if runtime.has_explicit_timing() {
+                runtime.wait_get_poses(poses)
+            } else {
+                gpu.lend_queue(|| runtime.wait_get_poses(poses))
+            }
+        })?;
+        if code == sys::EVRCompositorError_VRCompositorError_None {
+            self.head.follow(&self.poses[0]);
+            if self.poses[0].bDeviceIsConnected {
+                self.gone = None;
+            } else if self.gone.get_or_insert(started).elapsed().as_secs_f32() > GONE_SECONDS {
+                return Ok(Some(End::Lost("the headset is gone; connect it again".into())));
+            }
+        } else if started.elapsed() < PAUSE {
+            // It did not wait: nobody paces us.
+            std::thread::sleep(PAUSE);
+        }
+        Ok(self.judge("WaitGetPoses", code))
+    }
+
+    fn draw(&mut self, stage: &mut Stage, world_from_play: Mat4) -> Result<()> {
+        let (size, slot) = (self.size(), self.slot);
+        let world_from_head = world_from_play * self.head.space_from_head;
+        let eyes = self.optics.map(|optics| optics.eye(world_from_head));
+        let renderer = &mut stage.renderer;
+        renderer.set_eyes(2)?;
+        renderer.resize(size)?;
+        if !renderer.has_hidden_area() && self.hidden.iter().any(|corners| !corners.is_empty()) {
+            renderer.set_hidden_area(HiddenArea::new(&self.gpu, &self.settings, &self.hidden)?);
+        }
+        let finished = self.recorders[slot].finish()?;
+        self.choose_level(&finished);
+        self.times = finished;
+        renderer.set_area(self.level.size);
+        let (mut commands, _) = self.recorders[slot].begin()?;
+        renderer.set_guides(slot, self.hands.guides())?;
+        renderer.record_scene(&mut commands, slot, &eyes);
+        self.images.fill(&mut commands, slot, renderer.picture(), self.level.size);
+        self.gpu.lend_queue(|| self.runtime.submit_timing());
+        commands.submit(None)
+    }
+
+    /// This frame's quality, from the times of the one that had the slot before.
+    fn choose_level(&mut self, times: &[PassTime]) {
+        let gpu_ms = times.iter().map(|pass| pass.ms).sum::<f64>() as f32;
+        let finished = (!times.is_empty()).then(|| {
+            self.timeline.set_gpu(FRAMES_IN_FLIGHT, gpu_ms);
+            let reprojected_for_gpu = self.statistics.last().is_some_and(FrameTiming::is_reprojected_for_gpu);
+            Finished { gpu_ms, level: self.levels[self.slot], reprojected_for_gpu }
+        });
+        let counts = self.warm_up == 0;
+        self.warm_up -= u32::from(!counts);
+        self.level = self.quality.next(finished.filter(|_| counts));
+        self.levels[self.slot] = self.level.index;
+    }
+
+    fn submit(&mut self) -> Result<Option<End>> {
+        let bounds = self.level.bounds;
+        for (eye, picture) in EYES.into_iter().zip(self.images.pictures(self.slot)) {
+            let submit = || self.gpu.lend_queue(|| self.runtime.submit(eye, &picture, bounds));
+            let code = self.watchdog.watch("Submit", Patience::FRAME, submit)?;
+            if let Some(end) = self.judge("Submit", code) {
+                return Ok(Some(end));
+            }
+        }
+        let handoff = || self.gpu.lend_queue(|| self.runtime.post_present_handoff());
+        self.watchdog.watch("PostPresentHandoff", Patience::FRAME, handoff);
+        // The frame before: its numbers are whole.
+        if let Some(timing) = self.runtime.frame_timing(1) {
+            self.statistics.add(timing);
+        }
+        Ok(None)
+    }
+
+    fn judge(&mut self, call: &str, code: sys::EVRCompositorError) -> Option<End> {
+        match after(code) {
+            After::Continue => None,
+            After::NoFocus => {
+                self.report.calls_without_focus += 1;
+                None
+            }
+            After::FrameLost(words) => {
+                let count = self.report.failed_calls.entry(format!("{call} {code}")).or_default();
+                *count += 1;
+                if *count == 1 {
+                    eprintln!("pbr-vr: headset: {call}: {words} ({code}); this frame is not seen");
+                }
+                None
+            }
+            After::GiveUp(why) => Some(End::Lost(why.into())),
+        }
+    }
+
+    /// The old optics stay where the new ones are no optics.
+    fn change_optics(&mut self) {
+        match (self.runtime.optics(EYES[0]), self.runtime.optics(EYES[1])) {
+            (Ok(left), Ok(right)) => {
+                self.optics = [left, right];
+                self.report.optics_changes += 1;
+            }
+            (Err(error), _) | (_, Err(error)) => eprintln!("pbr-vr: {error}"),
+        }
+    }
+}
+
+impl Drop for Session {
+    fn drop(&mut self) {
+        if self.report.frames > 0 && !std::thread::panicking() {
+            println!("pbr-vr: headset: {}", self.summary());
+        }
+        // A lost device has nothing left to wait for.
+        let _ = self.gpu.wait_idle();
+        let runtime = &mut self.runtime;
+        // SAFETY: nothing uses it after this.
+        self.watchdog.watch("VR_Shutdown", Patience::FRAME, || unsafe { ManuallyDrop::drop(runtime) });
+    }
+}

@@ -1,0 +1,42 @@
+//! The console window that Windows opens for a program that Explorer or SteamVR starts: it must not stand before the
+//! picture, nor close before an error in it was read. Elsewhere, and in a console that others use too, nothing happens.
+
+/// Minimises the program's own console without giving the focus to it.
+pub fn step_aside() {
+    #[cfg(windows)]
+    own::show(windows_sys::Win32::UI::WindowsAndMessaging::SW_SHOWMINNOACTIVE);
+}
+
+/// After a failure: brings the program's own console back and keeps it open until Enter is pressed.
+pub fn hold() {
+    #[cfg(windows)]
+    if own::is_there() {
+        use std::io::IsTerminal as _;
+        own::show(windows_sys::Win32::UI::WindowsAndMessaging::SW_RESTORE);
+        if std::io::stdin().is_terminal() && std::io::stderr().is_terminal() {
+            eprintln!("Press Enter to close this window.");
+            // Whatever is read, or not: the wait is over.
+            let _ = std::io::stdin().read_line(&mut String::new());
+        }
+    }
+}
+
+#[cfg(windows)]
+mod own {
+    use windows_sys::Win32::System::Console::{GetConsoleProcessList, GetConsoleWindow};
+    use windows_sys::Win32::UI::WindowsAndMessaging::{SHOW_WINDOW_CMD, ShowWindow};
+
+    /// Whether this process is the only one in its console: then Windows opened it for this program alone.
+    pub fn is_there() -> bool {
+        let mut processes = [0; 2];
+        // SAFETY: the list has room for as many as it is said to have.
+        unsafe { GetConsoleProcessList(processes.as_mut_ptr(), 2) == 1 }
+    }
+
+    pub fn show(how: SHOW_WINDOW_CMD) {
+        if is_there() {
+            // SAFETY: the window, which may be null, is the console's; it lives as long as this process is attached.
+            unsafe { ShowWindow(GetConsoleWindow(), how) };
+        }
+    }
+}

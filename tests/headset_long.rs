@@ -1,0 +1,73 @@
+//! Many frames on a headset: memory and file descriptors stay flat, and nothing is left at the end.
+#![cfg(target_os = "linux")]
+
+mod common;
+
+use std::fs;
+use std::time::Duration;
+
+use headset_runtime::script::{Script, Waypoint};
+
+use common::headset::{Headset, finish};
+use common::{Workshop, material, sphere};
+
+/// Frames of the long run, if not the default.
+const FRAMES_VARIABLE: &str = "PBR_VR_LONG_RUN_FRAMES";
+const FRAMES: u64 = 20_000;
+
+/// What a process holds.
+#[derive(Clone, Copy, Debug)]
+struct Held {
+    frame: u64,
+    resident_kb: u64,
+    descriptors: usize,
+}
+
+fn held(process: u32, frame: u64) -> Option<Held> {
+    let status = fs::read_to_string(format!("/proc/{process}/status")).ok()?;
+    let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:"))?;
+    let resident_kb = line.trim().split(' ').next()?.parse().ok()?;
+    let descriptors = fs::read_dir(format!("/proc/{process}/fd")).ok()?.count();
+    Some(Held { frame, resident_kb, descriptors })
+}
+
+fn median(mut values: Vec<u64>) -> f64 {
+    values.sort_unstable();
+    values[values.len() / 2] as f64
+}
+
+#[test]
+fn a_long_run_keeps_memory_and_descriptors_flat_and_leaks_nothing() {
+    let frames = std::env::var(FRAMES_VARIABLE).map_or(FRAMES, |n| n.parse().expect("a number of frames"));
+    let workshop = Workshop::new();
+    workshop.sky(0.0);
+    workshop.write("gold.mtl", &material([1.0, 0.8, 0.3], 1.0, 0.3));
+    workshop.write("ball.obj", &sphere("gold.mtl"));
+    workshop.write("scene.toml", "environment = { panorama = \"sky.exr\" }\n[[model]]\nfile = \"ball.obj\"\n");
+    let turn = |frame, yaw| Waypoint { frame, position: [0.0, 1.6, 0.0], rotation_degrees: [yaw, 0.0, 0.0] };
+    let script = Script { size: [16, 16], hz: 0.1, head: vec![turn(1, 0.0), turn(frames, 720.0)], ..Script::default() };
+    let headset = Headset::install(workshop.0.path(), &script);
+    let arguments = ["view", "scene.toml", "--on", "headset", "--frames", &frames.to_string()];
+    let mut child = headset.start(workshop.0.path(), &arguments);
+    let mut samples = Vec::new();
+    while child.try_wait().expect("a child").is_none() {
+        samples.extend(held(child.id(), headset.frame()));
+        std::thread::sleep(Duration::from_millis(50));
+    }
+    finish(child).assert_clean();
+
+    let done = headset.calls_of("CleanupDone");
+    assert_eq!(done.last().expect("a shutdown")["copied"], 2 * frames);
+    let part = |from: f64, to: f64| -> Vec<Held> {
+        let is_in = |s: &&Held| (from * frames as f64..to * frames as f64).contains(&(s.frame as f64));
+        samples.iter().filter(is_in).copied().collect()
+    };
+    let (early, late) = (part(0.2, 0.4), part(0.8, 1.0));
+    assert!(early.len() >= 5 && late.len() >= 5, "only {} and {} samples", early.len(), late.len());
+    let resident = |part: &[Held]| median(part.iter().map(|s| s.resident_kb).collect());
+    let growth = resident(&late) / resident(&early) - 1.0;
+    println!("{frames} frames: {} kB, then {} kB ({:+.2} %)", resident(&early), resident(&late), 100.0 * growth);
+    assert!(growth.abs() <= 0.01, "memory changes by {:.2} %", 100.0 * growth);
+    let most = |part: &[Held]| part.iter().map(|s| s.descriptors).max().expect("a sample");
+    assert!(most(&late) <= most(&early), "descriptors: {} and then {}", most(&early), most(&late));
+}

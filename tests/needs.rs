@@ -1,0 +1,89 @@
+//! Modelling what a scene needs gives the picture of modelling everything, and the command says what was decided.
+
+mod common;
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use common::{Look, Workshop};
+use pbr_vr::asset::picture::compare;
+use pbr_vr::render::Shading;
+use pbr_vr::scene::Model;
+
+/// The compiler folds constants in another order than the GPU multiplies: a fragment at an edge may round to its neighbour.
+const FLIP: f32 = 1e-4;
+
+fn shipped(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/scenes").join(name)
+}
+
+/// A square each of dielectric, metal and half of both, under two lamps.
+fn kinds(shop: &Workshop) -> PathBuf {
+    shop.sky(5.0);
+    let mut obj = "mtllib kinds.mtl\nvn 0 0 1\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\n".to_owned();
+    for (i, name) in ["plain", "metal", "half"].iter().enumerate() {
+        let (x, first) = (i as f32 * 1.1 - 1.6, 4 * i + 1);
+        for (dx, dy) in [(0.0, -0.5), (1.0, -0.5), (1.0, 0.5), (0.0, 0.5)] {
+            obj += &format!("v {} {dy} 0\n", x + dx);
+        }
+        let corner = |c: usize| format!("{}/{}/1", first + c, c + 1);
+        obj += &format!("usemtl {name}\nf {} {} {} {}\n", corner(0), corner(1), corner(2), corner(3));
+    }
+    let mtl = "newmtl plain\nKd 0.8 0.4 0.2\nPr 0.4\nnewmtl metal\nKd 0.9 0.7 0.4\nPm 1\nPr 0.3\nnewmtl half\nPm 0.5\nPr 0.2\n";
+    std::fs::write(shop.path("kinds.mtl"), mtl).expect("a material library");
+    std::fs::write(shop.path("kinds.obj"), obj).expect("a model");
+    let scene = shop.path("kinds.toml");
+    let text = "environment = { panorama = \"sky.exr\" }\n[[model]]\nfile = \"kinds.obj\"\n[[light]]\n\
+        point = { position = [0, 1, 2], intensity = [4, 4, 4] }\n[[light]]\npoint = { position = [1, 0, 1], intensity = [1, 2, 3] }\n\
+        [[camera]]\nname = \"front\"\nposition = [0, 0, 3]\ntarget = [0, 0, 0]\n";
+    std::fs::write(&scene, text).expect("a scene");
+    scene
+}
+
+#[test]
+fn what_is_needed_and_everything_give_one_picture() {
+    let shop = Workshop::new();
+    let scenes = [kinds(&shop), shipped("sphere.toml"), shipped("teapot.toml"), shipped("tearoom.toml")];
+    for scene in &scenes {
+        for shading in [Shading::Pbr, Shading::Phong] {
+            let picture = |model| {
+                let look = Look { file: "a.png", size: [160, 90], shading, model, ..Look::default() };
+                shop.render(scene, &look).remove(0)
+            };
+            let comparison = compare(&picture(Model::Needed), &picture(Model::Everything)).expect("equal sizes");
+            assert!(comparison.flip_mean <= FLIP, "{} {shading:?}: {comparison:?}", scene.display());
+        }
+    }
+}
+
+#[test]
+fn the_command_says_what_is_modelled_and_why() {
+    let shop = Workshop::new();
+    let scene = kinds(&shop);
+    let json = shop.path("needs.json");
+    let output = Command::new(env!("CARGO_BIN_EXE_pbr-vr"))
+        .args(["needs".as_ref(), scene.as_os_str(), "--json".as_ref(), json.as_os_str()])
+        .output()
+        .expect("the program starts");
+    let said = String::from_utf8_lossy(&output.stdout).into_owned();
+    assert!(output.status.success(), "{said}");
+    let said_of = |subject: &str| {
+        said.lines()
+            .map(str::trim)
+            .find(|line| line[1..].trim_start().starts_with(subject))
+            .unwrap_or_default()
+            .to_owned()
+    };
+    assert!(said.contains("6 triangles") && said.contains("3 pipeline(s) for 3 material(s)"), "{said}");
+    assert!(
+        said_of("metalness").starts_with('+') && said_of("metalness").contains("1 material(s) all metal, 1 in parts")
+    );
+    assert!(said_of("point lights").starts_with('+') && said_of("point lights").contains('2'), "{said}");
+    assert!(said_of("albedo maps").starts_with('-') && said_of("cutouts").starts_with('-'), "{said}");
+    assert!(said_of("specular levels").contains("0.20 to 0.40"), "{said}");
+    let read: serde_json::Value =
+        serde_json::from_slice(&std::fs::read(&json).expect("the JSON")).expect("a whole JSON file");
+    assert_eq!(read["needs"]["lights"], 2);
+    let metals: Vec<_> = read["materials"].as_array().unwrap().iter().map(|m| m["needs"]["metals"].clone()).collect();
+    assert_eq!(metals, ["none", "all", "some"]);
+}
