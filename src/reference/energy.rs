@@ -12,8 +12,8 @@ use super::brdf::{DIELECTRIC_F0, Geometry};
 use super::quadrature::gauss_legendre;
 use super::table::{Entry, table_entry};
 
-/// Share of the incoming light that must be at stake for multiple scattering to be modelled: half of what the darkest of
-/// neighbouring greys at the bright end of an 8-bit sRGB picture differ by (1 − (254/255)^2.2 = 0.9 %).
+/// Share of the incoming light that must be at stake for multiple scattering to be modelled: half a step of an 8-bit sRGB
+/// picture at white, 1 − (254/255)^2.2 = 0.9 %.
 pub const VISIBLE: f64 = 0.0045;
 
 /// Nodes over a cosine; E is smooth but for n·v → 0, which weighs nothing.
