@@ -1,4 +1,4 @@
-//! Where the files that come with the program lie.
+//! Where the files that come with the program lie, and those that do not.
 
 use std::path::{Path, PathBuf};
 
@@ -24,6 +24,17 @@ pub fn folder() -> Result<PathBuf> {
             "the program's assets were not found; set PBR_VR_ASSETS to the folder that holds them",
         ),
     })
+}
+
+/// The folder of scenes that do not come with the program: PBR_VR_SCENES if set, else `downloaded` among the assets.
+///
+/// # Errors
+/// PBR_VR_SCENES is not set, and the assets are not found.
+pub fn large_scenes() -> Result<PathBuf> {
+    match std::env::var_os("PBR_VR_SCENES").filter(|folder| !folder.is_empty()) {
+        Some(folder) => Ok(folder.into()),
+        None => Ok(folder()?.join("downloaded")),
+    }
 }
 
 fn candidates() -> Vec<PathBuf> {

@@ -7,11 +7,16 @@ mod geometry;
 mod judge;
 mod maps;
 mod precompute;
+mod scenes;
+mod scenes_chart;
+mod scenes_table;
+mod stereo;
 mod synthetic;
 mod table;
 mod texels;
 mod texture_chart;
 mod textures;
+mod turns;
 mod widening;
 
 use std::path::{Path, PathBuf};
@@ -27,9 +32,11 @@ pub use table::{Row, Sweep};
 pub use texels::{Accuracy, prefiltered_truth, spread_texels};
 
 /// What can be measured: its name, and what it does.
-pub const NAMES: [(&str, &str); 5] = [
+pub const NAMES: [(&str, &str); 7] = [
     ("precompute", "time and error of every way to fill the irradiance and specular maps"),
     ("frame", "processor time of a frame and of recording it, with each saving and without"),
+    ("scenes", "frame rate, memory and start of the thesis's six scenes, beside its own tables"),
+    ("stereo", "what the second eye costs: one eye, two passes, one pass"),
     ("geometry", "what vertices lose in fewer bytes, and what ordering triangles gains"),
     ("textures", "memory, time and picture of ways to store and filter textures"),
     ("panoramas", "write the synthetic panoramas as OpenEXR, for other programs"),
@@ -72,6 +79,12 @@ pub fn run(request: &MeasureRequest<'_>, gpu: GpuOptions<'_>, report: &Report) -
     }
     if wanted("frame") {
         frame::run(request.output, request.full, gpu, report)?;
+    }
+    if wanted("scenes") {
+        scenes::run(request.output, request.full, gpu, report)?;
+    }
+    if wanted("stereo") {
+        stereo::run(request.output, request.full, gpu, report)?;
     }
     if wanted("geometry") {
         geometry::run(request.output, report)?;

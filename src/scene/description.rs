@@ -7,10 +7,13 @@ use serde::Deserialize;
 use toml::Spanned;
 
 use super::{Camera, PointLight};
-use crate::asset::file;
+use crate::asset::{file, shipped};
 use crate::{Error, Result};
 
 const MAX_FILE_BYTES: u64 = 16 << 20;
+/// How names of files in the folder of the large scenes begin; nothing else is expanded, and only there.
+const LARGE_SCENES: &str = "${PBR_VR_SCENES}/";
+const LARGE_SCENES_REMEDY: &str = "; it does not come with the program: set PBR_VR_SCENES to the folder that holds it, or see `tools/fetch-assets --list`";
 const DEFAULT_FOV_DEGREES: f32 = 45.0;
 
 /// A checked description: paths lead from where the program runs, numbers are finite and make sense.
@@ -39,7 +42,8 @@ pub struct ModelFile {
 }
 
 impl Description {
-    /// Reads and checks a description; file names in it are relative to its folder.
+    /// Reads and checks a description; file names in it are relative to its folder, or begin with `${PBR_VR_SCENES}/`
+    /// for [`shipped::large_scenes`].
     ///
     /// Errors: unreadable file; [`Error::SceneKey`], with its line, for unknown or missing keys and bad values.
     pub fn load(path: &Path) -> Result<Self> {
@@ -162,10 +166,17 @@ impl Check<'_> {
     }
 
     fn file(&self, folder: &Path, key: &str, name: &Spanned<String>) -> Result<PathBuf> {
-        let text = name.get_ref();
-        let path = folder.join(text.replace('\\', "/"));
+        let text = name.get_ref().replace('\\', "/");
+        let path = match text.strip_prefix(LARGE_SCENES) {
+            Some(rest) => shipped::large_scenes().map_err(|e| self.error(key, name, e.to_string()))?.join(rest),
+            None if text.starts_with('$') => {
+                return Err(self.error(key, name, format!("only `{LARGE_SCENES}` can begin with `$`")));
+            }
+            None => folder.join(&text),
+        };
         if text.is_empty() || !path.is_file() {
-            return Err(self.error(key, name, format!("there is no file {}", path.display())));
+            let remedy = if text.starts_with(LARGE_SCENES) { LARGE_SCENES_REMEDY } else { "" };
+            return Err(self.error(key, name, format!("there is no file {}{remedy}", path.display())));
         }
         Ok(path)
     }
