@@ -194,6 +194,11 @@ impl Gpu {
         (0..heaps.memory_heap_count as usize).filter(own).map(free).sum()
     }
 
+    /// Bytes of GPU memory that our objects take; those that wait to be destroyed still count.
+    pub fn allocated_memory(&self) -> u64 {
+        self.allocator().generate_report().total_allocated_bytes
+    }
+
     /// Waits until the GPU has nothing left to do.
     pub fn wait_idle(&self) -> Result<()> {
         let submitted = self.queue().submitted;

@@ -7,6 +7,12 @@ mod geometry;
 mod judge;
 mod maps;
 mod precompute;
+mod scene_chart;
+mod scene_table;
+mod scenes;
+mod spread;
+mod stereo;
+mod stereo_chart;
 mod synthetic;
 mod table;
 mod texels;
@@ -27,11 +33,13 @@ pub use table::{Row, Sweep};
 pub use texels::{Accuracy, prefiltered_truth, spread_texels};
 
 /// What can be measured: its name, and what it does.
-pub const NAMES: [(&str, &str); 5] = [
+pub const NAMES: [(&str, &str); 7] = [
     ("precompute", "time and error of every way to fill the irradiance and specular maps"),
     ("frame", "processor time of a frame and of recording it, with each saving and without"),
     ("geometry", "what vertices lose in fewer bytes, and what ordering triangles gains"),
     ("textures", "memory, time and picture of ways to store and filter textures"),
+    ("scenes", "frames of the thesis's six scenes: desktop and stereo, PBR and Phong, what each needs and everything"),
+    ("stereo", "what the second eye costs: one eye, two passes, one pass"),
     ("panoramas", "write the synthetic panoramas as OpenEXR, for other programs"),
 ];
 
@@ -78,6 +86,12 @@ pub fn run(request: &MeasureRequest<'_>, gpu: GpuOptions<'_>, report: &Report) -
     }
     if wanted("textures") {
         textures::run(request, gpu, report)?;
+    }
+    if wanted("scenes") {
+        scenes::run(request.output, request.full, gpu, report)?;
+    }
+    if wanted("stereo") {
+        stereo::run(request.output, request.full, gpu, report)?;
     }
     if wanted("precompute") { precompute::run(request, gpu, report).map(Some) } else { Ok(None) }
 }

@@ -13,8 +13,7 @@ use crate::{Error, Result};
 const MAX_FILE_BYTES: u64 = 16 << 20;
 /// How names of files in the folder of the large scenes begin; nothing else is expanded, and only there.
 const LARGE_SCENES: &str = "${PBR_VR_SCENES}/";
-const LARGE_SCENES_REMEDY: &str =
-    "; it does not come with the program: set PBR_VR_SCENES to the folder that holds it, or see `tools/fetch-assets --list`";
+const LARGE_SCENES_REMEDY: &str = "; it does not come with the program: set PBR_VR_SCENES to the folder that holds it, or see `tools/fetch-assets --list`";
 const DEFAULT_FOV_DEGREES: f32 = 45.0;
 
 /// A checked description: paths lead from where the program runs, numbers are finite and make sense.
