@@ -48,6 +48,7 @@ const uint SHADING_G = 11;
 const uint SHADING_DIFFUSE = 12;
 const uint SHADING_SPECULAR = 13;
 const uint SHADING_IRRADIANCE = 14;
+const uint SHADING_REFERENCE = 15;
 
 layout(set = 0, binding = 0, scalar) uniform Frame {
     Eye eyes[MAX_EYES];
@@ -55,6 +56,7 @@ layout(set = 0, binding = 0, scalar) uniform Frame {
     float exposure;
     float environment_scale;
     uint light_count;
+    uint sample_index; // frames accumulated before this one
 } frame;
 
 layout(set = 0, binding = 1, scalar) readonly buffer Lights {

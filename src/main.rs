@@ -171,9 +171,10 @@ struct Render {
     /// Write FILE-left and FILE-right, an eye each.
     #[arg(long)]
     stereo: bool,
-    /// Draw this many frames, for times; the last is written.
-    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u64).range(1..))]
-    frames: u64,
+    /// Draw this many frames, for times; the last is written. With `--shading reference`, average them. 1 if left out, or
+    /// 256 to average.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
+    frames: Option<u64>,
     /// Write times and facts.
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
@@ -312,7 +313,7 @@ fn run_render(args: &Render, gpu: GpuOptions<'_>, cache: Option<&Cache>) -> Resu
         size: args.size,
         camera: args.camera.as_deref(),
         stereo: args.stereo,
-        frames: args.frames,
+        frames: args.frames.unwrap_or(args.look.shading.default_frames()),
         shading: args.look.shading,
         geometry: args.look.geometry.into(),
         split_sum: args.look.split_sum.into(),
@@ -321,6 +322,9 @@ fn run_render(args: &Render, gpu: GpuOptions<'_>, cache: Option<&Cache>) -> Resu
         cache,
     };
     let facts = view::render(&request, gpu, &Report::to_terminal())?;
+    if let Some(error) = &facts.standard_error {
+        println!("pbr-vr: {error}");
+    }
     match &args.json {
         Some(path) => write_json(path, &facts),
         None => Ok(()),

@@ -62,12 +62,16 @@ fn a_long_run_keeps_memory_and_descriptors_flat_and_leaks_nothing() {
         let is_in = |s: &&Held| (from * frames as f64..to * frames as f64).contains(&(s.frame as f64));
         samples.iter().filter(is_in).copied().collect()
     };
-    let (early, late) = (part(0.2, 0.4), part(0.8, 1.0));
-    assert!(early.len() >= 5 && late.len() >= 5, "only {} and {} samples", early.len(), late.len());
-    let resident = |part: &[Held]| median(part.iter().map(|s| s.resident_kb).collect());
-    let growth = resident(&late) / resident(&early) - 1.0;
-    println!("{frames} frames: {} kB, then {} kB ({:+.2} %)", resident(&early), resident(&late), 100.0 * growth);
-    assert!(growth.abs() <= 0.01, "memory changes by {:.2} %", 100.0 * growth);
+    let parts = [0.2, 0.4, 0.6, 0.8].map(|from| part(from, from + 0.2));
+    let samples: Vec<usize> = parts.iter().map(Vec::len).collect();
+    assert!(samples.iter().all(|count| *count >= 5), "only {samples:?} samples");
+    let resident = parts.each_ref().map(|part| median(part.iter().map(|s| s.resident_kb).collect()));
+    let mut growth: Vec<f64> = resident.windows(2).map(|pair| 100.0 * (pair[1] / pair[0] - 1.0)).collect();
+    println!("{frames} frames: {resident:?} kB, {growth:.2?} %");
+    // A leak takes from every part; an allocator or a driver may take more once, as when the machine is busy.
+    growth.sort_unstable_by(f64::total_cmp);
+    assert!(3.0 * growth[1].abs() <= 1.0, "memory changes by {growth:.2?} %");
+    let [early, .., late] = parts;
     let most = |part: &[Held]| part.iter().map(|s| s.descriptors).max().expect("a sample");
     assert!(most(&late) <= most(&early), "descriptors: {} and then {}", most(&early), most(&late));
 }

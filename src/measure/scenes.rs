@@ -1,232 +1,316 @@
-//! The thesis's six scenes, on the desktop and in stereo, physically based and Phong, with what each needs and with
-//! everything: `measure scenes`.
+//! The thesis's tables of frame rates: its six scenes on the desktop and in stereo, physically based and Phong, with what
+//! they need modelled and with everything; and what starting costs.
 
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use serde::Serialize;
 
-use super::clock::today;
-use super::spread::{Spread, frames};
-use super::{scene_chart, scene_table};
-use crate::Result;
-use crate::asset::{Report, shipped};
-use crate::gpu::{Gpu, GpuOptions};
-use crate::render::{Eye, IPD_METRES, Renderer, Settings, Shading};
-use crate::scene::needs::resolution::Viewpoint;
-use crate::scene::{LoadOptions, Model, Scene, load};
-use crate::view::TextureChoice;
+use super::clock::{peak_ram_mib, reset_peak_ram, today};
+use super::turns::{Cost, Limits, Way, take_turns};
+use super::{scenes_chart, scenes_table};
+use crate::asset::{Report, TextureOptions, shipped};
+use crate::gpu::{Gpu, GpuOptions, Part, Recorder, read_image};
+use crate::precompute::{self, Cache};
+use crate::reference::metrics::{PIXELS_PER_DEGREE, flip};
+use crate::render::{Eye, IPD_METRES, Output, Renderer, Settings, Shading};
+use crate::scene::needs::Needs;
+use crate::scene::{Model, Scene};
+use crate::view::{TextureChoice, load_scene};
+use crate::{Error, Result};
 
-/// A scene, and what the thesis says of it.
+/// Samples per pixel of every picture.
+pub const SAMPLES: u32 = 4;
+
+/// A scene of the thesis, and its Table of results (GTX 1070, HTC Vive; Sponza with 512² textures).
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Known {
+    /// The description's file name without `.toml`.
     pub name: &'static str,
-    /// Whether its models come with the program.
-    pub shipped: bool,
-    /// Frames a second: GTX 760 on the desktop, GTX 1070 with a Vive.
+    /// The folder of a model that does not come with the program.
+    pub folder: Option<&'static str>,
+    pub thesis_triangles: usize,
+    /// Frames a second on the desktop, in stereo.
     pub thesis_fps: [f64; 2],
 }
 
-/// All six; Crytek Sponza's frame rates are those with high-resolution textures.
+impl Known {
+    const fn new(name: &'static str, folder: Option<&'static str>, thesis_triangles: usize, fps: [f64; 2]) -> Self {
+        Self { name, folder, thesis_triangles, thesis_fps: fps }
+    }
+
+    /// Loads the shipped description.
+    pub fn load(&self, textures: &TextureOptions, report: &Report) -> Result<Scene> {
+        load_scene(&shipped::folder()?.join("scenes").join(self.name).with_extension("toml"), textures, report)
+    }
+}
+
+/// Smallest first, as in the thesis.
 pub const SCENES: [Known; 6] = [
-    Known { name: "sphere", shipped: true, thesis_fps: [1000.0, 100.0] },
-    Known { name: "teapot", shipped: true, thesis_fps: [1000.0, 100.0] },
-    Known { name: "head", shipped: false, thesis_fps: [1000.0, 100.0] },
-    Known { name: "tearoom", shipped: true, thesis_fps: [1000.0, 100.0] },
-    Known { name: "dabrovic-sponza", shipped: false, thesis_fps: [333.0, 100.0] },
-    Known { name: "crytek-sponza", shipped: false, thesis_fps: [40.0, 15.0] },
+    Known::new("sphere", None, 20_479, [1000.0, 100.0]),
+    Known::new("teapot", None, 15_704, [1000.0, 100.0]),
+    Known::new("head", Some("lee-perry-smith"), 9_923, [1000.0, 100.0]),
+    Known::new("tearoom", None, 5_397, [1000.0, 100.0]),
+    Known::new("dabrovic-sponza", Some("dabrovic-sponza"), 66_450, [333.0, 100.0]),
+    Known::new("crytek-sponza", Some("crytek-sponza"), 262_267, [90.0, 35.0]),
 ];
 
-/// A way to look at a scene: name, eyes, pixels of an eye's picture in full and in a quick run.
-const VIEWS: [(&str, usize, [u32; 2], [u32; 2]); 2] =
-    [("desktop", 1, [1920, 1080], [320, 180]), ("stereo", 2, [1512, 1680], [252, 280])];
-const SAMPLES: u32 = 4;
-const WARM_UP: usize = 3;
+/// Those of the scenes whose files are there; the others are named in warnings.
+pub fn there(report: &Report) -> Result<Vec<Known>> {
+    let mut there = Vec::new();
+    for known in SCENES {
+        match known.folder {
+            Some(folder) if !shipped::large_scenes()?.join(folder).is_dir() => {
+                report.warn(format!(
+                    "{}: not there, not measured (set PBR_VR_SCENES, or tools/fetch-assets)",
+                    known.name
+                ));
+            }
+            _ => there.push(known),
+        }
+    }
+    Ok(there)
+}
 
-/// One scene drawn in one way.
+/// Sizes of pictures, and how long each is measured.
+pub struct Stage {
+    pub desktop_size: [u32; 2],
+    pub eye_size: [u32; 2],
+    pub limits: Limits,
+}
+
+impl Stage {
+    pub fn new(full: bool) -> Self {
+        let limits = |seconds| Limits { least: 3, most: 200, time: Duration::from_secs(seconds) };
+        if full {
+            Self { desktop_size: [1920, 1080], eye_size: [1512, 1680], limits: limits(10) }
+        } else {
+            Self { desktop_size: [480, 270], eye_size: [378, 420], limits: limits(2) }
+        }
+    }
+
+    /// As `pbr-vr view` has them on this GPU.
+    pub fn settings(&self, gpu: &Gpu, cache: Option<&Cache>, report: &Report) -> Settings {
+        Settings {
+            samples: SAMPLES,
+            precompute: precompute::Options { cache: cache.cloned(), ..precompute::Options::default() },
+            textures: TextureChoice::default().options(gpu, cache, report),
+            ..Settings::default()
+        }
+    }
+}
+
+/// One scene drawn one way.
 #[derive(Clone, Debug, Serialize)]
 pub struct SceneRow {
     pub scene: &'static str,
-    pub view: &'static str,
-    pub eyes: usize,
-    /// Pixels of one eye's picture.
-    pub size: [u32; 2],
-    pub samples: u32,
-    pub model: String,
-    pub shading: String,
-    pub frames: usize,
     pub triangles: usize,
-    /// GPU time of all passes.
-    pub gpu_ms: Spread,
-    /// Processor time of the thread that culls, records and submits.
-    pub record_ms: Spread,
-    /// Frames by wall time, the CPU as far ahead as in a window.
+    /// `desktop` or `stereo`.
+    pub view: &'static str,
+    /// Of each eye's picture.
+    pub size: [u32; 2],
+    /// `pbr` or `phong`.
+    pub shading: &'static str,
+    /// `needed` or `everything`.
+    pub model: &'static str,
+    /// Pipelines for materials.
+    pub pipelines: usize,
+    #[serde(flatten)]
+    pub cost: Cost,
+    /// What the slower of GPU and recording thread allows.
     pub fps: f64,
-    /// The thesis's, physically based, on its own hardware.
     pub thesis_fps: f64,
-    /// GPU memory of everything together, pictures included.
+    /// Of this way's objects alone, once everything is uploaded.
     pub gpu_mib: f64,
     pub texture_mib: f64,
-    /// Reading and decoding the scene's files, for all rows of the scene.
-    pub load_ms: f64,
-    /// Upload, precomputation and pipelines, without a cache; for both shadings together.
-    pub prepare_ms: f64,
+    /// Mean FLIP, and the largest step of 255, against the same picture with what is needed.
+    pub flip_mean: f32,
+    pub largest_step: u8,
 }
 
-/// All rows, and what they were measured on.
+/// What it took until the first frame could be drawn.
 #[derive(Clone, Debug, Serialize)]
-pub struct SceneTable {
+pub struct StartRow {
+    pub scene: &'static str,
+    /// With an empty cache, and with what that start left in it; wall time.
+    pub cold_ms: f64,
+    pub cached_ms: f64,
+    /// By stage, over all threads together.
+    pub cold_stages_ms: BTreeMap<&'static str, f64>,
+    pub cached_stages_ms: BTreeMap<&'static str, f64>,
+    /// The process's most during the cold start, where the system tells it.
+    pub peak_ram_mib: Option<f64>,
+    /// The GPU's after it.
+    pub gpu_mib: f64,
+}
+
+/// Everything that was measured.
+#[derive(Serialize)]
+pub struct Results {
     pub gpu: String,
     pub driver: String,
-    /// UTC.
     pub date: String,
-    pub thesis_hardware: &'static str,
+    pub samples: u32,
     pub rows: Vec<SceneRow>,
-    /// Time of each stage of loading and preparing, over all threads, ms; by scene.
-    pub stages_ms: BTreeMap<&'static str, BTreeMap<&'static str, f64>>,
-    /// Scenes that were left out, and why.
-    pub left_out: Vec<String>,
+    pub starts: Vec<StartRow>,
     pub warnings: Vec<String>,
 }
 
-/// Measures and writes `scenes.csv`, `scenes.json`, `scenes.md` and `scenes.svg`; all are written anew after each row, so
-/// that a run that is stopped leaves what it has.
-pub fn run(folder: &Path, full: bool, gpu: GpuOptions<'_>, report: &Report) -> Result<SceneTable> {
+/// Measures, and after each scene writes `scenes.csv`, `scenes-start.csv`, `scenes.json`, `scenes.md` and `scenes.svg`.
+pub fn run(folder: &Path, full: bool, gpu: GpuOptions<'_>, report: &Report) -> Result<()> {
     let gpu = Gpu::open(gpu)?;
     let messages = gpu.messages();
-    let mut table = SceneTable {
-        gpu: gpu.info().name.clone(),
-        driver: gpu.info().driver.clone(),
-        date: today(),
-        thesis_hardware: "desktop: i5-4460, GTX 760; VR: i7-6700, GTX 1070, HTC Vive, 1080\u{d7}1200 an eye",
-        rows: Vec::new(),
-        stages_ms: BTreeMap::new(),
-        left_out: Vec::new(),
-        warnings: Vec::new(),
-    };
-    for known in &SCENES {
-        let own = Report::silent();
-        match load_one(&gpu, known, &own) {
-            Ok((scene, load_ms)) => measure(&gpu, known, &scene, load_ms, full, &own, &mut |row| {
-                print!("{}", scene_table::line(&row));
-                table.rows.push(row);
-                write_all(folder, &table)
-            })?,
-            Err(error) if !known.shipped => {
-                println!("{}: left out: {error}", known.name);
-                table.left_out.push(format!("{}: {error}", known.name));
-            }
-            Err(error) => return Err(error),
+    let stage = Stage::new(full);
+    let (name, driver) = (gpu.info().name.clone(), gpu.info().driver.clone());
+    let known = there(report)?;
+    let warnings = report.warnings();
+    let mut results =
+        Results { gpu: name, driver, date: today(), samples: SAMPLES, rows: vec![], starts: vec![], warnings };
+    for known in &known {
+        let (scene, start, settings) = start(&gpu, known, &stage)?;
+        results.starts.push(start);
+        for view in [View::desktop(&stage), View::stereo(&stage)] {
+            let rows = measure(&gpu, known, &scene, &settings, &stage, view)?;
+            rows.iter().for_each(|row| println!("{}", scenes_table::line(row)));
+            results.rows.extend(rows);
+            scenes_table::write(folder, &results)?;
         }
-        own.warnings().into_iter().for_each(|warning| report.warn(warning));
-        table.warnings = report.warnings();
-        table.stages_ms.insert(known.name, own.times_ms());
-        write_all(folder, &table)?;
+        scenes_chart::write(folder, &results)?;
     }
     drop(gpu);
-    messages.check()?;
-    Ok(table)
+    messages.check()
 }
 
-/// A scene and the time that loading it took, ms.
-pub fn load_one(gpu: &Gpu, known: &Known, report: &Report) -> Result<(Scene, f64)> {
-    let file = shipped::folder()?.join("scenes").join(format!("{}.toml", known.name));
-    let textures = TextureChoice::default().options(gpu, None, report);
-    let started = Instant::now();
-    let scene = load(&file, &LoadOptions { default_panorama: None, textures }, report)?;
-    Ok((scene, ms_since(started)))
+/// Starts with an empty cache, then with the one that this made; returns what the second loaded.
+fn start(gpu: &Arc<Gpu>, known: &Known, stage: &Stage) -> Result<(Scene, StartRow, Settings)> {
+    let folder = std::env::temp_dir().join(format!("pbr-vr-measure-{}-{}", std::process::id(), known.name));
+    let cache = Cache::in_folder(folder.clone());
+    let settings = stage.settings(gpu, Some(&cache), &Report::silent());
+    let once = || -> Result<_> {
+        let (report, started) = (Report::silent(), Instant::now());
+        let scene = known.load(&settings.textures, &report)?;
+        let own = settings.clone();
+        let renderer = Renderer::new(gpu, &scene, own, Shading::Pbr, stage.desktop_size, 1, &report)?;
+        let ms = started.elapsed().as_secs_f64() * 1e3;
+        let gpu_mib = settled_mib(gpu)?;
+        drop(renderer);
+        Ok((scene, ms, report.times_ms(), gpu_mib))
+    };
+    let can_tell_peak = reset_peak_ram();
+    let cold = once();
+    let peak_ram_mib = can_tell_peak.then(peak_ram_mib).flatten();
+    let cached = cold.and_then(|(_, ms, stages, gpu_mib)| Ok((ms, stages, gpu_mib, once()?)));
+    // What is left behind in a folder for such things harms nobody.
+    let _ = std::fs::remove_dir_all(&folder);
+    let (cold_ms, cold_stages_ms, gpu_mib, (scene, cached_ms, cached_stages_ms, _)) = cached?;
+    let scene_name = known.name;
+    let row =
+        StartRow { scene: scene_name, cold_ms, cached_ms, cold_stages_ms, cached_stages_ms, peak_ram_mib, gpu_mib };
+    // The rows' renderers keep nothing.
+    let precompute = precompute::Options { cache: None, ..settings.precompute.clone() };
+    Ok((scene, row, Settings { precompute, ..settings }))
 }
+
+/// What objects of this process take on the GPU once those given back are gone.
+fn settled_mib(gpu: &Arc<Gpu>) -> Result<f64> {
+    // An empty submission: what was given back lives until the next one has finished.
+    let mut recorder = Recorder::new(gpu)?;
+    let (commands, _) = recorder.begin()?;
+    commands.submit(None)?;
+    recorder.finish()?;
+    gpu.wait_idle()?;
+    Ok(gpu.taken_memory() as f64 / f64::from(1 << 20))
+}
+
+/// Where a scene is seen.
+#[derive(Clone, Copy)]
+struct View {
+    name: &'static str,
+    size: [u32; 2],
+    eyes: u32,
+}
+
+impl View {
+    fn desktop(stage: &Stage) -> Self {
+        Self { name: "desktop", size: stage.desktop_size, eyes: 1 }
+    }
+
+    fn stereo(stage: &Stage) -> Self {
+        Self { name: "stereo", size: stage.eye_size, eyes: 2 }
+    }
+
+    fn eyes(self, scene: &Scene) -> Vec<Eye> {
+        // A loaded scene has a camera.
+        let eye = Eye::of_camera(&scene.cameras[0], self.size[0] as f32 / self.size[1] as f32);
+        if self.eyes == 2 { eye.stereo(IPD_METRES).to_vec() } else { vec![eye] }
+    }
+}
+
+/// What is needed stands before everything, which is compared with it.
+const WAYS: [(&str, Shading, &str, Model); 4] = [
+    ("pbr", Shading::Pbr, "needed", Model::Needed),
+    ("pbr", Shading::Pbr, "everything", Model::Everything),
+    ("phong", Shading::Phong, "needed", Model::Needed),
+    ("phong", Shading::Phong, "everything", Model::Everything),
+];
 
 fn measure(
     gpu: &Arc<Gpu>,
     known: &Known,
     scene: &Scene,
-    load_ms: f64,
-    full: bool,
-    report: &Report,
-    keep: &mut dyn FnMut(SceneRow) -> Result<()>,
-) -> Result<()> {
-    let count = if full { 120 } else { 12 };
-    for (place, (view, eye_count, large, small)) in VIEWS.into_iter().enumerate() {
-        let size = if full { large } else { small };
-        let eyes = eyes_of(scene, size, eye_count);
-        for model in [Model::Needed, Model::Everything] {
-            let started = Instant::now();
-            let mut renderer = renderer(gpu, scene, model, &eyes, size, report)?;
-            let prepare_ms = ms_since(started);
-            for shading in [Shading::Pbr, Shading::Phong] {
-                renderer.set_shading(shading)?;
-                let taken = frames(gpu, &mut renderer, &eyes, WARM_UP, count)?;
-                keep(SceneRow {
-                    scene: known.name,
-                    view,
-                    eyes: eye_count,
-                    size,
-                    samples: SAMPLES,
-                    model: name_of(&model),
-                    shading: name_of(&shading),
-                    frames: count,
-                    triangles: scene.triangles(),
-                    gpu_ms: Spread::of(&taken.gpu_ms),
-                    record_ms: Spread::of(&taken.record_ms),
-                    fps: 1e3 * count as f64 / taken.wall_ms,
-                    thesis_fps: known.thesis_fps[place],
-                    gpu_mib: mib(gpu.allocated_memory()),
-                    texture_mib: mib(renderer.texture_facts().bytes),
-                    load_ms,
-                    prepare_ms,
-                })?;
-            }
-            drop(renderer);
-            gpu.wait_idle()?;
-        }
+    settings: &Settings,
+    stage: &Stage,
+    view: View,
+) -> Result<Vec<SceneRow>> {
+    let (mut ways, mut mib) = (Vec::new(), Vec::new());
+    for (_, shading, _, model) in WAYS {
+        let before = settled_mib(gpu)?;
+        let settings = Settings { model, ..settings.clone() };
+        let renderer = Renderer::new(gpu, scene, settings, shading, view.size, view.eyes, &Report::silent())?;
+        mib.push(settled_mib(gpu)? - before);
+        ways.push(Way { renderer, pictures: vec![view.eyes(scene)] });
     }
-    Ok(())
+    let costs = take_turns(gpu, &mut ways, stage.limits)?;
+    let pictures = ways.iter().map(|way| picture(gpu, way, view)).collect::<Result<Vec<_>>>()?;
+    let mut rows = Vec::new();
+    for (i, (cost, (shading, _, model, kind))) in costs.into_iter().zip(WAYS).enumerate() {
+        let (flip_mean, largest_step) = difference(view, &pictures[i], &pictures[i / 2 * 2])?;
+        rows.push(SceneRow {
+            scene: known.name,
+            triangles: scene.triangles(),
+            view: view.name,
+            size: view.size,
+            shading,
+            model,
+            pipelines: Needs::of(scene, kind, None).pipelines(),
+            cost,
+            fps: 1e3 / cost.gpu_ms.median.max(cost.record_ms.median),
+            thesis_fps: known.thesis_fps[view.eyes as usize - 1],
+            gpu_mib: mib[i],
+            texture_mib: ways[i].renderer.texture_facts().bytes as f64 / f64::from(1 << 20),
+            flip_mean,
+            largest_step,
+        });
+    }
+    Ok(rows)
 }
 
-/// The eyes of a scene's first camera, one or two.
-pub fn eyes_of(scene: &Scene, size: [u32; 2], count: usize) -> Vec<Eye> {
-    let eye = Eye::of_camera(&scene.cameras[0], size[0] as f32 / size[1] as f32);
-    if count == 2 { eye.stereo(IPD_METRES).to_vec() } else { vec![eye] }
+/// The last frame's pixels, one eye below the other.
+fn picture(gpu: &Arc<Gpu>, way: &Way, view: View) -> Result<Vec<[u8; 3]>> {
+    let mut pixels = Vec::new();
+    for layer in 0..view.eyes {
+        let bytes = read_image(gpu, way.renderer.picture(), Part { mip: 0, layer }, Output::Display.bytes())?;
+        pixels.extend(bytes.as_chunks::<4>().0.iter().map(|[r, g, b, _]| [*r, *g, *b]));
+    }
+    Ok(pixels)
 }
 
-/// A renderer as `render` makes it, without a cache.
-pub fn renderer(
-    gpu: &Arc<Gpu>,
-    scene: &Scene,
-    model: Model,
-    eyes: &[Eye],
-    size: [u32; 2],
-    report: &Report,
-) -> Result<Renderer> {
-    let Eye { left, right, down, up, .. } = eyes[0];
-    let middle = eyes.iter().map(Eye::position).sum::<glam::Vec3>() / eyes.len() as f32;
-    let around_metres = eyes[0].position().distance(middle);
-    let settings = Settings {
-        model,
-        viewpoint: Some(Viewpoint::new(middle, around_metres, [left, right, down, up], size)),
-        samples: SAMPLES,
-        textures: TextureChoice::default().options(gpu, None, report),
-        ..Settings::default()
-    };
-    Renderer::new(gpu, scene, settings, Shading::Pbr, size, eyes.len() as u32, report)
-}
-
-fn write_all(folder: &Path, table: &SceneTable) -> Result<()> {
-    scene_table::write(folder, table)?;
-    scene_chart::write(folder, table)
-}
-
-/// As on the command line.
-fn name_of(value: &impl clap::ValueEnum) -> String {
-    value.to_possible_value().map_or_else(String::new, |value| value.get_name().to_owned())
-}
-
-fn mib(bytes: u64) -> f64 {
-    bytes as f64 / f64::from(1 << 20)
-}
-
-fn ms_since(start: Instant) -> f64 {
-    start.elapsed().as_secs_f64() * 1e3
+fn difference(view: View, test: &[[u8; 3]], reference: &[[u8; 3]]) -> Result<(f32, u8)> {
+    let size = [view.size[0], view.size[1] * view.eyes];
+    let steps = test.iter().flatten().zip(reference.iter().flatten()).map(|(a, b)| a.abs_diff(*b));
+    let flip = flip(size, test, reference, PIXELS_PER_DEGREE)
+        .ok_or_else(|| Error::Usage("pictures of different sizes; this is a defect, please report it".into()))?;
+    Ok((flip.mean, steps.max().unwrap_or(0)))
 }

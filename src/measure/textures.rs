@@ -11,8 +11,9 @@ use super::clock::{cpu_ms, today};
 use super::widening::{self, WideningRow};
 use super::{MeasureRequest, texture_chart};
 use crate::asset::file::write_atomically;
-use crate::asset::{MipChain, Report, Storage, TextureOptions, shipped};
+use crate::asset::{Cache, MipChain, Report, Storage, TextureOptions, shipped};
 use crate::gpu::{Gpu, GpuOptions, Part, Recorder, read_image};
+use crate::precompute;
 use crate::reference::metrics::{PIXELS_PER_DEGREE, flip};
 use crate::render::{Eye, FRAMES_IN_FLIGHT, Output, Renderer, Settings, Shading};
 use crate::scene::load::{LoadOptions, load};
@@ -39,7 +40,7 @@ pub struct TextureRow {
     /// Means over all frames but the first; none for compressed textures on a processor, which are drawn decompressed.
     pub frame_gpu_ms: Option<f64>,
     pub frame_cpu_ms: Option<f64>,
-    /// Against plain textures with 16 samples.
+    /// Against plain textures with 16 samples of anisotropy.
     pub flip_mean: f32,
     pub flip_max: f32,
     /// Against the same drawn with 4×4 times the pixels.
@@ -76,7 +77,7 @@ fn variants(storage: Storage) -> Vec<Variant> {
 
 /// Measures and writes `textures.csv`, `textures-widening.csv`, `textures.json` and a chart for each scene.
 pub fn run(request: &MeasureRequest<'_>, gpu: GpuOptions<'_>, report: &Report) -> Result<()> {
-    let (size, frames) = if request.full { ([1920, 1080], 12) } else { ([384, 216], 4) };
+    let (size, frames) = if request.full { ([1920, 1080], 12) } else { ([384, 216], 3) };
     let sources = sources(request)?;
     let gpu = Gpu::open(gpu)?;
     let messages = gpu.messages();
@@ -298,7 +299,9 @@ impl Stand<'_> {
         let Variant { dropped_levels, anisotropy } = variant;
         let textures =
             TextureOptions { dropped_levels, anisotropy, budget_bytes: Some(u64::MAX), ..TextureOptions::default() };
-        let settings = Settings { textures, ..Settings::default() };
+        // Light is the same in all of them.
+        let precompute = precompute::Options { cache: Cache::of_user(), ..precompute::Options::default() };
+        let settings = Settings { textures, precompute, ..Settings::default() };
         let mut renderer = Renderer::new(self.gpu, scene, settings, Shading::Pbr, size, 1, &Report::silent())?;
         // A scene has a camera.
         let eye = Eye::of_camera(&scene.cameras[0], size[0] as f32 / size[1] as f32);

@@ -13,12 +13,14 @@ use super::{
     cube::{panorama_direction, panorama_texel_solid_angle, panorama_uv},
 };
 
-/// A panorama as the integrals see it: each texel one constant radiance over its solid angle.
+/// A panorama as the integrals see it: each texel one constant radiance over its solid angle, or
+/// [interpolated](PanoramaView::interpolated).
 #[derive(Clone, Copy, Debug)]
 pub struct PanoramaView<'a> {
     width: u32,
     height: u32,
     texels: &'a [[f32; 3]],
+    interpolated: bool,
 }
 
 /// A point of a surface, looked at.
@@ -52,16 +54,36 @@ impl<'a> PanoramaView<'a> {
     /// `width · height` texels of linear RGB radiance, rows from the top; `None` where their number is another or zero.
     pub fn new(width: u32, height: u32, texels: &'a [[f32; 3]]) -> Option<Self> {
         let count = u64::from(width) * u64::from(height);
-        (count > 0 && count == texels.len() as u64).then_some(Self { width, height, texels })
+        (count > 0 && count == texels.len() as u64).then_some(Self { width, height, texels, interpolated: false })
+    }
+
+    /// Bilinear between texel centres in u and v, round the seam, clamped at the poles: what `--shading reference` shows.
+    pub fn interpolated(self) -> Self {
+        Self { interpolated: true, ..self }
     }
 
     /// Radiance from direction d (to the light).
     pub fn radiance(&self, d: DVec3) -> DVec3 {
         let uv = panorama_uv(d);
+        if self.interpolated {
+            return self.between_texels(uv);
+        }
         // u = 1 is u = 0; v = 1 is the last row.
         let x = (uv.x * f64::from(self.width)) as u32 % self.width;
         let y = ((uv.y * f64::from(self.height)) as u32).min(self.height - 1);
         self.texel(x, y)
+    }
+
+    fn between_texels(&self, uv: DVec2) -> DVec3 {
+        let at = uv * DVec2::new(f64::from(self.width), f64::from(self.height)) - 0.5;
+        let (base, part) = (at.floor(), at - at.floor());
+        let column = |x: f64| x.rem_euclid(f64::from(self.width)) as u32;
+        let row = |y: f64| y.clamp(0.0, f64::from(self.height - 1)) as u32;
+        let along = |y: f64| {
+            let [left, right] = [base.x, base.x + 1.0].map(|x| self.texel(column(x), row(y)));
+            left.lerp(right, part.x)
+        };
+        along(base.y).lerp(along(base.y + 1.0), part.y)
     }
 
     fn texel(&self, x: u32, y: u32) -> DVec3 {
@@ -87,13 +109,18 @@ impl<'a> PanoramaView<'a> {
                     panorama_direction(DVec2::new((f64::from(x) + dx) / width, (f64::from(y) + dy) / height))
                 };
                 let radiance = self.texel(x, y);
-                let cells = (texel_radians / cell_radians(at(0.5, 0.5))).ceil().clamp(1.0, MOST) as u32;
+                let mut cells = (texel_radians / cell_radians(at(0.5, 0.5))).ceil().clamp(1.0, MOST) as u32;
+                if self.interpolated {
+                    cells = cells.next_multiple_of(2); // a texel's centre, where the slope changes, is between cells
+                }
                 for j in 0..cells {
                     let size = [self.width.saturating_mul(cells), self.height.saturating_mul(cells)];
                     let solid_angle = panorama_texel_solid_angle(y * cells + j, size);
                     for i in 0..cells {
                         let offset = |k: u32| (f64::from(k) + 0.5) / f64::from(cells);
-                        sum = sum + term(at(offset(i), offset(j)), radiance * solid_angle, solid_angle);
+                        let d = at(offset(i), offset(j));
+                        let radiance = if self.interpolated { self.radiance(d) } else { radiance };
+                        sum = sum + term(d, radiance * solid_angle, solid_angle);
                     }
                 }
             }

@@ -5,7 +5,9 @@
 
 pub mod brdf;
 pub mod cube;
+pub mod energy;
 pub mod harmonics;
+pub mod importance;
 pub mod integrals;
 pub mod math;
 pub mod levels;

@@ -8,10 +8,28 @@ use glam::Mat4;
 use super::draws::DrawList;
 use super::shared::{DrawBlock, constant};
 use super::world::{ATTRIBUTES, PackedVertex, World};
-use super::{Settings, Shading};
+use super::{Settings, Shading, exact};
 use crate::Result;
-use crate::gpu::{Commands, Constant, Depth, Gpu, GraphicsDesc, Pipeline, Set, SetLayout};
+use crate::gpu::{Commands, Constant, Depth, Format, Gpu, GraphicsDesc, Pipeline, Set, SetLayout};
 use crate::scene::MaterialNeeds;
+
+/// The fragment stages and what they draw into: the picture itself, or samples for the exact one.
+struct Stage {
+    surface: &'static str,
+    sky: &'static str,
+    colour: Format,
+    samples: u32,
+}
+
+impl Stage {
+    fn new(settings: &Settings, shading: Shading) -> Self {
+        if shading == Shading::Reference {
+            return Self { surface: "exact.frag", sky: "exact_sky.frag", colour: exact::FORMAT, samples: 1 };
+        }
+        let (colour, samples) = (settings.output.format(), settings.samples);
+        Self { surface: "forward.frag", sky: "sky.frag", colour, samples }
+    }
+}
 
 /// Pipelines for one world and one group of settings.
 pub struct Forward {
@@ -30,6 +48,7 @@ impl Forward {
         shading: Shading,
         eyes: u32,
     ) -> Result<Self> {
+        let stage = Stage::new(settings, shading);
         let common: [Constant; 5] = [
             (constant::EYES, eyes),
             (constant::SHADING, shading as u32),
@@ -42,7 +61,7 @@ impl Forward {
         for needs in world.draws.iter().map(|d| world.materials[d.material].needs) {
             if let std::collections::hash_map::Entry::Vacant(entry) = materials.entry(needs) {
                 let sets = [frame_layout, &world.material_layout];
-                entry.insert(material_pipeline(gpu, &sets, needs, &common, settings)?);
+                entry.insert(material_pipeline(gpu, &sets, needs, &common, &stage)?);
             }
         }
         let sky = Pipeline::graphics(
@@ -50,15 +69,15 @@ impl Forward {
             &GraphicsDesc {
                 name: "sky",
                 vertex: "sky.vert",
-                fragment: "sky.frag",
+                fragment: stage.sky,
                 constants: &common,
                 sets: &[frame_layout],
                 push_bytes: 0,
                 vertex_stride: 0,
                 vertex_attributes: &[],
-                colour: settings.output.format(),
+                colour: stage.colour,
                 depth: Depth::Test,
-                samples: settings.samples,
+                samples: stage.samples,
                 blend: false,
             },
         )?;
@@ -110,7 +129,7 @@ fn material_pipeline(
     sets: &[&SetLayout],
     needs: MaterialNeeds,
     common: &[Constant],
-    settings: &Settings,
+    stage: &Stage,
 ) -> Result<Pipeline> {
     let mut constants = common.to_vec();
     constants.extend([
@@ -125,15 +144,15 @@ fn material_pipeline(
         &GraphicsDesc {
             name: "forward",
             vertex: "forward.vert",
-            fragment: "forward.frag",
+            fragment: stage.surface,
             constants: &constants,
             sets,
             push_bytes: size_of::<DrawBlock>() as u32,
             vertex_stride: size_of::<PackedVertex>() as u32,
             vertex_attributes: &ATTRIBUTES,
-            colour: settings.output.format(),
+            colour: stage.colour,
             depth: Depth::Write,
-            samples: settings.samples,
+            samples: stage.samples,
             blend: false,
         },
     )

@@ -3,8 +3,8 @@
 use std::sync::Arc;
 
 use super::{Output, Settings};
-use crate::Result;
 use crate::gpu::{Buffer, BufferKind, Commands, Depth, Format, Gpu, GraphicsDesc, Pipeline, Upload};
+use crate::{Error, Result};
 
 /// Corners of triangles: x and y of clip space (Vulkan's, y down), and the eye's index.
 type Corner = [f32; 3];
@@ -19,7 +19,7 @@ pub struct HiddenArea {
 
 impl HiddenArea {
     /// From the triangles of each eye, three corners each, in the units of the eye's picture: 0 to 1, v downwards.
-    /// `None` if there is not a single one.
+    /// `None` if there is not a single one; all of them together have 65,536 corners at most.
     pub fn new(gpu: &Arc<Gpu>, settings: &Settings, eyes: &[Vec<[f32; 2]>]) -> Result<Option<Self>> {
         let corners: Vec<Corner> = (0u8..)
             .zip(eyes)
@@ -29,11 +29,16 @@ impl HiddenArea {
                 whole.iter().map(move |[u, v]| [2.0 * u - 1.0, 2.0 * v - 1.0, f32::from(eye)])
             })
             .collect();
-        let Ok(count) = u32::try_from(corners.len()) else { return Ok(None) };
-        if count == 0 {
+        if corners.is_empty() {
             return Ok(None);
         }
-        let indices: Vec<u32> = (0..count).collect();
+        let most = usize::from(u16::MAX) + 1;
+        if corners.len() > most {
+            let problem = format!("the runtime hides {} corners of triangles; {most} can be drawn", corners.len());
+            return Err(Error::Headset { problem });
+        }
+        let count = corners.len() as u32;
+        let indices: Vec<u16> = (0..=u16::MAX).take(corners.len()).collect();
         let buffer = |kind, bytes: &[u8]| Buffer::new(gpu, "hidden area", kind, bytes.len() as u64);
         let (corners, indices): (&[u8], &[u8]) = (bytemuck::cast_slice(&corners), bytemuck::cast_slice(&indices));
         let (on_corners, on_indices) = (buffer(BufferKind::Vertex, corners)?, buffer(BufferKind::Index, indices)?);

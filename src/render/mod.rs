@@ -1,7 +1,8 @@
-//! One frame for N eyes: what no eye sees, forward pass, sky, resolve, text on top.
+//! One frame for N eyes: what no eye sees, forward pass or the exact picture's samples, sky, resolve, text on top.
 
 mod culling;
 mod draws;
+mod exact;
 mod eye;
 mod forward;
 mod guides;
@@ -19,6 +20,7 @@ use clap::ValueEnum;
 use glam::Mat4;
 
 pub use draws::{Order, Savings};
+pub use exact::StandardError;
 pub use eye::{Eye, IPD_METRES, NEAR_METRES};
 pub use guides::{GuideVertex, Guides, MAX_GUIDE_VERTICES};
 pub use hidden_area::HiddenArea;
@@ -36,6 +38,7 @@ use crate::scene::needs::resolution::Viewpoint;
 use crate::scene::{Model, Needs, Scene};
 use crate::{Error, Result};
 use draws::DrawList;
+use exact::{Exact, Shown};
 use forward::Forward;
 use guides::GuidesPass;
 use shared::{EyeBlock, FrameBlock};
@@ -75,6 +78,15 @@ pub enum Shading {
     Specular,
     /// Irradiance / pi.
     Irradiance,
+    /// Physically based without approximation: the panorama sampled, frame after frame, until it is stopped.
+    Reference,
+}
+
+impl Shading {
+    /// Frames that a still picture takes if nobody says how many.
+    pub fn default_frames(self) -> u64 {
+        if self == Self::Reference { exact::DEFAULT_FRAMES } else { 1 }
+    }
 }
 
 /// How pictures are made.
@@ -125,6 +137,9 @@ pub struct Renderer {
     frame_layout: SetLayout,
     frames: Vec<(Buffer, Set)>,
     forward: Forward,
+    /// Only where shading is [`Shading::Reference`].
+    exact: Option<Exact>,
+    importance: Buffer,
     hidden_area: Option<HiddenArea>,
     /// Made for the first guides.
     guides: Option<GuidesPass>,
@@ -152,14 +167,16 @@ impl Renderer {
         let light = report.time("precompute", || LightMaps::new(gpu, panorama, &settings.precompute))?;
         let cache = settings.precompute.cache.as_ref();
         let table = BrdfTable::new(gpu, settings.geometry, settings.split_sum, cache)?;
-        let slots =
-            [Slot::Uniform, Slot::Storage, Slot::Sampled, Slot::Sampled, Slot::Sampled, Slot::Sampled, Slot::Sampled];
+        let [uniform, storage, sampled] = [Slot::Uniform, Slot::Storage, Slot::Sampled];
+        let slots = [uniform, storage, sampled, sampled, sampled, sampled, sampled, storage];
         let frame_layout = SetLayout::new(gpu, "frame", &slots)?;
         let samplers =
             [Sampler::new(gpu, "panorama", Edge::Panorama, 1)?, Sampler::new(gpu, "clamped", Edge::Clamp, 1)?];
-        let frames = make_frames(gpu, &frame_layout, &world, &light, &table, &samplers)?;
+        let importance = exact::importance_buffer(gpu, &light.panorama, shading)?;
+        let frames = make_frames(gpu, &frame_layout, &world, &light, &table, &samplers, &importance)?;
         let forward = Forward::new(gpu, &frame_layout, &world, &settings, shading, eyes)?;
         let targets = make_targets(gpu, size, eyes, &settings)?;
+        let exact = Exact::of_shading(shading, gpu, &frame_layout, size, eyes, settings.output)?;
         Ok(Self {
             gpu: Arc::clone(gpu),
             settings,
@@ -176,6 +193,8 @@ impl Renderer {
             frame_layout,
             frames,
             forward,
+            exact,
+            importance,
             hidden_area: None,
             guides: None,
             targets,
@@ -187,7 +206,9 @@ impl Renderer {
     /// New targets; the old ones are given back once the GPU is done with them.
     pub fn resize(&mut self, size: [u32; 2]) -> Result<()> {
         if self.targets.picture.desc().size != size {
-            self.targets = make_targets(&self.gpu, size, self.eyes, &self.settings)?;
+            let targets = make_targets(&self.gpu, size, self.eyes, &self.settings)?;
+            self.exact = self.make_exact(self.shading, size)?;
+            self.targets = targets;
         }
         Ok(())
     }
@@ -198,12 +219,12 @@ impl Renderer {
             let (before, size) = (std::mem::replace(&mut self.eyes, eyes), self.targets.picture.desc().size);
             let made = self.make_forward(self.shading).and_then(|forward| {
                 let targets = make_targets(&self.gpu, size, eyes, &self.settings)?;
-                Ok((forward, targets))
+                Ok((forward, self.make_exact(self.shading, size)?, targets))
             });
             if made.is_err() {
                 self.eyes = before;
             }
-            (self.forward, self.targets) = made?;
+            (self.forward, self.exact, self.targets) = made?;
             (self.hidden_area, self.guides) = (None, None);
         }
         Ok(())
@@ -227,22 +248,29 @@ impl Renderer {
 
     /// Shows something else.
     pub fn set_shading(&mut self, shading: Shading) -> Result<()> {
-        self.forward = self.make_forward(shading)?;
-        self.shading = shading;
+        let (forward, exact) = (self.make_forward(shading)?, self.make_exact(shading, self.size())?);
+        if exact.is_some() != self.exact.is_some() {
+            let importance = exact::importance_buffer(&self.gpu, &self.light.panorama, shading)?;
+            self.frames = self.make_frames(&self.light, &importance)?;
+            self.importance = importance;
+        }
+        (self.forward, self.exact, self.shading) = (forward, exact, shading);
         Ok(())
     }
 
     /// Makes all pipelines anew from the shaders as they are now; on an error the old ones stay.
     pub fn reload_shaders(&mut self) -> Result<()> {
-        self.forward = self.make_forward(self.shading)?;
-        self.guides = None;
+        let (forward, exact) = (self.make_forward(self.shading)?, self.make_exact(self.shading, self.size())?);
+        (self.forward, self.exact, self.guides) = (forward, exact, None);
         Ok(())
     }
 
     /// Puts the scene under another panorama's light, unturned.
     pub fn set_light(&mut self, light: LightMaps) -> Result<()> {
-        self.frames = make_frames(&self.gpu, &self.frame_layout, &self.world, &light, &self.table, &self.samplers)?;
-        self.light = light;
+        let importance = exact::importance_buffer(&self.gpu, &light.panorama, self.shading)?;
+        let exact = self.make_exact(self.shading, self.size())?;
+        self.frames = self.make_frames(&light, &importance)?;
+        (self.light, self.importance, self.exact) = (light, importance, exact);
         self.environment_turn = 0.0;
         Ok(())
     }
@@ -318,13 +346,26 @@ impl Renderer {
 
     /// The same without text.
     pub fn record_scene(&mut self, commands: &mut Commands<'_>, slot: usize, eyes: &[Eye]) {
-        let block = self.frame_block(eyes);
+        let mut block = self.frame_block(eyes);
+        if let Some(exact) = &mut self.exact {
+            let area = self.targets.area;
+            let index = exact.next_index(Shown { block, models: self.world_from_models, area });
+            let jittered: Vec<Eye> = eyes.iter().map(|eye| exact::jittered(eye, index, area)).collect();
+            block = FrameBlock { sample_index: index, ..self.frame_block(&jittered) };
+        }
         let (buffer, set) = &mut self.frames[slot];
         buffer.write(0, bytemuck::bytes_of(&block));
         let models = self.world_from_models;
         self.draws.fill(&self.world.draws, &moved(eyes, models.inverse())[..eyes.len()], self.savings);
         let (forward, world, draws, guides, targets) =
             (&self.forward, &self.world, &self.draws, &self.guides, &self.targets);
+        if let Some(exact) = &mut self.exact {
+            let draw = |commands: &mut Commands<'_>| {
+                forward.draw(commands, world, models, draws, set);
+                forward.draw_sky(commands, set);
+            };
+            return exact.record(commands, slot, draw, set, targets);
+        }
         commands.pass("scene", |commands| {
             targets.render(commands, |commands| {
                 if let Some(hidden) = &self.hidden_area {
@@ -360,6 +401,24 @@ impl Renderer {
             };
         }
         block
+    }
+
+    /// How settled the exact picture was after the finished frame that had `slot`; `None` for other shading, and before
+    /// two frames.
+    pub fn standard_error(&self, slot: usize) -> Option<StandardError> {
+        self.exact.as_ref()?.standard_error(slot)
+    }
+
+    fn size(&self) -> [u32; 2] {
+        self.targets.picture.desc().size
+    }
+
+    fn make_exact(&self, shading: Shading, size: [u32; 2]) -> Result<Option<Exact>> {
+        Exact::of_shading(shading, &self.gpu, &self.frame_layout, size, self.eyes, self.settings.output)
+    }
+
+    fn make_frames(&self, light: &LightMaps, importance: &Buffer) -> Result<Vec<(Buffer, Set)>> {
+        make_frames(&self.gpu, &self.frame_layout, &self.world, light, &self.table, &self.samplers, importance)
     }
 
     fn make_forward(&self, shading: Shading) -> Result<Forward> {
@@ -402,6 +461,7 @@ fn make_frames(
     light: &LightMaps,
     table: &BrdfTable,
     [panorama, clamped]: &[Sampler; 2],
+    importance: &Buffer,
 ) -> Result<Vec<(Buffer, Set)>> {
     let frame = |_| {
         let buffer = Buffer::new(gpu, "frame", BufferKind::Uniform, size_of::<FrameBlock>() as u64)?;
@@ -413,6 +473,7 @@ fn make_frames(
             Bind::Sampled(&light.specular[0], clamped),
             Bind::Sampled(&light.specular[1], clamped),
             Bind::Sampled(&table.image, clamped),
+            Bind::Storage(importance),
         ];
         let set = Set::new(gpu, "frame", layout, &binds)?;
         Ok((buffer, set))

@@ -31,6 +31,8 @@ pub struct FrameBlock {
     /// Multiplies what the environment's maps hold.
     pub environment_scale: f32,
     pub light_count: u32,
+    /// Frames accumulated before this one; 0 where nothing is.
+    pub sample_index: u32,
 }
 
 /// One material: set 1, binding 0.
@@ -73,7 +75,8 @@ const _: () = {
     assert!(offset_of!(FrameBlock, environment_turn) == 144 * MAX_EYES);
     assert!(offset_of!(FrameBlock, exposure) == 144 * MAX_EYES + 8);
     assert!(offset_of!(FrameBlock, light_count) == 144 * MAX_EYES + 16);
-    assert!(size_of::<FrameBlock>() == 144 * MAX_EYES + 20);
+    assert!(offset_of!(FrameBlock, sample_index) == 144 * MAX_EYES + 20);
+    assert!(size_of::<FrameBlock>() == 144 * MAX_EYES + 24);
     assert!(offset_of!(MaterialBlock, metallic) == 12 && size_of::<MaterialBlock>() == 24);
     assert!(offset_of!(LightBlock, intensity) == 12 && size_of::<LightBlock>() == 24);
     assert!(size_of::<DrawBlock>() == 64);

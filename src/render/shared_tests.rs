@@ -37,6 +37,7 @@ fn blocks() -> (FrameBlock, [LightBlock; 3]) {
         exposure: counter.next(),
         environment_scale: counter.next(),
         light_count: counter.next() as u32,
+        sample_index: counter.next() as u32,
     };
     let lights = std::array::from_fn(|_| LightBlock { position: counter.list(), intensity: counter.list() });
     (frame, lights)
@@ -51,7 +52,7 @@ fn by_name(frame: &FrameBlock, lights: &[LightBlock]) -> Vec<f32> {
         numbers.extend(eye.tangents);
     }
     numbers.extend(frame.environment_turn);
-    numbers.extend([frame.exposure, frame.environment_scale, frame.light_count as f32]);
+    numbers.extend([frame.exposure, frame.environment_scale, frame.light_count as f32, frame.sample_index as f32]);
     for light in lights {
         numbers.extend(light.position.iter().chain(&[0.0]).chain(&light.intensity).chain(&[0.0]));
     }

@@ -152,7 +152,7 @@ pub fn auto(request: &ViewRequest<'_>, gpu: GpuOptions<'_>) -> Result<()> {
         size: [1280, 720],
         camera: None,
         stereo: false,
-        frames: request.frames.unwrap_or(1),
+        frames: request.frames.unwrap_or(request.shading.default_frames()),
         shading: request.shading,
         geometry: request.geometry,
         split_sum: request.split_sum,

@@ -15,7 +15,9 @@ use crate::gpu::{Gpu, GpuOptions, Part, PassTime, Recorder, read_image};
 use crate::precompute::{Cache, Options};
 use crate::reference::brdf::Geometry;
 use crate::reference::table::SplitSum;
-use crate::render::{Eye, FRAMES_IN_FLIGHT, IPD_METRES, Output, Renderer, Settings, Shading, TextureFacts};
+use crate::render::{
+    Eye, FRAMES_IN_FLIGHT, IPD_METRES, Output, Renderer, Settings, Shading, StandardError, TextureFacts,
+};
 use crate::scene::load::{LoadOptions, load};
 use crate::scene::needs::resolution::Viewpoint;
 use crate::scene::{Camera, Model, Scene};
@@ -69,6 +71,8 @@ pub struct RenderFacts {
     pub draws: [usize; 2],
     /// Wall time from recording the first frame to the end of the last.
     pub frames_ms: f64,
+    /// Of the exact picture after two frames or more.
+    pub standard_error: Option<StandardError>,
     pub warnings: Vec<String>,
 }
 
@@ -131,6 +135,7 @@ pub fn render(request: &RenderRequest<'_>, gpu: GpuOptions<'_>, report: &Report)
         record_ms,
         draws: renderer.draw_counts(),
         frames_ms: ms_since(started),
+        standard_error: renderer.standard_error(last_slot(request.frames)),
         warnings: report.warnings(),
     };
     // The device says its last words, leaks for one, while it is destroyed.
@@ -175,6 +180,11 @@ fn draw(gpu: &Arc<Gpu>, renderer: &mut Renderer, eyes: &[Eye], frames: u64) -> R
     }
     times.retain(|frame| !frame.is_empty());
     Ok((times, record_ms))
+}
+
+/// The slot of the last of so many frames.
+fn last_slot(frames: u64) -> usize {
+    usize::try_from((frames.max(1) - 1) % FRAMES_IN_FLIGHT as u64).unwrap_or(0)
 }
 
 fn write_layers(

@@ -23,6 +23,7 @@ void main()
     put(frame.exposure);
     put(frame.environment_scale);
     put(float(frame.light_count));
+    put(float(frame.sample_index));
     for (uint i = 0; i < lights.length(); ++i) {
         put(vec4(lights[i].position, 0.0));
         put(vec4(lights[i].intensity, 0.0));

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use crate::asset::shipped;
+use crate::scene::description::Description;
 
 /// Two lists of files, each with a place in it.
 #[derive(Default)]
@@ -18,10 +19,15 @@ struct Turn {
 }
 
 impl Playlist {
-    /// Of all that is shipped; begins after `scene`, if that is among it.
+    /// Of all that is shipped and whose files are there; begins after `scene`, if that is among it.
     pub fn new(scene: &Path) -> Self {
-        let Ok(folder) = shipped::folder() else { return Self::default() };
+        shipped::folder().map_or_else(|_| Self::default(), |folder| Self::of(&folder, scene))
+    }
+
+    fn of(folder: &Path, scene: &Path) -> Self {
         let mut scenes = Turn::new(&folder.join("scenes"), &["toml"]);
+        // Some descriptions are of models that do not come with the program.
+        scenes.files.retain(|file| Description::load(file).is_ok());
         scenes.at = scenes.files.iter().position(|file| file.file_name() == scene.file_name());
         Self { scenes, panoramas: Turn::new(&folder.join("panoramas"), &["hdr", "exr"]) }
     }
@@ -79,6 +85,21 @@ mod tests {
     #[test]
     fn the_shown_scene_is_not_shown_again_at_once() {
         let next = Playlist::new(Path::new("elsewhere/demo.toml")).next_scene().expect("shipped scenes");
-        assert!(next.ends_with("sphere.toml"), "{}", next.display());
+        assert!(!next.ends_with("demo.toml"), "{}", next.display());
+    }
+
+    #[test]
+    fn scenes_without_their_models_are_passed_over() {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let scenes = folder.path().join("scenes");
+        std::fs::create_dir(&scenes).expect("a folder");
+        for (name, model) in [("a", "a.obj"), ("b", "b.obj"), ("c", "${PBR_VR_SCENES}/not/there.obj"), ("d", "a.obj")] {
+            let text = format!("[[model]]\nfile = \"{model}\"\n");
+            std::fs::write(scenes.join(name).with_extension("toml"), text).expect("a scene");
+        }
+        std::fs::write(scenes.join("a.obj"), "").expect("a model");
+        let mut playlist = Playlist::of(folder.path(), Path::new("a.toml"));
+        let mut next = || playlist.next_scene().expect("a scene").file_stem().unwrap_or_default().to_owned();
+        assert_eq!([next(), next(), next()], ["d", "a", "d"]);
     }
 }

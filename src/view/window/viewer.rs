@@ -180,7 +180,8 @@ impl Viewer {
         stage.renderer.resize(size)?;
         let eye = control.eye(size[0] as f32 / size[1] as f32);
         let largest = (TEXT_SCALE * self.window.scale_factor()).round().max(1.0) as u32;
-        let settings = settings(stage, control, self.camera, self.canvas.mode().name());
+        let mut settings = settings(stage, control, self.camera, self.canvas.mode().name()).to_vec();
+        settings.extend(stage.renderer.standard_error(self.canvas.slot()).map(|error| error.to_string()));
         let status = Status { rate: self.clock.rate(), settings: &settings, loading: &self.loading };
         let (lines, scale) = self.hud.fit(now, &status, largest, |scale| Overlay::grid(size, scale));
         self.overlay.set_text(self.canvas.slot(), &lines, size, scale);

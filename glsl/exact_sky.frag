@@ -1,0 +1,12 @@
+// The panorama behind everything, point-sampled where this frame's jitter puts the pixel.
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#include "importance.glsl"
+
+layout(location = 0) in vec3 direction_world;
+layout(location = 0) out vec4 radiance;
+
+void main()
+{
+    radiance = vec4(panorama_radiance(panorama_from_world(normalize(direction_world))), 1.0);
+}

@@ -1,0 +1,72 @@
+// A fragment's material and shading frame, for every stage that shades one; its vertex outputs are forward.vert's.
+#ifndef SURFACE_GLSL
+#define SURFACE_GLSL
+
+#include "shared.glsl"
+#include "math.glsl"
+
+layout(set = 1, binding = 0, scalar) uniform Material {
+    vec3 albedo;
+    float metallic;
+    float roughness;
+    float alpha_cutoff;
+} material;
+layout(set = 1, binding = 1) uniform sampler2D albedo_map;
+layout(set = 1, binding = 2) uniform sampler2D normal_map;
+layout(set = 1, binding = 3) uniform sampler2D surface_map; // occlusion, roughness, metallic
+
+layout(location = 0) centroid in vec3 position_world;
+layout(location = 1) centroid in vec3 normal_world;
+layout(location = 2) in vec2 uv;
+layout(location = 3) centroid in vec4 tangent_world;
+layout(location = 4) flat in uint eye;
+
+struct Surface {
+    vec3 n; // shading normal, towards the eye's side
+    vec3 v; // to the eye
+    float nv;
+    vec3 albedo;
+    float metallic;
+    float roughness;
+    float occlusion;
+};
+
+// The normal map's vector in world space. MikkTSpace: the bitangent is made per fragment, and n and t enter as
+// interpolated, not renormalised, because that is how the map was baked (Mikkelsen 2008, "Simulation of Wrinkled
+// Surfaces Revisited", section 3.3).
+vec3 mapped_normal()
+{
+    vec3 n = normalize_or(normal_world, vec3(0.0, 1.0, 0.0));
+    if (!HAS_NORMAL_MAP)
+        return n;
+    // Two channels hold a unit vector on the surface's own side.
+    vec2 m_xy = 2.0 * texture(normal_map, uv).xy - 1.0;
+    vec3 m = vec3(m_xy, sqrt(max(1.0 - dot(m_xy, m_xy), 0.0)));
+    vec3 b = tangent_world.w * cross(normal_world, tangent_world.xyz);
+    return normalize_or(m.x * tangent_world.xyz + m.y * b + m.z * normal_world, n);
+}
+
+Surface read_surface()
+{
+    Surface s;
+    s.albedo = material.albedo;
+    if (HAS_ALBEDO_MAP) {
+        vec4 texel = texture(albedo_map, uv);
+        if (ALPHA_MASK && texel.a < material.alpha_cutoff)
+            discard;
+        s.albedo *= texel.rgb;
+    }
+    vec3 maps = HAS_SURFACE_MAP ? texture(surface_map, uv).rgb : vec3(1.0);
+    s.occlusion = maps.r;
+    s.roughness = maps.g * material.roughness;
+    s.metallic = METALS == METALS_SOME ? maps.b * material.metallic : float(METALS == METALS_ALL);
+    vec3 n = mapped_normal();
+    // Cloth and leaves are seen from behind, too.
+    s.n = gl_FrontFacing ? n : -n;
+    s.v = normalize_or(frame.eyes[eye].world_from_view[3].xyz - position_world, s.n);
+    // A mapped normal may lean away from the eye; the surface is seen all the same.
+    s.nv = clamp(dot(s.n, s.v), MIN_COS, 1.0);
+    return s;
+}
+
+#endif

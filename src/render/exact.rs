@@ -1,0 +1,319 @@
+//! The exact picture: samples of the whole BRDF over the panorama, a few per pixel and frame, averaged over frames.
+
+use std::fmt;
+use std::sync::Arc;
+
+use bytemuck::{Pod, Zeroable, bytes_of};
+use glam::{Mat4, UVec4};
+use serde::Serialize;
+
+use super::shared::{FrameBlock, constant};
+use super::targets::Targets;
+use super::{Eye, FRAMES_IN_FLIGHT, Output, Shading};
+use crate::Result;
+use crate::gpu::{
+    Bind, Buffer, BufferKind, Commands, DEPTH_FORMAT, Depth, Edge, Format, Gpu, GraphicsDesc, Image, ImageDesc,
+    ImageUsageFlags, Part, Pipeline, Sampler, Set, SetLayout, Shape, Slot, Targets as Rendering, Use, read_image,
+};
+use crate::reference::importance::{Cell, alias_table};
+
+/// What frames are accumulated in; also what `glsl/exact.frag` writes.
+pub const FORMAT: Format = Format::R32G32B32A32_SFLOAT;
+/// Frames that `render` accumulates if nobody says how many.
+pub const DEFAULT_FRAMES: u64 = 256;
+/// Cells across the importance table at most: 2^19 of them take 6 MiB.
+const MOST_CELLS: u32 = 1024;
+/// Pixels along a side of `glsl/exact_accumulate.comp`'s workgroups.
+const GROUP: u32 = 8;
+
+/// How far from settled a picture is: standard errors of its pixels, each over the pixel's own radiance, R + G + B.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct StandardError {
+    /// Averaged so far.
+    pub frames: u32,
+    /// Over all pixels that have light.
+    pub mean_relative: f64,
+    pub max_relative: f64,
+}
+
+impl fmt::Display for StandardError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let [mean, max] = [self.mean_relative, self.max_relative].map(|e| 100.0 * e);
+        write!(f, "standard error {mean:.3} %, at worst {max:.1} % ({} frames)", self.frames)
+    }
+}
+
+/// What frames that are averaged have in common.
+#[derive(Clone, Copy)]
+pub struct Shown {
+    /// Without jitter.
+    pub block: FrameBlock,
+    /// Where the models stand.
+    pub models: Mat4,
+    /// The part of the picture that is drawn, pixels.
+    pub area: [u32; 2],
+}
+
+impl Shown {
+    /// Exposure comes after averaging.
+    fn is_like(&self, other: &Self) -> bool {
+        let bare = |shown: &Self| FrameBlock { exposure: 0.0, sample_index: 0, ..shown.block };
+        bytes_of(&bare(self)) == bytes_of(&bare(other)) && self.models == other.models && self.area == other.area
+    }
+}
+
+/// What `glsl/exact_accumulate.comp` is pushed.
+#[repr(C)]
+#[derive(Clone, Copy, Pod, Zeroable)]
+struct Count {
+    area: [u32; 2],
+    frames: u32,
+}
+
+/// Images that outlive a frame, and the passes that fill them.
+pub struct Exact {
+    latest: Image,
+    depth: Image,
+    mean: Image,
+    deviations: Image,
+    errors: Buffer,
+    /// For each slot, and how many frames its errors are of.
+    readbacks: Vec<(Buffer, u32)>,
+    accumulate: (Pipeline, Set),
+    show: (Pipeline, Set),
+    _sampler: Sampler,
+    groups: [u32; 3],
+    frames: u32,
+    /// What the accumulated frames show.
+    shown: Option<Shown>,
+}
+
+impl Exact {
+    /// For [`Shading::Reference`]; others need none.
+    pub fn of_shading(
+        shading: Shading,
+        gpu: &Arc<Gpu>,
+        frame_layout: &SetLayout,
+        size: [u32; 2],
+        eyes: u32,
+        output: Output,
+    ) -> Result<Option<Self>> {
+        (shading == Shading::Reference).then(|| Self::new(gpu, frame_layout, size, eyes, output)).transpose()
+    }
+
+    /// For pictures of `size` pixels of `eyes` eyes.
+    fn new(gpu: &Arc<Gpu>, frame_layout: &SetLayout, size: [u32; 2], eyes: u32, output: Output) -> Result<Self> {
+        let make = |name: &str, format, usage| {
+            let flat = ImageDesc::flat(format, size, usage);
+            Image::new(gpu, name, ImageDesc { shape: Shape::Layers(eyes), ..flat })
+        };
+        let kept = ImageUsageFlags::STORAGE | ImageUsageFlags::SAMPLED;
+        let latest = make("latest", FORMAT, ImageUsageFlags::COLOR_ATTACHMENT | ImageUsageFlags::SAMPLED)?;
+        let depth = make("exact depth", DEPTH_FORMAT, ImageUsageFlags::DEPTH_STENCIL_ATTACHMENT)?;
+        let (mean, deviations) = (make("mean", FORMAT, kept)?, make("deviations", FORMAT, kept)?);
+        let groups = [size[0].div_ceil(GROUP), size[1].div_ceil(GROUP), eyes];
+        let bytes = groups.map(u64::from).iter().product::<u64>() * size_of::<[f32; 3]>() as u64;
+        let errors = Buffer::new(gpu, "errors", BufferKind::Storage, bytes)?;
+        let readback = |_| Ok((Buffer::new(gpu, "errors", BufferKind::Readback, bytes)?, 0));
+        let readbacks = (0..FRAMES_IN_FLIGHT).map(readback).collect::<Result<_>>()?;
+        let sampler = Sampler::new(gpu, "exact", Edge::Clamp, 1)?;
+        let slots = [Slot::Sampled, Slot::StorageImage, Slot::StorageImage, Slot::Storage];
+        let layout = SetLayout::new(gpu, "accumulate", &slots)?;
+        let binds = [
+            Bind::Sampled(&latest, &sampler),
+            Bind::StorageImage(&mean, 0),
+            Bind::StorageImage(&deviations, 0),
+            Bind::Storage(&errors),
+        ];
+        let set = Set::new(gpu, "accumulate", &layout, &binds)?;
+        let accumulate =
+            (Pipeline::compute(gpu, "exact_accumulate.comp", &[], &[&layout], size_of::<Count>() as u32)?, set);
+        let show = show_pass(gpu, frame_layout, &mean, &sampler, eyes, output)?;
+        Ok(Self {
+            latest,
+            depth,
+            mean,
+            deviations,
+            errors,
+            readbacks,
+            accumulate,
+            show,
+            _sampler: sampler,
+            groups,
+            frames: 0,
+            shown: None,
+        })
+    }
+
+    /// The number of the frame that comes next among those averaged: 0 whenever it shows something else than the last.
+    pub fn next_index(&mut self, shown: Shown) -> u32 {
+        if self.shown.is_none_or(|last| !last.is_like(&shown)) || self.frames == u32::MAX {
+            self.frames = 0;
+        }
+        self.shown = Some(shown);
+        self.frames
+    }
+
+    /// Has `draw` make one frame's samples, adds them and shows the mean in `targets`.
+    pub fn record(
+        &mut self,
+        commands: &mut Commands<'_>,
+        slot: usize,
+        draw: impl FnOnce(&mut Commands<'_>),
+        frame: &Set,
+        targets: &Targets,
+    ) {
+        self.frames += 1;
+        commands.pass("samples", |commands| {
+            commands.prepare_fresh(&self.depth, Use::Depth);
+            commands.prepare_fresh(&self.latest, Use::Colour);
+            let (colour, depth, area) = (&self.latest, Some(&self.depth), targets.area);
+            commands.render(&Rendering { colour, resolve: None, depth, clear: Some([0.0; 4]), area }, draw);
+        });
+        commands.pass("accumulate", |commands| {
+            commands.prepare(&self.latest, Use::Sampled);
+            commands.prepare(&self.mean, Use::Storage);
+            commands.prepare(&self.deviations, Use::Storage);
+            // The last frame's errors are copied before they are overwritten.
+            commands.buffers_written();
+            let (pipeline, set) = &self.accumulate;
+            commands.bind(pipeline, &[set]);
+            commands.push(pipeline, bytes_of(&Count { area: targets.area, frames: self.frames }));
+            commands.dispatch(self.groups);
+            commands.buffers_written();
+            let (readback, frames) = &mut self.readbacks[slot];
+            commands.copy_buffer(&self.errors, 0, readback, 0, self.errors.size());
+            commands.copies_to_host();
+            *frames = self.frames;
+        });
+        commands.pass("show", |commands| {
+            commands.prepare(&self.mean, Use::Sampled);
+            commands.prepare_fresh(&targets.picture, Use::Colour);
+            let (pipeline, set) = &self.show;
+            targets.draw_over(commands, |commands| {
+                commands.bind(pipeline, &[frame, set]);
+                commands.draw(3, self.groups[2]);
+            });
+        });
+    }
+
+    /// The standard error after the finished frame that had `slot`; `None` before the second frame.
+    pub fn standard_error(&self, slot: usize) -> Option<StandardError> {
+        let (readback, frames) = &self.readbacks[slot];
+        let groups: Vec<[f32; 3]> = bytemuck::pod_collect_to_vec(readback.read());
+        if *frames < 2 {
+            return None;
+        }
+        let sum = |i: usize| groups.iter().map(|g| f64::from(g[i])).sum::<f64>();
+        let max_relative = groups.iter().map(|g| f64::from(g[1])).fold(0.0, f64::max);
+        Some(StandardError { frames: *frames, mean_relative: sum(0) / sum(2).max(1.0), max_relative })
+    }
+}
+
+/// The eye looking through another point of its pixels in frame `index`: evenly distributed, independent between frames,
+/// which keeps the standard error honest.
+pub fn jittered(eye: &Eye, index: u32, size: [u32; 2]) -> Eye {
+    let bits = pcg4d(UVec4::new(index, 0x9e37, 0x79b9, 0x7f4a));
+    let unit = |bits: u32| (bits >> 8) as f32 / 16_777_216.0 - 0.5;
+    let dx = unit(bits.x) * (eye.right - eye.left) / size[0] as f32;
+    let dy = unit(bits.y) * (eye.up - eye.down) / size[1] as f32;
+    Eye { left: eye.left + dx, right: eye.right + dx, down: eye.down + dy, up: eye.up + dy, ..*eye }
+}
+
+/// As in `glsl/importance.glsl`: Jarzynski and Olano (2020).
+fn pcg4d(v: UVec4) -> UVec4 {
+    let mut v = v.to_array().map(|c| c.wrapping_mul(1_664_525).wrapping_add(1_013_904_223));
+    for round in 0..2 {
+        for (to, a, b) in [(0, 1, 3), (1, 2, 0), (2, 0, 1), (3, 1, 2)] {
+            v[to] = v[to].wrapping_add(v[a].wrapping_mul(v[b]));
+        }
+        if round == 0 {
+            v = v.map(|c| c ^ (c >> 16));
+        }
+    }
+    UVec4::from_array(v)
+}
+
+/// What `glsl/importance.glsl` draws panorama samples from: a panorama's table, or an empty one where nothing samples.
+pub fn importance_buffer(gpu: &Arc<Gpu>, panorama: &Image, shading: Shading) -> Result<Buffer> {
+    if shading != Shading::Reference {
+        return Buffer::new(gpu, "no importance", BufferKind::StorageFromCpu, 8 + size_of::<Cell>() as u64);
+    }
+    let mips = panorama.desc().mips;
+    let mip = (0..mips).find(|mip| panorama.mip_size(*mip)[0] <= MOST_CELLS).unwrap_or(mips - 1);
+    let size = panorama.mip_size(mip);
+    let texels = read_image(gpu, panorama, Part { mip, layer: 0 }, size_of::<[f32; 4]>() as u64)?;
+    let cells = alias_table(size, &bytemuck::pod_collect_to_vec(&texels));
+    let mut buffer =
+        Buffer::new(gpu, "importance", BufferKind::StorageFromCpu, 8 + size_of_val(cells.as_slice()) as u64)?;
+    buffer.write(0, bytes_of(&size));
+    buffer.write(8, bytemuck::cast_slice(&cells));
+    Ok(buffer)
+}
+
+fn show_pass(
+    gpu: &Arc<Gpu>,
+    frame_layout: &SetLayout,
+    mean: &Image,
+    sampler: &Sampler,
+    eyes: u32,
+    output: Output,
+) -> Result<(Pipeline, Set)> {
+    let layout = SetLayout::new(gpu, "show", &[Slot::Sampled])?;
+    let set = Set::new(gpu, "show", &layout, &[Bind::Sampled(mean, sampler)])?;
+    let desc = GraphicsDesc {
+        name: "show",
+        vertex: "exact_show.vert",
+        fragment: "exact_show.frag",
+        constants: &[(constant::EYES, eyes), (constant::LINEAR_OUTPUT, u32::from(output == Output::Linear))],
+        sets: &[frame_layout, &layout],
+        push_bytes: 0,
+        vertex_stride: 0,
+        vertex_attributes: &[],
+        colour: output.format(),
+        depth: Depth::None,
+        samples: 1,
+        blend: false,
+    };
+    Ok((Pipeline::graphics(gpu, &desc)?, set))
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::Vec3;
+
+    use super::*;
+
+    #[test]
+    fn averaging_goes_on_through_exposure_and_ends_with_everything_else() {
+        let shown = Shown { block: FrameBlock::default(), models: Mat4::IDENTITY, area: [8, 8] };
+        let with = |change: fn(&mut Shown)| {
+            let mut other = shown;
+            change(&mut other);
+            shown.is_like(&other)
+        };
+        assert!(with(|s| s.block.exposure = 3.0));
+        assert!(!with(|s| s.block.environment_turn[0] = 0.5));
+        assert!(!with(|s| s.block.eyes[0].world_from_view[3][0] = 1e-3));
+        assert!(!with(|s| s.block.light_count = 1));
+        assert!(!with(|s| s.models = Mat4::from_translation(Vec3::X)));
+        assert!(!with(|s| s.area = [8, 7]));
+    }
+
+    /// Jitter fills the pixel evenly and never leaves it; failures.md row 15: also where f32 cannot count frames any more.
+    #[test]
+    fn jitter_stays_in_the_pixel_and_does_not_repeat() {
+        let eye = Eye::looking(Vec3::Z, Vec3::ZERO, 60.0, 1.0);
+        let pixel = (eye.right - eye.left) / 100.0;
+        for first in [0, 1 << 24] {
+            let offset = |i: u32| (jittered(&eye, first + i, [100, 100]).left - eye.left) / pixel;
+            let mut offsets: Vec<f32> = (0..1000).map(offset).collect();
+            assert!(offsets.iter().all(|o| o.abs() <= 0.5 + 1e-4));
+            let mean = offsets.iter().sum::<f32>() / 1000.0;
+            assert!(mean.abs() < 4.0 * 0.2887 / 1000f32.sqrt(), "{mean}");
+            offsets.sort_by(f32::total_cmp);
+            offsets.dedup();
+            assert!(offsets.len() > 990, "{} of 1000", offsets.len());
+        }
+    }
+}
