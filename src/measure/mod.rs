@@ -39,8 +39,6 @@ pub const NAMES: [(&str, &str); 7] = [
     ("stereo", "what the second eye costs: one eye, two passes, one pass"),
     ("geometry", "what vertices lose in fewer bytes, and what ordering triangles gains"),
     ("textures", "memory, time and picture of ways to store and filter textures"),
-    ("scenes", "frames of the thesis's six scenes: desktop and stereo, PBR and Phong, what each needs and everything"),
-    ("stereo", "what the second eye costs: one eye, two passes, one pass"),
     ("panoramas", "write the synthetic panoramas as OpenEXR, for other programs"),
 ];
 
@@ -93,12 +91,6 @@ pub fn run(request: &MeasureRequest<'_>, gpu: GpuOptions<'_>, report: &Report) -
     }
     if wanted("textures") {
         textures::run(request, gpu, report)?;
-    }
-    if wanted("scenes") {
-        scenes::run(request.output, request.full, gpu, report)?;
-    }
-    if wanted("stereo") {
-        stereo::run(request.output, request.full, gpu, report)?;
     }
     if wanted("precompute") { precompute::run(request, gpu, report).map(Some) } else { Ok(None) }
 }
