@@ -74,3 +74,16 @@ fn text_that_is_no_utf8() {
     std::fs::write(&path, b"# \xff").unwrap();
     assert!(matches!(Description::load(&path), Err(Error::Broken { .. })));
 }
+
+#[test]
+fn only_the_folder_of_large_scenes_is_expanded_and_what_is_not_there_says_how_to_get_it() {
+    for (file, part) in [
+        ("${PBR_VR_SCENES}/not/there.obj", "set PBR_VR_SCENES to the folder that holds it"),
+        ("${HOME}/a.obj", "only `${PBR_VR_SCENES}/` can begin with `$`"),
+        ("$PBR_VR_SCENES/a.obj", "only `${PBR_VR_SCENES}/` can begin with `$`"),
+    ] {
+        let error = parsed(&format!("[[model]]\nfile = '{file}'")).unwrap_err();
+        let Error::SceneKey { line: 2, key, problem, .. } = &error else { panic!("{error}") };
+        assert!(key == "file" && problem.contains(part), "{error}");
+    }
+}
