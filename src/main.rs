@@ -11,12 +11,8 @@ use pbr_vr::asset::{Report, Storage, TextureOptions};
 use pbr_vr::gpu::GpuOptions;
 use pbr_vr::measure::{self, MeasureRequest};
 use pbr_vr::precompute::{Cache, Options};
-use pbr_vr::reference::brdf::Geometry;
-use pbr_vr::reference::table::SplitSum;
-use pbr_vr::render::Shading;
-use pbr_vr::scene::Model;
 use pbr_vr::scene::needs::findings::Findings;
-use pbr_vr::view::{self, BakeRequest, HiddenAreaV, Mirror, RenderRequest, TextureChoice, ViewRequest, doctor};
+use pbr_vr::view::{self, BakeRequest, HiddenAreaV, Look, Mirror, RenderRequest, ViewRequest, doctor};
 use pbr_vr::{Error, Result};
 
 /// Physically based materials under real light, in a headset, a window or a picture.
@@ -96,63 +92,6 @@ enum On {
     Auto,
     Headset,
     Window,
-}
-
-#[derive(Args)]
-struct Look {
-    /// How surfaces are shaded, or which of their inputs and terms is shown.
-    #[arg(long, value_enum, default_value = "pbr")]
-    shading: Shading,
-    /// Masking and shadowing term.
-    #[arg(long, value_enum, default_value = "smith")]
-    geometry: GeometryName,
-    /// How surfaces mirror the panorama.
-    #[arg(long, value_enum, default_value = "moment")]
-    split_sum: SplitSumName,
-    /// Model what the scene needs, or everything: the same picture, slower.
-    #[arg(long, value_enum, default_value = "needed")]
-    model: Model,
-    /// How textures are stored: four bytes a texel, or compressed to one. What suits the GPU if left out.
-    #[arg(long, value_enum)]
-    textures: Option<Storage>,
-    /// GPU memory for textures; what does not fit is drawn with smaller ones. What is free, less a margin, if left out.
-    #[arg(long, value_name = "MIB")]
-    texture_budget: Option<u32>,
-}
-
-impl Look {
-    fn textures(&self) -> TextureChoice {
-        TextureChoice { storage: self.textures, budget_mib: self.texture_budget }
-    }
-}
-
-impl Default for Look {
-    fn default() -> Self {
-        Self {
-            shading: Shading::Pbr,
-            geometry: GeometryName::Smith,
-            split_sum: SplitSumName::Moment,
-            model: Model::Needed,
-            textures: None,
-            texture_budget: None,
-        }
-    }
-}
-
-#[derive(Clone, Copy, ValueEnum)]
-enum GeometryName {
-    /// Height-correlated Smith.
-    Smith,
-    /// Schlick's approximation with Karis's k, as in the thesis.
-    Karis2013,
-}
-
-#[derive(Clone, Copy, ValueEnum)]
-enum SplitSumName {
-    /// Along the mean direction of the light that the surface mirrors.
-    Moment,
-    /// Along the mirror direction, as in the thesis.
-    Classic,
 }
 
 #[derive(Args)]
@@ -289,11 +228,7 @@ fn run_view(args: &View, gpu: GpuOptions<'_>, cache: Option<&Cache>) -> Result<(
     let request = ViewRequest {
         scene: args.scene.as_deref(),
         frames: args.frames,
-        shading: args.look.shading,
-        geometry: args.look.geometry.into(),
-        split_sum: args.look.split_sum.into(),
-        model: args.look.model,
-        textures: args.look.textures(),
+        look: args.look,
         cache,
         hidden_area: args.hidden_area,
         mirror: args.mirror,
@@ -314,11 +249,7 @@ fn run_render(args: &Render, gpu: GpuOptions<'_>, cache: Option<&Cache>) -> Resu
         camera: args.camera.as_deref(),
         stereo: args.stereo,
         frames: args.frames.unwrap_or(args.look.shading.default_frames()),
-        shading: args.look.shading,
-        geometry: args.look.geometry.into(),
-        split_sum: args.look.split_sum.into(),
-        model: args.look.model,
-        textures: args.look.textures(),
+        look: args.look,
         cache,
     };
     let facts = view::render(&request, gpu, &Report::to_terminal())?;
@@ -424,22 +355,4 @@ fn start_log(verbose: u8) {
         tracing_subscriber::fmt::layer().with_writer(std::io::stderr).with_ansi(ansi).without_time().with_target(false);
     let levels = Targets::new().with_default(others).with_target("pbr_vr", ours);
     tracing_subscriber::registry().with(layer).with(levels).init();
-}
-
-impl From<SplitSumName> for SplitSum {
-    fn from(name: SplitSumName) -> Self {
-        match name {
-            SplitSumName::Moment => Self::Moment,
-            SplitSumName::Classic => Self::Classic,
-        }
-    }
-}
-
-impl From<GeometryName> for Geometry {
-    fn from(name: GeometryName) -> Self {
-        match name {
-            GeometryName::Smith => Self::Smith,
-            GeometryName::Karis2013 => Self::Karis2013,
-        }
-    }
 }

@@ -12,9 +12,7 @@ use pbr_vr::asset::ktx2::Ktx2;
 use pbr_vr::precompute::Cache;
 use pbr_vr::reference::brdf::Geometry;
 use pbr_vr::reference::table::SplitSum;
-use pbr_vr::render::Shading;
-use pbr_vr::scene::Model;
-use pbr_vr::view::{BakeRequest, RenderFacts, RenderRequest, TextureChoice, bake, render};
+use pbr_vr::view::{BakeRequest, Look, RenderFacts, RenderRequest, bake, render};
 
 /// A rough metal sphere under a coloured sky, and a cache.
 struct Scene {
@@ -50,11 +48,7 @@ impl Scene {
             camera: None,
             stereo: false,
             frames: 1,
-            shading: Shading::Pbr,
-            geometry,
-            split_sum,
-            model: Model::Needed,
-            textures: TextureChoice::default(),
+            look: Look { geometry, split_sum, ..Look::default() },
             cache,
         };
         let facts = render(&request, validated(), &Report::silent()).expect("a render without validation messages");

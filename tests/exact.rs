@@ -11,10 +11,8 @@ use pbr_vr::asset::{Panorama, Report};
 use pbr_vr::precompute::Cache;
 use pbr_vr::reference::brdf::{Geometry, f_schlick, f0_from_metallic};
 use pbr_vr::reference::integrals::{PanoramaView, Surface, reflected};
-use pbr_vr::reference::table::SplitSum;
 use pbr_vr::render::{Shading, StandardError};
-use pbr_vr::scene::Model;
-use pbr_vr::view::{RenderRequest, TextureChoice, render};
+use pbr_vr::view::{Look, RenderRequest, render};
 
 const SIDE: u32 = 24;
 const ALBEDO: [f32; 3] = [0.9, 0.5, 0.2];
@@ -65,11 +63,7 @@ fn exact(shop: &Workshop, case: &Case, geometry: Geometry, frames: u64) -> (Pict
         camera: None,
         stereo: false,
         frames,
-        shading: Shading::Reference,
-        geometry,
-        split_sum: SplitSum::Moment,
-        model: Model::Needed,
-        textures: TextureChoice::default(),
+        look: Look { shading: Shading::Reference, geometry, ..Look::default() },
         cache: Some(&cache),
     };
     let facts = render(&request, validated(), &Report::silent()).expect("a render without validation messages");

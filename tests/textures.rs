@@ -9,7 +9,8 @@ use common::{Workshop, json, program, succeeds, validated};
 use pbr_vr::asset::picture::{Picture, compare};
 use pbr_vr::asset::{Report, Storage};
 use pbr_vr::precompute::Cache;
-use pbr_vr::view::{RenderFacts, RenderRequest, TextureChoice, render};
+use pbr_vr::scene::Model;
+use pbr_vr::view::{Look, RenderFacts, RenderRequest, TextureChoice, render};
 
 /// A floor that recedes, with an albedo, a normal and a roughness map of `side` by `side - 3` texels: no multiple of 4.
 struct Floor {
@@ -58,12 +59,8 @@ impl Floor {
             camera: Some(camera),
             stereo: false,
             frames: 1,
-            shading: pbr_vr::render::Shading::Pbr,
-            geometry: Default::default(),
-            split_sum: pbr_vr::reference::table::SplitSum::Moment,
             // All levels, whatever this camera could do without.
-            model: pbr_vr::scene::Model::Everything,
-            textures,
+            look: Look { model: Model::Everything, textures, ..Look::default() },
             cache,
         };
         let facts = render(&request, validated(), &Report::silent()).expect("a render without validation messages");

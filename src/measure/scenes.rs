@@ -18,7 +18,7 @@ use crate::reference::metrics::{PIXELS_PER_DEGREE, flip};
 use crate::render::{Eye, IPD_METRES, Output, Renderer, Settings, Shading};
 use crate::scene::needs::Needs;
 use crate::scene::{Model, Scene};
-use crate::view::{TextureChoice, load_scene};
+use crate::view::{Look, load_scene};
 use crate::{Error, Result};
 
 /// Samples per pixel of every picture.
@@ -93,12 +93,7 @@ impl Stage {
 
     /// As `pbr-vr view` has them on this GPU.
     pub fn settings(&self, gpu: &Gpu, cache: Option<&Cache>, report: &Report) -> Settings {
-        Settings {
-            samples: SAMPLES,
-            precompute: precompute::Options { cache: cache.cloned(), ..precompute::Options::default() },
-            textures: TextureChoice::default().options(gpu, cache, report),
-            ..Settings::default()
-        }
+        Settings { samples: SAMPLES, ..Look::default().settings(gpu, cache, report) }
     }
 }
 

@@ -11,7 +11,7 @@ use super::turns::{Cost, Limits, Way, take_turns};
 use crate::asset::Report;
 use crate::asset::file::write_atomically;
 use crate::gpu::{Gpu, GpuOptions};
-use crate::render::{Eye, IPD_METRES, Renderer, Settings, Shading};
+use crate::render::{Eye, IPD_METRES, Renderer, Shading};
 use crate::{Error, Result};
 
 /// One way to draw one scene.
@@ -63,8 +63,7 @@ fn measure(gpu: &Arc<Gpu>, known: &scenes::Known, stage: &Stage) -> Result<Vec<S
     let eye = Eye::of_camera(&scene.cameras[0], size[0] as f32 / size[1] as f32);
     let [left, right] = eye.stereo(IPD_METRES);
     let way = |eyes: u32, pictures| {
-        let settings = Settings { ..settings.clone() };
-        let renderer = Renderer::new(gpu, &scene, settings, Shading::Pbr, size, eyes, &report)?;
+        let renderer = Renderer::new(gpu, &scene, settings.clone(), Shading::Pbr, size, eyes, &report)?;
         Ok::<_, Error>(Way { renderer, pictures })
     };
     let mut ways =

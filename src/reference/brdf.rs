@@ -5,6 +5,7 @@
 
 use std::f64::consts::{FRAC_1_PI, PI};
 
+use clap::ValueEnum;
 use glam::DVec3;
 
 use super::math::{MIN_COS, TINY};
@@ -18,7 +19,7 @@ pub const DIELECTRIC_F0: f64 = 0.04;
 pub const MIN_ROUGHNESS: f64 = 0.045;
 
 /// Which set of terms; the values are those of the GLSL constants `GEOMETRY_…`.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, ValueEnum)]
 #[repr(i32)]
 pub enum Geometry {
     /// Height-correlated Smith (Heitz 2014) for every light, and a diffuse part that keeps the energy.

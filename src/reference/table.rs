@@ -5,6 +5,7 @@ use std::{
     sync::LazyLock,
 };
 
+use clap::ValueEnum;
 use glam::DVec3;
 
 use super::{
@@ -36,7 +37,7 @@ static NODES: LazyLock<Vec<[f64; 2]>> = LazyLock::new(|| {
 });
 
 /// How a pixel looks the environment up for the specular term.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, ValueEnum)]
 pub enum SplitSum {
     /// Along r, at the level of the roughness: Karis (2013), section "Environment Map Lighting" with n = v = r.
     Classic,

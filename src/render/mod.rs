@@ -49,9 +49,10 @@ use world::World;
 pub const FRAMES_IN_FLIGHT: usize = 2;
 
 /// What fragments show; the same order as in `glsl/shared.glsl`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, ValueEnum)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, ValueEnum)]
 pub enum Shading {
     /// Physically based.
+    #[default]
     Pbr,
     /// Phong: ambient light and lamps only.
     Phong,

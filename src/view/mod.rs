@@ -5,6 +5,7 @@ mod control;
 pub mod doctor;
 mod frame_clock;
 pub mod headset;
+mod look;
 mod picture;
 mod window;
 
@@ -12,19 +13,17 @@ use std::path::{Path, PathBuf};
 
 pub use bake::{BakeFacts, BakeRequest, bake};
 pub use headset::{HiddenAreaV, PROBE_SUBCOMMAND, answer_probe};
+pub use look::{Look, TextureChoice};
 pub use picture::{RenderFacts, RenderRequest, load_scene, render};
 pub use window::console;
 
 use clap::ValueEnum;
 
 use crate::asset::file::write_atomically;
-use crate::asset::{Report, Storage, TextureOptions, shipped};
+use crate::asset::{Report, shipped};
 use crate::gpu::{Gpu, GpuOptions};
-use crate::precompute::{Cache, Options};
-use crate::reference::brdf::Geometry;
-use crate::reference::table::SplitSum;
-use crate::render::{Settings, Shading};
-use crate::scene::Model;
+use crate::precompute::Cache;
+use crate::render::Settings;
 use crate::{Error, Result};
 use headset::RunReport;
 
@@ -35,12 +34,7 @@ pub struct ViewRequest<'a> {
     pub scene: Option<&'a Path>,
     /// Stop after this many.
     pub frames: Option<u64>,
-    pub shading: Shading,
-    pub geometry: Geometry,
-    pub split_sum: SplitSum,
-    pub model: Model,
-    /// Where precomputed light is kept.
-    pub textures: TextureChoice,
+    pub look: Look,
     /// Where precomputed light and compressed textures are kept.
     pub cache: Option<&'a Cache>,
     /// Which way up the headset's runtime gives the hidden area.
@@ -71,36 +65,9 @@ enum Wanted {
     HeadsetOnly,
 }
 
-/// What the command line says of textures.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct TextureChoice {
-    /// `None`: compressed, unless the GPU cannot read that or is none; a processor takes ten times as long for each texel
-    /// of a block (measured on lavapipe), and has no memory to save.
-    pub storage: Option<Storage>,
-    /// MiB on the GPU; `None` for what it has free, less a margin.
-    pub budget_mib: Option<u32>,
-}
-
-impl TextureChoice {
-    /// What this GPU can do of it; where that is less, it is told.
-    pub fn options(self, gpu: &Gpu, cache: Option<&Cache>, report: &Report) -> TextureOptions {
-        let best = if gpu.info().is_software() { Storage::Raw } else { Storage::Bc };
-        let mut storage = self.storage.unwrap_or(best);
-        if storage == Storage::Bc && !gpu.compresses_textures() {
-            report.warn(format!("{}: no block-compressed textures; they take four times the memory", gpu.info().name));
-            storage = Storage::Raw;
-        }
-        let budget_bytes = self.budget_mib.map(|mib| u64::from(mib) << 20);
-        TextureOptions { storage, cache: cache.cloned(), budget_bytes, ..TextureOptions::default() }
-    }
-}
-
 impl ViewRequest<'_> {
     fn settings(&self, gpu: &Gpu) -> Settings {
-        let (geometry, split_sum, model) = (self.geometry, self.split_sum, self.model);
-        let precompute = Options { cache: self.cache.cloned(), ..Options::default() };
-        let textures = self.textures.options(gpu, self.cache, &Report::to_terminal());
-        Settings { geometry, split_sum, model, precompute, textures, ..Settings::default() }
+        self.look.settings(gpu, self.cache, &Report::to_terminal())
     }
 
     fn write_report(&self, report: impl FnOnce() -> RunReport) -> Result<()> {
@@ -152,12 +119,8 @@ pub fn auto(request: &ViewRequest<'_>, gpu: GpuOptions<'_>) -> Result<()> {
         size: [1280, 720],
         camera: None,
         stereo: false,
-        frames: request.frames.unwrap_or(request.shading.default_frames()),
-        shading: request.shading,
-        geometry: request.geometry,
-        split_sum: request.split_sum,
-        model: request.model,
-        textures: request.textures,
+        frames: request.frames.unwrap_or(request.look.shading.default_frames()),
+        look: request.look,
         cache: request.cache,
     };
     render(&still, gpu, &Report::to_terminal())?;

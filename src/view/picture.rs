@@ -8,19 +8,15 @@ use std::time::Instant;
 use cpu_time::ThreadTime;
 use serde::Serialize;
 
-use super::TextureChoice;
+use super::Look;
 use crate::asset::picture::Picture;
 use crate::asset::{Report, TextureOptions, shipped};
 use crate::gpu::{Gpu, GpuOptions, Part, PassTime, Recorder, read_image};
-use crate::precompute::{Cache, Options};
-use crate::reference::brdf::Geometry;
-use crate::reference::table::SplitSum;
-use crate::render::{
-    Eye, FRAMES_IN_FLIGHT, IPD_METRES, Output, Renderer, Settings, Shading, StandardError, TextureFacts,
-};
+use crate::precompute::Cache;
+use crate::render::{Eye, FRAMES_IN_FLIGHT, IPD_METRES, Output, Renderer, Settings, StandardError, TextureFacts};
 use crate::scene::load::{LoadOptions, load};
 use crate::scene::needs::resolution::Viewpoint;
-use crate::scene::{Camera, Model, Scene};
+use crate::scene::{Camera, Scene};
 use crate::{Error, Result};
 
 /// What to render and where to write it.
@@ -33,11 +29,7 @@ pub struct RenderRequest<'a> {
     pub camera: Option<&'a str>,
     pub stereo: bool,
     pub frames: u64,
-    pub shading: Shading,
-    pub geometry: Geometry,
-    pub split_sum: SplitSum,
-    pub model: Model,
-    pub textures: TextureChoice,
+    pub look: Look,
     /// Where precomputed light and compressed textures are kept.
     pub cache: Option<&'a Cache>,
 }
@@ -86,9 +78,9 @@ pub fn render(request: &RenderRequest<'_>, gpu: GpuOptions<'_>, report: &Report)
     let gpu = Gpu::open(gpu)?;
     let messages = gpu.messages();
     let open_ms = ms_since(started);
-    let textures = request.textures.options(&gpu, request.cache, report);
+    let settings = request.look.settings(&gpu, request.cache, report);
     let started = Instant::now();
-    let mut scene = load_scene(request.scene, &textures, report)?;
+    let mut scene = load_scene(request.scene, &settings.textures, report)?;
     let load_ms = ms_since(started);
     let camera = find_camera(&scene, request.camera)?;
     let aspect = request.size[0] as f32 / request.size[1] as f32;
@@ -96,22 +88,12 @@ pub fn render(request: &RenderRequest<'_>, gpu: GpuOptions<'_>, report: &Report)
     let eyes = if request.stereo { eye.stereo(IPD_METRES).to_vec() } else { vec![eye] };
 
     let started = Instant::now();
-    let (geometry, split_sum) = (request.geometry, request.split_sum);
-    let precompute = Options { cache: request.cache.cloned(), ..Options::default() };
     let around_metres = if request.stereo { 0.5 * IPD_METRES } else { 0.0 };
     let tangents = [eye.left, eye.right, eye.down, eye.up];
     let viewpoint = Some(Viewpoint::new(eye.position(), around_metres, tangents, request.size));
-    let settings = Settings {
-        geometry,
-        split_sum,
-        model: request.model,
-        viewpoint,
-        output,
-        precompute,
-        textures,
-        ..Settings::default()
-    };
-    let mut renderer = Renderer::new(&gpu, &scene, settings, request.shading, request.size, eyes.len() as u32, report)?;
+    let settings = Settings { viewpoint, output, ..settings };
+    let (shading, count) = (request.look.shading, eyes.len() as u32);
+    let mut renderer = Renderer::new(&gpu, &scene, settings, shading, request.size, count, report)?;
     // They are on the GPU now.
     scene.textures = Vec::new();
     let prepare_ms = open_ms + ms_since(started);

@@ -18,7 +18,7 @@ use pbr_vr::reference::brdf::Geometry;
 use pbr_vr::reference::table::SplitSum;
 use pbr_vr::render::Shading;
 use pbr_vr::scene::Model;
-use pbr_vr::view::{RenderRequest, TextureChoice, render};
+use pbr_vr::view::{self, RenderRequest, render};
 
 /// A folder for one test's files.
 pub struct Workshop(pub tempfile::TempDir);
@@ -71,11 +71,13 @@ impl Workshop {
             camera: look.camera,
             stereo: look.stereo,
             frames: 1,
-            shading: look.shading,
-            geometry: look.geometry,
-            split_sum: look.split_sum,
-            model: look.model,
-            textures: TextureChoice::default(),
+            look: view::Look {
+                shading: look.shading,
+                geometry: look.geometry,
+                split_sum: look.split_sum,
+                model: look.model,
+                ..Default::default()
+            },
             cache: None,
         };
         let facts = render(&request, validated(), &Report::silent()).expect("a render without validation messages");

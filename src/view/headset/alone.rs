@@ -35,7 +35,7 @@ pub fn run(request: &ViewRequest<'_>, connected: Connected) -> Result<()> {
         worker: Worker::new(&gpu, settings, || {})?,
         session,
         stage: None,
-        shading: request.shading,
+        shading: request.look.shading,
         gpu,
     };
     let end = alone.play(&scene, request.frames);

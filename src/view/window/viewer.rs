@@ -113,7 +113,7 @@ impl Viewer {
             overlay: Overlay::new(&gpu, 1)?,
             stage: None,
             camera: 0,
-            shading: request.shading,
+            shading: request.look.shading,
             clock: FrameClock::default(),
             titled: None,
             hud: Hud::default(),

@@ -1,0 +1,70 @@
+//! How a scene is to look, wherever it is shown: what the command line says of shading, models and textures.
+
+use clap::Args;
+
+use crate::asset::{Report, Storage, TextureOptions};
+use crate::gpu::Gpu;
+use crate::precompute::{Cache, Options};
+use crate::reference::brdf::Geometry;
+use crate::reference::table::SplitSum;
+use crate::render::{Settings, Shading};
+use crate::scene::Model;
+
+/// What windows, headsets and pictures have in common.
+#[derive(Args, Clone, Copy, Debug, Default)]
+pub struct Look {
+    /// How surfaces are shaded, or which of their inputs and terms is shown.
+    #[arg(long, value_enum, default_value_t)]
+    pub shading: Shading,
+    /// Masking and shadowing term.
+    #[arg(long, value_enum, default_value_t)]
+    pub geometry: Geometry,
+    /// How surfaces mirror the panorama.
+    #[arg(long, value_enum, default_value_t)]
+    pub split_sum: SplitSum,
+    /// Model what the scene needs, or everything: the same picture, slower.
+    #[arg(long, value_enum, default_value_t)]
+    pub model: Model,
+    #[command(flatten)]
+    pub textures: TextureChoice,
+}
+
+impl Look {
+    /// The same for a renderer on this GPU, which keeps what it makes in `cache`.
+    pub fn settings(&self, gpu: &Gpu, cache: Option<&Cache>, report: &Report) -> Settings {
+        Settings {
+            geometry: self.geometry,
+            split_sum: self.split_sum,
+            model: self.model,
+            precompute: Options { cache: cache.cloned(), ..Options::default() },
+            textures: self.textures.options(gpu, cache, report),
+            ..Settings::default()
+        }
+    }
+}
+
+/// How textures are kept.
+#[derive(Args, Clone, Copy, Debug, Default, PartialEq)]
+pub struct TextureChoice {
+    /// How textures are stored: four bytes a texel, or compressed to one. What suits the GPU if left out.
+    // A processor takes ten times as long for each texel of a block (measured on lavapipe), and has no memory to save.
+    #[arg(long = "textures", value_enum, value_name = "TEXTURES")]
+    pub storage: Option<Storage>,
+    /// GPU memory for textures; what does not fit is drawn with smaller ones. What is free, less a margin, if left out.
+    #[arg(long = "texture-budget", value_name = "MIB")]
+    pub budget_mib: Option<u32>,
+}
+
+impl TextureChoice {
+    /// What this GPU can do of it; where that is less, it is told.
+    pub fn options(self, gpu: &Gpu, cache: Option<&Cache>, report: &Report) -> TextureOptions {
+        let best = if gpu.info().is_software() { Storage::Raw } else { Storage::Bc };
+        let mut storage = self.storage.unwrap_or(best);
+        if storage == Storage::Bc && !gpu.compresses_textures() {
+            report.warn(format!("{}: no block-compressed textures; they take four times the memory", gpu.info().name));
+            storage = Storage::Raw;
+        }
+        let budget_bytes = self.budget_mib.map(|mib| u64::from(mib) << 20);
+        TextureOptions { storage, cache: cache.cloned(), budget_bytes, ..TextureOptions::default() }
+    }
+}
