@@ -1,22 +1,21 @@
 //! What a frame costs: processor time of all cores while drawing, and of the one thread that records, with each saving and
 //! without.
 
-use std::fmt::Write as _;
 use std::path::Path;
 use std::sync::Arc;
+use std::time::Duration;
 
-use cpu_time::ThreadTime;
 use glam::{Mat4, Vec3};
 use serde::Serialize;
 
-use super::clock::cpu_ms;
-use super::synthetic;
+use super::turns::{Cost, Limits, Way, take_turns};
+use super::{scenes, synthetic};
 use crate::asset::Report;
 use crate::asset::file::write_atomically;
-use crate::gpu::{Gpu, GpuOptions, Recorder};
-use crate::render::{Eye, FRAMES_IN_FLIGHT, IPD_METRES, Order, Renderer, Savings, Settings, Shading};
-use crate::scene::load::{LoadOptions, load};
+use crate::gpu::{Gpu, GpuOptions};
+use crate::render::{Eye, IPD_METRES, Order, Renderer, Savings, Settings, Shading};
 use crate::scene::{Bounds, Camera, Environment, Instance, Material, Mesh, Scene, Vertex};
+use crate::view::Look;
 use crate::{Error, Result};
 
 /// The picture's side. Sponza's is smaller in a quick run: recording costs the same at any size.
@@ -24,10 +23,6 @@ const SIDE: u32 = 512;
 const QUICK_SIDE: u32 = 128;
 /// Rings and sectors of the ball: 2 · 100 · (101 − 1) = 20,000 triangles.
 const BALL: [u32; 2] = [101, 100];
-/// Frames before time is taken.
-const WARM_UP: usize = 4;
-/// The least of so many runs counts: other programs can only add.
-const RUNS: usize = 3;
 
 /// One way to draw one scene.
 #[derive(Clone, Debug, Serialize)]
@@ -39,22 +34,18 @@ pub struct FrameRow {
     pub eyes: usize,
     pub samples: u32,
     pub draws: usize,
-    /// Of all threads, the GPU's time too where the GPU is the CPU.
-    pub cpu_ms: Option<f64>,
-    /// Of the calling thread: culling, ordering, recording, submitting.
-    pub record_ms: f64,
-    /// GPU time of all passes; the mean.
-    pub gpu_ms: f64,
+    #[serde(flatten)]
+    pub cost: Cost,
 }
 
-const HEADER: &str = "scene,what,side,eyes,samples,draws,cpu_ms,record_ms,gpu_ms";
+const HEADER: &str = "scene,what,side,eyes,samples,draws,frames,cpu_ms,record_ms,gpu_ms";
 
-/// Measures and writes `frame.csv` and `frame.json`: a metal ball of 20,000 triangles under a panorama, and Sponza where
-/// the environment variable PBR_VR_SCENES leads to it.
+/// Measures and writes `frame.csv` and `frame.json`: a metal ball of 20,000 triangles under a panorama, and Crytek Sponza
+/// where it is at hand.
 pub fn run(folder: &Path, full: bool, gpu: GpuOptions<'_>, report: &Report) -> Result<Vec<FrameRow>> {
     let gpu = Gpu::open(gpu)?;
-    let (frames, sponza_side) = if full { (200, SIDE) } else { (30, QUICK_SIDE) };
-    let mut rows = Vec::new();
+    let (sponza_side, seconds) = if full { (SIDE, 30) } else { (QUICK_SIDE, 6) };
+    let limits = Limits { least: 5, most: 200, time: Duration::from_secs(seconds) };
     let all = Savings::default();
     let ball = metal_ball();
     let ways = [
@@ -62,130 +53,79 @@ pub fn run(folder: &Path, full: bool, gpu: GpuOptions<'_>, report: &Report) -> R
         ("back faces drawn", Savings { backs: false, ..all }),
         ("back faces drawn, order as listed", Savings { backs: false, order: Order::Listed, ..all }),
     ];
-    rows.extend(measure(&gpu, "metal ball", &ball, [SIDE, 1, 1], &ways, frames, report)?);
-    rows.extend(measure(&gpu, "metal ball", &ball, [SIDE, 1, 4], &ways[..1], frames, report)?);
-    let sponza = std::env::var_os("PBR_VR_SCENES").map(|folder| Path::new(&folder).join("crytek-sponza/sponza.obj"));
-    match sponza.filter(|file| file.is_file()) {
-        Some(file) => rows.extend(sponza_rows(&gpu, &file, sponza_side, frames / 3, report)?),
-        None => println!("Sponza: skipped (set PBR_VR_SCENES)"),
+    let mut rows = measure(&gpu, "metal ball", &ball, [SIDE, 1, 1], &ways, limits)?;
+    write(folder, &rows)?;
+    rows.extend(measure(&gpu, "metal ball", &ball, [SIDE, 1, 4], &ways[..1], limits)?);
+    if let Some(known) = scenes::there(report)?.iter().find(|known| known.name == "crytek-sponza") {
+        let textures = Look::default().settings(&gpu, None, report).textures;
+        let sponza = known.load(&textures, report)?;
+        let ways = [
+            ("default", all),
+            ("order as listed", Savings { order: Order::Listed, ..all }),
+            ("no frustum culling", Savings { frusta: false, ..all }),
+            ("back faces drawn", Savings { backs: false, ..all }),
+            ("nothing saved", Savings { frusta: false, backs: false, order: Order::Listed }),
+        ];
+        write(folder, &rows)?;
+        rows.extend(measure(&gpu, known.name, &sponza, [sponza_side, 1, 1], &ways, limits)?);
+        write(folder, &rows)?;
+        rows.extend(measure(&gpu, known.name, &sponza, [sponza_side, 2, 1], &ways[..1], limits)?);
     }
     write(folder, &rows)?;
     Ok(rows)
 }
 
-/// From a third of the way in, along the nave.
-fn sponza_rows(gpu: &Arc<Gpu>, file: &Path, side: u32, frames: usize, report: &Report) -> Result<Vec<FrameRow>> {
-    let mut scene = load(file, &LoadOptions::default(), report)?;
-    let Bounds { min, max } = scene.bounds();
-    let at = |x: f32, y: f32, z: f32| min + (max - min) * Vec3::new(x, y, z);
-    let (position, target) = (at(0.3, 0.15, 0.5), at(0.9, 0.2, 0.5));
-    scene.cameras = vec![Camera { name: "nave".into(), position, target, vertical_fov_degrees: 70.0 }];
-    let all = Savings::default();
-    let ways = [
-        ("default", all),
-        ("order as listed", Savings { order: Order::Listed, ..all }),
-        ("no frustum culling", Savings { frusta: false, ..all }),
-        ("back faces drawn", Savings { backs: false, ..all }),
-        ("nothing saved", Savings { frusta: false, backs: false, order: Order::Listed }),
-    ];
-    let mut rows = measure(gpu, "Sponza", &scene, [side, 1, 1], &ways, frames, report)?;
-    rows.extend(measure(gpu, "Sponza", &scene, [side, 2, 1], &ways[..1], frames, report)?);
-    Ok(rows)
-}
-
-/// Draws a scene in several ways, in pictures of a side of so many pixels, for so many eyes, with so many samples.
+/// Draws a scene in several ways by turns, in pictures of a side of so many pixels, for so many eyes, with so many samples.
 fn measure(
     gpu: &Arc<Gpu>,
     name: &str,
     scene: &Scene,
     [side, eye_count, samples]: [u32; 3],
-    ways: &[(&str, Savings)],
-    frames: usize,
-    report: &Report,
+    savings: &[(&str, Savings)],
+    limits: Limits,
 ) -> Result<Vec<FrameRow>> {
-    let settings = Settings { samples, ..Settings::default() };
-    let mut renderer = Renderer::new(gpu, scene, settings, Shading::Pbr, [side; 2], eye_count, report)?;
+    let report = Report::silent();
+    let settings = Settings { samples, ..Look::default().settings(gpu, None, &report) };
     let eye = Eye::of_camera(&scene.cameras[0], 1.0);
     let eyes = if eye_count == 2 { eye.stereo(IPD_METRES).to_vec() } else { vec![eye] };
-    let mut recorders = (0..FRAMES_IN_FLIGHT).map(|_| Recorder::new(gpu)).collect::<Result<Vec<_>>>()?;
-    let mut rows = Vec::new();
-    for (what, savings) in ways {
+    let mut ways = Vec::new();
+    for (_, savings) in savings {
+        let size = [side; 2];
+        let mut renderer = Renderer::new(gpu, scene, settings.clone(), Shading::Pbr, size, eye_count, &report)?;
         *renderer.savings() = *savings;
-        draw(gpu, &mut renderer, &mut recorders, &eyes, WARM_UP)?;
-        let mut best: Option<Cost> = None;
-        for _ in 0..RUNS {
-            let cost = draw(gpu, &mut renderer, &mut recorders, &eyes, frames)?;
-            best = Some(best.map_or(cost, |best| best.least(cost)));
-        }
-        let Some(Cost { cpu_ms, record_ms, gpu_ms }) = best else { continue };
-        let draws = renderer.draw_counts()[0];
-        let (scene, what) = (name.to_owned(), (*what).to_owned());
-        let row = FrameRow { scene, what, side, eyes: eyes.len(), samples, draws, cpu_ms, record_ms, gpu_ms };
-        print!("{}", line(&row));
-        rows.push(row);
+        ways.push(Way { renderer, pictures: vec![eyes.clone()] });
     }
+    let costs = take_turns(gpu, &mut ways, limits)?;
+    let row = |(((what, _), cost), way): (((&&str, _), Cost), &Way)| FrameRow {
+        scene: name.to_owned(),
+        what: (*what).to_owned(),
+        side,
+        eyes: eyes.len(),
+        samples,
+        draws: way.renderer.draw_counts()[0],
+        cost,
+    };
+    let named = savings.iter().map(|(what, savings)| (what, savings));
+    let rows: Vec<FrameRow> = named.zip(costs).zip(&ways).map(row).collect();
+    rows.iter().for_each(|row| println!("{}", line(row)));
     Ok(rows)
 }
 
-/// Means per frame.
-#[derive(Clone, Copy)]
-struct Cost {
-    cpu_ms: Option<f64>,
-    record_ms: f64,
-    gpu_ms: f64,
-}
-
-impl Cost {
-    fn least(self, other: Self) -> Self {
-        Self {
-            cpu_ms: self.cpu_ms.zip(other.cpu_ms).map(|(a, b)| a.min(b)),
-            record_ms: self.record_ms.min(other.record_ms),
-            gpu_ms: self.gpu_ms.min(other.gpu_ms),
-        }
-    }
-}
-
-fn draw(
-    gpu: &Arc<Gpu>,
-    renderer: &mut Renderer,
-    recorders: &mut [Recorder],
-    eyes: &[Eye],
-    frames: usize,
-) -> Result<Cost> {
-    let (before, mut record_ms, mut gpu_ms) = (cpu_ms(), 0.0, 0.0);
-    for frame in 0..frames {
-        let slot = frame % FRAMES_IN_FLIGHT;
-        // The wait is no part of recording.
-        let times = recorders[slot].finish()?;
-        gpu_ms += times.iter().map(|time| time.ms).sum::<f64>();
-        let started = ThreadTime::now();
-        let (mut commands, _) = recorders[slot].begin()?;
-        renderer.record(&mut commands, slot, eyes, None);
-        commands.submit(None)?;
-        record_ms += started.elapsed().as_secs_f64() * 1e3;
-    }
-    gpu.wait_idle()?;
-    // The first frames' times are those of the run before: the same way, once it is warm.
-    let mean = |ms: f64| ms / frames as f64;
-    let cpu_ms = cpu_ms().zip(before).map(|(now, before)| mean(now - before));
-    Ok(Cost { cpu_ms, record_ms: mean(record_ms), gpu_ms: mean(gpu_ms) })
-}
-
 fn write(folder: &Path, rows: &[FrameRow]) -> Result<()> {
-    let csv = rows.iter().fold(format!("{HEADER}\n"), |text, row| text + &line(row));
+    let csv = rows.iter().fold(format!("{HEADER}\n"), |text, row| text + &line(row) + "\n");
     write_atomically(&folder.join("frame.csv"), csv.as_bytes())?;
     let path = folder.join("frame.json");
     let json = serde_json::to_string_pretty(rows).map_err(|e| Error::write(&path)(e.into()))?;
     write_atomically(&path, json.as_bytes())
 }
 
+/// Medians.
 fn line(row: &FrameRow) -> String {
-    let FrameRow { scene, what, side, eyes, samples, draws, cpu_ms, record_ms, gpu_ms } = row;
-    let cpu_ms = cpu_ms.map_or(String::new(), |ms| format!("{ms:.2}"));
-    let mut text = String::new();
-    // Writing into a string does not fail.
-    let _ = writeln!(text, "{scene},\"{what}\",{side},{eyes},{samples},{draws},{cpu_ms},{record_ms:.4},{gpu_ms:.2}");
-    text
+    let FrameRow { scene, what, side, eyes, samples, draws, cost } = row;
+    let Cost { frames, gpu_ms, cpu_ms, record_ms } = cost;
+    let cpu_ms = cpu_ms.map_or(String::new(), |ms| format!("{:.2}", ms.median));
+    let (gpu_ms, record_ms) = (gpu_ms.median, record_ms.median);
+    format!("{scene},\"{what}\",{side},{eyes},{samples},{draws},{frames},{cpu_ms},{record_ms:.4},{gpu_ms:.2}")
 }
 
 /// A ball of gold of radius 1, roughness 0.3, that fills three quarters of the picture's height.
@@ -229,6 +169,7 @@ fn metal_ball() -> Scene {
 
 #[cfg(test)]
 mod tests {
+    use super::super::turns::Spread;
     use super::*;
 
     #[test]
@@ -243,19 +184,11 @@ mod tests {
 
     #[test]
     fn lines_have_the_header_s_columns() {
+        let spread = |median| Spread { median, low: 0.0, high: 9.0 };
+        let cost = Cost { frames: 7, cpu_ms: None, record_ms: spread(0.25), gpu_ms: spread(3.0) };
         let (scene, what) = ("ball".to_owned(), "default".to_owned());
-        let row = FrameRow {
-            scene,
-            what,
-            side: 512,
-            eyes: 1,
-            samples: 4,
-            draws: 5,
-            cpu_ms: None,
-            record_ms: 0.25,
-            gpu_ms: 3.0,
-        };
-        assert_eq!(line(&row), "ball,\"default\",512,1,4,5,,0.2500,3.00\n");
+        let row = FrameRow { scene, what, side: 512, eyes: 1, samples: 4, draws: 5, cost };
+        assert_eq!(line(&row), "ball,\"default\",512,1,4,5,7,,0.2500,3.00");
         assert_eq!(line(&row).split(',').count(), HEADER.split(',').count());
     }
 }

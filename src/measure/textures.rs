@@ -2,20 +2,21 @@
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use glam::Vec3;
 use serde::Serialize;
 
 use super::clock::{cpu_ms, today};
+use super::turns::{Cost, Limits, Way, take_turns};
 use super::widening::{self, WideningRow};
 use super::{MeasureRequest, texture_chart};
 use crate::asset::file::write_atomically;
 use crate::asset::{Cache, MipChain, Report, Storage, TextureOptions, shipped};
-use crate::gpu::{Gpu, GpuOptions, Part, Recorder, read_image};
+use crate::gpu::{Gpu, GpuOptions, Part, read_image};
 use crate::precompute;
 use crate::reference::metrics::{PIXELS_PER_DEGREE, flip};
-use crate::render::{Eye, FRAMES_IN_FLIGHT, Output, Renderer, Settings, Shading};
+use crate::render::{Eye, Output, Renderer, Settings, Shading};
 use crate::scene::load::{LoadOptions, load};
 use crate::scene::{Camera, Scene};
 use crate::{Error, Result};
@@ -37,7 +38,7 @@ pub struct TextureRow {
     /// Reading, decoding, filtering and compressing, without a cache; wall time, and that of the process over all cores.
     pub load_ms: f64,
     pub load_cpu_ms: Option<f64>,
-    /// Means over all frames but the first; none for compressed textures on a processor, which are drawn decompressed.
+    /// Medians; none for compressed textures on a processor, which are drawn decompressed.
     pub frame_gpu_ms: Option<f64>,
     pub frame_cpu_ms: Option<f64>,
     /// Against plain textures with 16 samples of anisotropy.
@@ -201,13 +202,11 @@ fn sources(request: &MeasureRequest<'_>) -> Result<Vec<Source>> {
         path: folder.join("scenes").join(name).with_extension("toml"),
         camera: None,
     };
-    let others = std::env::var_os("PBR_VR_SCENES").map(PathBuf::from);
-    let large = others.as_ref().map(|folder| folder.join("pbr-sets/copper-tiles")).filter(|folder| folder.is_dir());
-    let mut sources = vec![own("sphere"), own("teapot"), floor(request.output, &folder, large.as_deref())?];
-    if let Some(path) = others.map(|folder| folder.join("crytek-sponza/sponza.obj")).filter(|path| path.is_file()) {
-        // Along the nave, in the file's centimetres.
-        let camera = camera(Vec3::new(-1150.0, 220.0, -30.0), Vec3::new(0.0, 330.0, 0.0));
-        sources.push(Source { name: "sponza", path, camera: Some(camera) });
+    let large = shipped::large_scenes()?;
+    let tiles = Some(large.join("pbr-sets/copper-tiles")).filter(|folder| folder.is_dir());
+    let mut sources = vec![own("sphere"), own("teapot"), floor(request.output, &folder, tiles.as_deref())?];
+    if large.join("crytek-sponza").is_dir() {
+        sources.push(own("crytek-sponza"));
     }
     Ok(sources)
 }
@@ -255,8 +254,7 @@ struct Stand<'a> {
 
 struct Drawn {
     pixels: Vec<[u8; 3]>,
-    gpu_ms: f64,
-    cpu_ms: Option<f64>,
+    cost: Option<Cost>,
 }
 
 impl Stand<'_> {
@@ -278,6 +276,7 @@ impl Stand<'_> {
         let plain = against(&self.plain)?;
         let truth = against(self.truth.as_deref().unwrap_or_default())?;
         let mib = |bytes: u64| bytes as f64 / f64::from(1 << 20);
+        let cost = drawn.cost.filter(|_| loaded.is_timed);
         Ok(TextureRow {
             scene: self.source.name.into(),
             storage: if storage == Storage::Raw { "raw" } else { "bc" },
@@ -287,8 +286,8 @@ impl Stand<'_> {
             raw_mib: mib(loaded.raw_bytes),
             load_ms: loaded.ms,
             load_cpu_ms: loaded.cpu_ms,
-            frame_gpu_ms: loaded.is_timed.then_some(drawn.gpu_ms),
-            frame_cpu_ms: drawn.cpu_ms.filter(|_| loaded.is_timed),
+            frame_gpu_ms: cost.map(|cost| cost.gpu_ms.median),
+            frame_cpu_ms: cost.and_then(|cost| cost.cpu_ms).map(|ms| ms.median),
             flip_mean: plain.mean,
             flip_max: plain.max,
             truth_flip_mean: truth.mean,
@@ -302,31 +301,16 @@ impl Stand<'_> {
         // Light is the same in all of them.
         let precompute = precompute::Options { cache: Cache::of_user(), ..precompute::Options::default() };
         let settings = Settings { textures, precompute, ..Settings::default() };
-        let mut renderer = Renderer::new(self.gpu, scene, settings, Shading::Pbr, size, 1, &Report::silent())?;
+        let renderer = Renderer::new(self.gpu, scene, settings, Shading::Pbr, size, 1, &Report::silent())?;
         // A scene has a camera.
         let eye = Eye::of_camera(&scene.cameras[0], size[0] as f32 / size[1] as f32);
-        let mut recorder = Recorder::new(self.gpu)?;
-        let mut gpu_ms = Vec::new();
-        let mut before = cpu_ms();
-        for frame in 0..frames {
-            let (mut commands, _) = recorder.begin()?;
-            renderer.record(&mut commands, frame % FRAMES_IN_FLIGHT, &[eye], None);
-            commands.submit(None)?;
-            gpu_ms.push(recorder.finish()?.iter().map(|pass| pass.ms).sum::<f64>());
-            if frame == 0 && frames > 1 {
-                // Pipelines are finished with the first.
-                gpu_ms.clear();
-                before = cpu_ms();
-            }
-        }
-        let counted = gpu_ms.len().max(1) as f64;
-        let cpu_ms = cpu_ms().zip(before).map(|(now, before)| (now - before) / counted);
-        let bytes = read_image(self.gpu, renderer.picture(), Part { mip: 0, layer: 0 }, Output::Display.bytes())?;
-        Ok(Drawn {
-            pixels: bytes.as_chunks::<4>().0.iter().map(|[r, g, b, _]| [*r, *g, *b]).collect(),
-            gpu_ms: gpu_ms.iter().sum::<f64>() / counted,
-            cpu_ms,
-        })
+        let mut way = [Way { renderer, pictures: vec![vec![eye]] }];
+        let limits = Limits { least: frames, most: frames, time: Duration::ZERO };
+        let cost = take_turns(self.gpu, &mut way, limits)?.pop();
+        let bytes =
+            read_image(self.gpu, way[0].renderer.picture(), Part { mip: 0, layer: 0 }, Output::Display.bytes())?;
+        let pixels = bytes.as_chunks::<4>().0.iter().map(|[r, g, b, _]| [*r, *g, *b]).collect();
+        Ok(Drawn { pixels, cost })
     }
 }
 
