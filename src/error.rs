@@ -1,4 +1,4 @@
-//! Every error a user can see: what happened, to which file or resource, and what to do about it.
+//! Every error a user can see: what happened, to which file or resource, and what to do about it; and how lines are printed.
 
 use std::path::{Path, PathBuf};
 
@@ -102,4 +102,14 @@ fn vulkan_remedy(result: ash::vk::Result) -> &'static str {
         R::ERROR_SURFACE_LOST_KHR => "the window went away: start again",
         _ => "`pbr-vr doctor` tells what is there; run with `--validate` to learn more",
     }
+}
+
+/// Prints a line like `println!`, which panics where nobody reads any more (`pbr-vr … | head -1`): the work goes on all the same.
+#[macro_export]
+macro_rules! say {
+    ($($what:tt)*) => {{
+        use std::io::Write as _;
+        // Who closed the pipe does not want the line.
+        let _ = writeln!(std::io::stdout(), $($what)*);
+    }};
 }

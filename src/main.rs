@@ -13,7 +13,7 @@ use pbr_vr::measure::{self, MeasureRequest};
 use pbr_vr::precompute::{Cache, Options};
 use pbr_vr::scene::needs::findings::Findings;
 use pbr_vr::view::{self, BakeRequest, HiddenAreaV, Look, Mirror, RenderRequest, ViewRequest, doctor};
-use pbr_vr::{Error, Result};
+use pbr_vr::{Error, Result, say};
 
 /// Physically based materials under real light, in a headset, a window or a picture.
 #[derive(Parser)]
@@ -254,7 +254,7 @@ fn run_render(args: &Render, gpu: GpuOptions<'_>, cache: Option<&Cache>) -> Resu
     };
     let facts = view::render(&request, gpu, &Report::to_terminal())?;
     if let Some(error) = &facts.standard_error {
-        println!("pbr-vr: {error}");
+        say!("pbr-vr: {error}");
     }
     match &args.json {
         Some(path) => write_json(path, &facts),
@@ -266,7 +266,7 @@ fn run_needs(args: &NeedsArgs) -> Result<()> {
     // Nothing is drawn: compressing would only take time.
     let textures = TextureOptions { storage: Storage::Raw, ..TextureOptions::default() };
     let findings = Findings::of(&view::load_scene(&args.scene, &textures, &Report::to_terminal())?);
-    println!("{}: {} triangles, {}", args.scene.display(), findings.triangles, findings.lines().join("\n  "));
+    say!("{}: {} triangles, {}", args.scene.display(), findings.triangles, findings.lines().join("\n  "));
     match &args.json {
         Some(path) => write_json(path, &findings),
         None => Ok(()),
@@ -276,7 +276,7 @@ fn run_needs(args: &NeedsArgs) -> Result<()> {
 fn run_bake(args: &Bake, gpu: GpuOptions<'_>, cache: Option<&Cache>) -> Result<()> {
     let request = BakeRequest { panorama: &args.panorama, folder: &args.output, face_size: args.size, cache };
     let facts = view::bake(&request, gpu, &Report::to_terminal())?;
-    facts.files.iter().for_each(|file| println!("{file}"));
+    facts.files.iter().for_each(|file| say!("{file}"));
     match &args.json {
         Some(path) => write_json(path, &facts),
         None => Ok(()),
@@ -285,8 +285,8 @@ fn run_bake(args: &Bake, gpu: GpuOptions<'_>, cache: Option<&Cache>) -> Result<(
 
 fn run_measure(args: &Measure, gpu: GpuOptions<'_>) -> Result<()> {
     if args.list {
-        measure::NAMES.iter().for_each(|(name, what)| println!("{name:12} {what}"));
-        println!("methods      {}", measure::METHODS.join(", "));
+        measure::NAMES.iter().for_each(|(name, what)| say!("{name:12} {what}"));
+        say!("methods      {}", measure::METHODS.join(", "));
         return Ok(());
     }
     let request = MeasureRequest {
@@ -308,11 +308,13 @@ fn run_measure(args: &Measure, gpu: GpuOptions<'_>) -> Result<()> {
 fn run_compare(args: &Compare) -> Result<()> {
     let (a, b) = (Picture::read(&args.a)?, Picture::read(&args.b)?);
     let comparison = compare(&a, &b)?;
-    println!("FLIP          mean {:.4}, largest {:.4}", comparison.flip_mean, comparison.flip_max);
-    println!("relative MSE  {:.3e}", comparison.relative_mse);
-    println!(
+    say!("FLIP          mean {:.4}, largest {:.4}", comparison.flip_mean, comparison.flip_max);
+    say!("relative MSE  {:.3e}", comparison.relative_mse);
+    say!(
         "error         mean {:.3e}, largest {:.3e} at {:?}",
-        comparison.mean_error, comparison.max_error, comparison.max_error_at
+        comparison.mean_error,
+        comparison.max_error,
+        comparison.max_error_at
     );
     if let Some(folder) = &args.maps {
         std::fs::create_dir_all(folder).map_err(Error::write(folder))?;

@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 /// Lowest first; a layer may use itself and those before it. `lib.rs` declares all but `main`.
 const LAYERS: [&str; 10] =
     ["error", "reference", "asset", "scene", "gpu", "precompute", "render", "view", "measure", "main"];
-/// Re-exports at the crate's root, which belong to `error`.
-const ROOT_NAMES: [&str; 2] = ["Error", "Result"];
+/// Names at the crate's root, which belong to `error`.
+const ROOT_NAMES: [&str; 3] = ["Error", "Result", "say"];
 const MOST_LINES: usize = 500;
 
 /// A source file: its path under the repository, its text, and its text without comments and string contents.
@@ -281,6 +281,13 @@ fn unproven_unwraps(source: &Source) -> Vec<String> {
     (0..source.code.len()).filter(is_bad).map(say).collect()
 }
 
+/// `println!` panics on a closed pipe; `say!` does not.
+fn fragile_prints(source: &Source) -> Vec<String> {
+    let is_test = source.test_lines();
+    let lines = lines_with(source, "println!");
+    lines.into_iter().filter(|line| !is_test[*line]).map(|line| source.at(line, "println! instead of say!")).collect()
+}
+
 fn bad_shape(source: &Source) -> Vec<String> {
     let line = |i: usize| source.raw.get(i).map_or("", String::as_str);
     let mut problems = Vec::new();
@@ -354,6 +361,11 @@ fn ash_stays_close_to_the_metal() {
 #[test]
 fn nothing_is_unwrapped_without_proof() {
     check(&rust_sources(), unproven_unwraps);
+}
+
+#[test]
+fn nothing_is_printed_that_panics_on_a_closed_pipe() {
+    check(&rust_sources(), fragile_prints);
 }
 
 #[test]

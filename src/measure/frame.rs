@@ -16,7 +16,7 @@ use crate::gpu::{Gpu, GpuOptions};
 use crate::render::{Eye, IPD_METRES, Order, Renderer, Savings, Settings, Shading};
 use crate::scene::{Bounds, Camera, Environment, Instance, Material, Mesh, Scene, Vertex};
 use crate::view::Look;
-use crate::{Error, Result};
+use crate::{Error, Result, say};
 
 /// The picture's side. Sponza's is smaller in a quick run: recording costs the same at any size.
 const SIDE: u32 = 512;
@@ -107,7 +107,7 @@ fn measure(
     };
     let named = savings.iter().map(|(what, savings)| (what, savings));
     let rows: Vec<FrameRow> = named.zip(costs).zip(&ways).map(row).collect();
-    rows.iter().for_each(|row| println!("{}", line(row)));
+    rows.iter().for_each(|row| say!("{}", line(row)));
     Ok(rows)
 }
 

@@ -14,7 +14,7 @@ use crate::reference::octahedral::{
 use crate::scene::cluster::{Cluster, clusters};
 use crate::scene::load::{LoadOptions, load};
 use crate::scene::{Scene, Vertex};
-use crate::{Error, Result};
+use crate::{Error, Result, say};
 
 /// Radians across a pixel in the middle of a headset's picture: 110° over 1512 pixels.
 const PIXEL_RADIANS: f32 = 2.0 * 1.428_148 / 1512.0;
@@ -47,7 +47,7 @@ pub fn run(folder: &Path, report: &Report) -> Result<Vec<GeometryRow>> {
     if let Some(scenes) = std::env::var_os("PBR_VR_SCENES") {
         files.push(("Sponza", Path::new(&scenes).join("crytek-sponza/sponza.obj")));
     } else {
-        println!("Sponza: skipped (set PBR_VR_SCENES)");
+        say!("Sponza: skipped (set PBR_VR_SCENES)");
     }
     let mut rows = Vec::new();
     for (name, file) in files {

@@ -19,7 +19,7 @@ use crate::render::{Eye, IPD_METRES, Output, Renderer, Settings, Shading};
 use crate::scene::needs::Needs;
 use crate::scene::{Model, Scene};
 use crate::view::{Look, load_scene};
-use crate::{Error, Result};
+use crate::{Error, Result, say};
 
 /// Samples per pixel of every picture.
 pub const SAMPLES: u32 = 4;
@@ -168,7 +168,7 @@ pub fn run(folder: &Path, full: bool, gpu: GpuOptions<'_>, report: &Report) -> R
         results.starts.push(start);
         for view in [View::desktop(&stage), View::stereo(&stage)] {
             let rows = measure(&gpu, known, &scene, &settings, &stage, view)?;
-            rows.iter().for_each(|row| println!("{}", scenes_table::line(row)));
+            rows.iter().for_each(|row| say!("{}", scenes_table::line(row)));
             results.rows.extend(rows);
             scenes_table::write(folder, &results)?;
         }

@@ -12,7 +12,7 @@ use crate::asset::Report;
 use crate::asset::file::write_atomically;
 use crate::gpu::{Gpu, GpuOptions};
 use crate::render::{Eye, IPD_METRES, Renderer, Shading};
-use crate::{Error, Result};
+use crate::{Error, Result, say};
 
 /// One way to draw one scene.
 #[derive(Clone, Debug, Serialize)]
@@ -48,7 +48,7 @@ pub fn run(folder: &Path, full: bool, gpu: GpuOptions<'_>, report: &Report) -> R
     let mut rows = Vec::new();
     for known in [all.first(), all.last()].into_iter().flatten() {
         rows.extend(measure(&gpu, known, &stage)?);
-        rows.iter().rev().take(3).rev().for_each(|row| println!("{}", line(row)));
+        rows.iter().rev().take(3).rev().for_each(|row| say!("{}", line(row)));
         write(folder, &gpu, &rows)?;
     }
     drop(gpu);

@@ -4,9 +4,9 @@ use std::path::Path;
 
 use glam::{Vec2, Vec3};
 
-use crate::Result;
 use crate::asset::Panorama;
 use crate::asset::picture::Picture;
+use crate::{Result, say};
 
 /// Texels across, as sweeps use it.
 pub const WIDTH: u32 = 2048;
@@ -35,7 +35,7 @@ pub fn write_panoramas(folder: &Path) -> Result<()> {
         let rgba: Vec<[f32; 4]> = texels.iter().map(|[r, g, b]| [*r, *g, *b, 1.0]).collect();
         let path = folder.join(format!("{name}.exr"));
         Picture::from_radiance(name, width, height, &rgba).write(&path)?;
-        println!("{}", path.display());
+        say!("{}", path.display());
     }
     Ok(())
 }

@@ -351,13 +351,16 @@ impl Renderer {
         if let Some(exact) = &mut self.exact {
             let area = self.targets.area;
             let index = exact.next_index(Shown { block, models: self.world_from_models, area });
-            let jittered: Vec<Eye> = eyes.iter().map(|eye| exact::jittered(eye, index, area)).collect();
-            block = FrameBlock { sample_index: index, ..self.frame_block(&jittered) };
+            let jittered = each(eyes, |eye| exact::jittered(eye, index, area));
+            block = FrameBlock { sample_index: index, ..self.frame_block(&jittered[..eyes.len()]) };
         }
         let (buffer, set) = &mut self.frames[slot];
         buffer.write(0, bytemuck::bytes_of(&block));
         let models = self.world_from_models;
-        self.draws.fill(&self.world.draws, &moved(eyes, models.inverse())[..eyes.len()], self.savings);
+        let models_from_world = models.inverse();
+        // As they stand to models that were moved: what is culled is listed where it was before.
+        let moved = each(eyes, |eye| Eye { world_from_view: models_from_world * eye.world_from_view, ..*eye });
+        self.draws.fill(&self.world.draws, &moved[..eyes.len()], self.savings);
         let (forward, world, draws, guides, targets) =
             (&self.forward, &self.world, &self.draws, &self.guides, &self.targets);
         if let Some(exact) = &mut self.exact {
@@ -427,13 +430,9 @@ impl Renderer {
     }
 }
 
-/// The eyes as they stand to models that were moved: what is culled is listed where it was before.
-fn moved(eyes: &[Eye], models_from_world: Mat4) -> [Eye; MAX_EYES] {
-    let mut moved = [eyes[0]; MAX_EYES];
-    for (moved, eye) in moved.iter_mut().zip(eyes) {
-        *moved = Eye { world_from_view: models_from_world * eye.world_from_view, ..*eye };
-    }
-    moved
+/// One result for each eye; those beyond are the first eye's.
+fn each(eyes: &[Eye], change: impl Fn(&Eye) -> Eye) -> [Eye; MAX_EYES] {
+    std::array::from_fn(|i| change(eyes.get(i).unwrap_or(&eyes[0])))
 }
 
 fn make_targets(gpu: &Arc<Gpu>, size: [u32; 2], eyes: u32, settings: &Settings) -> Result<Targets> {

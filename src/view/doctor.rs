@@ -3,20 +3,20 @@
 use std::path::PathBuf;
 
 use super::headset;
-use crate::Result;
 use crate::asset::shipped;
 use crate::gpu::{GpuInfo, survey, validation_available};
+use crate::{Result, say};
 
 /// Prints the findings.
 ///
 /// # Errors
 /// No GPU will do: then nothing can be drawn on this machine.
 pub fn run() -> Result<()> {
-    println!("pbr-vr {}", env!("CARGO_PKG_VERSION"));
+    say!("pbr-vr {}", env!("CARGO_PKG_VERSION"));
     let gpus = survey();
     match &gpus {
         Ok(gpus) => gpus.iter().enumerate().for_each(|(i, gpu)| print_gpu(i, gpu)),
-        Err(error) => println!("GPU         missing: {error}"),
+        Err(error) => say!("GPU         missing: {error}"),
     }
     line(
         "validation",
@@ -25,25 +25,25 @@ pub fn run() -> Result<()> {
         "no layer; for --validate install vulkan-validationlayers or the Vulkan SDK",
     );
     match super::no_display() {
-        None => println!("display     there"),
-        Some(reason) => println!("display     missing: {reason}; pictures can be written all the same"),
+        None => say!("display     there"),
+        Some(reason) => say!("display     missing: {reason}; pictures can be written all the same"),
     }
     match headset::registry() {
-        Some(path) => println!("OpenVR      runtime registered in {}", path.display()),
-        None => println!("OpenVR      no runtime; install Steam and SteamVR to use a headset"),
+        Some(path) => say!("OpenVR      runtime registered in {}", path.display()),
+        None => say!("OpenVR      no runtime; install Steam and SteamVR to use a headset"),
     }
     match headset::probe() {
-        Ok(Some(name)) => println!("headset     {name}"),
-        Ok(None) => println!("headset     there; its runtime is not running and will be started"),
-        Err(reason) => println!("headset     missing: {reason}"),
+        Ok(Some(name)) => say!("headset     {name}"),
+        Ok(None) => say!("headset     there; its runtime is not running and will be started"),
+        Err(reason) => say!("headset     missing: {reason}"),
     }
     match shipped::folder() {
-        Ok(folder) => println!("assets      {}", folder.display()),
-        Err(error) => println!("assets      missing: {error}"),
+        Ok(folder) => say!("assets      {}", folder.display()),
+        Err(error) => say!("assets      missing: {error}"),
     }
     match std::env::var_os("PBR_VR_SCENES") {
-        Some(folder) => println!("scenes      PBR_VR_SCENES = {}", PathBuf::from(folder).display()),
-        None => println!("scenes      PBR_VR_SCENES is not set; `tools/fetch-assets` gets the larger scenes"),
+        Some(folder) => say!("scenes      PBR_VR_SCENES = {}", PathBuf::from(folder).display()),
+        None => say!("scenes      PBR_VR_SCENES is not set; `tools/fetch-assets` gets the larger scenes"),
     }
     gpus.map(|_| ())
 }
@@ -54,13 +54,13 @@ fn print_gpu(index: usize, gpu: &GpuInfo) {
         None if index == 0 => "used unless --gpu names another".into(),
         None => "will do".into(),
     };
-    println!("GPU         {} ({}, Vulkan {}, {}): {verdict}", gpu.name, gpu.kind, gpu.vulkan, gpu.driver);
-    println!("            {:.1} GiB of its own", gpu.memory as f64 / f64::from(1 << 30));
+    say!("GPU         {} ({}, Vulkan {}, {}): {verdict}", gpu.name, gpu.kind, gpu.vulkan, gpu.driver);
+    say!("            {:.1} GiB of its own", gpu.memory as f64 / f64::from(1 << 30));
     for (name, there) in &gpu.options {
-        println!("            {name}: {}", if *there { "yes" } else { "no" });
+        say!("            {name}: {}", if *there { "yes" } else { "no" });
     }
 }
 
 fn line(what: &str, there: bool, yes: &str, no: &str) {
-    println!("{what:<11} {}", if there { yes } else { no });
+    say!("{what:<11} {}", if there { yes } else { no });
 }

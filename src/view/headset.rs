@@ -29,7 +29,7 @@ pub use session::{End, Frame, Session};
 
 use crate::gpu::{Gpu, GpuOptions, Instance};
 use crate::render::Settings;
-use crate::{Error, Result};
+use crate::{Error, Result, say};
 use runtime::{Role, Runtime};
 use watchdog::{Patience, Watchdog};
 
@@ -74,7 +74,7 @@ pub fn connect(options: GpuOptions<'_>) -> Result<Connected> {
     let gpu = Gpu::open_for_headset(options, &instance, physical, asked)?;
     let name = &gpu.info().name;
     if let Some(wanted) = options.name.filter(|wanted| !name.to_lowercase().contains(&wanted.to_lowercase())) {
-        println!("pbr-vr: on {name} instead of {wanted}, because the headset hangs on it");
+        say!("pbr-vr: on {name} instead of {wanted}, because the headset hangs on it");
     }
     Ok(Connected { runtime: opening.runtime, watchdog, gpu })
 }

@@ -24,7 +24,7 @@ use crate::asset::{Report, shipped};
 use crate::gpu::{Gpu, GpuOptions};
 use crate::precompute::Cache;
 use crate::render::Settings;
-use crate::{Error, Result};
+use crate::{Error, Result, say};
 use headset::RunReport;
 
 /// What to show.
@@ -94,7 +94,7 @@ pub fn auto(request: &ViewRequest<'_>, gpu: GpuOptions<'_>) -> Result<()> {
         Some(reason) => reason,
         None => {
             if let Err(no_headset) = &probed {
-                println!("pbr-vr: in a window, because {no_headset}");
+                say!("pbr-vr: in a window, because {no_headset}");
             }
             let wanted = if probed.is_ok() { Wanted::Headset } else { Wanted::Window };
             match window::run(request, gpu, wanted)? {
@@ -124,7 +124,7 @@ pub fn auto(request: &ViewRequest<'_>, gpu: GpuOptions<'_>) -> Result<()> {
         cache: request.cache,
     };
     render(&still, gpu, &Report::to_terminal())?;
-    println!(
+    say!(
         "pbr-vr: wrote {FALLBACK}, because {no_headset}, and {no_window}; start it in a desktop session to get a window"
     );
     Ok(())

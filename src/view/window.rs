@@ -21,7 +21,7 @@ use winit::window::{Window, WindowId};
 use super::headset::{self, Session};
 use super::{ViewRequest, Wanted};
 use crate::gpu::{Gpu, GpuOptions, Messages};
-use crate::{Error, Result};
+use crate::{Error, Result, say};
 use viewer::Viewer;
 
 /// Logical pixels.
@@ -116,7 +116,7 @@ impl App<'_> {
         });
         match connected {
             Err(Error::Headset { problem }) if self.wanted == Wanted::Headset => {
-                println!("pbr-vr: in a window, because {problem}");
+                say!("pbr-vr: in a window, because {problem}");
                 Ok((Gpu::open(options)?, None))
             }
             connected => connected,

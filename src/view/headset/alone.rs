@@ -14,7 +14,7 @@ use crate::gpu::Gpu;
 use crate::render::Shading;
 use crate::view::ViewRequest;
 use crate::view::window::worker::{Done, Job, Stage, Worker};
-use crate::{Error, Result};
+use crate::{Error, Result, say};
 
 /// How often the runtime's events are looked at while the first scene is loading.
 const DOZE: Duration = Duration::from_millis(10);
@@ -44,7 +44,7 @@ pub fn run(request: &ViewRequest<'_>, connected: Connected) -> Result<()> {
     drop(alone);
     match end? {
         Some(End::Lost(problem)) => return Err(Error::Headset { problem }),
-        Some(End::Quit) => println!("pbr-vr: ends, because the headset's runtime does"),
+        Some(End::Quit) => say!("pbr-vr: ends, because the headset's runtime does"),
         None => {}
     }
     reported?;
@@ -79,7 +79,7 @@ impl Alone {
             }
             if self.session.frames() == 1 {
                 let [width, height] = self.session.size();
-                println!(
+                say!(
                     "pbr-vr: in the headset {}, {width}x{height} per eye on {}",
                     self.session.name(),
                     self.gpu.info().name

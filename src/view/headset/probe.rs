@@ -10,6 +10,7 @@ use serde::{Deserialize, Serialize};
 
 use super::codes::Refusal;
 use super::runtime::{Role, Runtime};
+use crate::say;
 
 /// The hidden subcommand that the child is started with.
 pub const SUBCOMMAND: &str = "probe-headset";
@@ -74,7 +75,7 @@ pub fn answer() {
         }
     };
     // Plain data always has a text.
-    println!("{}", serde_json::to_string(&answer).unwrap_or_default());
+    say!("{}", serde_json::to_string(&answer).unwrap_or_default());
 }
 
 /// The file by which OpenVR's loader finds its runtime, where there is one.

@@ -18,11 +18,11 @@ use super::quality::{Finished, Level, Quality};
 use super::report::{FrameTime, HeadsetReport, Timeline};
 use super::runtime::{DEVICES, EYES, Runtime};
 use super::watchdog::{Patience, Watchdog};
-use crate::Result;
 use crate::gpu::{Gpu, PassTime, PassTimes, Recorder};
 use crate::render::{FRAMES_IN_FLIGHT, HiddenArea, Settings};
 use crate::view::picture::ms_since;
 use crate::view::window::worker::Stage;
+use crate::{Result, say};
 
 /// The budget of a frame where the runtime does not tell the display's rate.
 const USUAL_HERTZ: f32 = 90.0;
@@ -369,7 +369,7 @@ impl Session {
 impl Drop for Session {
     fn drop(&mut self) {
         if self.report.frames > 0 && !std::thread::panicking() {
-            println!("pbr-vr: headset: {}", self.summary());
+            say!("pbr-vr: headset: {}", self.summary());
         }
         // A lost device has nothing left to wait for.
         let _ = self.gpu.wait_idle();

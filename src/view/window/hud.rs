@@ -102,7 +102,10 @@ impl Hud {
 /// The title bar's text.
 pub fn title(scene: &str, rate: Option<&Rate>) -> String {
     match rate {
-        Some(rate) => format!("{scene} - {:.0} fps, GPU {:.2} ms - pbr-vr", rate.frames_per_second, rate.gpu_ms()),
+        Some(rate) => {
+            let gpu = rate.gpu_ms().map_or(String::new(), |ms| format!(", GPU {ms:.2} ms"));
+            format!("{scene} - {:.0} fps{gpu} - pbr-vr", rate.frames_per_second)
+        }
         None => format!("{scene} - pbr-vr"),
     }
 }
@@ -110,8 +113,8 @@ pub fn title(scene: &str, rate: Option<&Rate>) -> String {
 fn rate_line(rate: &Rate) -> String {
     let passes: Vec<String> = rate.passes.iter().map(|pass| format!("{} {:.2}", pass.name, pass.ms)).collect();
     let (fps, ms) = (rate.frames_per_second, rate.frame_ms);
-    let (cpu, gpu) = (rate.record_ms, rate.gpu_ms());
-    format!("{fps:.1} fps  {ms:.2} ms  CPU {cpu:.2} ms  GPU {gpu:.2} ms ({})", passes.join(", "))
+    let gpu = rate.gpu_ms().map_or(String::new(), |gpu| format!("  GPU {gpu:.2} ms ({})", passes.join(", ")));
+    format!("{fps:.1} fps  {ms:.2} ms  CPU {:.2} ms{gpu}", rate.record_ms)
 }
 
 /// Cuts a line at spaces, and words where they are longer than a line.

@@ -28,7 +28,7 @@ use super::worker::{Done, Job, Stage, Worker, file_name, report_screenshot};
 use crate::gpu::Gpu;
 use crate::precompute::LightMaps;
 use crate::render::{Overlay, Shading};
-use crate::{Error, Result};
+use crate::{Error, Result, say};
 
 /// A minimised window is looked at this often.
 const DOZE: Duration = Duration::from_millis(100);
@@ -194,7 +194,7 @@ impl Viewer {
         }
         self.frames += 1;
         if self.frames == 1 {
-            println!("pbr-vr: window {}x{} on {}", size[0], size[1], self.gpu.info().name);
+            say!("pbr-vr: window {}x{} on {}", size[0], size[1], self.gpu.info().name);
         }
         self.write_title(now);
         Ok(())
@@ -342,7 +342,7 @@ impl Viewer {
 
     /// A note that stays on the terminal.
     fn tell(&mut self, text: String) {
-        println!("pbr-vr: {text}");
+        say!("pbr-vr: {text}");
         self.note(text);
     }
 

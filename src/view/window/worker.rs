@@ -16,7 +16,7 @@ use crate::gpu::Gpu;
 use crate::precompute::LightMaps;
 use crate::render::{Renderer, Settings, Shading};
 use crate::scene::{Bounds, Camera};
-use crate::{Error, Result};
+use crate::{Error, Result, say};
 
 /// A scene that is ready to be drawn.
 pub struct Stage {
@@ -134,7 +134,7 @@ impl<F: Fn()> Drop for WakeAtEnd<F> {
 /// Says on the terminal where a screenshot is, or why there is none.
 pub fn report_screenshot(written: &Result<PathBuf>) {
     match written {
-        Ok(path) => println!("pbr-vr: wrote {}", path.display()),
+        Ok(path) => say!("pbr-vr: wrote {}", path.display()),
         Err(error) => eprintln!("pbr-vr: {error}"),
     }
 }

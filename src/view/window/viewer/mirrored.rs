@@ -12,7 +12,7 @@ use super::super::worker::Job;
 use super::{TEXT_SCALE, Viewer, settings};
 use crate::gpu::{Part, Rect};
 use crate::render::Overlay;
-use crate::{Error, Result};
+use crate::{Error, Result, say};
 
 /// How often the runtime's events are looked at while there is nothing to draw.
 const DOZE: Duration = Duration::from_millis(20);
@@ -68,7 +68,7 @@ impl Viewer {
         if self.frames == 1 {
             let [width, height] = session.size();
             let (headset, gpu) = (session.name(), &self.gpu.info().name);
-            println!("pbr-vr: in the headset {headset}, {width}x{height} per eye on {gpu}, mirrored in a window");
+            say!("pbr-vr: in the headset {headset}, {width}x{height} per eye on {gpu}, mirrored in a window");
         }
         if requests.next_shading {
             self.shade(1)?;
