@@ -3,6 +3,7 @@
 #extension GL_GOOGLE_include_directive : require
 #include "shared.glsl"
 #include "brdf.glsl"
+#include "energy.glsl"
 #include "environment.glsl"
 #include "output.glsl"
 #include "surface.glsl"
@@ -13,7 +14,7 @@ layout(location = 0) out vec4 colour;
 // Phong knows neither metals nor mirror images of the surroundings: an ambient term and the lamps are all it has.
 vec3 phong(Surface s)
 {
-    return s.albedo * environment_diffuse(s.n) * s.occlusion + point_lights(s);
+    return s.albedo * environment_diffuse(s.n) * s.occlusion + point_lights_phong(s);
 }
 
 struct Split {
@@ -21,24 +22,42 @@ struct Split {
     vec3 specular;
 };
 
-// What the environment gives: the split sum. The diffuse part is what the specular part leaves, 1 - (F0 A + B).
-Split environment(Surface s)
+SpecularLobe lobe_of(Surface s)
 {
-    SpecularLobe lobe = specular_lobe(s.n, s.v, s.nv, f0_from_metallic(s.albedo, s.metallic), s.roughness);
-    Split split;
-    split.diffuse = vec3(0.0);
-    if (METALS != METALS_ALL) {
-        vec3 left = (1.0 - lobe.reflectance) * (1.0 - s.metallic);
-        split.diffuse = left * s.albedo * environment_diffuse(s.n) * s.occlusion;
-    }
-    split.specular = lobe.reflectance * environment_specular(lobe) * s.occlusion;
+    return specular_lobe(s.n, s.v, s.nv, f0_from_metallic(s.albedo, s.metallic), s.roughness);
+}
+
+// The share of even light that is diffuse: of a dielectric, what its specular part leaves; the thesis's, of the mixed one.
+vec3 diffuse_even(Surface s, SpecularLobe lobe)
+{
+    vec3 left = 1.0 - lobe.reflectance;
+    if (GEOMETRY == GEOMETRY_SMITH)
+        left = vec3(left_by_dielectric(Energy(lobe.mean_entry, MULTI_SCATTER), lobe.entry));
+    return left * (1.0 - s.metallic) * s.albedo;
+}
+
+// What the environment gives: the split sum, and with the irradiance what is diffuse or scattered more than once. Both of
+// these are a function of l times one of v, and over what the first is divided by its integral, n.l included, is 1. So the
+// irradiance is exact under even light; elsewhere it takes their slow fall towards grazing light for the cosine's own.
+Split environment(Surface s, SpecularLobe lobe)
+{
+    bool multiple = MULTI_SCATTER && GEOMETRY == GEOMETRY_SMITH;
+    Split split = Split(vec3(0.0), lobe.reflectance * environment_specular(lobe) * s.occlusion);
+    if (METALS == METALS_ALL && !multiple)
+        return split;
+    vec3 even = environment_diffuse(s.n) * s.occlusion;
+    if (METALS != METALS_ALL)
+        split.diffuse = diffuse_even(s, lobe) * even;
+    if (multiple)
+        split.specular += lost(lobe.entry) * mixed_share(Energy(lobe.mean_entry, true), s.albedo, s.metallic) * even;
     return split;
 }
 
 vec3 physically_based(Surface s)
 {
-    Split split = environment(s);
-    return split.diffuse + split.specular + point_lights(s);
+    SpecularLobe lobe = lobe_of(s);
+    Split split = environment(s, lobe);
+    return split.diffuse + split.specular + point_lights(s, Energy(lobe.mean_entry, MULTI_SCATTER), lobe.entry);
 }
 
 // D, F and G for the first light, or for a lamp at the eye where the scene has none.
@@ -64,9 +83,9 @@ vec3 light_of(Surface s)
     if (SHADING == SHADING_PHONG)
         return phong(s);
     if (SHADING == SHADING_DIFFUSE)
-        return environment(s).diffuse;
+        return environment(s, lobe_of(s)).diffuse;
     if (SHADING == SHADING_SPECULAR)
-        return environment(s).specular;
+        return environment(s, lobe_of(s)).specular;
     if (SHADING == SHADING_IRRADIANCE)
         return environment_diffuse(s.n);
     return physically_based(s);

@@ -6,6 +6,7 @@ use crate::asset::{Report, Storage, TextureOptions};
 use crate::gpu::Gpu;
 use crate::precompute::{Cache, Options};
 use crate::reference::brdf::Geometry;
+use crate::reference::energy::Scattering;
 use crate::reference::table::SplitSum;
 use crate::render::{Settings, Shading};
 use crate::scene::Model;
@@ -19,6 +20,9 @@ pub struct Look {
     /// Masking and shadowing term.
     #[arg(long, value_enum, default_value_t)]
     pub geometry: Geometry,
+    /// How often light bounces between a surface's microfacets.
+    #[arg(long, value_enum, default_value_t)]
+    pub scattering: Scattering,
     /// How surfaces mirror the panorama.
     #[arg(long, value_enum, default_value_t)]
     pub split_sum: SplitSum,
@@ -34,6 +38,7 @@ impl Look {
     pub fn settings(&self, gpu: &Gpu, cache: Option<&Cache>, report: &Report) -> Settings {
         Settings {
             geometry: self.geometry,
+            scattering: self.scattering,
             split_sum: self.split_sum,
             model: self.model,
             precompute: Options { cache: cache.cloned(), ..Options::default() },
