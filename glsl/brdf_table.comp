@@ -73,7 +73,7 @@ void main()
     uvec2 id = gl_GlobalInvocationID.xy, size = uvec2(imageSize(table).xy);
     vec2 arguments = table_arguments(id, size);
     // At n.v = 1 there is no plane of incidence; across / sin has a limit.
-    float nv = min(arguments.x, 0.99999), roughness = arguments.y;
+    float nv = clamp(arguments.x, MIN_COS, 0.99999), roughness = arguments.y;
     float sv = sqrt(1.0 - nv * nv);
     float alpha = max(roughness * roughness, SMALLEST_ALPHA);
     Parts parts = Parts(vec2(0.0), vec2(0.0), vec2(0.0));

@@ -4,6 +4,7 @@
 #define PBR_VR_ENERGY
 
 #include "brdf.glsl"
+#include "table.glsl"
 
 // The terms at one roughness.
 struct Energy {
@@ -11,7 +12,7 @@ struct Energy {
     bool multiple; // else single scattering alone, and nothing is given back
 };
 
-// Least share that is divided by: below, all lobes below are 0 over 0 and nothing is lost.
+// Least share that is divided by: below, a lobe is 0 over 0.
 const float LEAST_LOST = 1e-6;
 
 // What single scattering loses where all is reflected, 1 - (A + B).
@@ -60,7 +61,7 @@ float left_by_dielectric(Energy energy, vec2 entry)
 vec3 diffuse_kelemen2001(Energy energy, vec3 albedo, vec2 at_l, vec2 at_v)
 {
     float ends = left_by_dielectric(energy, at_l) * left_by_dielectric(energy, at_v);
-    return albedo * (ends * INV_PI / left_by_dielectric(energy, energy.mean));
+    return albedo * (ends * INV_PI / max(left_by_dielectric(energy, energy.mean), LEAST_LOST));
 }
 
 // All that is not single scattering, in 1/sr.
@@ -68,6 +69,33 @@ vec3 beyond_single(Energy energy, vec3 albedo, float metallic, vec2 at_l, vec2 a
 {
     vec3 sum = (1.0 - metallic) * diffuse_kelemen2001(energy, albedo, at_l, at_v);
     return energy.multiple ? sum + multiple(energy, mixed_share(energy, albedo, metallic), at_l, at_v) : sum;
+}
+
+// Of light that comes evenly from all sides, the share that comes back diffuse. As each of these terms is one function of l
+// times one of v, and is divided by the first one's integral, n.l included, these are the integrals over l.
+vec3 diffuse_even(Energy energy, vec3 albedo, float metallic, vec2 at_v)
+{
+    return (1.0 - metallic) * left_by_dielectric(energy, at_v) * albedo;
+}
+
+// And scattered more than once.
+vec3 multiple_even(Energy energy, vec3 albedo, float metallic, vec2 at_v)
+{
+    return lost(at_v) * mixed_share(energy, albedo, metallic);
+}
+
+// The table's entry at n.l or n.v.
+vec2 table_entry(sampler2DArray table, float cosine, float roughness)
+{
+    vec2 at = table_coordinate(cosine, roughness, vec2(textureSize(table, 0).xy));
+    return textureLod(table, vec3(at, 0.0), 0.0).xy;
+}
+
+// And averaged over directions: any place along the row holds it.
+vec2 table_mean(sampler2DArray table, float roughness)
+{
+    vec2 at = table_coordinate(1.0, roughness, vec2(textureSize(table, 0).xy));
+    return textureLod(table, vec3(at, 1.0), 0.0).zw;
 }
 
 #endif

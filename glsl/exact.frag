@@ -4,6 +4,7 @@
 #extension GL_GOOGLE_include_directive : require
 #include "shared.glsl"
 #include "brdf.glsl"
+#include "energy.glsl"
 #include "sampling.glsl"
 #include "surface.glsl"
 #include "lamps.glsl"
@@ -42,10 +43,10 @@ Scatter make_scatter(Surface s, mat3 world_from_surface)
     m.roughness = s.roughness;
     m.alpha = s.roughness * s.roughness;
     m.mirror = m.alpha < MIRROR_ALPHA;
-    m.energy = energy_at(s.roughness);
-    m.at_v = entry_at(m.v.z, s.roughness);
+    m.energy = Energy(table_mean(brdf_table, s.roughness), MULTI_SCATTER);
+    m.at_v = table_entry(brdf_table, m.v.z, s.roughness);
     vec3 f = f_schlick(m.f0, m.v.z);
-    vec3 diffuse = (1.0 - s.metallic) * s.albedo + lost(m.at_v) * multiple_share(m.energy, m.f0);
+    vec3 diffuse = (1.0 - s.metallic) * s.albedo + multiple_even(m.energy, s.albedo, s.metallic, m.at_v);
     float specular = max(f.r, max(f.g, f.b)), matte = max(diffuse.r, max(diffuse.g, diffuse.b));
     // Never below a tenth: the specular part has peaks that cosine samples do not find.
     m.specular_share = m.mirror ? 0.0 : matte > 0.0 ? clamp(specular / (specular + matte), 0.1, 0.9) : 1.0;
@@ -61,7 +62,7 @@ vec3 scattered(Scatter m, vec3 l)
     if (GEOMETRY == GEOMETRY_KARIS2013)
         sum = (1.0 - m.metallic) * diffuse_karis2013(m.albedo, m.f0, vh);
     else
-        sum = beyond_single(m.energy, m.albedo, m.metallic, entry_at(l.z, m.roughness), m.at_v);
+        sum = beyond_single(m.energy, m.albedo, m.metallic, table_entry(brdf_table, l.z, m.roughness), m.at_v);
     if (!m.mirror)
         sum += f_schlick(m.f0, vh) * (d_ggx(vec3(0.0, 0.0, 1.0), h, m.alpha) * v_environment(l.z, m.v.z, m.roughness, GEOMETRY));
     return sum * l.z;
@@ -118,6 +119,7 @@ vec3 environment_light(Surface s)
 void main()
 {
     Surface s = read_surface();
-    vec3 lamps = point_lights(s, energy_at(s.roughness), entry_at(s.nv, s.roughness));
+    Energy energy = Energy(table_mean(brdf_table, s.roughness), MULTI_SCATTER);
+    vec3 lamps = point_lights(s, energy, table_entry(brdf_table, s.nv, s.roughness));
     radiance = vec4(environment_light(s) + lamps, 1.0);
 }

@@ -27,29 +27,22 @@ SpecularLobe lobe_of(Surface s)
     return specular_lobe(s.n, s.v, s.nv, f0_from_metallic(s.albedo, s.metallic), s.roughness);
 }
 
-// The share of even light that is diffuse: of a dielectric, what its specular part leaves; the thesis's, of the mixed one.
-vec3 diffuse_even(Surface s, SpecularLobe lobe)
-{
-    vec3 left = 1.0 - lobe.reflectance;
-    if (GEOMETRY == GEOMETRY_SMITH)
-        left = vec3(left_by_dielectric(Energy(lobe.mean_entry, MULTI_SCATTER), lobe.entry));
-    return left * (1.0 - s.metallic) * s.albedo;
-}
-
-// What the environment gives: the split sum, and with the irradiance what is diffuse or scattered more than once. Both of
-// these are a function of l times one of v, and over what the first is divided by its integral, n.l included, is 1. So the
-// irradiance is exact under even light; elsewhere it takes their slow fall towards grazing light for the cosine's own.
+// What the environment gives: the split sum, and with the irradiance what is diffuse or scattered more than once. That is
+// exact under even light (energy.glsl); elsewhere it takes these terms' slow fall towards grazing light for the cosine's.
 Split environment(Surface s, SpecularLobe lobe)
 {
-    bool multiple = MULTI_SCATTER && GEOMETRY == GEOMETRY_SMITH;
     Split split = Split(vec3(0.0), lobe.reflectance * environment_specular(lobe) * s.occlusion);
+    bool multiple = MULTI_SCATTER && GEOMETRY == GEOMETRY_SMITH;
     if (METALS == METALS_ALL && !multiple)
         return split;
     vec3 even = environment_diffuse(s.n) * s.occlusion;
-    if (METALS != METALS_ALL)
-        split.diffuse = diffuse_even(s, lobe) * even;
+    Energy energy = Energy(lobe.mean_entry, multiple);
+    if (GEOMETRY == GEOMETRY_KARIS2013) // the thesis's: what the mixed specular part leaves
+        split.diffuse = (1.0 - lobe.reflectance) * (1.0 - s.metallic) * s.albedo * even;
+    else if (METALS != METALS_ALL)
+        split.diffuse = diffuse_even(energy, s.albedo, s.metallic, lobe.entry) * even;
     if (multiple)
-        split.specular += lost(lobe.entry) * mixed_share(Energy(lobe.mean_entry, true), s.albedo, s.metallic) * even;
+        split.specular += multiple_even(energy, s.albedo, s.metallic, lobe.entry) * even;
     return split;
 }
 

@@ -3,7 +3,7 @@
 #define LAMPS_GLSL
 
 #include "shared.glsl"
-#include "energy_table.glsl"
+#include "energy.glsl"
 #include "surface.glsl"
 
 // Irradiance of a point light on a surface that faces it, W/m^2, and its direction.
@@ -21,8 +21,10 @@ vec3 brdf(Surface s, vec3 l, Energy energy, vec2 at_v)
     vec3 sum = specular(s.n, s.v, l, f0, s.roughness, GEOMETRY);
     if (GEOMETRY == GEOMETRY_KARIS2013)
         sum += (1.0 - s.metallic) * diffuse_karis2013(s.albedo, f0, 0.5 * length(s.v + l));
-    else if (METALS != METALS_ALL || MULTI_SCATTER)
-        sum += beyond_single(energy, s.albedo, s.metallic, entry_at(dot(s.n, l), s.roughness), at_v);
+    else if (METALS != METALS_ALL || MULTI_SCATTER) {
+        vec2 at_l = table_entry(brdf_table, dot(s.n, l), s.roughness);
+        sum += beyond_single(energy, s.albedo, s.metallic, at_l, at_v);
+    }
     return sum;
 }
 

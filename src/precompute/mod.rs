@@ -17,6 +17,8 @@ pub use texture::read_texture;
 #[cfg(test)]
 mod brdf_glsl_tests;
 #[cfg(test)]
+mod energy_glsl_tests;
+#[cfg(test)]
 mod glsl_tests;
 #[cfg(test)]
 pub(crate) mod harness_tests;

@@ -18,7 +18,7 @@ use super::table::{Entry, table_arguments, table_entry, table_place};
 /// picture at white, 1 − (254/255)^2.2 = 0.9 %.
 pub const VISIBLE: f64 = 0.0045;
 
-/// Least share that is divided by: below, the multiple lobe is 0 over 0 and nothing is lost.
+/// Least share that is divided by: below, a lobe is 0 over 0.
 const LEAST_LOST: f64 = 1e-6;
 
 /// Nodes over a cosine; E is smooth but for n·v → 0, which weighs nothing.
@@ -87,13 +87,23 @@ impl Energy {
     pub fn diffuse(&self, albedo: DVec3, at_l: Entry, at_v: Entry) -> DVec3 {
         let f0 = DVec3::splat(DIELECTRIC_F0);
         let left = |e: Entry| DVec3::ONE - self.specular_albedo(f0, e);
-        albedo * left(at_l) * left(at_v) * FRAC_1_PI / left(self.mean)
+        albedo * left(at_l) * left(at_v) * FRAC_1_PI / left(self.mean).max(DVec3::splat(LEAST_LOST))
     }
 
     /// All that is not single scattering, in 1/sr.
     pub fn beyond_single(&self, albedo: DVec3, metallic: f64, at_l: Entry, at_v: Entry) -> DVec3 {
         (1.0 - metallic) * self.diffuse(albedo, at_l, at_v)
             + self.multiple(self.mixed_share(albedo, metallic), at_l, at_v)
+    }
+
+    /// Of light that comes evenly from all sides, the share that comes back diffuse: the integral over l, n·l included.
+    pub fn diffuse_even(&self, albedo: DVec3, metallic: f64, at_v: Entry) -> DVec3 {
+        (1.0 - metallic) * albedo * (DVec3::ONE - self.specular_albedo(DVec3::splat(DIELECTRIC_F0), at_v))
+    }
+
+    /// And scattered more than once.
+    pub fn multiple_even(&self, albedo: DVec3, metallic: f64, at_v: Entry) -> DVec3 {
+        lost(at_v) * self.mixed_share(albedo, metallic)
     }
 }
 
@@ -221,6 +231,21 @@ mod tests {
     }
 
     #[test]
+    fn terms_under_even_light_are_their_integrals() {
+        for i in [3, 12, 20] {
+            let Row { energy, nodes, views, .. } = &row(i);
+            let albedo = DVec3::new(0.9, 0.5, 0.1);
+            for (nv, at_v) in views {
+                let sum = nodes.iter().fold(DVec3::ZERO, |sum, ([nl, weight], at_l)| {
+                    sum + energy.beyond_single(albedo, 0.3, *at_l, *at_v) * (2.0 * PI * weight * nl)
+                });
+                let even = energy.diffuse_even(albedo, 0.3, *at_v) + energy.multiple_even(albedo, 0.3, *at_v);
+                assert!(sum.abs_diff_eq(even, 1e-3), "{sum} and {even} at n·v {nv}");
+            }
+        }
+    }
+
+    #[test]
     fn the_terms_are_reciprocal_and_scaling_the_lobe_is_not() {
         let energy = Energy::new(1.0, Geometry::Smith, Scattering::Multiple);
         let [a, b] = [0.2, 0.9].map(|c| table_entry(c, 1.0, Geometry::Smith));
@@ -255,7 +280,7 @@ mod tests {
     /// What `is_multi_scatter_visible` takes for granted.
     #[test]
     fn a_dielectric_never_needs_it_and_more_roughness_never_less() {
-        let roughnesses: Vec<f64> = (0..=12).map(|i| f64::from(i) / 12.0).collect();
+        let roughnesses: Vec<f64> = (0..=8).map(|i| f64::from(i) / 8.0).collect();
         let changes = |metallic, albedo| -> Vec<f64> {
             roughnesses.par_iter().map(|r| most_changed(*r, metallic, albedo)).collect()
         };
