@@ -1,8 +1,11 @@
 //! Speed against accuracy: sweeps over methods and parameters, their tables and charts.
 
+mod ball;
 mod chart;
 mod clock;
 mod frame;
+mod furnace;
+mod furnace_picture;
 mod geometry;
 mod judge;
 mod maps;
@@ -32,11 +35,12 @@ pub use table::{Row, Sweep};
 pub use texels::{Accuracy, prefiltered_truth, spread_texels};
 
 /// What can be measured: its name, and what it does.
-pub const NAMES: [(&str, &str); 7] = [
+pub const NAMES: [(&str, &str); 8] = [
     ("precompute", "time and error of every way to fill the irradiance and specular maps"),
     ("frame", "processor time of a frame and of recording it, with each saving and without"),
     ("scenes", "frame rate, memory and start of the thesis's six scenes, beside its own tables"),
     ("stereo", "what the second eye costs: one eye, two passes, one pass"),
+    ("furnace", "whether white surfaces under even light give back all of it, and what that costs"),
     ("geometry", "what vertices lose in fewer bytes, and what ordering triangles gains"),
     ("textures", "memory, time and picture of ways to store and filter textures"),
     ("panoramas", "write the synthetic panoramas as OpenEXR, for other programs"),
@@ -85,6 +89,9 @@ pub fn run(request: &MeasureRequest<'_>, gpu: GpuOptions<'_>, report: &Report) -
     }
     if wanted("stereo") {
         stereo::run(request.output, request.full, gpu, report)?;
+    }
+    if wanted("furnace") {
+        furnace::run(request.output, request.full, gpu, report)?;
     }
     if wanted("geometry") {
         geometry::run(request.output, report)?;

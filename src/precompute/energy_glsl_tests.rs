@@ -107,7 +107,8 @@ fn the_table_holds_the_mean_of_its_rows() {
     let mut judge = Judge::default();
     for row in (0..height).step_by(19) {
         let roughness = table_arguments([0, row as u32], SIZE)[1];
-        for column in (0..width).step_by(21) {
+        // Where both are 0 the limit depends on the way there.
+        for column in (usize::from(row == 0)..width).step_by(21) {
             let [scale, bias, ..] = texels[row * width + column];
             let cosine = table_arguments([column as u32, 0], SIZE)[0];
             let want = table_entry(cosine, roughness, Geometry::Smith);

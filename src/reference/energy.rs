@@ -12,7 +12,7 @@ use rayon::prelude::*;
 
 use super::brdf::{DIELECTRIC_F0, Geometry};
 use super::quadrature::gauss_legendre;
-use super::table::{Entry, table_arguments, table_entry, table_place};
+use super::table::{Entry, coarse_table_entry, table_arguments, table_entry, table_place};
 
 /// Share of the incoming light that must be at stake for multiple scattering to be modelled: half a step of an 8-bit sRGB
 /// picture at white, 1 − (254/255)^2.2 = 0.9 %.
@@ -45,13 +45,7 @@ pub struct Energy {
 impl Energy {
     /// For a roughness in [0, 1].
     pub fn new(roughness: f64, geometry: Geometry, scattering: Scattering) -> Self {
-        let mut mean = Entry { scale: 0.0, bias: 0.0 };
-        for [cosine, weight] in gauss_legendre(NODES) {
-            let entry = table_entry(cosine, roughness, geometry);
-            mean.scale += 2.0 * weight * cosine * entry.scale;
-            mean.bias += 2.0 * weight * cosine * entry.bias;
-        }
-        Self { mean, scattering }
+        Self { mean: mean(NODES, |cosine| table_entry(cosine, roughness, geometry)), scattering }
     }
 
     /// What the lost light is multiplied by before it comes back. Kulla and Conty, "Revisiting Physically Based Shading at
@@ -107,6 +101,17 @@ impl Energy {
     }
 }
 
+/// 2 ∫ E(μ) μ dμ.
+fn mean(nodes: usize, entry: impl Fn(f64) -> Entry) -> Entry {
+    let mut mean = Entry { scale: 0.0, bias: 0.0 };
+    for [cosine, weight] in gauss_legendre(nodes) {
+        let Entry { scale, bias } = entry(cosine);
+        mean.scale += 2.0 * weight * cosine * scale;
+        mean.bias += 2.0 * weight * cosine * bias;
+    }
+    mean
+}
+
 /// The table's entries at one roughness over cosines, interpolated: for sums over many directions.
 pub struct Curve(Vec<Entry>);
 
@@ -152,9 +157,10 @@ pub fn is_multi_scatter_visible(roughness: f64, metallic: f64, albedo: f64) -> b
 /// Most of even light that multiple scattering gives back, seen from anywhere. A dielectric's diffuse part loses what its
 /// specular part gains, times the albedo: at most all of it stays.
 fn most_changed(roughness: f64, metallic: f64, albedo: f64) -> f64 {
-    let energy = Energy::new(roughness, Geometry::Smith, Scattering::Multiple);
+    let entry = |cosine| coarse_table_entry(cosine, roughness, Geometry::Smith);
+    let energy = Energy { mean: mean(NODES / 3, entry), scattering: Scattering::Multiple };
     let share = energy.mixed_share(DVec3::splat(albedo), metallic).x;
-    let lost = [0.05, 0.2, 0.4, 0.7, 1.0].map(|nv| lost(table_entry(nv, roughness, Geometry::Smith)));
+    let lost = [0.05, 0.2, 0.4, 0.7, 1.0].map(|nv| lost(entry(nv)));
     share * lost.into_iter().fold(0.0, f64::max)
 }
 

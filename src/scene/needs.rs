@@ -173,6 +173,17 @@ mod tests {
     }
 
     #[test]
+    fn rough_metals_need_multiple_scattering() {
+        for (albedo, metallic, roughness, needed) in
+            [(0.9, 1.0, 0.6, true), (0.9, 1.0, 0.02, false), (0.9, 0.0, 1.0, false), (0.05, 1.0, 0.5, false)]
+        {
+            let material = Material::plain("plain", Vec3::splat(albedo), metallic, roughness);
+            let needs = Needs::of(&scene(vec![material], 0), Model::Needed, None);
+            assert_eq!(needs.materials[0].multi_scatter, needed, "{albedo}, {metallic}, {roughness}");
+        }
+    }
+
+    #[test]
     fn lights_are_counted() {
         for count in [0, 1, 7] {
             assert_eq!(Needs::of(&scene(vec![], count), Model::Needed, None).lights, Some(count as u32));
