@@ -147,7 +147,7 @@ struct Bake {
 
 #[derive(Args)]
 struct Measure {
-    /// What to measure; everything if left out.
+    /// What to measure; everything if left out, or for `all`.
     names: Vec<String>,
     /// The folder for CSV, JSON and charts; made if it is not there.
     #[arg(short, long, value_name = "DIR", required_unless_present = "list")]
@@ -285,7 +285,7 @@ fn run_bake(args: &Bake, gpu: GpuOptions<'_>, cache: Option<&Cache>) -> Result<(
 
 fn run_measure(args: &Measure, gpu: GpuOptions<'_>) -> Result<()> {
     if args.list {
-        measure::NAMES.iter().for_each(|(name, what)| say!("{name:12} {what}"));
+        measure::MEASUREMENTS.iter().for_each(|m| say!("{:12} {}", m.name, m.what));
         say!("methods      {}", measure::METHODS.join(", "));
         return Ok(());
     }
@@ -297,12 +297,9 @@ fn run_measure(args: &Measure, gpu: GpuOptions<'_>) -> Result<()> {
         methods: &args.methods,
         sizes: &args.sizes,
         judge: args.judge.as_deref(),
+        json: args.json.as_deref(),
     };
-    let sweep = measure::run(&request, gpu, &Report::to_terminal())?;
-    match (&args.json, sweep) {
-        (Some(path), Some(sweep)) => write_json(path, &sweep),
-        _ => Ok(()),
-    }
+    measure::run(&request, gpu, &Report::to_terminal())
 }
 
 fn run_compare(args: &Compare) -> Result<()> {
