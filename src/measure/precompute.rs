@@ -182,7 +182,7 @@ fn fastest<T>(mut work: impl FnMut() -> Result<(T, f64)>) -> Result<Fastest<T>> 
 
 /// The program's own stage.
 fn own(gpu: &Arc<Gpu>, panorama: &Panorama, size: u32) -> Result<(LightMaps, Made)> {
-    let options = Options { face_size: size, cache: None };
+    let options = Options { face_size: size, ..Options::default() };
     let Fastest { made: light, cpu_ms, .. } = fastest(|| {
         let light = LightMaps::new(gpu, panorama, &options)?;
         let ms = total(&light.times);
