@@ -5,6 +5,7 @@ mod clock;
 mod frame;
 mod geometry;
 mod judge;
+mod ladder;
 mod maps;
 mod precompute;
 mod scenes;
@@ -24,9 +25,10 @@ use std::path::{Path, PathBuf};
 use crate::asset::Report;
 use crate::asset::file::write_atomically;
 use crate::gpu::GpuOptions;
-use crate::precompute::check_face_size;
+use crate::precompute::{Cache, check_face_size};
 use crate::{Error, Result, say};
 
+pub use ladder::{Limit, choose};
 pub use precompute::METHODS;
 pub use synthetic::{panorama as synthetic_panorama, write_panoramas};
 pub use table::{Row, Sweep};
@@ -62,6 +64,8 @@ pub const MEASUREMENTS: &[Measurement] = &[
     measurement("geometry", "what vertices lose in fewer bytes, and what ordering triangles gains",
         |request, _, report| geometry::run(request.output, report).map(drop)),
     measurement("textures", "memory, time and picture of ways to store and filter textures", textures::run),
+    measurement("ladder", "GPU time and error of every setting that trades one for the other, against the exact picture",
+        ladder::run),
     measurement("precompute", "time and error of every way to fill the irradiance and specular maps", precompute::run),
 ];
 
@@ -76,6 +80,14 @@ pub struct MeasureRequest<'a> {
     pub output: &'a Path,
     /// All cube sizes and parameters, and more texels of each map.
     pub full: bool,
+    /// Descriptions or models; empty for some that are shipped. Only the ladder takes them.
+    pub scenes: &'a [PathBuf],
+    /// Pixels of the ladder's pictures; `None` for those of quick or full.
+    pub picture: Option<[u32; 2]>,
+    /// What is to be chosen from each ladder.
+    pub limit: Option<Limit>,
+    /// Where precomputed light is taken from, and where ladders are kept.
+    pub cache: Option<&'a Cache>,
     /// Panorama files; empty for the synthetic and the shipped ones.
     pub panoramas: &'a [PathBuf],
     /// Some of [`METHODS`]; empty for all.
@@ -106,6 +118,9 @@ pub fn run(request: &MeasureRequest<'_>, gpu: GpuOptions<'_>, report: &Report) -
     request.sizes.iter().try_for_each(|size| check_face_size(*size))?;
     if request.judge.is_some() && request.panoramas.len() != 1 {
         return Err(Error::Usage("--judge needs the one --panorama that its maps were made from".into()));
+    }
+    if !request.scenes.is_empty() && !request.wants("ladder") {
+        return Err(Error::Usage("scenes are for `measure ladder`; the others have their own".into()));
     }
     std::fs::create_dir_all(request.output).map_err(Error::write(request.output))?;
     let wanted: Vec<&Measurement> = MEASUREMENTS.iter().filter(|measurement| request.wants(measurement.name)).collect();
