@@ -56,6 +56,14 @@ pub enum Error {
     #[error("headset: {problem}; use `--on window`")]
     Headset { problem: String },
 
+    /// Settings are to be chosen for a scene from what nobody has measured.
+    #[error("{}: its settings have not been measured on {gpu}; run `pbr-vr measure ladder {}` with `-o DIR` once", scene.display(), scene.display())]
+    NotMeasured { scene: PathBuf, gpu: String },
+
+    /// No measured settings hold a limit.
+    #[error("{0}; ask for less")]
+    Unmet(String),
+
     /// A command-line request that makes no sense; exit status 2.
     #[error("{0}")]
     Usage(String),

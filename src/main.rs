@@ -7,9 +7,9 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 
 use pbr_vr::asset::file::write_atomically;
 use pbr_vr::asset::picture::{Picture, compare};
-use pbr_vr::asset::{Report, Storage, TextureOptions};
+use pbr_vr::asset::{Report, Storage, TextureOptions, shipped};
 use pbr_vr::gpu::GpuOptions;
-use pbr_vr::measure::{self, MeasureRequest};
+use pbr_vr::measure::{self, Limit, MeasureRequest};
 use pbr_vr::precompute::{Cache, Options};
 use pbr_vr::scene::needs::findings::Findings;
 use pbr_vr::view::{self, BakeRequest, HiddenAreaV, Look, Mirror, RenderRequest, ViewRequest, doctor};
@@ -84,6 +84,31 @@ struct View {
     report: Option<PathBuf>,
     #[command(flatten)]
     look: Look,
+    #[command(flatten)]
+    choice: Choice,
+}
+
+/// Settings by what they cost or give, instead of each by itself.
+#[derive(Args, Default)]
+#[group(multiple = false, conflicts_with_all = ["Look", "TextureChoice"])]
+struct Choice {
+    /// Choose the quickest settings whose error (mean FLIP) was at most this when `measure ladder SCENE` measured them here.
+    #[arg(long, value_name = "FLIP", value_parser = parse_positive)]
+    tolerance: Option<f64>,
+    /// Choose the most accurate settings whose frames took at most this long when `measure ladder SCENE` measured them here.
+    #[arg(long, value_name = "MS", value_parser = parse_positive)]
+    budget_ms: Option<f64>,
+}
+
+impl Choice {
+    /// The look: as it is, or chosen from the scene's ladder.
+    fn look(&self, look: Look, scene: &std::path::Path, gpu: GpuOptions<'_>, cache: Option<&Cache>) -> Result<Look> {
+        limit(self.tolerance, self.budget_ms).map_or(Ok(look), |limit| measure::choose(scene, limit, gpu, cache))
+    }
+}
+
+fn limit(tolerance: Option<f64>, budget_ms: Option<f64>) -> Option<Limit> {
+    tolerance.map(Limit::Tolerance).or(budget_ms.map(Limit::BudgetMs))
 }
 
 #[derive(Clone, Copy, Default, PartialEq, Eq, ValueEnum)]
@@ -119,6 +144,8 @@ struct Render {
     json: Option<PathBuf>,
     #[command(flatten)]
     look: Look,
+    #[command(flatten)]
+    choice: Choice,
 }
 
 #[derive(Args)]
@@ -147,7 +174,8 @@ struct Bake {
 
 #[derive(Args)]
 struct Measure {
-    /// What to measure; everything if left out.
+    /// What to measure; everything if left out, or for `all`. What ends in .toml or .obj is a scene for `ladder`.
+    #[arg(value_name = "NAME|SCENE")]
     names: Vec<String>,
     /// The folder for CSV, JSON and charts; made if it is not there.
     #[arg(short, long, value_name = "DIR", required_unless_present = "list")]
@@ -164,6 +192,15 @@ struct Measure {
     /// Say what can be measured.
     #[arg(long)]
     list: bool,
+    /// Pixels of the ladder's pictures.
+    #[arg(long, value_name = "WxH", value_parser = parse_size)]
+    picture: Option<[u32; 2]>,
+    /// Say which settings of a ladder are the quickest with an error (mean FLIP) of at most this.
+    #[arg(long, value_name = "FLIP", value_parser = parse_positive, conflicts_with = "budget_ms")]
+    tolerance: Option<f64>,
+    /// Say which settings of a ladder are the most accurate that take at most so long a frame.
+    #[arg(long, value_name = "MS", value_parser = parse_positive)]
+    budget_ms: Option<f64>,
     /// Measure with this panorama instead of the synthetic and shipped ones; may be repeated.
     #[arg(long = "panorama", value_name = "FILE")]
     panoramas: Vec<PathBuf>,
@@ -212,7 +249,7 @@ fn run(cli: &Cli) -> Result<()> {
         Command::View(view) => run_view(view, gpu, cache),
         Command::Render(render) => run_render(render, gpu, cache),
         Command::Bake(bake) => run_bake(bake, gpu, cache),
-        Command::Measure(measure) => run_measure(measure, gpu),
+        Command::Measure(measure) => run_measure(measure, gpu, cache),
         Command::Needs(needs) => run_needs(needs),
         Command::Compare(compare) => run_compare(compare),
         Command::Doctor => doctor::run(),
@@ -225,10 +262,12 @@ fn run(cli: &Cli) -> Result<()> {
 
 fn run_view(args: &View, gpu: GpuOptions<'_>, cache: Option<&Cache>) -> Result<()> {
     view::console::step_aside();
+    let demo = || Ok::<_, Error>(shipped::folder()?.join(shipped::DEMO));
+    let scene = args.scene.clone().map_or_else(demo, Ok)?;
     let request = ViewRequest {
-        scene: args.scene.as_deref(),
+        scene: Some(&scene),
         frames: args.frames,
-        look: args.look,
+        look: args.choice.look(args.look, &scene, gpu, cache)?,
         cache,
         hidden_area: args.hidden_area,
         mirror: args.mirror,
@@ -242,14 +281,15 @@ fn run_view(args: &View, gpu: GpuOptions<'_>, cache: Option<&Cache>) -> Result<(
 }
 
 fn run_render(args: &Render, gpu: GpuOptions<'_>, cache: Option<&Cache>) -> Result<()> {
+    let look = args.choice.look(args.look, &args.scene, gpu, cache)?;
     let request = RenderRequest {
         scene: &args.scene,
         output: &args.output,
         size: args.size,
         camera: args.camera.as_deref(),
         stereo: args.stereo,
-        frames: args.frames.unwrap_or(args.look.shading.default_frames()),
-        look: args.look,
+        frames: args.frames.unwrap_or(look.shading.default_frames()),
+        look,
         cache,
     };
     let facts = view::render(&request, gpu, &Report::to_terminal())?;
@@ -283,26 +323,29 @@ fn run_bake(args: &Bake, gpu: GpuOptions<'_>, cache: Option<&Cache>) -> Result<(
     }
 }
 
-fn run_measure(args: &Measure, gpu: GpuOptions<'_>) -> Result<()> {
+fn run_measure(args: &Measure, gpu: GpuOptions<'_>, cache: Option<&Cache>) -> Result<()> {
     if args.list {
-        measure::NAMES.iter().for_each(|(name, what)| say!("{name:12} {what}"));
+        measure::MEASUREMENTS.iter().for_each(|m| say!("{:12} {}", m.name, m.what));
         say!("methods      {}", measure::METHODS.join(", "));
         return Ok(());
     }
+    let is_scene = |name: &String| [".toml", ".obj"].iter().any(|end| name.to_lowercase().ends_with(end));
+    let (scenes, names): (Vec<String>, Vec<String>) = args.names.iter().cloned().partition(is_scene);
     let request = MeasureRequest {
-        names: &args.names,
+        names: &names,
+        scenes: &scenes.into_iter().map(PathBuf::from).collect::<Vec<_>>(),
+        picture: args.picture,
+        limit: limit(args.tolerance, args.budget_ms),
+        cache,
         output: args.output.as_deref().unwrap_or(std::path::Path::new(".")),
         full: args.full,
         panoramas: &args.panoramas,
         methods: &args.methods,
         sizes: &args.sizes,
         judge: args.judge.as_deref(),
+        json: args.json.as_deref(),
     };
-    let sweep = measure::run(&request, gpu, &Report::to_terminal())?;
-    match (&args.json, sweep) {
-        (Some(path), Some(sweep)) => write_json(path, &sweep),
-        _ => Ok(()),
-    }
+    measure::run(&request, gpu, &Report::to_terminal())
 }
 
 fn run_compare(args: &Compare) -> Result<()> {
@@ -338,6 +381,11 @@ fn parse_size(text: &str) -> std::result::Result<[u32; 2], String> {
     let (width, height) = text.split_once(['x', 'X']).ok_or_else(problem)?;
     let side = |s: &str| s.parse().ok().filter(|n| *n > 0).ok_or_else(problem);
     Ok([side(width)?, side(height)?])
+}
+
+fn parse_positive(text: &str) -> std::result::Result<f64, String> {
+    let number = text.parse().ok().filter(|number: &f64| number.is_finite() && *number > 0.0);
+    number.ok_or_else(|| "a number above 0".into())
 }
 
 fn start_log(verbose: u8) {

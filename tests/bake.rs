@@ -77,7 +77,7 @@ fn files_hold_the_maps_bit_for_bit_and_another_reader_agrees() {
     }
     let gpu = Gpu::open(validated()).expect("a GPU");
     let panorama = Panorama::load(&panorama, &Report::silent()).expect("the panorama");
-    let light = LightMaps::new(&gpu, &panorama, &Options { face_size: 64, cache: None }).expect("maps");
+    let light = LightMaps::new(&gpu, &panorama, &Options { face_size: 64, ..Options::default() }).expect("maps");
     let table = BrdfTable::new(&gpu, Geometry::Smith, SplitSum::Moment, None).expect("a table");
     assert_eq!(irradiance.levels, texels(&gpu, &light.irradiance_over_pi, irradiance.format));
     assert_eq!(brdf.levels, texels(&gpu, &table.image, brdf.format));
@@ -106,7 +106,7 @@ fn a_sun_beyond_halves_is_written_in_floats_and_keeps_its_radiance() {
     baked(&shop, &panorama, 16);
     let gpu = Gpu::open(validated()).expect("a GPU");
     let panorama = Panorama::load(&panorama, &Report::silent()).expect("the panorama");
-    let light = LightMaps::new(&gpu, &panorama, &Options { face_size: 16, cache: None }).expect("maps");
+    let light = LightMaps::new(&gpu, &panorama, &Options { face_size: 16, ..Options::default() }).expect("maps");
     assert!(light.scale > 1.0);
     let maps =
         [("irradiance.ktx2", vec![&light.irradiance_over_pi]), ("specular.ktx2", light.specular.iter().collect())];

@@ -69,7 +69,7 @@ impl Floor {
 }
 
 fn choice(storage: Storage, budget_mib: Option<u32>) -> TextureChoice {
-    TextureChoice { storage: Some(storage), budget_mib, anisotropy: None }
+    TextureChoice { storage: Some(storage), budget_mib, ..TextureChoice::default() }
 }
 
 #[test]

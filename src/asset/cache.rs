@@ -33,6 +33,11 @@ impl Cache {
         Self { folder, most_bytes: MOST_BYTES }
     }
 
+    /// A folder beside the cache's own, for files of another kind that can be made again.
+    pub fn beside(&self, name: &str) -> PathBuf {
+        self.folder.with_file_name(name)
+    }
+
     /// The entry `key` of at most `limit` bytes; `None` if there is none, or none that is whole and `fits`. What is not
     /// whole is told.
     pub fn load(&self, key: &str, limit: u64, fits: impl Fn(&Ktx2) -> bool) -> Option<Ktx2> {

@@ -26,7 +26,7 @@ pub struct TextureOptions {
     pub cache: Option<Cache>,
     /// GPU memory that they may take together, in bytes; `None` for what the GPU has free, less a margin.
     pub budget_bytes: Option<u64>,
-    /// Top levels left out of every texture, for measurements.
+    /// Top levels left out of every texture.
     pub dropped_levels: u32,
     /// Samples along a slanted footprint at most, 1 to 16.
     pub anisotropy: u32,

@@ -285,6 +285,12 @@ impl Commands<'_> {
         unsafe { self.device().cmd_pipeline_barrier2(self.recorder.raw, &info) };
     }
 
+    /// Scales a part of all layers into a part of another image's, filtered bilinearly; they must be prepared for `CopyFrom`
+    /// and `CopyTo`.
+    pub fn scale(&mut self, from: &Image, to: &Image, parts: [Rect; 2]) {
+        self.blit_raw(from.raw, to.raw, parts, [self.layers(from, 0), self.layers(to, 0)]);
+    }
+
     /// Fills mips 1.. of a one-layer or layered image from mip 0 by halving; leaves it `Sampled`.
     pub fn halve_mips(&mut self, image: &Image) {
         self.prepare(image, Use::CopyTo);

@@ -72,7 +72,7 @@ struct Made {
 }
 
 /// Measures and writes `precompute.csv`, `precompute.json` and one chart for each panorama and size.
-pub fn run(request: &MeasureRequest<'_>, gpu: GpuOptions<'_>, report: &Report) -> Result<Sweep> {
+pub fn run(request: &MeasureRequest<'_>, gpu: GpuOptions<'_>, report: &Report) -> Result<()> {
     let extent = Extent::new(request);
     let panoramas = sources(request)?;
     let mut csv = Csv::new(&request.output.join("precompute.csv"))?;
@@ -126,8 +126,7 @@ pub fn run(request: &MeasureRequest<'_>, gpu: GpuOptions<'_>, report: &Report) -
     sweep.warnings = report.warnings();
     let path = request.output.join("precompute.json");
     let text = serde_json::to_string_pretty(&sweep).map_err(|e| Error::write(&path)(e.into()))?;
-    write_atomically(&path, (text + "\n").as_bytes())?;
-    Ok(sweep)
+    write_atomically(&path, (text + "\n").as_bytes())
 }
 
 /// Where a panorama comes from; loaded one at a time.
@@ -183,7 +182,7 @@ fn fastest<T>(mut work: impl FnMut() -> Result<(T, f64)>) -> Result<Fastest<T>> 
 
 /// The program's own stage.
 fn own(gpu: &Arc<Gpu>, panorama: &Panorama, size: u32) -> Result<(LightMaps, Made)> {
-    let options = Options { face_size: size, cache: None };
+    let options = Options { face_size: size, ..Options::default() };
     let Fastest { made: light, cpu_ms, .. } = fastest(|| {
         let light = LightMaps::new(gpu, panorama, &options)?;
         let ms = total(&light.times);

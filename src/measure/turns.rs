@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use cpu_time::ThreadTime;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::clock::cpu_ms;
 use crate::Result;
@@ -16,7 +16,7 @@ use crate::render::{Eye, Renderer};
 const WARM_UP: usize = 2;
 
 /// The middle of many times, and those that a tenth of them lie below and above. Milliseconds.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Spread {
     pub median: f64,
     pub low: f64,
@@ -34,7 +34,7 @@ impl Spread {
 }
 
 /// What one way of drawing costs per frame.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Cost {
     pub frames: usize,
     /// GPU time of all passes.
@@ -64,6 +64,25 @@ pub struct Limits {
 
 /// Draws frames in turn, each to its end before the next begins; one cost for each way, in their order.
 pub fn take_turns(gpu: &Arc<Gpu>, ways: &mut [Way], limits: Limits) -> Result<Vec<Cost>> {
+    Ok(rounds(gpu, &mut ways.iter_mut().collect::<Vec<_>>(), limits)?
+        .iter()
+        .filter_map(|samples| cost(samples))
+        .collect())
+}
+
+/// The same for two ways; also how many times the first's time the second takes, round by round: GPU time, or where the GPU is
+/// the CPU processor time, which other programs do not disturb.
+pub fn compare_in_turns(gpu: &Arc<Gpu>, ways: [&mut Way; 2], limits: Limits) -> Result<Option<([Cost; 2], Spread)>> {
+    let [first, second] = ways;
+    let samples = rounds(gpu, &mut [first, second], limits)?;
+    let software = gpu.info().is_software();
+    let time = |sample: &Sample| sample.cpu_ms.filter(|_| software).unwrap_or(sample.gpu_ms);
+    let ratios = samples[0].iter().zip(&samples[1]).map(|(first, second)| time(second) / time(first));
+    let ratio = Spread::of(ratios.filter(|ratio| ratio.is_finite()).collect());
+    Ok(cost(&samples[0]).zip(cost(&samples[1])).zip(ratio).map(|((first, second), ratio)| ([first, second], ratio)))
+}
+
+fn rounds(gpu: &Arc<Gpu>, ways: &mut [&mut Way], limits: Limits) -> Result<Vec<Vec<Sample>>> {
     let mut recorder = Recorder::new(gpu)?;
     // Who wants one frame wants its picture.
     let warm_up = if limits.most > 1 { WARM_UP } else { 0 };
@@ -82,7 +101,7 @@ pub fn take_turns(gpu: &Arc<Gpu>, ways: &mut [Way], limits: Limits) -> Result<Ve
             samples.push(frame(&mut recorder, way)?);
         }
     }
-    Ok(samples.iter().filter_map(|samples| cost(samples)).collect())
+    Ok(samples)
 }
 
 #[derive(Clone, Copy)]

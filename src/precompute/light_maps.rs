@@ -12,8 +12,8 @@ use crate::{Error, Result};
 
 /// Texels along a face that specular levels 0 and 1 may have, powers of two.
 const FACE_SIZES: std::ops::RangeInclusive<u32> = 16..=1024;
-/// Texels along a face of the irradiance map; the clamped cosine leaves nothing finer.
-pub const IRRADIANCE_SIZE: u32 = 32;
+/// Texels along a face that the irradiance map may have, powers of two.
+const IRRADIANCE_SIZES: std::ops::RangeInclusive<u32> = 4..=128;
 /// Radiance that the half-float maps hold at most before they are scaled.
 const HALF_LIMIT: f32 = 60_000.0;
 
@@ -37,11 +37,12 @@ impl LightMaps {
     /// A face size that is none, a panorama wider than the GPU's images, or no memory.
     pub fn new(gpu: &Arc<Gpu>, panorama: &Panorama, options: &Options) -> Result<Self> {
         check_face_size(options.face_size)?;
+        check_irradiance_size(options.irradiance_size)?;
         let size = options.face_size;
         let peak = panorama.texels.iter().flatten().copied().fold(0.0, f32::max);
         let scale = (peak / HALF_LIMIT).max(1.0).log2().ceil().exp2();
         let image = upload(gpu, panorama)?;
-        let irradiance_over_pi = cube(gpu, "irradiance", IRRADIANCE_SIZE, 1)?;
+        let irradiance_over_pi = cube(gpu, "irradiance", options.irradiance_size, 1)?;
         let mips = (LEVELS / 2) as u32;
         let specular = [cube(gpu, "even specular levels", size, mips)?, cube(gpu, "odd specular levels", size, mips)?];
         let compute = || KernelSum::new(gpu, &image, &specular, &irradiance_over_pi)?.run(gpu, scale);
@@ -62,10 +63,19 @@ impl LightMaps {
 
 /// Fails with bad usage unless maps can be made with this many texels along a face.
 pub fn check_face_size(size: u32) -> Result<()> {
-    if FACE_SIZES.contains(&size) && size.is_power_of_two() {
+    check_size(size, FACE_SIZES)
+}
+
+/// The same for the irradiance map.
+pub fn check_irradiance_size(size: u32) -> Result<()> {
+    check_size(size, IRRADIANCE_SIZES)
+}
+
+fn check_size(size: u32, sizes: std::ops::RangeInclusive<u32>) -> Result<()> {
+    if sizes.contains(&size) && size.is_power_of_two() {
         return Ok(());
     }
-    let (least, most) = (FACE_SIZES.start(), FACE_SIZES.end());
+    let (least, most) = (sizes.start(), sizes.end());
     Err(Error::Usage(format!("faces of {size} texels cannot be made; a power of two from {least} to {most} can")))
 }
 

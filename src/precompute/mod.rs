@@ -11,7 +11,7 @@ mod texture;
 
 pub use crate::asset::cache::Cache;
 pub use brdf_table::BrdfTable;
-pub use light_maps::{LightMaps, check_face_size};
+pub use light_maps::{LightMaps, check_face_size, check_irradiance_size};
 pub use texture::read_texture;
 
 #[cfg(test)]
@@ -28,12 +28,14 @@ pub(crate) mod harness_tests;
 pub struct Options {
     /// Texels along a face of specular levels 0 and 1: a power of two from 16 to 1024.
     pub face_size: u32,
+    /// Texels along a face of the irradiance map: a power of two from 4 to 128.
+    pub irradiance_size: u32,
     /// `None` computes always, and keeps nothing.
     pub cache: Option<Cache>,
 }
 
 impl Default for Options {
     fn default() -> Self {
-        Self { face_size: 256, cache: None }
+        Self { face_size: 256, irradiance_size: 32, cache: None }
     }
 }

@@ -43,7 +43,7 @@ use exact::{Exact, Shown};
 use forward::Forward;
 use guides::GuidesPass;
 use shared::{EyeBlock, FrameBlock};
-use targets::Targets;
+use targets::{Detail, Targets};
 use world::World;
 
 /// Frames that the CPU may be ahead of the GPU.
@@ -103,6 +103,9 @@ pub struct Settings {
     pub output: Output,
     /// Samples per pixel: 1 or 4.
     pub samples: u32,
+    /// Sides of what is drawn over those of the picture, to which it is then enlarged: more than 0, at most 1. The exact
+    /// picture is always drawn whole.
+    pub scale: f32,
     pub precompute: precompute::Options,
     /// The scene's textures are loaded with the same ones.
     pub textures: TextureOptions,
@@ -118,6 +121,7 @@ impl Default for Settings {
             viewpoint: None,
             output: Output::Display,
             samples: 4,
+            scale: 1.0,
             precompute: precompute::Options::default(),
             textures: TextureOptions::default(),
         }
@@ -444,7 +448,8 @@ fn make_targets(gpu: &Arc<Gpu>, size: [u32; 2], eyes: u32, settings: &Settings) 
         let message = format!("a picture of {}x{} cannot be made; 1x1 to {most}x{most} can", size[0], size[1]);
         return Err(Error::Usage(message));
     }
-    let bytes = Targets::bytes(size, eyes, settings.output, settings.samples);
+    let detail = Detail { output: settings.output, samples: settings.samples, scale: settings.scale };
+    let bytes = Targets::bytes(size, eyes, detail);
     let there = gpu.info().memory;
     if bytes > there {
         let what = format!("a picture of {}x{}", size[0], size[1]);
@@ -454,7 +459,7 @@ fn make_targets(gpu: &Arc<Gpu>, size: [u32; 2], eyes: u32, settings: &Settings) 
             problem: format!("{} MiB against {} MiB there are", mib(bytes), mib(there)),
         });
     }
-    Targets::new(gpu, size, eyes, settings.output, settings.samples)
+    Targets::new(gpu, size, eyes, detail)
 }
 
 fn make_frames(

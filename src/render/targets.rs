@@ -1,10 +1,10 @@
-//! The images that one frame is drawn into: colour and depth, multisampled, and the resolved picture.
+//! The images that one frame is drawn into: colour and depth, multisampled and maybe smaller, and the resolved picture.
 
 use std::sync::Arc;
 
 use crate::Result;
 use crate::gpu::{
-    Commands, DEPTH_FORMAT, Format, Gpu, Image, ImageDesc, ImageUsageFlags, Shape, Targets as Rendering, Use,
+    Commands, DEPTH_FORMAT, Format, Gpu, Image, ImageDesc, ImageUsageFlags, Rect, Shape, Targets as Rendering, Use,
 };
 
 /// What pictures hold.
@@ -34,56 +34,89 @@ impl Output {
     }
 }
 
+/// How much a frame's images hold.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Detail {
+    pub output: Output,
+    /// Per pixel: 1 or 4.
+    pub samples: u32,
+    /// Sides of what is drawn over those of the picture, at most 1.
+    pub scale: f32,
+}
+
+impl Detail {
+    /// Pixels that are drawn for so many of the picture.
+    fn drawn(self, picture: [u32; 2]) -> [u32; 2] {
+        picture.map(|side| ((side as f32 * self.scale).round() as u32).clamp(1, side.max(1)))
+    }
+}
+
 /// One layer per eye in each image.
 pub struct Targets {
+    detail: Detail,
     samples: Option<Image>,
     depth: Image,
+    /// What is drawn, where it is smaller than the picture.
+    small: Option<Image>,
     pub picture: Image,
-    /// The part that is drawn, pixels from the upper left corner.
+    /// The part of the picture that is made, pixels from the upper left corner.
     pub area: [u32; 2],
 }
 
 impl Targets {
-    /// Makes targets of `size` pixels for `eyes` eyes with 1 or 4 samples per pixel.
-    pub fn new(gpu: &Arc<Gpu>, size: [u32; 2], eyes: u32, output: Output, samples: u32) -> Result<Self> {
-        let colour = ImageUsageFlags::COLOR_ATTACHMENT;
-        let make = |name: &str, format, usage, samples| {
+    /// Makes targets for pictures of `size` pixels for `eyes` eyes.
+    pub fn new(gpu: &Arc<Gpu>, size: [u32; 2], eyes: u32, detail: Detail) -> Result<Self> {
+        let Detail { output, samples, .. } = detail;
+        let (colour, drawn) = (ImageUsageFlags::COLOR_ATTACHMENT, detail.drawn(size));
+        let make = |name: &str, size, format, usage, samples| {
             let flat = ImageDesc::flat(format, size, usage);
             Image::new(gpu, name, ImageDesc { shape: Shape::Layers(eyes), samples, ..flat })
         };
-        let picture_usage = colour | ImageUsageFlags::TRANSFER_SRC | ImageUsageFlags::SAMPLED;
-        let multisampled = (samples > 1).then(|| make("samples", output.format(), colour, samples)).transpose()?;
+        let copied = colour | ImageUsageFlags::TRANSFER_SRC;
+        let picture_usage = copied | ImageUsageFlags::TRANSFER_DST | ImageUsageFlags::SAMPLED;
+        let multisampled = (samples > 1).then(|| make("samples", drawn, output.format(), colour, samples));
+        let small = (drawn != size).then(|| make("small picture", drawn, output.format(), copied, 1));
         Ok(Self {
-            samples: multisampled,
-            depth: make("depth", DEPTH_FORMAT, ImageUsageFlags::DEPTH_STENCIL_ATTACHMENT, samples)?,
-            picture: make("picture", output.format(), picture_usage, 1)?,
+            detail,
+            samples: multisampled.transpose()?,
+            depth: make("depth", drawn, DEPTH_FORMAT, ImageUsageFlags::DEPTH_STENCIL_ATTACHMENT, samples)?,
+            small: small.transpose()?,
+            picture: make("picture", size, output.format(), picture_usage, 1)?,
             area: size,
         })
     }
 
     /// GPU memory that such targets take, about.
-    pub fn bytes(size: [u32; 2], eyes: u32, output: Output, samples: u32) -> u64 {
+    pub fn bytes(size: [u32; 2], eyes: u32, detail: Detail) -> u64 {
+        let Detail { output, samples, .. } = detail;
         let depth_bytes = 4;
         let multisampled = if samples > 1 { u64::from(samples) * output.bytes() } else { 0 };
-        let per_pixel = multisampled + u64::from(samples) * depth_bytes + output.bytes();
-        size.map(u64::from).iter().product::<u64>() * u64::from(eyes) * per_pixel
+        let drawn = detail.drawn(size);
+        let small = if drawn == size { 0 } else { output.bytes() };
+        let pixels = |size: [u32; 2]| size.map(u64::from).iter().product::<u64>() * u64::from(eyes);
+        pixels(drawn) * (multisampled + u64::from(samples) * depth_bytes + small) + pixels(size) * output.bytes()
     }
 
     /// Clears and draws all eyes at once.
     pub fn render(&self, commands: &mut Commands<'_>, record: impl FnOnce(&mut Commands<'_>)) {
+        let drawn = self.small.as_ref().unwrap_or(&self.picture);
         commands.prepare_fresh(&self.depth, Use::Depth);
-        commands.prepare_fresh(&self.picture, Use::Colour);
-        let (clear, area, depth) = (Some([0.0; 4]), self.area, Some(&self.depth));
+        commands.prepare_fresh(drawn, Use::Colour);
+        let (clear, area, depth) = (Some([0.0; 4]), self.detail.drawn(self.area), Some(&self.depth));
         match &self.samples {
             Some(samples) => {
                 commands.prepare_fresh(samples, Use::Colour);
-                let resolve = Some(&self.picture);
+                let resolve = Some(drawn);
                 commands.render(&Rendering { colour: samples, resolve, depth, clear, area }, record);
             }
             None => {
-                let colour = &self.picture;
-                commands.render(&Rendering { colour, resolve: None, depth, clear, area }, record);
+                commands.render(&Rendering { colour: drawn, resolve: None, depth, clear, area }, record);
             }
+        }
+        if let Some(small) = &self.small {
+            commands.prepare(small, Use::CopyFrom);
+            commands.prepare_fresh(&self.picture, Use::CopyTo);
+            commands.scale(small, &self.picture, [Rect::of(area), Rect::of(self.area)]);
         }
     }
 
@@ -92,5 +125,21 @@ impl Targets {
         commands.prepare(&self.picture, Use::Colour);
         let area = self.area;
         commands.render(&Rendering { colour: &self.picture, resolve: None, depth: None, clear: None, area }, record);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn smaller_frames_have_a_pixel_at_least_and_take_less_memory() {
+        let detail = |scale| Detail { output: Output::Display, samples: 4, scale };
+        assert_eq!(detail(1.0).drawn([1281, 721]), [1281, 721]);
+        assert_eq!(detail(0.5).drawn([1281, 721]), [641, 361]);
+        assert_eq!(detail(0.25).drawn([1, 2]), [1, 1]);
+        let bytes = |scale| Targets::bytes([1000, 1000], 2, detail(scale));
+        assert_eq!(bytes(1.0), 2_000_000 * (4 * 4 + 4 * 4 + 4));
+        assert_eq!(bytes(0.5), 500_000 * (4 * 4 + 4 * 4 + 4) + 2_000_000 * 4);
     }
 }

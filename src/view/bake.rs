@@ -90,7 +90,7 @@ pub fn bake(request: &BakeRequest<'_>, gpu: GpuOptions<'_>, report: &Report) -> 
     std::fs::create_dir_all(request.folder).map_err(Error::write(request.folder))?;
     let gpu = stages.run("open GPU", || Gpu::open(gpu), |_| &[])?;
     let messages = gpu.messages();
-    let options = Options { face_size: request.face_size, cache: request.cache.cloned() };
+    let options = Options { face_size: request.face_size, cache: request.cache.cloned(), ..Options::default() };
     let light = stages.run("light maps", || LightMaps::new(&gpu, &panorama, &options), |light| &light.times)?;
     let table = || BrdfTable::new(&gpu, Geometry::Smith, SplitSum::Moment, request.cache);
     let table = stages.run("BRDF table", table, |table| &table.times)?;

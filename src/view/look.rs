@@ -4,15 +4,18 @@ use clap::Args;
 
 use crate::asset::{Report, Storage, TextureOptions};
 use crate::gpu::Gpu;
-use crate::precompute::{Cache, Options};
+use crate::precompute::{Cache, Options, check_face_size, check_irradiance_size};
 use crate::reference::brdf::Geometry;
 use crate::reference::energy::Scattering;
 use crate::reference::table::SplitSum;
 use crate::render::{Settings, Shading};
 use crate::scene::Model;
 
+/// Of sides; what is smaller shows nothing.
+const SMALLEST_SCALE: f32 = 0.25;
+
 /// What windows, headsets and pictures have in common.
-#[derive(Args, Clone, Copy, Debug, Default)]
+#[derive(Args, Clone, Copy, Debug, Default, PartialEq)]
 pub struct Look {
     /// How surfaces are shaded, or which of their inputs and terms is shown.
     #[arg(long, value_enum, default_value_t)]
@@ -29,6 +32,18 @@ pub struct Look {
     /// Model what the scene needs, or everything: the same picture, slower.
     #[arg(long, value_enum, default_value_t)]
     pub model: Model,
+    /// Samples of each pixel at the edges of triangles: 1 (quick, jagged) or 4. 4 if left out.
+    #[arg(long, value_name = "N", value_parser = parse_samples)]
+    pub samples: Option<u32>,
+    /// Draw pictures smaller by this factor, 0.25 to 1, and enlarge them; `--shading reference` stays as it is.
+    #[arg(long, value_name = "FACTOR", value_parser = parse_scale)]
+    pub scale: Option<f32>,
+    /// Texels along a face of the sharpest mirrored light: a power of two from 16 to 1024. 256 if left out.
+    #[arg(long, value_name = "N", value_parser = |text: &str| parse_side(text, check_face_size))]
+    pub cube_size: Option<u32>,
+    /// Texels along a face of the diffuse light: a power of two from 4 to 128. 32 if left out.
+    #[arg(long, value_name = "N", value_parser = |text: &str| parse_side(text, check_irradiance_size))]
+    pub irradiance_size: Option<u32>,
     #[command(flatten)]
     pub textures: TextureChoice,
 }
@@ -36,16 +51,41 @@ pub struct Look {
 impl Look {
     /// The same for a renderer on this GPU, which keeps what it makes in `cache`.
     pub fn settings(&self, gpu: &Gpu, cache: Option<&Cache>, report: &Report) -> Settings {
+        let plain = Settings::default();
         Settings {
             geometry: self.geometry,
             scattering: self.scattering,
             split_sum: self.split_sum,
             model: self.model,
-            precompute: Options { cache: cache.cloned(), ..Options::default() },
+            samples: self.samples.unwrap_or(plain.samples),
+            scale: self.scale.unwrap_or(plain.scale),
+            precompute: Options {
+                face_size: self.cube_size.unwrap_or(plain.precompute.face_size),
+                irradiance_size: self.irradiance_size.unwrap_or(plain.precompute.irradiance_size),
+                cache: cache.cloned(),
+            },
             textures: self.textures.options(gpu, cache, report),
-            ..Settings::default()
+            ..plain
         }
     }
+}
+
+fn parse_samples(text: &str) -> std::result::Result<u32, String> {
+    match text {
+        "1" => Ok(1),
+        "4" => Ok(4),
+        _ => Err("1 or 4".into()),
+    }
+}
+
+fn parse_scale(text: &str) -> std::result::Result<f32, String> {
+    let scale = text.parse().ok().filter(|scale| (SMALLEST_SCALE..=1.0).contains(scale));
+    scale.ok_or_else(|| format!("a number from {SMALLEST_SCALE} to 1"))
+}
+
+fn parse_side(text: &str, check: fn(u32) -> crate::Result<()>) -> std::result::Result<u32, String> {
+    let side = text.parse().map_err(|_| "not a number of texels".to_owned())?;
+    check(side).map(|()| side).map_err(|error| error.to_string())
 }
 
 /// How textures are kept.
@@ -62,6 +102,9 @@ pub struct TextureChoice {
     // lavapipe 22.3 takes 160 s for a frame of Dabrovic Sponza with any but 1, and under 1 s with that (640×360).
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=16))]
     pub anisotropy: Option<u32>,
+    /// Leave out the N largest levels of each texture. 0 if left out.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(..=16))]
+    pub drop_levels: Option<u32>,
 }
 
 impl TextureChoice {
@@ -77,6 +120,7 @@ impl TextureChoice {
         }
         let budget_bytes = self.budget_mib.map(|mib| u64::from(mib) << 20);
         let anisotropy = self.anisotropy.unwrap_or(slanted);
-        TextureOptions { storage, cache: cache.cloned(), budget_bytes, anisotropy, ..plain }
+        let dropped_levels = self.drop_levels.unwrap_or(plain.dropped_levels);
+        TextureOptions { storage, cache: cache.cloned(), budget_bytes, dropped_levels, anisotropy }
     }
 }

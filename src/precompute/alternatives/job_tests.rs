@@ -23,7 +23,7 @@ fn direction(i: usize, size: u32) -> DVec3 {
 /// What `method` makes of a panorama, through a cube of `size`: for each target its texels with their directions.
 fn fill(panorama: &Panorama, size: u32, method: Method, targets: &[Target]) -> Vec<Vec<(DVec3, DVec3)>> {
     with_gpu(|gpu| {
-        let light = LightMaps::new(gpu, panorama, &Options { face_size: 16, cache: None }).unwrap();
+        let light = LightMaps::new(gpu, panorama, &Options { face_size: 16, ..Options::default() }).unwrap();
         let environment = Environment::new(gpu, &light.panorama, light.scale, size).unwrap();
         let job = Job::new(gpu, &environment, method, targets).unwrap();
         assert!(job.run(gpu).unwrap()[0].ms > 0.0);

@@ -1,0 +1,61 @@
+//! Ladders in the cache: one for each scene, GPU and program, from which settings are chosen later.
+
+use std::path::{Path, PathBuf};
+
+use super::{Ladder, Limit, rungs};
+use crate::asset::cache::Key;
+use crate::asset::file;
+use crate::gpu::{Gpu, GpuOptions};
+use crate::precompute::Cache;
+use crate::view::Look;
+use crate::{Error, Result, say};
+
+/// Bytes of a ladder, or of a scene's description, that are read at most.
+const MOST_BYTES: u64 = 1 << 26;
+
+/// Keeps a scene's ladder for [`choose`].
+pub fn keep(cache: &Cache, scene: &Path, gpu: &Gpu, ladder: &Ladder) -> Result<()> {
+    let path = path(cache, scene, gpu)?;
+    let folder = cache.beside(FOLDER);
+    std::fs::create_dir_all(&folder).map_err(Error::write(&folder))?;
+    let text = serde_json::to_string_pretty(ladder).map_err(|e| Error::write(&path)(e.into()))?;
+    file::write_atomically(&path, text.as_bytes())
+}
+
+/// The look that a limit takes from the ladder of this scene (a description or model) on this GPU; one line says which.
+///
+/// # Errors
+/// No ladder has been measured; nothing in it holds the limit; a file that cannot be read.
+pub fn choose(scene: &Path, limit: Limit, gpu: GpuOptions<'_>, cache: Option<&Cache>) -> Result<Look> {
+    let Some(cache) = cache else {
+        let problem = "--tolerance and --budget-ms choose from what `measure ladder` left in the cache";
+        return Err(Error::Usage(format!("{problem}; leave out --no-cache")));
+    };
+    let gpu = Gpu::open(gpu)?;
+    let path = path(cache, scene, &gpu)?;
+    if !path.is_file() {
+        return Err(Error::NotMeasured { scene: scene.into(), gpu: gpu.info().name.clone() });
+    }
+    let bytes = file::read(&path, "ladder", MOST_BYTES)?;
+    let remedy = "remove it, and run `pbr-vr measure ladder` for the scene again";
+    let broken = |problem: String| Error::Broken { path: path.clone(), what: "ladder", problem, remedy };
+    let ladder: Ladder = serde_json::from_slice(&bytes).map_err(|e| broken(e.to_string()))?;
+    let rung = ladder.choice(limit).map_err(Error::Unmet)?;
+    say!("pbr-vr: {}", ladder.words(limit, rung));
+    rungs::look(&rung.flags).map_err(|e| broken(e.to_string()))
+}
+
+const FOLDER: &str = "ladders";
+
+/// Named by all that a ladder depends on, but for files that a scene's own file names.
+fn path(cache: &Cache, scene: &Path, gpu: &Gpu) -> Result<PathBuf> {
+    let place = scene.canonicalize().map_err(Error::read(scene))?;
+    let mut key = Key::default();
+    let info = gpu.info();
+    for text in [env!("CARGO_PKG_VERSION"), env!("PBR_VR_PRECOMPUTE_CODE"), &info.name, &info.driver] {
+        key.add(text.as_bytes());
+    }
+    key.add(place.as_os_str().as_encoded_bytes());
+    key.add(&file::read(scene, "scene", u64::MAX)?);
+    Ok(cache.beside(FOLDER).join(key.text()).with_extension("json"))
+}
