@@ -12,8 +12,10 @@ use pbr_vr::scene::Model;
 
 /// The compiler folds constants in another order than the GPU multiplies: a fragment at an edge may round to its neighbour.
 const FLIP: f32 = 1e-4;
-/// What is scattered more than once is left out where it changes light by less than half a percent: single steps of 255.
-const FLIP_PBR: f32 = 4e-3;
+/// What is scattered more than once is left out where it changes light by less than half a step of 255
+/// (`reference::energy::VISIBLE`). After rounding no channel is off by more than one, but for a few at edges.
+const MEAN_STEPS: f32 = 0.5;
+const BEYOND_A_STEP: f32 = 1e-3;
 
 fn shipped(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/scenes").join(name)
@@ -47,18 +49,24 @@ fn what_is_needed_and_everything_give_one_picture() {
     let shop = Workshop::new();
     let scenes = [kinds(&shop), shipped("sphere.toml"), shipped("teapot.toml"), shipped("tearoom.toml")];
     for scene in &scenes {
-        for (shading, most) in [(Shading::Pbr, FLIP_PBR), (Shading::Phong, FLIP)] {
+        for shading in [Shading::Pbr, Shading::Phong] {
             let picture = |model| {
                 let look = Look { file: "a.png", size: [160, 90], shading, model, ..Look::default() };
                 shop.render(scene, &look).remove(0)
             };
             let (needed, everything) = (picture(Model::Needed), picture(Model::Everything));
-            let flip = compare(&needed, &everything).expect("equal sizes").flip_mean;
-            let steps = needed.pixels.as_flattened().iter().zip(everything.pixels.as_flattened());
-            let beyond_a_step = steps.filter(|(a, b)| (*a - *b).abs() > 1.5 / 255.0).count();
-            let share = beyond_a_step as f32 / (3 * needed.pixels.len()) as f32;
-            println!("{} {shading:?}: FLIP {flip}, {share} beyond a step", scene.display());
-            assert!(flip <= most && share <= 1e-3, "{} {shading:?}: {flip}, {share}", scene.display());
+            let name = format!("{} {shading:?}", scene.display());
+            if shading == Shading::Phong {
+                let flip = compare(&needed, &everything).expect("equal sizes").flip_mean;
+                assert!(flip <= FLIP, "{name}: {flip}");
+                continue;
+            }
+            let pairs = needed.pixels.as_flattened().iter().zip(everything.pixels.as_flattened());
+            let steps: Vec<f32> = pairs.map(|(a, b)| 255.0 * (a - b).abs()).collect();
+            let mean = steps.iter().sum::<f32>() / steps.len() as f32;
+            let beyond = steps.iter().filter(|step| **step > 1.5).count() as f32 / steps.len() as f32;
+            println!("{name}: {mean} steps, {beyond} beyond one");
+            assert!(mean <= MEAN_STEPS && beyond <= BEYOND_A_STEP, "{name}: {mean}, {beyond}");
         }
     }
 }
