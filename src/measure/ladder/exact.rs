@@ -144,7 +144,8 @@ fn averaged(gpu: &Arc<Gpu>, renderer: &Renderer, size: [u32; 2]) -> Result<Vec<[
     Ok(blocks(&bytemuck::pod_collect_to_vec(&bytes), size, FINENESS))
 }
 
-fn blocks(pixels: &[[f32; 4]], [width, height]: [u32; 2], side: u32) -> Vec<[f32; 3]> {
+/// Each block of `side`² pixels as one, without alpha.
+pub fn blocks(pixels: &[[f32; 4]], [width, height]: [u32; 2], side: u32) -> Vec<[f32; 3]> {
     let block = |x: u32, y: u32| {
         let mut sum = [0.0f64; 3];
         for (u, v) in (0..side).flat_map(|v| (0..side).map(move |u| (u, v))) {
