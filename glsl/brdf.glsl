@@ -109,14 +109,10 @@ vec3 diffuse_lambert(vec3 albedo)
     return albedo * INV_PI;
 }
 
-// What is left for the diffuse part of a surface that mirrors by Schlick's law, as a BRDF: Shirley et al., "A
-// Practitioners' Assessment of Light Reflection Models" (1997), the coupled model's matte term. Light enters by 1 - F(n.l)
-// and leaves by 1 - F(n.v); 21/20 makes up for the mean of the first, so that under even light exactly
-// albedo (1 - F(n.v)) comes back. Lambert times 1 - F(v.h) instead reflects up to 1.86 times what it gets.
-vec3 diffuse_shirley1997(vec3 albedo, vec3 f0, float nl, float nv)
+// The thesis's: Lambert times 1 - F(v.h), for light of no size. Reflects up to 1.86 times what it gets.
+vec3 diffuse_karis2013(vec3 albedo, vec3 f0, float vh)
 {
-    float through = (1.0 - schlick_weight(nl)) * (1.0 - schlick_weight(nv));
-    return albedo * (1.0 - f0) * (1.05 * INV_PI * through);
+    return (1.0 - f_schlick(f0, vh)) * diffuse_lambert(albedo);
 }
 
 // Reflectance head on: a dielectric's, or the albedo of a metal. Karis (2013), section "Material Model".
@@ -125,19 +121,14 @@ vec3 f0_from_metallic(vec3 albedo, float metallic)
     return mix(vec3(DIELECTRIC_F0), albedo, metallic);
 }
 
-// The whole BRDF for light of no size, in 1/sr; multiply by max(n.l, 0) and the light's irradiance.
+// Single scattering for light of no size, in 1/sr; multiply by max(n.l, 0) and the light's irradiance.
 // F V D: Cook and Torrance, "A Reflectance Model for Computer Graphics" (1982), with V = G / (4 nl nv).
 // v.h = |v + l| / 2 for unit vectors, which needs neither a normalised h nor a guard at l = -v.
-vec3 brdf(vec3 n, vec3 v, vec3 l, vec3 albedo, float metallic, float roughness, int geometry)
+vec3 specular(vec3 n, vec3 v, vec3 l, vec3 f0, float roughness, int geometry)
 {
-    float nl = dot(n, l), nv = dot(n, v);
     vec3 h = v + l;
-    vec3 f0 = f0_from_metallic(albedo, metallic);
-    vec3 f = f_schlick(f0, 0.5 * length(h));
     float d = d_ggx(n, h, alpha_from_roughness(roughness));
-    vec3 diffuse = geometry == GEOMETRY_KARIS2013 ? (1.0 - f) * diffuse_lambert(albedo)
-                                                  : diffuse_shirley1997(albedo, f0, nl, nv);
-    return (1.0 - metallic) * diffuse + f * (d * v_direct(nl, nv, roughness, geometry));
+    return f_schlick(f0, 0.5 * length(h)) * (d * v_direct(dot(n, l), dot(n, v), roughness, geometry));
 }
 
 // Phong exponent whose lobe is as wide as Beckmann's of this roughness. 2 / alpha^2 - 2 is the exponent over n.h (Walter

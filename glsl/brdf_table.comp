@@ -1,6 +1,7 @@
 // The split sum's table: for each n.v and roughness the lobe BRDF · n.l over the light's directions, in two parts, weighted
 // with Schlick's (1 - v.h)^5 (B) and with the rest of 1 (A): Karis (2013), eq. 8. Layer 0: A, B, and of each part's mean
-// vector the square root of `along`; layer 1: `across` / sin (environment.glsl). Twin: reference::table.
+// vector the square root of `along`; layer 1: `across` / sin (environment.glsl), and A and B averaged over directions,
+// 2 ∫ A n.v d(n.v), the same all along a row (energy.glsl). Twins: reference::table, reference::energy.
 //
 // The integral is ∫ V · 4 nl · vh / nh · D nh dh over half vectors h = (θ, φ) (Walter et al. 2007, eqs. 14 and 35), where
 // tan θ = α tan s turns D nh dh into 2 sin s cos s ds dφ / 2π. l is above the surface exactly for θ < (ψ + π/2) / 2 with
@@ -16,7 +17,10 @@ const int PHI_NODES = 8;
 const int S_NODES = 16;
 const float SMALLEST_ALPHA = 1e-7;
 
-layout(local_size_x = 8, local_size_y = 8) in;
+const uint ROW = 128; // texels along n.v
+
+// One group a row, so that its mean is known to all.
+layout(local_size_x = ROW) in;
 layout(constant_id = 0) const int GEOMETRY = 0;
 layout(constant_id = 1) const bool MATCH_MOMENTS = true;
 layout(set = 0, binding = 0, scalar) readonly buffer Nodes {
@@ -24,7 +28,10 @@ layout(set = 0, binding = 0, scalar) readonly buffer Nodes {
     vec2 s_nodes[S_NODES];
 };
 layout(set = 0, binding = 1, scalar) readonly buffer Spreads { float kernel_spreads[]; }; // by row
-layout(set = 0, binding = 2, rgba32f) uniform writeonly image2DArray table;
+layout(set = 0, binding = 2, scalar) readonly buffer MeanWeights { float mean_weights[ROW]; }; // by column
+layout(set = 0, binding = 3, rgba32f) uniform writeonly image2DArray table;
+
+shared vec2 row_weights[ROW];
 
 // Both parts: their integrals, and those of 1 - l.r and l.t.
 struct Parts {
@@ -64,19 +71,22 @@ void add_quarter(float quarter, float nv, float sv, float roughness, float alpha
 void main()
 {
     uvec2 id = gl_GlobalInvocationID.xy, size = uvec2(imageSize(table).xy);
-    if (any(greaterThanEqual(id, size)))
-        return;
     vec2 arguments = table_arguments(id, size);
     // At n.v = 1 there is no plane of incidence; across / sin has a limit.
-    float nv = min(arguments.x, 0.99999), roughness = arguments.y;
+    float nv = clamp(arguments.x, MIN_COS, 0.99999), roughness = arguments.y;
     float sv = sqrt(1.0 - nv * nv);
     float alpha = max(roughness * roughness, SMALLEST_ALPHA);
     Parts parts = Parts(vec2(0.0), vec2(0.0), vec2(0.0));
     add_quarter(0.0, nv, sv, sqrt(alpha), alpha, parts);
     add_quarter(1.0, nv, sv, sqrt(alpha), alpha, parts);
+    row_weights[id.x] = parts.weight * mean_weights[id.x];
+    barrier();
+    vec2 mean = vec2(0.0);
+    for (uint i = 0u; i < ROW; ++i)
+        mean += row_weights[i];
     vec2 over = 1.0 / max(parts.weight, vec2(TINY));
     vec2 along = MATCH_MOMENTS ? parts.along * over : vec2(kernel_spreads[id.y]);
     vec2 across = MATCH_MOMENTS ? parts.across * over / sv : vec2(0.0);
     imageStore(table, ivec3(id, 0), vec4(parts.weight, sqrt(along)));
-    imageStore(table, ivec3(id, 1), vec4(across, 0.0, 0.0));
+    imageStore(table, ivec3(id, 1), vec4(across, mean));
 }

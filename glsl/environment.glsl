@@ -24,6 +24,8 @@ struct SpecularLobe {
     vec3 reflectance; // its integral over the light's directions, F0 A + B: Karis (2013), eq. 8
     vec3 towards;     // where the light comes from, of any length
     float level;      // and from how far around
+    vec2 entry;       // A and B
+    vec2 mean_entry;  // and averaged over directions
 };
 
 // The lobe at a surface, from the table's two parts: with the Fresnel weight and without. By default each part has the
@@ -33,7 +35,8 @@ SpecularLobe specular_lobe(vec3 n, vec3 v, float nv, vec3 f0, float roughness)
 {
     vec2 at = table_coordinate(nv, roughness, vec2(textureSize(brdf_table, 0).xy));
     vec4 parts = textureLod(brdf_table, vec3(at, 0.0), 0.0);
-    vec2 across_over_sine = textureLod(brdf_table, vec3(at, 1.0), 0.0).xy;
+    vec4 means = textureLod(brdf_table, vec3(at, 1.0), 0.0);
+    vec2 across_over_sine = means.xy;
     vec2 share = vec2(dot(f0, vec3(1.0 / 3.0)), 1.0) * parts.xy;
     share /= max(share.x + share.y, TINY);
     float along = dot(share, parts.zw * parts.zw);
@@ -45,6 +48,8 @@ SpecularLobe specular_lobe(vec3 n, vec3 v, float nv, vec3 f0, float roughness)
     lobe.reflectance = f0 * parts.x + parts.y;
     lobe.towards = (1.0 - along) * r + lean * (n - nv * r);
     lobe.level = level_from_spread((2.0 * along - along * along - across2) / (1.0 + mean)); // 1 - mean, without its loss
+    lobe.entry = parts.xy;
+    lobe.mean_entry = means.zw;
     return lobe;
 }
 

@@ -1,8 +1,10 @@
-// Shades one fragment without split sum: the BRDF integrated over the panorama's texels, a few samples a frame.
+// Shades one fragment without split sum: the BRDF integrated over the panorama's texels, a few samples a
+// frame. A table gives only what of the BRDF is itself an integral, the shares that microfacets lose.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shared.glsl"
 #include "brdf.glsl"
+#include "energy.glsl"
 #include "sampling.glsl"
 #include "surface.glsl"
 #include "lamps.glsl"
@@ -26,6 +28,8 @@ struct Scatter {
     float alpha;
     float specular_share; // of the BRDF's own samples
     bool mirror;
+    Energy energy;
+    vec2 at_v; // the table's entry
 };
 
 Scatter make_scatter(Surface s, mat3 world_from_surface)
@@ -39,23 +43,28 @@ Scatter make_scatter(Surface s, mat3 world_from_surface)
     m.roughness = s.roughness;
     m.alpha = s.roughness * s.roughness;
     m.mirror = m.alpha < MIRROR_ALPHA;
-    vec3 f = f_schlick(m.f0, m.v.z), diffuse = (1.0 - s.metallic) * s.albedo;
+    m.energy = Energy(table_mean(brdf_table, s.roughness), MULTI_SCATTER);
+    m.at_v = table_entry(brdf_table, m.v.z, s.roughness);
+    vec3 f = f_schlick(m.f0, m.v.z);
+    vec3 diffuse = (1.0 - s.metallic) * s.albedo + multiple_even(m.energy, s.albedo, s.metallic, m.at_v);
     float specular = max(f.r, max(f.g, f.b)), matte = max(diffuse.r, max(diffuse.g, diffuse.b));
     // Never below a tenth: the specular part has peaks that cosine samples do not find.
     m.specular_share = m.mirror ? 0.0 : matte > 0.0 ? clamp(specular / (specular + matte), 0.1, 0.9) : 1.0;
     return m;
 }
 
-// BRDF times n.l for unit l above the surface; of a mirror only the diffuse part.
+// BRDF times n.l for unit l above the surface; of a mirror without single scattering.
 vec3 scattered(Scatter m, vec3 l)
 {
     vec3 h = m.v + l;
-    vec3 f = f_schlick(m.f0, 0.5 * length(h));
-    vec3 diffuse = GEOMETRY == GEOMETRY_KARIS2013 ? (1.0 - f) * diffuse_lambert(m.albedo)
-                                                  : diffuse_shirley1997(m.albedo, m.f0, l.z, m.v.z);
-    vec3 sum = (1.0 - m.metallic) * diffuse;
+    float vh = 0.5 * length(h);
+    vec3 sum;
+    if (GEOMETRY == GEOMETRY_KARIS2013)
+        sum = (1.0 - m.metallic) * diffuse_karis2013(m.albedo, m.f0, vh);
+    else
+        sum = beyond_single(m.energy, m.albedo, m.metallic, table_entry(brdf_table, l.z, m.roughness), m.at_v);
     if (!m.mirror)
-        sum += f * (d_ggx(vec3(0.0, 0.0, 1.0), h, m.alpha) * v_environment(l.z, m.v.z, m.roughness, GEOMETRY));
+        sum += f_schlick(m.f0, vh) * (d_ggx(vec3(0.0, 0.0, 1.0), h, m.alpha) * v_environment(l.z, m.v.z, m.roughness, GEOMETRY));
     return sum * l.z;
 }
 
@@ -110,5 +119,7 @@ vec3 environment_light(Surface s)
 void main()
 {
     Surface s = read_surface();
-    radiance = vec4(environment_light(s) + point_lights(s), 1.0);
+    Energy energy = Energy(table_mean(brdf_table, s.roughness), MULTI_SCATTER);
+    vec3 lamps = point_lights(s, energy, table_entry(brdf_table, s.nv, s.roughness));
+    radiance = vec4(environment_light(s) + lamps, 1.0);
 }

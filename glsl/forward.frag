@@ -3,6 +3,7 @@
 #extension GL_GOOGLE_include_directive : require
 #include "shared.glsl"
 #include "brdf.glsl"
+#include "energy.glsl"
 #include "environment.glsl"
 #include "output.glsl"
 #include "surface.glsl"
@@ -13,7 +14,7 @@ layout(location = 0) out vec4 colour;
 // Phong knows neither metals nor mirror images of the surroundings: an ambient term and the lamps are all it has.
 vec3 phong(Surface s)
 {
-    return s.albedo * environment_diffuse(s.n) * s.occlusion + point_lights(s);
+    return s.albedo * environment_diffuse(s.n) * s.occlusion + point_lights_phong(s);
 }
 
 struct Split {
@@ -21,24 +22,35 @@ struct Split {
     vec3 specular;
 };
 
-// What the environment gives: the split sum. The diffuse part is what the specular part leaves, 1 - (F0 A + B).
-Split environment(Surface s)
+SpecularLobe lobe_of(Surface s)
 {
-    SpecularLobe lobe = specular_lobe(s.n, s.v, s.nv, f0_from_metallic(s.albedo, s.metallic), s.roughness);
-    Split split;
-    split.diffuse = vec3(0.0);
-    if (METALS != METALS_ALL) {
-        vec3 left = (1.0 - lobe.reflectance) * (1.0 - s.metallic);
-        split.diffuse = left * s.albedo * environment_diffuse(s.n) * s.occlusion;
-    }
-    split.specular = lobe.reflectance * environment_specular(lobe) * s.occlusion;
+    return specular_lobe(s.n, s.v, s.nv, f0_from_metallic(s.albedo, s.metallic), s.roughness);
+}
+
+// What the environment gives: the split sum, and with the irradiance what is diffuse or scattered more than once. That is
+// exact under even light (energy.glsl); elsewhere it takes these terms' slow fall towards grazing light for the cosine's.
+Split environment(Surface s, SpecularLobe lobe)
+{
+    Split split = Split(vec3(0.0), lobe.reflectance * environment_specular(lobe) * s.occlusion);
+    bool multiple = MULTI_SCATTER && GEOMETRY == GEOMETRY_SMITH;
+    if (METALS == METALS_ALL && !multiple)
+        return split;
+    vec3 even = environment_diffuse(s.n) * s.occlusion;
+    Energy energy = Energy(lobe.mean_entry, multiple);
+    if (GEOMETRY == GEOMETRY_KARIS2013) // the thesis's: what the mixed specular part leaves
+        split.diffuse = (1.0 - lobe.reflectance) * (1.0 - s.metallic) * s.albedo * even;
+    else if (METALS != METALS_ALL)
+        split.diffuse = diffuse_even(energy, s.albedo, s.metallic, lobe.entry) * even;
+    if (multiple)
+        split.specular += multiple_even(energy, s.albedo, s.metallic, lobe.entry) * even;
     return split;
 }
 
 vec3 physically_based(Surface s)
 {
-    Split split = environment(s);
-    return split.diffuse + split.specular + point_lights(s);
+    SpecularLobe lobe = lobe_of(s);
+    Split split = environment(s, lobe);
+    return split.diffuse + split.specular + point_lights(s, Energy(lobe.mean_entry, MULTI_SCATTER), lobe.entry);
 }
 
 // D, F and G for the first light, or for a lamp at the eye where the scene has none.
@@ -64,9 +76,9 @@ vec3 light_of(Surface s)
     if (SHADING == SHADING_PHONG)
         return phong(s);
     if (SHADING == SHADING_DIFFUSE)
-        return environment(s).diffuse;
+        return environment(s, lobe_of(s)).diffuse;
     if (SHADING == SHADING_SPECULAR)
-        return environment(s).specular;
+        return environment(s, lobe_of(s)).specular;
     if (SHADING == SHADING_IRRADIANCE)
         return environment_diffuse(s.n);
     return physically_based(s);

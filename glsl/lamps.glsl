@@ -3,7 +3,7 @@
 #define LAMPS_GLSL
 
 #include "shared.glsl"
-#include "brdf.glsl"
+#include "energy.glsl"
 #include "surface.glsl"
 
 // Irradiance of a point light on a surface that faces it, W/m^2, and its direction.
@@ -14,7 +14,22 @@ vec3 light_irradiance(PointLight light, out vec3 l)
     return light.intensity / max(dot(to_light, to_light), 1e-8);
 }
 
-vec3 point_lights(Surface s)
+// The physically based BRDF for light of no size, in 1/sr.
+vec3 brdf(Surface s, vec3 l, Energy energy, vec2 at_v)
+{
+    vec3 f0 = f0_from_metallic(s.albedo, s.metallic);
+    vec3 sum = specular(s.n, s.v, l, f0, s.roughness, GEOMETRY);
+    if (GEOMETRY == GEOMETRY_KARIS2013)
+        sum += (1.0 - s.metallic) * diffuse_karis2013(s.albedo, f0, 0.5 * length(s.v + l));
+    else if (METALS != METALS_ALL || MULTI_SCATTER) {
+        vec2 at_l = table_entry(brdf_table, dot(s.n, l), s.roughness);
+        sum += beyond_single(energy, s.albedo, s.metallic, at_l, at_v);
+    }
+    return sum;
+}
+
+// `at_v`: the table's entry at n.v.
+vec3 point_lights(Surface s, Energy energy, vec2 at_v)
 {
     vec3 sum = vec3(0.0);
     uint count = LIGHTS < 0 ? frame.light_count : uint(LIGHTS);
@@ -22,14 +37,22 @@ vec3 point_lights(Surface s)
         vec3 l;
         vec3 irradiance = light_irradiance(lights[i], l);
         float nl = dot(s.n, l);
-        if (nl <= 0.0)
-            continue;
-        if (SHADING == SHADING_PHONG) {
-            vec3 f0 = f0_from_metallic(s.albedo, s.metallic);
-            sum += irradiance * nl * (diffuse_lambert(s.albedo) + f0 * phong_specular(s.n, s.v, l, s.roughness));
-        } else {
-            sum += irradiance * nl * brdf(s.n, s.v, l, s.albedo, s.metallic, s.roughness, GEOMETRY);
-        }
+        if (nl > 0.0)
+            sum += irradiance * nl * brdf(s, l, energy, at_v);
+    }
+    return sum;
+}
+
+// The same by Phong, which has no table.
+vec3 point_lights_phong(Surface s)
+{
+    vec3 sum = vec3(0.0), f0 = f0_from_metallic(s.albedo, s.metallic);
+    uint count = LIGHTS < 0 ? frame.light_count : uint(LIGHTS);
+    for (uint i = 0u; i < count; ++i) {
+        vec3 l;
+        vec3 irradiance = light_irradiance(lights[i], l);
+        float nl = max(dot(s.n, l), 0.0);
+        sum += irradiance * nl * (diffuse_lambert(s.albedo) + f0 * phong_specular(s.n, s.v, l, s.roughness));
     }
     return sum;
 }

@@ -10,6 +10,7 @@ use pbr_vr::asset::picture::Picture;
 use pbr_vr::asset::{Panorama, Report};
 use pbr_vr::precompute::Cache;
 use pbr_vr::reference::brdf::{Geometry, f_schlick, f0_from_metallic};
+use pbr_vr::reference::energy::Scattering;
 use pbr_vr::reference::integrals::{PanoramaView, Surface, reflected};
 use pbr_vr::render::{Shading, StandardError};
 use pbr_vr::view::{Look, RenderRequest, render};
@@ -34,7 +35,7 @@ impl Case {
         let [albedo, n] = [DVec3::from(ALBEDO.map(f64::from)), DVec3::Z];
         let (v, metallic) = (self.v(), f64::from(self.metallic));
         let roughness = f64::from(self.roughness);
-        let light = reflected(view, &Surface { n, v, albedo, metallic, roughness }, geometry);
+        let light = reflected(view, &Surface { n, v, albedo, metallic, roughness }, geometry, Scattering::Multiple);
         if self.roughness > 0.0 {
             return light.diffuse + light.specular;
         }

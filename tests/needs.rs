@@ -80,6 +80,8 @@ fn the_command_says_what_is_modelled_and_why() {
     );
     assert!(said_of("point lights").starts_with('+') && said_of("point lights").contains('2'), "{said}");
     assert!(said_of("albedo maps").starts_with('-') && said_of("cutouts").starts_with('-'), "{said}");
+    assert!(said_of("multiple scattering").starts_with('+'), "{said}");
+    assert!(said_of("multiple scattering").contains("2 of 3 materials"), "{said}");
     assert!(said_of("specular levels").contains("0.20 to 0.40"), "{said}");
     let read: serde_json::Value =
         serde_json::from_slice(&std::fs::read(&json).expect("the JSON")).expect("a whole JSON file");

@@ -11,6 +11,7 @@ use pbr_vr::asset::{Panorama, Report};
 use pbr_vr::gpu::{Part, read_image};
 use pbr_vr::precompute::BrdfTable;
 use pbr_vr::reference::brdf::Geometry;
+use pbr_vr::reference::energy::Scattering;
 use pbr_vr::reference::integrals::{PanoramaView, Surface, reflected};
 use pbr_vr::reference::levels::{alpha_from_level, level_from_spread};
 use pbr_vr::reference::lobe::kernel_spread;
@@ -165,7 +166,7 @@ fn split_sum_errors(name: &str, panorama: &Panorama) -> [[Errors; 2]; 2] {
                 let v = nv * n + (1.0 - nv * nv).sqrt() * n.any_orthonormal_vector();
                 let albedo = DVec3::new(F0[0], F0[1], 0.0);
                 let surface = Surface { n, v, albedo, metallic: 1.0, roughness };
-                let truth = reflected(view, &surface, Geometry::Smith).specular;
+                let truth = reflected(view, &surface, Geometry::Smith, Scattering::Single).specular;
                 let r = 2.0 * nv * n - v;
                 let classic = prefiltered_around(
                     &[r],

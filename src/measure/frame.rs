@@ -5,24 +5,22 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
 
-use glam::{Mat4, Vec3};
 use serde::Serialize;
 
+use super::ball::gold_ball;
+use super::scenes;
 use super::turns::{Cost, Limits, Way, take_turns};
-use super::{scenes, synthetic};
 use crate::asset::Report;
 use crate::asset::file::write_atomically;
 use crate::gpu::{Gpu, GpuOptions};
 use crate::render::{Eye, IPD_METRES, Order, Renderer, Savings, Settings, Shading};
-use crate::scene::{Bounds, Camera, Environment, Instance, Material, Mesh, Scene, Vertex};
+use crate::scene::Scene;
 use crate::view::Look;
 use crate::{Error, Result, say};
 
 /// The picture's side. Sponza's is smaller in a quick run: recording costs the same at any size.
 const SIDE: u32 = 512;
 const QUICK_SIDE: u32 = 128;
-/// Rings and sectors of the ball: 2 · 100 · (101 − 1) = 20,000 triangles.
-const BALL: [u32; 2] = [101, 100];
 
 /// One way to draw one scene.
 #[derive(Clone, Debug, Serialize)]
@@ -47,7 +45,7 @@ pub fn run(folder: &Path, full: bool, gpu: GpuOptions<'_>, report: &Report) -> R
     let (sponza_side, seconds) = if full { (SIDE, 30) } else { (QUICK_SIDE, 6) };
     let limits = Limits { least: 5, most: 200, time: Duration::from_secs(seconds) };
     let all = Savings::default();
-    let ball = metal_ball();
+    let ball = gold_ball(0.3);
     let ways = [
         ("default", all),
         ("back faces drawn", Savings { backs: false, ..all }),
@@ -128,59 +126,10 @@ fn line(row: &FrameRow) -> String {
     format!("{scene},\"{what}\",{side},{eyes},{samples},{draws},{frames},{cpu_ms},{record_ms:.4},{gpu_ms:.2}")
 }
 
-/// A ball of gold of radius 1, roughness 0.3, that fills three quarters of the picture's height.
-fn metal_ball() -> Scene {
-    let [rings, sectors] = BALL;
-    let (mut vertices, mut indices) = (Vec::new(), Vec::new());
-    for ring in 0..=rings {
-        for sector in 0..=sectors {
-            let (v, u) = (ring as f32 / rings as f32, sector as f32 / sectors as f32);
-            let ((across, y), (sin, cos)) =
-                ((v * std::f32::consts::PI).sin_cos(), (u * std::f32::consts::TAU).sin_cos());
-            let position = [across * cos, y, -across * sin];
-            vertices.push(Vertex { position, normal: position, uv: [u, v], tangent: [-sin, 0.0, -cos, 1.0] });
-            if ring == rings || sector == sectors {
-                continue;
-            }
-            let a = ring * (sectors + 1) + sector;
-            let (b, c, d) = (a + sectors + 1, a + sectors + 2, a + 1);
-            // Rings at the poles are of triangles.
-            if ring + 1 < rings {
-                indices.extend([a, b, c]);
-            }
-            if ring > 0 {
-                indices.extend([a, c, d]);
-            }
-        }
-    }
-    let bounds = Bounds { min: Vec3::NEG_ONE, max: Vec3::ONE };
-    let position = Vec3::Z * 3.4;
-    Scene {
-        meshes: vec![Mesh { name: "ball".into(), vertices, indices, material: 0, bounds }],
-        instances: vec![Instance { mesh: 0, world_from_local: Mat4::IDENTITY }],
-        materials: vec![Material::plain("gold", Vec3::new(1.0, 0.77, 0.34), 1.0, 0.3)],
-        textures: Vec::new(),
-        lights: Vec::new(),
-        cameras: vec![Camera { name: "front".into(), position, target: Vec3::ZERO, vertical_fov_degrees: 45.0 }],
-        environment: Environment { panorama: synthetic::panorama(synthetic::WIDTH, true), rotation_degrees: 0.0 },
-        exposure_ev: 0.0,
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::super::turns::Spread;
     use super::*;
-
-    #[test]
-    fn the_ball_is_round_and_has_the_triangles_it_is_named_for() {
-        let Mesh { vertices, indices, .. } = metal_ball().meshes.remove(0);
-        assert_eq!(indices.len() / 3, 20_000);
-        for t in indices.chunks_exact(3) {
-            let [a, b, c] = [t[0], t[1], t[2]].map(|i| Vec3::from(vertices[i as usize].position));
-            assert!((b - a).cross(c - a).dot(a + b + c) > 0.0, "a triangle without area or inside out: {a} {b} {c}");
-        }
-    }
 
     #[test]
     fn lines_have_the_header_s_columns() {

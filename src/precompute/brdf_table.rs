@@ -12,15 +12,15 @@ use crate::gpu::{
 use crate::reference::brdf::Geometry;
 use crate::reference::lobe::kernel_spread;
 use crate::reference::quadrature::gauss_legendre;
-use crate::reference::table::{SplitSum, table_arguments};
+use crate::reference::table::{SplitSum, table_arguments, table_place};
 
-/// Texels along n·v and along roughness: what bilinear lookups lose is below 1e-3.
+/// Texels along n·v (`glsl/brdf_table.comp` knows it, too) and along roughness: what bilinear lookups lose is below 1e-3.
 pub const SIZE: [u32; 2] = [128, 96];
 /// Quadrature nodes over φ and s; `glsl/brdf_table.comp` knows them, too.
 const NODES: [usize; 2] = [8, 16];
 
 /// Two layers in f32, halves being too coarse near 1: the two parts' albedos and `along`, and their `across`
-/// (`reference::table`).
+/// (`reference::table`) with the albedos' means (`reference::energy`).
 pub struct BrdfTable {
     pub image: Image,
     pub times: Vec<PassTime>,
@@ -30,7 +30,7 @@ impl BrdfTable {
     /// What a texel says, for other programs.
     pub const MEANING: &str = "specular albedo = F0 * A + B. Layer 0: A, B, then for the lobes of A and of B \
         sqrt(1 - m.r), m being a lobe's mean vector and r = reflect(-v, n). Layer 1: for both lobes \
-        m.t / sqrt(1 - (n.v)^2), t being perpendicular to r, towards n. x: log(1 + 1024 n.v) / log(1025), \
+        m.t / sqrt(1 - (n.v)^2), t being perpendicular to r, towards n; then A and B averaged over directions, 2 ∫ A n.v d(n.v), the same for all n.v. x: log(1 + 1024 n.v) / log(1025), \
         y: cbrt(roughness), 0 and 1 at the centres of the outermost texels";
 
     /// Computes the table for one geometry term and one way to look up the environment, or takes it from the cache.
@@ -52,8 +52,10 @@ fn compute(gpu: &Arc<Gpu>, image: &Image, choices: [u32; 2]) -> Result<Vec<PassT
     let nodes = storage(gpu, "quadrature", &quadrature())?;
     let spreads: Vec<f32> = (0..SIZE[1]).map(|row| classic_spread(row) as f32).collect();
     let spreads = storage(gpu, "kernel spreads", &spreads)?;
-    let layout = SetLayout::new(gpu, "BRDF table", &[Slot::Storage, Slot::Storage, Slot::StorageImage])?;
-    let binds = [Bind::Storage(&nodes), Bind::Storage(&spreads), Bind::StorageImage(image, 0)];
+    let weights = storage(gpu, "mean weights", &mean_weights())?;
+    let [storage, storage_image] = [Slot::Storage, Slot::StorageImage];
+    let layout = SetLayout::new(gpu, "BRDF table", &[storage, storage, storage, storage_image])?;
+    let binds = [Bind::Storage(&nodes), Bind::Storage(&spreads), Bind::Storage(&weights), Bind::StorageImage(image, 0)];
     let set = Set::new(gpu, "BRDF table", &layout, &binds)?;
     let constants = [(0, choices[0]), (1, choices[1])];
     let pipeline = Pipeline::compute(gpu, "brdf_table.comp", &constants, &[&layout], 0)?;
@@ -61,7 +63,7 @@ fn compute(gpu: &Arc<Gpu>, image: &Image, choices: [u32; 2]) -> Result<Vec<PassT
         commands.prepare(image, Use::Storage);
         commands.pass("BRDF table", |commands| {
             commands.bind(&pipeline, &[&set]);
-            commands.dispatch([SIZE[0].div_ceil(8), SIZE[1].div_ceil(8), 1]);
+            commands.dispatch([1, SIZE[1], 1]);
         });
         commands.prepare(image, Use::Sampled);
         Ok(())
@@ -77,6 +79,23 @@ fn quadrature() -> Vec<[f32; 2]> {
     let [phi, s] = NODES.map(gauss_legendre);
     let crowded = s.into_iter().map(|[t, w]| [1.0 - (1.0 - t).powi(2), 2.0 * (1.0 - t) * w]);
     phi.into_iter().chain(crowded).map(|node| node.map(|v| v as f32)).collect()
+}
+
+/// What each column weighs in 2 ∫ f(n·v) n·v d(n·v) of a function that is looked up between them: the integrals of the
+/// columns' hats, which add up to 1. So what shaders integrate over lookups comes to the mean.
+fn mean_weights() -> Vec<f32> {
+    let mut weights = vec![0.0; SIZE[0] as usize];
+    for column in 0..SIZE[0] - 1 {
+        let [from, to] = [column, column + 1].map(|column| table_arguments([column, 0], SIZE)[0]);
+        for [share, weight] in gauss_legendre(NODES[0]) {
+            let cosine = from + share * (to - from);
+            let weight = weight * (to - from) * 2.0 * cosine;
+            let place = table_place(cosine, 0.0)[0] * f64::from(SIZE[0] - 1) - f64::from(column);
+            weights[column as usize] += weight * (1.0 - place);
+            weights[column as usize + 1] += weight * place;
+        }
+    }
+    weights.into_iter().map(|weight| weight as f32).collect()
 }
 
 /// Spread of the level that the classic split sum looks up for a row's roughness.

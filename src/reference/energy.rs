@@ -6,56 +6,74 @@
 
 use std::f64::consts::{FRAC_1_PI, PI};
 
+use clap::ValueEnum;
 use glam::DVec3;
+use rayon::prelude::*;
 
 use super::brdf::{DIELECTRIC_F0, Geometry};
 use super::quadrature::gauss_legendre;
-use super::table::{Entry, table_entry};
+use super::table::{Entry, coarse_table_entry, table_arguments, table_entry, table_place};
 
 /// Share of the incoming light that must be at stake for multiple scattering to be modelled: half a step of an 8-bit sRGB
 /// picture at white, 1 − (254/255)^2.2 = 0.9 %.
 pub const VISIBLE: f64 = 0.0045;
 
+/// Least share that is divided by: below, a lobe is 0 over 0.
+const LEAST_LOST: f64 = 1e-6;
+
 /// Nodes over a cosine; E is smooth but for n·v → 0, which weighs nothing.
 const NODES: usize = 24;
+
+/// How often light may bounce between a surface's microfacets; with `Geometry::Karis2013` once, whatever is said here.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, ValueEnum)]
+pub enum Scattering {
+    /// Once: rough metals lose up to half of the light.
+    Single,
+    /// As often as it takes, where that is visible: no light is lost.
+    #[default]
+    Multiple,
+}
 
 /// The terms at one roughness.
 #[derive(Clone, Copy, Debug)]
 pub struct Energy {
     /// The table's entry averaged over directions, 2 ∫ E(μ) μ dμ.
     pub mean: Entry,
+    pub scattering: Scattering,
 }
 
 impl Energy {
     /// For a roughness in [0, 1].
-    pub fn new(roughness: f64, geometry: Geometry) -> Self {
-        let mut mean = Entry { scale: 0.0, bias: 0.0 };
-        for [cosine, weight] in gauss_legendre(NODES) {
-            let entry = table_entry(cosine, roughness, geometry);
-            mean.scale += 2.0 * weight * cosine * entry.scale;
-            mean.bias += 2.0 * weight * cosine * entry.bias;
-        }
-        Self { mean }
+    pub fn new(roughness: f64, geometry: Geometry, scattering: Scattering) -> Self {
+        Self { mean: mean(NODES, |cosine| table_entry(cosine, roughness, geometry)), scattering }
     }
 
     /// What the lost light is multiplied by before it comes back. Kulla and Conty, "Revisiting Physically Based Shading at
     /// Imageworks" (2017), section on Fresnel: Σ Favg (Favg (1 − Eavg))ⁿ Favg Eavg over bounces n, with Schlick's mean
-    /// F0 + (1 − F0) / 21.
+    /// F0 + (1 − F0) / 21. 0 with single scattering.
     pub fn multiple_share(&self, f0: DVec3) -> DVec3 {
+        if self.scattering == Scattering::Single {
+            return DVec3::ZERO;
+        }
         let mean = single(DVec3::ONE, self.mean);
         let f = f0 + (DVec3::ONE - f0) / 21.0;
         f * f * mean / (DVec3::ONE - f * (DVec3::ONE - mean))
     }
 
-    /// The multiple-scattering lobe as a BRDF in 1/sr for the table's entries at n·l and n·v: Kulla and Conty (2017).
-    pub fn multiple(&self, f0: DVec3, at_l: Entry, at_v: Entry) -> DVec3 {
-        let [lost_l, lost_v, lost] = [at_l, at_v, self.mean].map(|e| 1.0 - single(DVec3::ONE, e).x);
-        self.multiple_share(f0) * (lost_l * lost_v * FRAC_1_PI / lost.max(1e-9))
+    /// The same for a surface that is in part metal.
+    pub fn mixed_share(&self, albedo: DVec3, metallic: f64) -> DVec3 {
+        self.multiple_share(DVec3::splat(DIELECTRIC_F0)).lerp(self.multiple_share(albedo), metallic)
+    }
+
+    /// Multiple scattering as a BRDF in 1/sr for a share and the table's entries at n·l and n·v: Kulla and Conty (2017).
+    pub fn multiple(&self, share: DVec3, at_l: Entry, at_v: Entry) -> DVec3 {
+        let [lost_l, lost_v, lost] = [at_l, at_v, self.mean].map(lost);
+        share * (lost_l * lost_v * FRAC_1_PI / lost.max(LEAST_LOST))
     }
 
     /// Share of light from all sides that single and multiple scattering send towards v.
     pub fn specular_albedo(&self, f0: DVec3, at_v: Entry) -> DVec3 {
-        single(f0, at_v) + (DVec3::ONE - single(DVec3::ONE, at_v)) * self.multiple_share(f0)
+        single(f0, at_v) + lost(at_v) * self.multiple_share(f0)
     }
 
     /// The diffuse part as a BRDF in 1/sr: of what the dielectric's specular part leaves at both ends. Kelemen and
@@ -63,13 +81,56 @@ impl Energy {
     pub fn diffuse(&self, albedo: DVec3, at_l: Entry, at_v: Entry) -> DVec3 {
         let f0 = DVec3::splat(DIELECTRIC_F0);
         let left = |e: Entry| DVec3::ONE - self.specular_albedo(f0, e);
-        albedo * left(at_l) * left(at_v) * FRAC_1_PI / left(self.mean).max(DVec3::splat(1e-9))
+        albedo * left(at_l) * left(at_v) * FRAC_1_PI / left(self.mean).max(DVec3::splat(LEAST_LOST))
     }
 
-    /// All that is not single scattering, in 1/sr: a dielectric's and a metal's, mixed.
+    /// All that is not single scattering, in 1/sr.
     pub fn beyond_single(&self, albedo: DVec3, metallic: f64, at_l: Entry, at_v: Entry) -> DVec3 {
-        let dielectric = self.diffuse(albedo, at_l, at_v) + self.multiple(DVec3::splat(DIELECTRIC_F0), at_l, at_v);
-        dielectric.lerp(self.multiple(albedo, at_l, at_v), metallic)
+        (1.0 - metallic) * self.diffuse(albedo, at_l, at_v)
+            + self.multiple(self.mixed_share(albedo, metallic), at_l, at_v)
+    }
+
+    /// Of light that comes evenly from all sides, the share that comes back diffuse: the integral over l, n·l included.
+    pub fn diffuse_even(&self, albedo: DVec3, metallic: f64, at_v: Entry) -> DVec3 {
+        (1.0 - metallic) * albedo * (DVec3::ONE - self.specular_albedo(DVec3::splat(DIELECTRIC_F0), at_v))
+    }
+
+    /// And scattered more than once.
+    pub fn multiple_even(&self, albedo: DVec3, metallic: f64, at_v: Entry) -> DVec3 {
+        lost(at_v) * self.mixed_share(albedo, metallic)
+    }
+}
+
+/// 2 ∫ E(μ) μ dμ.
+fn mean(nodes: usize, entry: impl Fn(f64) -> Entry) -> Entry {
+    let mut mean = Entry { scale: 0.0, bias: 0.0 };
+    for [cosine, weight] in gauss_legendre(nodes) {
+        let Entry { scale, bias } = entry(cosine);
+        mean.scale += 2.0 * weight * cosine * scale;
+        mean.bias += 2.0 * weight * cosine * bias;
+    }
+    mean
+}
+
+/// The table's entries at one roughness over cosines, interpolated: for sums over many directions.
+pub struct Curve(Vec<Entry>);
+
+impl Curve {
+    /// Finer than `precompute::BrdfTable`: good to 1e-4.
+    const COUNT: u32 = 129;
+
+    /// For a roughness in [0, 1].
+    pub fn new(roughness: f64, geometry: Geometry) -> Self {
+        let cosine = |i: u32| table_arguments([i, 0], [Self::COUNT, 2])[0];
+        Self((0..Self::COUNT).into_par_iter().map(|i| table_entry(cosine(i), roughness, geometry)).collect())
+    }
+
+    /// The entry at a cosine in [0, 1].
+    pub fn at(&self, cosine: f64) -> Entry {
+        let place = table_place(cosine.clamp(0.0, 1.0), 0.0)[0] * f64::from(Self::COUNT - 1);
+        let first = (place as usize).min(Self::COUNT as usize - 2);
+        let (a, b, share) = (self.0[first], self.0[first + 1], place - first as f64);
+        Entry { scale: a.scale + share * (b.scale - a.scale), bias: a.bias + share * (b.bias - a.bias) }
     }
 }
 
@@ -78,21 +139,36 @@ fn single(f0: DVec3, entry: Entry) -> DVec3 {
     f0 * entry.scale + DVec3::splat(entry.bias)
 }
 
+/// What single scattering loses where all is reflected, 1 − E.
+fn lost(entry: Entry) -> f64 {
+    (1.0 - entry.scale - entry.bias).max(0.0)
+}
+
 /// Whether multiple scattering changes what a material with at most this roughness, metalness and largest albedo reflects
 /// under even light by more than [`VISIBLE`] of that light, seen from anywhere.
 pub fn is_multi_scatter_visible(roughness: f64, metallic: f64, albedo: f64) -> bool {
-    let energy = Energy::new(roughness.clamp(0.0, 1.0), Geometry::Smith);
-    let share = |f0: f64| energy.multiple_share(DVec3::splat(f0)).x;
-    // A dielectric's diffuse part loses what its specular part gains, times the albedo: at most all of it stays.
-    let mixed = (1.0 - metallic) * share(DIELECTRIC_F0) + metallic * share(albedo);
-    let lost = |nv: f64| 1.0 - single(DVec3::ONE, table_entry(nv, roughness.clamp(0.0, 1.0), Geometry::Smith)).x;
-    [0.05, 0.2, 0.4, 0.7, 1.0].into_iter().any(|nv| lost(nv) * mixed > VISIBLE)
+    // A dielectric mirrors too little, whatever its roughness: F² is 0.7 %, of which half is not lost in the first place.
+    if metallic <= 0.0 {
+        return false;
+    }
+    most_changed(roughness.clamp(0.0, 1.0), metallic, albedo) > VISIBLE
+}
+
+/// Most of even light that multiple scattering gives back, seen from anywhere. A dielectric's diffuse part loses what its
+/// specular part gains, times the albedo: at most all of it stays.
+fn most_changed(roughness: f64, metallic: f64, albedo: f64) -> f64 {
+    let entry = |cosine| coarse_table_entry(cosine, roughness, Geometry::Smith);
+    let energy = Energy { mean: mean(NODES / 3, entry), scattering: Scattering::Multiple };
+    let share = energy.mixed_share(DVec3::splat(albedo), metallic).x;
+    let lost = [0.05, 0.2, 0.4, 0.7, 1.0].map(|nv| lost(entry(nv)));
+    share * lost.into_iter().fold(0.0, f64::max)
 }
 
 /// Share of even light from all sides that a surface sends towards v, all terms integrated over the light's directions: what a
-/// white furnace shows.
-pub fn furnace(albedo: DVec3, metallic: f64, roughness: f64, nv: f64, geometry: Geometry) -> DVec3 {
-    let energy = Energy::new(roughness, geometry);
+/// white furnace shows. With height-correlated Smith.
+pub fn furnace(albedo: DVec3, metallic: f64, roughness: f64, nv: f64, scattering: Scattering) -> DVec3 {
+    let geometry = Geometry::Smith;
+    let energy = Energy::new(roughness, geometry, scattering);
     let at_v = table_entry(nv, roughness, geometry);
     let f0 = DVec3::splat(DIELECTRIC_F0).lerp(albedo, metallic);
     let mut sum = single(f0, at_v);
@@ -107,14 +183,13 @@ pub fn furnace(albedo: DVec3, metallic: f64, roughness: f64, nv: f64, geometry: 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::reference::brdf::schlick_weight;
-    use rayon::prelude::*;
 
     const ROUGHNESSES: usize = 21;
 
     /// Entries at Gauss's nodes for one roughness, so that each is computed once.
     struct Row {
         energy: Energy,
+        single: Energy,
         nodes: Vec<([f64; 2], Entry)>,
         views: Vec<(f64, Entry)>,
     }
@@ -122,8 +197,10 @@ mod tests {
     fn row(i: usize) -> Row {
         let roughness = i as f64 / (ROUGHNESSES - 1) as f64;
         let at = |c: f64| table_entry(c, roughness, Geometry::Smith);
+        let energy = Energy::new(roughness, Geometry::Smith, Scattering::Multiple);
         Row {
-            energy: Energy::new(roughness, Geometry::Smith),
+            energy,
+            single: Energy { scattering: Scattering::Single, ..energy },
             // Other nodes than those of the mean: with the same the sum would be 1 whatever the terms are.
             nodes: gauss_legendre(37).into_iter().map(|n| (n, at(n[0]))).collect(),
             views: (1..=16).map(|k| f64::from(k) / 16.0).map(|nv| (nv, at(nv))).collect(),
@@ -140,7 +217,7 @@ mod tests {
         let rows: Vec<Row> = (0..ROUGHNESSES).into_par_iter().map(row).collect();
         let (mut worst, mut most, mut least_single) = (0.0f64, 0.0f64, 1.0f64);
         for row in &rows {
-            for &(nv, at_v) in &row.views {
+            for &(_, at_v) in &row.views {
                 for m in 0..=10 {
                     let metallic = f64::from(m) / 10.0;
                     let f0 = DIELECTRIC_F0 + (1.0 - DIELECTRIC_F0) * metallic;
@@ -149,11 +226,8 @@ mod tests {
                     let ours = specular + integral(row, more);
                     worst = worst.max((ours - 1.0).abs());
                     most = most.max(ours);
-                    let shirley = |nl, _| {
-                        let through = (1.0 - schlick_weight(nl)) * (1.0 - schlick_weight(nv));
-                        (1.0 - metallic) * (1.0 - f0) * 1.05 * FRAC_1_PI * through
-                    };
-                    least_single = least_single.min(specular + integral(row, shirley));
+                    let single = |_, at_l| row.single.beyond_single(DVec3::ONE, metallic, at_l, at_v).x;
+                    least_single = least_single.min(specular + integral(row, single));
                 }
             }
         }
@@ -163,8 +237,23 @@ mod tests {
     }
 
     #[test]
+    fn terms_under_even_light_are_their_integrals() {
+        for i in [3, 12, 20] {
+            let Row { energy, nodes, views, .. } = &row(i);
+            let albedo = DVec3::new(0.9, 0.5, 0.1);
+            for (nv, at_v) in views {
+                let sum = nodes.iter().fold(DVec3::ZERO, |sum, ([nl, weight], at_l)| {
+                    sum + energy.beyond_single(albedo, 0.3, *at_l, *at_v) * (2.0 * PI * weight * nl)
+                });
+                let even = energy.diffuse_even(albedo, 0.3, *at_v) + energy.multiple_even(albedo, 0.3, *at_v);
+                assert!(sum.abs_diff_eq(even, 1e-3), "{sum} and {even} at n·v {nv}");
+            }
+        }
+    }
+
+    #[test]
     fn the_terms_are_reciprocal_and_scaling_the_lobe_is_not() {
-        let energy = Energy::new(1.0, Geometry::Smith);
+        let energy = Energy::new(1.0, Geometry::Smith, Scattering::Multiple);
         let [a, b] = [0.2, 0.9].map(|c| table_entry(c, 1.0, Geometry::Smith));
         let albedo = DVec3::new(0.9, 0.5, 0.1);
         let there = energy.beyond_single(albedo, 0.5, a, b);
@@ -176,10 +265,10 @@ mod tests {
 
     #[test]
     fn nothing_is_added_to_what_is_smooth_or_black() {
-        let smooth = Energy::new(0.0, Geometry::Smith);
+        let smooth = Energy::new(0.0, Geometry::Smith, Scattering::Multiple);
         let at = table_entry(0.5, 0.0, Geometry::Smith);
-        assert!(smooth.multiple(DVec3::ONE, at, at).x < 1e-6);
-        let rough = Energy::new(1.0, Geometry::Smith);
+        assert!(smooth.multiple(smooth.multiple_share(DVec3::ONE), at, at).x < 1e-6);
+        let rough = Energy::new(1.0, Geometry::Smith, Scattering::Multiple);
         assert!(rough.multiple_share(DVec3::ZERO).x < 0.01);
         assert!((rough.multiple_share(DVec3::ONE).x - 1.0).abs() < 1e-12);
     }
@@ -194,12 +283,43 @@ mod tests {
         }
     }
 
+    /// What `is_multi_scatter_visible` takes for granted.
+    #[test]
+    fn a_dielectric_never_needs_it_and_more_roughness_never_less() {
+        let roughnesses: Vec<f64> = (0..=8).map(|i| f64::from(i) / 8.0).collect();
+        let changes = |metallic, albedo| -> Vec<f64> {
+            roughnesses.par_iter().map(|r| most_changed(*r, metallic, albedo)).collect()
+        };
+        let dielectric = changes(0.0, 1.0);
+        assert!(dielectric.iter().all(|change| *change < VISIBLE), "{dielectric:?}");
+        for (metallic, albedo) in [(1.0, 1.0), (0.1, 0.5)] {
+            let visible: Vec<bool> = changes(metallic, albedo).iter().map(|change| *change > VISIBLE).collect();
+            assert!(visible.is_sorted(), "{visible:?}");
+        }
+    }
+
+    #[test]
+    fn the_curve_is_the_table() {
+        for roughness in [0.1, 0.6, 1.0] {
+            let curve = Curve::new(roughness, Geometry::Smith);
+            for nv in [0.0, 0.003, 0.31, 0.77, 0.93, 1.0] {
+                let (got, want) = (curve.at(nv), table_entry(nv, roughness, Geometry::Smith));
+                let off = (got.scale - want.scale).abs().max((got.bias - want.bias).abs());
+                assert!(off < 3e-4, "{got:?} is not {want:?}: {nv}, {roughness}");
+            }
+        }
+    }
+
     #[test]
     fn the_furnace_s_number_is_that_of_its_terms() {
         for (metallic, roughness, nv) in [(0.0, 0.5, 0.3), (1.0, 1.0, 0.9), (0.5, 0.7, 0.6)] {
-            let share = furnace(DVec3::ONE, metallic, roughness, nv, Geometry::Smith);
-            assert!(share.abs_diff_eq(DVec3::ONE, 0.005), "{share}");
-            assert!(furnace(DVec3::splat(0.5), metallic, roughness, nv, Geometry::Smith).x < 0.75);
+            let share = |albedo, scattering| furnace(DVec3::splat(albedo), metallic, roughness, nv, scattering);
+            let multiple = share(1.0, Scattering::Multiple);
+            assert!(multiple.abs_diff_eq(DVec3::ONE, 0.005), "{multiple}");
+            assert!(share(0.5, Scattering::Multiple).x < 0.75);
+            // What a dielectric does not mirror is diffuse, scattered once or more often; a metal has nothing else.
+            let single = share(1.0, Scattering::Single).x;
+            assert!(if metallic == 0.0 { (single - 1.0).abs() < 0.005 } else { single < 0.95 }, "{single}");
         }
     }
 }

@@ -6,11 +6,10 @@ use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
 use super::{
-    brdf::{
-        Geometry, alpha_from_roughness, d_ggx, diffuse_lambert, diffuse_shirley1997, f_schlick, f0_from_metallic,
-        v_environment,
-    },
+    brdf::{Geometry, alpha_from_roughness, d_ggx, diffuse_karis2013, f_schlick, f0_from_metallic, v_environment},
     cube::{panorama_direction, panorama_texel_solid_angle, panorama_uv},
+    energy::{Curve, Energy, Scattering},
+    table::Entry,
 };
 
 /// A panorama as the integrals see it: each texel one constant radiance over its solid angle, or
@@ -174,13 +173,15 @@ fn lobe_cell_radians(r: DVec3, l: DVec3, alpha: f64) -> f64 {
 }
 
 /// All light that `surface` reflects to the eye from an unoccluded panorama, with the whole BRDF (Fresnel at v·h, not the
-/// split sum) and the environment's visibility of `geometry`; roughness as `alpha_from_roughness` has it.
-pub fn reflected(panorama: PanoramaView, surface: &Surface, geometry: Geometry) -> Reflected {
+/// split sum) and the environment's visibility of `geometry`; roughness as `alpha_from_roughness` has it. What is scattered
+/// more than once is specular.
+pub fn reflected(panorama: PanoramaView, surface: &Surface, geometry: Geometry, scattering: Scattering) -> Reflected {
     let &Surface { n, v, albedo, metallic, roughness } = surface;
     let alpha = alpha_from_roughness(roughness);
     let f0 = f0_from_metallic(albedo, metallic);
     let nv = n.dot(v);
     let mirror = 2.0 * nv * n - v;
+    let beyond = Beyond::new(surface, geometry, scattering);
     // Seen at a grazing angle the lobe is narrower across by n·v, and in the end by its own width.
     let narrow = alpha * nv.max(alpha.min(0.1));
     panorama.sum(
@@ -191,18 +192,41 @@ pub fn reflected(panorama: PanoramaView, surface: &Surface, geometry: Geometry) 
                 return Reflected::default();
             }
             let h = v + l;
-            let f = f_schlick(f0, 0.5 * h.length());
-            let visibility = v_environment(nl, nv, alpha.sqrt(), geometry);
-            let diffuse = match geometry {
-                Geometry::Smith => diffuse_shirley1997(albedo, f0, nl, nv),
-                Geometry::Karis2013 => (DVec3::ONE - f) * diffuse_lambert(albedo),
-            };
-            Reflected {
-                diffuse: light * nl * (1.0 - metallic) * diffuse,
-                specular: light * nl * f * (d_ggx(n, h, alpha) * visibility),
-            }
+            let vh = 0.5 * h.length();
+            let specular = f_schlick(f0, vh) * (d_ggx(n, h, alpha) * v_environment(nl, nv, alpha.sqrt(), geometry));
+            let [diffuse, multiple] = beyond.at(f0, nl, vh);
+            Reflected { diffuse: light * nl * diffuse, specular: light * nl * (specular + multiple) }
         },
     )
+}
+
+/// What a surface has beside single scattering: the thesis's diffuse part, or one that keeps the energy.
+enum Beyond {
+    Karis2013 { albedo: DVec3 },
+    Smith { energy: Energy, curve: Curve, at_v: Entry, albedo: DVec3, share: DVec3 },
+}
+
+impl Beyond {
+    fn new(surface: &Surface, geometry: Geometry, scattering: Scattering) -> Self {
+        let &Surface { n, v, albedo, metallic, roughness } = surface;
+        if geometry == Geometry::Karis2013 {
+            return Self::Karis2013 { albedo: (1.0 - metallic) * albedo };
+        }
+        let (energy, curve) = (Energy::new(roughness, geometry, scattering), Curve::new(roughness, geometry));
+        let (at_v, share) = (curve.at(n.dot(v)), energy.mixed_share(albedo, metallic));
+        Self::Smith { energy, curve, at_v, albedo: (1.0 - metallic) * albedo, share }
+    }
+
+    /// Diffuse and multiple scattering in 1/sr.
+    fn at(&self, f0: DVec3, nl: f64, vh: f64) -> [DVec3; 2] {
+        match self {
+            Self::Karis2013 { albedo } => [diffuse_karis2013(*albedo, f0, vh), DVec3::ZERO],
+            Self::Smith { energy, curve, at_v, albedo, share } => {
+                let at_l = curve.at(nl);
+                [energy.diffuse(*albedo, at_l, *at_v), energy.multiple(*share, at_l, *at_v)]
+            }
+        }
+    }
 }
 
 #[cfg(test)]
@@ -302,11 +326,28 @@ mod tests {
                 let n = DVec3::new(0.0, 0.6, 0.8);
                 let v = nv * n + across * DVec3::X;
                 let surface = Surface { n, v, albedo: DVec3::new(1.0, 0.5, 0.2), metallic: 1.0, roughness };
-                let sum = reflected(view, &surface, geometry);
+                let sum = reflected(view, &surface, geometry, Scattering::Single);
                 let table = specular_albedo(surface.albedo, nv, roughness, geometry);
                 assert!(sum.specular.abs_diff_eq(table, 1e-3), "{} against {table}: {nv}, {roughness}", sum.specular);
                 assert_eq!(sum.diffuse, DVec3::ZERO);
             }
+        }
+    }
+
+    #[test]
+    fn a_white_furnace_hides_white_surfaces_that_scatter_more_than_once() {
+        let texels = white();
+        let view = PanoramaView::new(32, 16, &texels).unwrap();
+        for (nv, roughness, metallic) in [(0.9, 1.0, 1.0), (0.4, 0.6, 0.5), (0.7, 0.3, 0.0)] {
+            let v = DVec3::new(f64::sqrt(1.0 - nv * nv), 0.0, nv);
+            let surface = Surface { n: DVec3::Z, v, albedo: DVec3::ONE, metallic, roughness };
+            let sum = |scattering| {
+                let Reflected { diffuse, specular } = reflected(view, &surface, Geometry::Smith, scattering);
+                (diffuse + specular).x
+            };
+            let multiple = sum(Scattering::Multiple);
+            assert!((multiple - 1.0).abs() < 2e-3, "{multiple}: {nv}, {roughness}, {metallic}");
+            assert!(metallic == 0.0 || sum(Scattering::Single) < 0.95);
         }
     }
 
@@ -316,16 +357,19 @@ mod tests {
         let view = PanoramaView::new(64, 32, &texels).unwrap();
         let n = DVec3::new(0.8, 0.6, 0.0);
         let surface = Surface { n, v: n, albedo: DVec3::splat(0.5), metallic: 0.0, roughness: 1.0 };
-        let share = |geometry| reflected(view, &surface, geometry).diffuse.x / (0.5 / PI * irradiance(view, n).x);
+        let share = |geometry| {
+            reflected(view, &surface, geometry, Scattering::Single).diffuse.x / (0.5 / PI * irradiance(view, n).x)
+        };
         // Head on, v·h is cos of half the angle to l, and at least 0.7: Fresnel takes 4.0 to 4.3 %.
         let karis = share(Geometry::Karis2013);
         assert!((0.957..0.9601).contains(&karis), "{karis}");
-        // 1.05 · 0.96 for light from above, less towards the horizon; 0.96 under even light.
+        // What comes back under even light is what is not mirrored; light from above enters a little more easily.
+        let left = 1.0 - specular_albedo(DVec3::splat(0.04), 1.0, 1.0, Geometry::Smith).x;
         let smith = share(Geometry::Smith);
-        assert!((0.96..1.008).contains(&smith), "{smith}");
+        assert!((left..1.03 * left).contains(&smith), "{smith} and {left}");
         let even = white();
         let view = PanoramaView::new(32, 16, &even).unwrap();
-        let smith = reflected(view, &surface, Geometry::Smith).diffuse.x / 0.5;
-        assert!((smith - 0.96).abs() < 1e-4, "{smith}");
+        let smith = reflected(view, &surface, Geometry::Smith, Scattering::Single).diffuse.x / 0.5;
+        assert!((smith - left).abs() < 1e-4, "{smith} is not {left}");
     }
 }

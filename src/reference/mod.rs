@@ -1,6 +1,6 @@
 //! The truth in f64, no Vulkan: BRDF terms, sampling, integrals, colour, picture metrics.
 //!
-//! `math`, `brdf`, `sampling`, `cube`, `harmonics`, `octahedral` and `tone` are the twins of the files of the same name in `glsl/`: same functions, same
+//! `math`, `brdf`, `energy`, `sampling`, `cube`, `harmonics`, `octahedral` and `tone` are the twins of the files of the same name in `glsl/`: same functions, same
 //! arguments, same constants.
 
 pub mod brdf;

@@ -11,6 +11,7 @@ use super::world::{ATTRIBUTES, PackedVertex, World};
 use super::{Settings, Shading, exact};
 use crate::Result;
 use crate::gpu::{Commands, Constant, Depth, Format, Gpu, GraphicsDesc, Pipeline, Set, SetLayout};
+use crate::reference::energy::Scattering;
 use crate::scene::MaterialNeeds;
 
 /// The fragment stages and what they draw into: the picture itself, or samples for the exact one.
@@ -57,11 +58,12 @@ impl Forward {
             // Below 0 the shader asks the frame.
             (constant::LIGHTS, world.lights_needed.map_or(u32::MAX, |count| count)),
         ];
+        let multiple = settings.scattering == Scattering::Multiple;
         let mut materials = HashMap::new();
         for needs in world.draws.iter().map(|d| world.materials[d.material].needs) {
             if let std::collections::hash_map::Entry::Vacant(entry) = materials.entry(needs) {
                 let sets = [frame_layout, &world.material_layout];
-                entry.insert(material_pipeline(gpu, &sets, needs, &common, &stage)?);
+                entry.insert(material_pipeline(gpu, &sets, needs, multiple, &common, &stage)?);
             }
         }
         let sky = Pipeline::graphics(
@@ -128,6 +130,7 @@ fn material_pipeline(
     gpu: &Arc<Gpu>,
     sets: &[&SetLayout],
     needs: MaterialNeeds,
+    multiple: bool,
     common: &[Constant],
     stage: &Stage,
 ) -> Result<Pipeline> {
@@ -138,6 +141,7 @@ fn material_pipeline(
         (constant::HAS_SURFACE_MAP, u32::from(needs.surface_map)),
         (constant::ALPHA_MASK, u32::from(needs.alpha_mask)),
         (constant::METALS, needs.metals as u32),
+        (constant::MULTI_SCATTER, u32::from(multiple && needs.multi_scatter)),
     ]);
     Pipeline::graphics(
         gpu,

@@ -33,6 +33,7 @@ use crate::asset::{Report, TextureOptions};
 use crate::gpu::{Bind, Buffer, BufferKind, Commands, Edge, Gpu, Image, PassTime, Sampler, Set, SetLayout, Slot};
 use crate::precompute::{self, BrdfTable, LightMaps};
 use crate::reference::brdf::Geometry;
+use crate::reference::energy::Scattering;
 use crate::reference::table::SplitSum;
 use crate::scene::needs::resolution::Viewpoint;
 use crate::scene::{Model, Needs, Scene};
@@ -94,6 +95,7 @@ impl Shading {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Settings {
     pub geometry: Geometry,
+    pub scattering: Scattering,
     pub split_sum: SplitSum,
     pub model: Model,
     /// Where all pictures will be taken from; `None` for anywhere.
@@ -113,6 +115,7 @@ impl Default for Settings {
     fn default() -> Self {
         Self {
             geometry: Geometry::Smith,
+            scattering: Scattering::Multiple,
             split_sum: SplitSum::Moment,
             model: Model::Needed,
             viewpoint: None,

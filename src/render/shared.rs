@@ -94,4 +94,5 @@ pub mod constant {
     pub const ALPHA_MASK: u32 = 7;
     pub const LIGHTS: u32 = 8;
     pub const METALS: u32 = 9;
+    pub const MULTI_SCATTER: u32 = 10;
 }

@@ -122,6 +122,7 @@ fn specialization_constants_have_their_ids() {
         ("ALPHA_MASK", constant::ALPHA_MASK),
         ("LIGHTS", constant::LIGHTS),
         ("METALS", constant::METALS),
+        ("MULTI_SCATTER", constant::MULTI_SCATTER),
     ];
     assert_eq!(declared.collect::<Vec<_>>(), ours);
 }

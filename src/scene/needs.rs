@@ -7,6 +7,7 @@ use clap::ValueEnum;
 use serde::Serialize;
 
 use super::{Material, Scene};
+use crate::reference::energy::is_multi_scatter_visible;
 use resolution::{Viewpoint, first_levels};
 
 /// How much is modelled.
@@ -40,11 +41,19 @@ pub struct MaterialNeeds {
     pub surface_map: bool,
     pub alpha_mask: bool,
     pub metals: Metals,
+    /// Light that bounces more than once between microfacets; without it a rough metal is too dark.
+    pub multi_scatter: bool,
 }
 
 impl MaterialNeeds {
-    const EVERYTHING: Self =
-        Self { albedo_map: true, normal_map: true, surface_map: true, alpha_mask: true, metals: Metals::Some };
+    const EVERYTHING: Self = Self {
+        albedo_map: true,
+        normal_map: true,
+        surface_map: true,
+        alpha_mask: true,
+        metals: Metals::Some,
+        multi_scatter: true,
+    };
 
     fn of(material: &Material) -> Self {
         Self {
@@ -57,8 +66,15 @@ impl MaterialNeeds {
                 [least, _] if least >= 1.0 => Metals::All,
                 _ => Metals::Some,
             },
+            multi_scatter: multi_scatter(material),
         }
     }
+}
+
+/// Whether any part of a material could show more than one bounce. Maps multiply the albedo by at most 1.
+fn multi_scatter(material: &Material) -> bool {
+    let [roughness, metallic] = [material.roughness_range, material.metallic_range].map(|[_, most]| f64::from(most));
+    is_multi_scatter_visible(roughness, metallic, material.albedo_factor.max_element().into())
 }
 
 /// What the renderer builds for a scene.
@@ -137,6 +153,7 @@ mod tests {
             surface_map: false,
             alpha_mask: false,
             metals: Metals::None,
+            multi_scatter: false,
         };
         assert_eq!(needs.materials[0], plain);
         assert_eq!(needs.pipelines(), 2);
@@ -152,6 +169,17 @@ mod tests {
         assert_eq!(metals([1.0, 1.0]), Metals::All);
         for range in [[0.0, 0.004], [0.996, 1.0], [0.0, 1.0], [0.5, 0.5]] {
             assert_eq!(metals(range), Metals::Some, "{range:?}");
+        }
+    }
+
+    #[test]
+    fn rough_metals_need_multiple_scattering() {
+        for (albedo, metallic, roughness, needed) in
+            [(0.9, 1.0, 0.6, true), (0.9, 1.0, 0.02, false), (0.9, 0.0, 1.0, false), (0.05, 1.0, 0.5, false)]
+        {
+            let material = Material::plain("plain", Vec3::splat(albedo), metallic, roughness);
+            let needs = Needs::of(&scene(vec![material], 0), Model::Needed, None);
+            assert_eq!(needs.materials[0].multi_scatter, needed, "{albedo}, {metallic}, {roughness}");
         }
     }
 

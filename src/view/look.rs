@@ -6,6 +6,7 @@ use crate::asset::{Report, Storage, TextureOptions};
 use crate::gpu::Gpu;
 use crate::precompute::{Cache, Options, check_face_size, check_irradiance_size};
 use crate::reference::brdf::Geometry;
+use crate::reference::energy::Scattering;
 use crate::reference::table::SplitSum;
 use crate::render::{Settings, Shading};
 use crate::scene::Model;
@@ -22,6 +23,9 @@ pub struct Look {
     /// Masking and shadowing term.
     #[arg(long, value_enum, default_value_t)]
     pub geometry: Geometry,
+    /// How often light bounces between a surface's microfacets.
+    #[arg(long, value_enum, default_value_t)]
+    pub scattering: Scattering,
     /// How surfaces mirror the panorama.
     #[arg(long, value_enum, default_value_t)]
     pub split_sum: SplitSum,
@@ -50,6 +54,7 @@ impl Look {
         let plain = Settings::default();
         Settings {
             geometry: self.geometry,
+            scattering: self.scattering,
             split_sum: self.split_sum,
             model: self.model,
             samples: self.samples.unwrap_or(plain.samples),

@@ -10,7 +10,7 @@ struct Input {
 };
 struct Output {
     float alpha, d, smith, karis, karis_direct, karis_ibl, direct[2], environment[2], weight, exponent, phong;
-    vec3 schlick, schlick_roughness, lambert, shirley, f0, brdf[2];
+    vec3 schlick, schlick_roughness, lambert, thesis, f0, specular[2];
 };
 layout(local_size_x = 64) in;
 layout(set = 0, binding = 0, scalar) readonly buffer Inputs { Input inputs[]; };
@@ -36,11 +36,11 @@ void main()
     o.schlick = f_schlick(i.albedo, i.vh);
     o.schlick_roughness = f_schlick_roughness(i.albedo, i.nv, i.roughness);
     o.lambert = diffuse_lambert(i.albedo);
-    o.shirley = diffuse_shirley1997(i.albedo, o.f0, i.nl, i.nv);
+    o.thesis = diffuse_karis2013(i.albedo, o.f0, i.vh);
     for (int geometry = 0; geometry < 2; ++geometry) {
         o.direct[geometry] = v_direct(i.nl, i.nv, i.roughness, geometry);
         o.environment[geometry] = v_environment(i.nl, i.nv, i.roughness, geometry);
-        o.brdf[geometry] = brdf(i.n, i.v, i.l, i.albedo, i.metallic, i.roughness, geometry);
+        o.specular[geometry] = specular(i.n, i.v, i.l, o.f0, i.roughness, geometry);
     }
     outputs[id] = o;
 }

@@ -124,12 +124,10 @@ impl Stand<'_> {
     /// Mean radiance of each pixel's square, and what a viewer sees.
     fn shown(&self, pixels: &[[f32; 4]]) -> (Vec<[f32; 3]>, Vec<[u8; 3]>) {
         let size = self.size.map(|side| side * FINENESS);
-        let radiance = |pixel: &[f32; 4]| Vec3::from_slice(pixel).as_dvec3();
         let scale = tone::exposure_scale(f64::from(self.exposure_ev));
         let light = |pixel: &[f32; 4]| tone::tone_neutral(radiance(pixel) * scale);
         let byte = |light: DVec3| tone::srgb_encode(light).to_array().map(|c| (255.0 * c).round() as u8);
-        let radiances = blocks(pixels, size, radiance).into_iter().map(|mean| mean.as_vec3().to_array());
-        (radiances.collect(), blocks(pixels, size, light).into_iter().map(byte).collect())
+        (blocks(pixels, size, FINENESS), means(pixels, size, FINENESS, light).into_iter().map(byte).collect())
     }
 }
 
@@ -142,14 +140,23 @@ fn errors(size: [u32; 2], test: Shown<'_>, reference: Shown<'_>) -> Result<Pictu
     Ok(PictureError { flip: flip.mean.into(), flip_max: flip.max.into(), relative_mse })
 }
 
-/// The mean of a value over each block of [`FINENESS`]² pixels.
-fn blocks(pixels: &[[f32; 4]], [width, height]: [u32; 2], value: impl Fn(&[f32; 4]) -> DVec3) -> Vec<DVec3> {
+/// Each block of `side`² pixels as one, without alpha.
+pub fn blocks(pixels: &[[f32; 4]], size: [u32; 2], side: u32) -> Vec<[f32; 3]> {
+    means(pixels, size, side, radiance).into_iter().map(|mean| mean.as_vec3().to_array()).collect()
+}
+
+fn radiance(pixel: &[f32; 4]) -> DVec3 {
+    Vec3::from_slice(pixel).as_dvec3()
+}
+
+/// The mean of a value over each block of `side`² pixels.
+fn means(pixels: &[[f32; 4]], [width, height]: [u32; 2], side: u32, value: impl Fn(&[f32; 4]) -> DVec3) -> Vec<DVec3> {
     let block = |x: u32, y: u32| {
-        let inside = (0..FINENESS).flat_map(|v| (0..FINENESS).map(move |u| (x * FINENESS + u, y * FINENESS + v)));
+        let inside = (0..side).flat_map(|v| (0..side).map(move |u| (x * side + u, y * side + v)));
         let sum: DVec3 = inside.map(|(x, y)| value(&pixels[(y * width + x) as usize])).sum();
-        sum / f64::from(FINENESS * FINENESS)
+        sum / f64::from(side * side)
     };
-    (0..height / FINENESS).flat_map(|y| (0..width / FINENESS).map(move |x| (x, y))).map(|(x, y)| block(x, y)).collect()
+    (0..height / side).flat_map(|y| (0..width / side).map(move |x| (x, y))).map(|(x, y)| block(x, y)).collect()
 }
 
 #[cfg(test)]
@@ -159,7 +166,7 @@ mod tests {
     #[test]
     fn blocks_of_pixels_become_their_mean() {
         let pixels: Vec<[f32; 4]> = (0..8 * 4).map(|i| [(i % 8) as f32, 1.0, 0.0, 9.0]).collect();
-        let means = blocks(&pixels, [8, 4], |pixel| Vec3::from_slice(pixel).as_dvec3());
-        assert_eq!(means, [DVec3::new(1.5, 1.0, 0.0), DVec3::new(5.5, 1.0, 0.0)]);
+        assert_eq!(blocks(&pixels, [8, 4], 4), [[1.5, 1.0, 0.0], [5.5, 1.0, 0.0]]);
+        assert_eq!(blocks(&pixels, [8, 4], 2)[..2], [[0.5, 1.0, 0.0], [2.5, 1.0, 0.0]]);
     }
 }

@@ -13,6 +13,7 @@ use crate::{Error, Result};
 pub const DIMENSIONS: &[(&str, &[&str])] = &[
     (SHADING, &["--shading phong"]),
     ("masking", &["--geometry karis2013"]),
+    ("scattering", &["--scattering single"]),
     ("split sum", &["--split-sum classic"]),
     ("model", &["--model everything"]),
     ("mirrored light", &["--cube-size 32", "--cube-size 64", "--cube-size 128", "--cube-size 512", "--cube-size 1024"]),

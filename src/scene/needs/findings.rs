@@ -8,6 +8,7 @@ use serde::Serialize;
 
 use super::{MaterialNeeds, Metals, Model, Needs};
 use crate::asset::Panorama;
+use crate::reference::energy::VISIBLE;
 use crate::scene::{Material, Scene};
 
 /// One decision.
@@ -64,7 +65,7 @@ impl Findings {
         };
         let materials: Vec<_> = scene.materials.iter().zip(&needs.materials).map(material).collect();
         let mut findings = maps(&materials);
-        findings.extend([metals(&materials), roughness(&materials), lights(scene)]);
+        findings.extend([metals(&materials), multi_scatter(&materials), roughness(&materials), lights(scene)]);
         findings.extend(shadows(scene, sun(&scene.environment.panorama)));
         Self { triangles: scene.triangles(), findings, materials, needs }
     }
@@ -109,6 +110,16 @@ fn metals(materials: &[MaterialFinding]) -> Finding {
         _ => format!("{metal} material(s) all metal, {mixed} in parts, {dielectric} not at all"),
     };
     Finding { subject: "metalness", modelled: metal + mixed > 0, why }
+}
+
+fn multi_scatter(materials: &[MaterialFinding]) -> Finding {
+    let (count, all) = (materials.iter().filter(|m| m.needs.multi_scatter).count(), materials.len());
+    let percent = 100.0 * VISIBLE;
+    let why = match count {
+        0 => format!("no rough metal: more bounces between microfacets would add less than {percent} %"),
+        _ => format!("{count} of {all} materials are metal rough enough to lose more than {percent} % of the light"),
+    };
+    Finding { subject: "multiple scattering", modelled: count > 0, why }
 }
 
 fn roughness(materials: &[MaterialFinding]) -> Finding {

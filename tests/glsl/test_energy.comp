@@ -1,0 +1,37 @@
+// What energy.glsl computes, for src/precompute/energy_glsl_tests.rs.
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#extension GL_EXT_scalar_block_layout : require
+#include "energy.glsl"
+
+struct Input {
+    vec2 mean, at_l, at_v;
+    vec3 albedo;
+    float metallic;
+    uint multiple;
+};
+struct Output {
+    vec3 share, mixed, lobe, specular, diffuse, beyond, diffuse_even, multiple_even;
+};
+layout(local_size_x = 64) in;
+layout(set = 0, binding = 0, scalar) readonly buffer Inputs { Input inputs[]; };
+layout(set = 0, binding = 1, scalar) writeonly buffer Outputs { Output outputs[]; };
+
+void main()
+{
+    uint id = gl_GlobalInvocationID.x;
+    if (id >= inputs.length())
+        return;
+    Input i = inputs[id];
+    Energy energy = Energy(i.mean, i.multiple != 0u);
+    Output o;
+    o.share = multiple_share(energy, i.albedo);
+    o.mixed = mixed_share(energy, i.albedo, i.metallic);
+    o.lobe = multiple(energy, o.mixed, i.at_l, i.at_v);
+    o.specular = specular_albedo(energy, i.albedo, i.at_v);
+    o.diffuse = diffuse_kelemen2001(energy, i.albedo, i.at_l, i.at_v);
+    o.beyond = beyond_single(energy, i.albedo, i.metallic, i.at_l, i.at_v);
+    o.diffuse_even = diffuse_even(energy, i.albedo, i.metallic, i.at_v);
+    o.multiple_even = multiple_even(energy, i.albedo, i.metallic, i.at_v);
+    outputs[id] = o;
+}
