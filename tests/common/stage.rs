@@ -7,6 +7,7 @@ use glam::Mat4;
 use pbr_vr::asset::picture::Picture;
 use pbr_vr::asset::{MipChain, Report, Storage, TextureOptions};
 use pbr_vr::gpu::{Gpu, Part, read_image, run};
+use pbr_vr::precompute::Options;
 use pbr_vr::render::{Eye, Output, Renderer, Settings, Shading};
 use pbr_vr::scene::{LoadOptions, Scene, load};
 
@@ -64,9 +65,10 @@ impl Stage {
         output: Output,
         shading: Shading,
     ) -> Self {
-        let settings = Settings { samples, output, textures: textures(), ..Settings::default() };
-        let renderer =
-            Renderer::new(gpu, scene, settings, shading, size, 1, &Report::silent()).expect("a renderer");
+        // Small light maps, as dozens of scenes are lit.
+        let precompute = Options { face_size: 64, cache: None };
+        let settings = Settings { samples, output, precompute, textures: textures(), ..Settings::default() };
+        let renderer = Renderer::new(gpu, scene, settings, shading, size, 1, &Report::silent()).expect("a renderer");
         Self { gpu: Arc::clone(gpu), renderer, size }
     }
 
