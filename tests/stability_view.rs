@@ -95,7 +95,10 @@ fn what_is_behind_the_eye_or_far_away_leaves_the_sky_as_it_is() {
     with_gpu(|gpu| {
         let mut with_ball = Stage::new(gpu, &ball(material([1.0; 3], 1.0, 0.2)), SIZE, 4, Output::Linear);
         // A thousandth of a metre in size, a thousand kilometres away: the sky, as far as anyone sees.
-        let speck = world(&[("m", material([1.0; 3], 1.0, 0.2), sphere("m.mtl"), "translation = [0, 1e6, 0]\nscale = 1e-3")], "");
+        let speck = world(
+            &[("m", material([1.0; 3], 1.0, 0.2), sphere("m.mtl"), "translation = [0, 1e6, 0]\nscale = 1e-3")],
+            "",
+        );
         let mut empty = Stage::new(gpu, &speck, SIZE, 4, Output::Linear);
         for (place, target) in [
             (Vec3::new(0.0, 0.0, 2.0), Vec3::new(0.3, 0.1, 9.0)),
@@ -182,7 +185,10 @@ fn surfaces_a_hand_apart_are_told_apart_two_kilometres_away() {
 fn canted_eyes_with_uneven_frusta_see_each_direction_where_it_is() {
     let (mut worst, mut naive) = (0.0f32, f32::MAX);
     with_gpu(|gpu| {
-        let speck = world(&[("m", material([1.0; 3], 0.0, 0.2), sphere("m.mtl"), "translation = [0, 1e6, 0]\nscale = 1e-3")], "");
+        let speck = world(
+            &[("m", material([1.0; 3], 0.0, 0.2), sphere("m.mtl"), "translation = [0, 1e6, 0]\nscale = 1e-3")],
+            "",
+        );
         let mut stage = Stage::new(gpu, &speck, SIZE, 4, Output::Linear);
         for (cant_degrees, left, right) in [(10.0f32, -1.4, 1.1), (-10.0, -1.1, 1.4)] {
             let head = Mat4::from_rotation_translation(Quat::from_rotation_y(0.7), Vec3::new(1.0, 1.6, -2.0));
@@ -251,9 +257,8 @@ fn maps_full_of_nonsense_neither_break_a_picture_nor_make_light() {
     shop.write("m.obj", &sphere("m.mtl"));
     let camera = "[[camera]]\nname = \"c\"\nposition = [0, 0, 4]\ntarget = [0, 0, 0]\nvertical_fov_degrees = 40\n";
     let lamp = "[[light]]\npoint = { position = [0, 0, 1], intensity = [1, 1, 1] }\n"; // in the very surface
-    let text = |lamp: &str| {
-        format!("environment = {{ panorama = \"sky.exr\" }}\n{lamp}[[model]]\nfile = \"m.obj\"\n{camera}")
-    };
+    let text =
+        |lamp: &str| format!("environment = {{ panorama = \"sky.exr\" }}\n{lamp}[[model]]\nfile = \"m.obj\"\n{camera}");
     let (dark, lit) = (shop.write("dark.toml", &text("")), shop.write("lit.toml", &text(lamp)));
     with_gpu(|gpu| {
         let show = |mtl: &str, path, most: f32, case: &str| {

@@ -69,7 +69,8 @@ fn scene() -> Scene {
         alpha_cutoff: None,
     });
     let materials: Vec<Material> = materials.collect();
-    let corner = |x, y| Vertex { position: [x, y, 0.0], normal: [0.0, 0.0, 1.0], uv: [x, y], tangent: [1.0, 0.0, 0.0, 1.0] };
+    let corner =
+        |x, y| Vertex { position: [x, y, 0.0], normal: [0.0, 0.0, 1.0], uv: [x, y], tangent: [1.0, 0.0, 0.0, 1.0] };
     let vertices = vec![corner(0.0, 0.0), corner(1.0, 0.0), corner(0.0, 1.0)];
     let bounds = Bounds { min: Vec3::ZERO, max: Vec3::new(1.0, 1.0, 0.0) };
     let mesh = Mesh { name: "triangle".into(), vertices, indices: vec![0, 1, 2], material: 0, bounds };

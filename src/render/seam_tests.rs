@@ -17,7 +17,8 @@ const SIZE: [u32; 2] = [64, 64];
 
 /// Stripes along the circles of latitude, each four texels wide.
 fn scene() -> Scene {
-    let stripe = |d: Vec3| Vec3::splat(if (d.y.asin().to_degrees() / 1.40625).floor() as i32 % 2 == 0 { 1.0 } else { 0.0 });
+    let stripe =
+        |d: Vec3| Vec3::splat(if (d.y.asin().to_degrees() / 1.40625).floor() as i32 % 2 == 0 { 1.0 } else { 0.0 });
     Scene {
         meshes: Vec::new(),
         instances: Vec::new(),
@@ -80,7 +81,8 @@ fn least(picture: &[f32]) -> [f32; 2] {
 #[test]
 fn the_seam_of_the_panorama_is_as_sharp_as_the_rest() {
     with_gpu(|gpu| {
-        let settings = Settings { precompute: precompute::Options { face_size: 16, cache: None }, ..Settings::default() };
+        let settings =
+            Settings { precompute: precompute::Options { face_size: 16, cache: None }, ..Settings::default() };
         let mut renderer =
             Renderer::new(gpu, &scene(), settings, Shading::Pbr, [16, 16], 1, &Report::silent()).unwrap();
         // A pixel of 0.008 off, so that the seam runs through the middle of those 2×2 that derivatives are taken over.
