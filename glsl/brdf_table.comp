@@ -14,7 +14,8 @@
 
 const int PHI_NODES = 8;
 const int S_NODES = 16;
-const float SMALLEST_ALPHA = 1e-7;
+// Below it a surface is a mirror: what its masking takes lies nearer to the horizon than the second texel.
+const float SMALLEST_ALPHA = 2e-6;
 
 layout(local_size_x = 8, local_size_y = 8) in;
 layout(constant_id = 0) const int GEOMETRY = 0;
@@ -70,10 +71,15 @@ void main()
     // At n.v = 1 there is no plane of incidence; across / sin has a limit.
     float nv = min(arguments.x, 0.99999), roughness = arguments.y;
     float sv = sqrt(1.0 - nv * nv);
-    float alpha = max(roughness * roughness, SMALLEST_ALPHA);
+    float alpha = roughness * roughness;
     Parts parts = Parts(vec2(0.0), vec2(0.0), vec2(0.0));
-    add_quarter(0.0, nv, sv, sqrt(alpha), alpha, parts);
-    add_quarter(1.0, nv, sv, sqrt(alpha), alpha, parts);
+    if (alpha < SMALLEST_ALPHA) {
+        float f = schlick_weight(nv);
+        parts.weight = vec2(1.0 - f, f);
+    } else {
+        add_quarter(0.0, nv, sv, roughness, alpha, parts);
+        add_quarter(1.0, nv, sv, roughness, alpha, parts);
+    }
     vec2 over = 1.0 / max(parts.weight, vec2(TINY));
     vec2 along = MATCH_MOMENTS ? parts.along * over : vec2(kernel_spreads[id.y]);
     vec2 across = MATCH_MOMENTS ? parts.across * over / sv : vec2(0.0);
