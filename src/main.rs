@@ -90,7 +90,7 @@ struct View {
 
 /// Settings by what they cost or give, instead of each by itself.
 #[derive(Args, Default)]
-#[group(multiple = false, conflicts_with_all = ["Look", "TextureChoice"])]
+#[group(multiple = false, conflicts_with_all = look_flags())]
 struct Choice {
     /// Choose the quickest settings whose error (mean FLIP) was at most this when `measure ladder SCENE` measured them here.
     #[arg(long, value_name = "FLIP", value_parser = parse_positive)]
@@ -98,6 +98,11 @@ struct Choice {
     /// Choose the most accurate settings whose frames took at most this long when `measure ladder SCENE` measured them here.
     #[arg(long, value_name = "MS", value_parser = parse_positive)]
     budget_ms: Option<f64>,
+}
+
+/// Every flag of a look: a group of clap's has no members that are flattened in.
+fn look_flags() -> Vec<clap::Id> {
+    Look::augment_args(clap::Command::new("look")).get_arguments().map(|flag| flag.get_id().clone()).collect()
 }
 
 impl Choice {

@@ -108,6 +108,8 @@ pub fn run(request: &MeasureRequest<'_>, gpu: GpuOptions<'_>, report: &Report) -
             }
             for variant in variants(storage) {
                 results.rows.push(stand.measure(storage, &loaded, variant)?);
+                // What is measured stays if the rest is not.
+                write_tables(request.output, &results)?;
                 bar.inc(1);
             }
         }

@@ -19,12 +19,16 @@ pub fn spread_from_level(level: usize) -> f64 {
     if level == 0 { 0.0 } else { (FIRST_ROOT + ROOT_STEP * level as f64).powi(4) }
 }
 
-/// alpha of a stored level's lobe, by bisection.
+/// alpha of a stored level's lobe.
 pub fn alpha_from_level(level: usize) -> f64 {
-    if level == 0 {
+    alpha_from_spread(spread_from_level(level))
+}
+
+/// alpha of the lobe of this spread, by bisection; 0 for a mirror.
+pub fn alpha_from_spread(spread: f64) -> f64 {
+    if spread <= 0.0 {
         return 0.0;
     }
-    let spread = spread_from_level(level);
     let (mut low, mut high) = (1e-4f64.ln(), 1e2f64.ln());
     for _ in 0..60 {
         let middle = 0.5 * (low + high);

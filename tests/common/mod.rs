@@ -4,6 +4,7 @@
 pub mod headset;
 pub mod light;
 pub mod room;
+pub mod stage;
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;

@@ -10,7 +10,11 @@ use super::{Ladder, Rung};
 use crate::asset::file::write_atomically;
 use crate::{Error, Result};
 
-const SIZE: (u32, u32) = (980, 600);
+const WIDTH: u32 = 980;
+/// Of the chart alone; the list beside it may be longer.
+const HEIGHT: u32 = 540;
+/// Of title and caption together.
+const FRAME: u32 = 60;
 /// Width of the list beside the chart.
 const LIST: u32 = 400;
 const LINE: i32 = 14;
@@ -38,16 +42,17 @@ fn draw(ladder: &Ladder) -> Drawn<String> {
     rungs.sort_by(|a, b| a.beaten_by.is_some().cmp(&b.beaten_by.is_some()).then(a.ms.total_cmp(&b.ms)));
     let mut svg = String::new();
     {
-        let root = SVGBackend::with_string(&mut svg, SIZE).into_drawing_area();
+        let height = HEIGHT.max(list_height(&rungs));
+        let root = SVGBackend::with_string(&mut svg, (WIDTH, height + FRAME)).into_drawing_area();
         root.fill(&WHITE)?;
         let title = format!("{}: time and error of every setting", ladder.scene);
         let below = root.titled(&title, (FONT, 19))?;
-        let (top, foot) = below.split_vertically(SIZE.1 - 58);
+        let (top, foot) = below.split_vertically(height);
         caption(&foot, ladder)?;
-        let (left, right) = top.split_horizontally(SIZE.0 - LIST);
+        let (left, right) = top.split_horizontally(WIDTH - LIST);
         list(&right, &rungs)?;
         if !rungs.is_empty() {
-            panel(&root, &left, ladder, &rungs)?;
+            panel(&root, &left.split_vertically(HEIGHT).0, ladder, &rungs)?;
         }
         root.present()?;
     }
@@ -168,8 +173,7 @@ fn list(area: &Area<'_>, rungs: &[&Rung]) -> Drawn<()> {
             heading("Beaten in both:", y)?;
             was_front = false;
         }
-        let words = format!("{} ({:.2}×, {:.4})", short(rung), rung.ratio.median, rung.error.flip);
-        for (line, part) in wrapped(&words).into_iter().enumerate() {
+        for (line, part) in wrapped(&words(rung)).into_iter().enumerate() {
             y += LINE - i32::from(line > 0);
             if line == 0 {
                 mark(area, (12, y), rung)?;
@@ -179,6 +183,17 @@ fn list(area: &Area<'_>, rungs: &[&Rung]) -> Drawn<()> {
         }
     }
     Ok(())
+}
+
+/// What [`list`] takes, about.
+fn list_height(rungs: &[&Rung]) -> u32 {
+    let lines: usize = rungs.iter().map(|rung| wrapped(&words(rung)).len()).sum();
+    (lines as u32 + 3) * LINE as u32
+}
+
+/// A setting with what it takes and how far off it is.
+fn words(rung: &Rung) -> String {
+    format!("{} ({:.2}×, {:.4})", short(rung), rung.ratio.median, rung.error.flip)
 }
 
 /// A setting's flags in few words.

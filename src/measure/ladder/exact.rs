@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 use serde::{Deserialize, Serialize};
 
 use crate::asset::{Report, Storage, TextureOptions};
@@ -29,7 +29,8 @@ pub struct PictureError {
     pub relative_mse: f64,
 }
 
-/// The exact picture: radiance averaged over each pixel's square and over frames, then exposed and tone-mapped.
+/// The exact picture: of each pixel's square, the mean radiance; and what a viewer sees, the mean of its light once it is
+/// exposed and tone-mapped, as eyes average a finer screen (and multisampling its samples).
 pub struct Exact {
     size: [u32; 2],
     radiance: Vec<[f32; 3]>,
@@ -84,21 +85,19 @@ impl Exact {
                 gpu_ms += recorder.finish()?.iter().map(|pass| pass.ms).sum::<f64>();
                 bar.inc(1);
             }
-            averaged(stand.gpu, renderer, size)
+            let bytes = read_image(stand.gpu, renderer.picture(), Part { mip: 0, layer: 0 }, Output::Linear.bytes())?;
+            Ok::<Vec<[f32; 4]>, Error>(bytemuck::pod_collect_to_vec(&bytes))
         };
         let first = draw(&mut renderer)?;
-        let radiance = draw(&mut renderer)?;
+        let all = draw(&mut renderer)?;
         bar.finish_and_clear();
-        // All frames' mean is that of both halves' means.
-        let second: Vec<[f32; 3]> = radiance
-            .iter()
-            .zip(&first)
-            .map(|(all, a)| std::array::from_fn(|c| (2.0 * all[c] - a[c]).max(0.0)))
-            .collect();
         let standard_error = renderer.standard_error((half as usize - 1) % FRAMES_IN_FLIGHT);
-        let halves = [&first, &second].map(|half| stand.display(half));
-        let display = stand.display(&radiance);
-        let apart = errors(stand.size, (&first, &halves[0]), (&second, &halves[1]))?;
+        // All frames' mean is that of both halves' means.
+        let second = all.iter().zip(&first);
+        let second: Vec<[f32; 4]> =
+            second.map(|(all, a)| std::array::from_fn(|c| (2.0 * all[c] - a[c]).max(0.0))).collect();
+        let [(radiance, display), first, second] = [&all, &first, &second].map(|pixels| stand.shown(pixels));
+        let apart = errors(stand.size, (&first.0, &first.1), (&second.0, &second.1))?;
         let floor = PictureError {
             flip: apart.flip / 2.0,
             flip_max: apart.flip_max / 2.0,
@@ -122,10 +121,13 @@ impl Exact {
 }
 
 impl Stand<'_> {
-    /// What a viewer sees of radiance.
-    fn display(&self, radiance: &[[f32; 3]]) -> Vec<[u8; 3]> {
-        let see = |p: &[f32; 3]| tone::display_bytes(Vec3::from(*p).as_dvec3(), f64::from(self.exposure_ev));
-        radiance.iter().map(see).collect()
+    /// Mean radiance of each pixel's square, and what a viewer sees.
+    fn shown(&self, pixels: &[[f32; 4]]) -> (Vec<[f32; 3]>, Vec<[u8; 3]>) {
+        let size = self.size.map(|side| side * FINENESS);
+        let scale = tone::exposure_scale(f64::from(self.exposure_ev));
+        let light = |pixel: &[f32; 4]| tone::tone_neutral(radiance(pixel) * scale);
+        let byte = |light: DVec3| tone::srgb_encode(light).to_array().map(|c| (255.0 * c).round() as u8);
+        (blocks(pixels, size, FINENESS), means(pixels, size, FINENESS, light).into_iter().map(byte).collect())
     }
 }
 
@@ -138,20 +140,21 @@ fn errors(size: [u32; 2], test: Shown<'_>, reference: Shown<'_>) -> Result<Pictu
     Ok(PictureError { flip: flip.mean.into(), flip_max: flip.max.into(), relative_mse })
 }
 
-/// A renderer's linear picture, each block of [`FINENESS`]² pixels as one.
-fn averaged(gpu: &Arc<Gpu>, renderer: &Renderer, size: [u32; 2]) -> Result<Vec<[f32; 3]>> {
-    let bytes = read_image(gpu, renderer.picture(), Part { mip: 0, layer: 0 }, Output::Linear.bytes())?;
-    Ok(blocks(&bytemuck::pod_collect_to_vec(&bytes), size, FINENESS))
+/// Each block of `side`² pixels as one, without alpha.
+pub fn blocks(pixels: &[[f32; 4]], size: [u32; 2], side: u32) -> Vec<[f32; 3]> {
+    means(pixels, size, side, radiance).into_iter().map(|mean| mean.as_vec3().to_array()).collect()
 }
 
-fn blocks(pixels: &[[f32; 4]], [width, height]: [u32; 2], side: u32) -> Vec<[f32; 3]> {
+fn radiance(pixel: &[f32; 4]) -> DVec3 {
+    Vec3::from_slice(pixel).as_dvec3()
+}
+
+/// The mean of a value over each block of `side`² pixels.
+fn means(pixels: &[[f32; 4]], [width, height]: [u32; 2], side: u32, value: impl Fn(&[f32; 4]) -> DVec3) -> Vec<DVec3> {
     let block = |x: u32, y: u32| {
-        let mut sum = [0.0f64; 3];
-        for (u, v) in (0..side).flat_map(|v| (0..side).map(move |u| (u, v))) {
-            let pixel = pixels[((y * side + v) * width + x * side + u) as usize];
-            (0..3).for_each(|c| sum[c] += f64::from(pixel[c]));
-        }
-        sum.map(|sum| (sum / f64::from(side * side)) as f32)
+        let inside = (0..side).flat_map(|v| (0..side).map(move |u| (x * side + u, y * side + v)));
+        let sum: DVec3 = inside.map(|(x, y)| value(&pixels[(y * width + x) as usize])).sum();
+        sum / f64::from(side * side)
     };
     (0..height / side).flat_map(|y| (0..width / side).map(move |x| (x, y))).map(|(x, y)| block(x, y)).collect()
 }
@@ -162,8 +165,8 @@ mod tests {
 
     #[test]
     fn blocks_of_pixels_become_their_mean() {
-        let pixels: Vec<[f32; 4]> = (0..4 * 2).map(|i| [i as f32, 1.0, 0.0, 9.0]).collect();
-        // 0 1 2 3 over 4 5 6 7.
-        assert_eq!(blocks(&pixels, [4, 2], 2), [[2.5, 1.0, 0.0], [4.5, 1.0, 0.0]]);
+        let pixels: Vec<[f32; 4]> = (0..8 * 4).map(|i| [(i % 8) as f32, 1.0, 0.0, 9.0]).collect();
+        assert_eq!(blocks(&pixels, [8, 4], 4), [[1.5, 1.0, 0.0], [5.5, 1.0, 0.0]]);
+        assert_eq!(blocks(&pixels, [8, 4], 2)[..2], [[0.5, 1.0, 0.0], [2.5, 1.0, 0.0]]);
     }
 }

@@ -10,8 +10,8 @@ use crate::precompute::Cache;
 use crate::view::Look;
 use crate::{Error, Result, say};
 
-/// Bytes of a ladder, or of a scene's description, that are read at most.
-const MOST_BYTES: u64 = 1 << 26;
+/// Bytes of a ladder, or of a scene's own file, that are read at most: a gigabyte, as of models.
+const MOST_BYTES: u64 = 1 << 30;
 
 /// Keeps a scene's ladder for [`choose`].
 pub fn keep(cache: &Cache, scene: &Path, gpu: &Gpu, ladder: &Ladder) -> Result<()> {
@@ -56,6 +56,6 @@ fn path(cache: &Cache, scene: &Path, gpu: &Gpu) -> Result<PathBuf> {
         key.add(text.as_bytes());
     }
     key.add(place.as_os_str().as_encoded_bytes());
-    key.add(&file::read(scene, "scene", u64::MAX)?);
+    key.add(&file::read(scene, "scene", MOST_BYTES)?);
     Ok(cache.beside(FOLDER).join(key.text()).with_extension("json"))
 }

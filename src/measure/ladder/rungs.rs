@@ -13,6 +13,7 @@ use crate::{Error, Result};
 pub const DIMENSIONS: &[(&str, &[&str])] = &[
     (SHADING, &["--shading phong"]),
     ("masking", &["--geometry karis2013"]),
+    ("scattering", &["--scattering single"]),
     ("split sum", &["--split-sum classic"]),
     ("model", &["--model everything"]),
     ("mirrored light", &["--cube-size 32", "--cube-size 64", "--cube-size 128", "--cube-size 512", "--cube-size 1024"]),
@@ -26,6 +27,9 @@ pub const DIMENSIONS: &[(&str, &[&str])] = &[
 
 /// Ways of others that are settings together.
 pub const KNOWN: &[(&str, &str)] = &[("Karis 2013", "--geometry karis2013 --split-sum classic")];
+
+/// Settings that save less of time or error are not worth combining.
+const WORTH: f64 = 0.01;
 
 /// Other shading stands for itself: most other settings do nothing to it.
 const SHADING: &str = "shading";
@@ -73,7 +77,7 @@ pub fn combinations(default: Mark, singles: &[Single<'_>]) -> Vec<String> {
         best
     };
     let mut quick = of(|a, b| a.mark.ms < b.mark.ms);
-    quick.retain(|single| single.mark.ms < default.ms);
+    quick.retain(|single| single.mark.ms < (1.0 - WORTH) * default.ms);
     // Error per halving of the time.
     let price = |single: &Single<'_>| (single.mark.error - default.error) / (default.ms / single.mark.ms).log2();
     quick.sort_by(|a, b| price(a).total_cmp(&price(b)));
@@ -82,7 +86,7 @@ pub fn combinations(default: Mark, singles: &[Single<'_>]) -> Vec<String> {
     let mut combined: Vec<String> = (2..=physical.len()).map(|count| joined(&physical[..count])).collect();
     combined.push(joined(&quick));
     let mut accurate = of(|a, b| a.mark.error < b.mark.error);
-    accurate.retain(|single| single.mark.error < default.error);
+    accurate.retain(|single| single.mark.error < (1.0 - WORTH) * default.error);
     combined.push(joined(&accurate));
     // One alone has been measured.
     combined.retain(|flags| flags.matches("--").count() > 1);
