@@ -15,7 +15,8 @@
 
 const int PHI_NODES = 8;
 const int S_NODES = 16;
-const float SMALLEST_ALPHA = 1e-7;
+// Below it a surface is a mirror: what its masking takes lies nearer to the horizon than the second texel.
+const float SMALLEST_ALPHA = 2e-6;
 
 const uint ROW = 128; // texels along n.v
 
@@ -75,10 +76,15 @@ void main()
     // At n.v = 1 there is no plane of incidence; across / sin has a limit.
     float nv = clamp(arguments.x, MIN_COS, 0.99999), roughness = arguments.y;
     float sv = sqrt(1.0 - nv * nv);
-    float alpha = max(roughness * roughness, SMALLEST_ALPHA);
+    float alpha = roughness * roughness;
     Parts parts = Parts(vec2(0.0), vec2(0.0), vec2(0.0));
-    add_quarter(0.0, nv, sv, sqrt(alpha), alpha, parts);
-    add_quarter(1.0, nv, sv, sqrt(alpha), alpha, parts);
+    if (alpha < SMALLEST_ALPHA) {
+        float f = schlick_weight(nv);
+        parts.weight = vec2(1.0 - f, f);
+    } else {
+        add_quarter(0.0, nv, sv, roughness, alpha, parts);
+        add_quarter(1.0, nv, sv, roughness, alpha, parts);
+    }
     row_weights[id.x] = parts.weight * mean_weights[id.x];
     barrier();
     vec2 mean = vec2(0.0);

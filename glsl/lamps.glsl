@@ -6,12 +6,13 @@
 #include "energy.glsl"
 #include "surface.glsl"
 
-// Irradiance of a point light on a surface that faces it, W/m^2, and its direction.
+// Irradiance of a point light on a surface that faces it, W/m^2, and its direction, a unit vector even in the lamp itself.
 vec3 light_irradiance(PointLight light, out vec3 l)
 {
     vec3 to_light = light.position - position_world;
-    l = normalize_or(to_light, normal_world);
-    return light.intensity / max(dot(to_light, to_light), 1e-8);
+    l = normalize_or(to_light, vec3(0.0, 1.0, 0.0));
+    float squared = dot(to_light, to_light);
+    return squared < 1e38 ? light.intensity / max(squared, 1e-8) : vec3(0.0); // too far, or NaN
 }
 
 // The physically based BRDF for light of no size, in 1/sr.

@@ -293,9 +293,9 @@ fn all_of_it_is_small() {
     assert!(bytes < 15_000_000, "{bytes} bytes");
 }
 
-#[test]
-fn downloads_are_checked_resumed_and_explained() {
-    let test = Path::new(env!("CARGO_MANIFEST_DIR")).join("tools/test_fetch_assets.py");
+/// Runs the tests of a tool that is written in Python.
+fn test_tool(name: &str) {
+    let test = Path::new(env!("CARGO_MANIFEST_DIR")).join("tools").join(name);
     for python in ["python3", "python"] {
         match Command::new(python).arg("-B").arg(&test).output() {
             Ok(done) => {
@@ -307,5 +307,15 @@ fn downloads_are_checked_resumed_and_explained() {
         }
     }
     assert!(std::env::var_os("CI").is_none(), "Python 3 is missing");
-    println!("skipped: tools/fetch-assets is not tested (install Python 3)");
+    println!("skipped: tools/{name} is not run (install Python 3)");
+}
+
+#[test]
+fn downloads_are_checked_resumed_and_explained() {
+    test_tool("test_fetch_assets.py");
+}
+
+#[test]
+fn the_path_tracer_gets_our_materials_and_its_absence_is_explained() {
+    test_tool("test_cycles_reference.py");
 }

@@ -12,6 +12,8 @@ use pbr_vr::scene::Model;
 
 /// The compiler folds constants in another order than the GPU multiplies: a fragment at an edge may round to its neighbour.
 const FLIP: f32 = 1e-4;
+/// What is scattered more than once is left out where it changes light by less than half a percent: single steps of 255.
+const FLIP_PBR: f32 = 4e-3;
 
 fn shipped(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/scenes").join(name)
@@ -45,13 +47,18 @@ fn what_is_needed_and_everything_give_one_picture() {
     let shop = Workshop::new();
     let scenes = [kinds(&shop), shipped("sphere.toml"), shipped("teapot.toml"), shipped("tearoom.toml")];
     for scene in &scenes {
-        for shading in [Shading::Pbr, Shading::Phong] {
+        for (shading, most) in [(Shading::Pbr, FLIP_PBR), (Shading::Phong, FLIP)] {
             let picture = |model| {
                 let look = Look { file: "a.png", size: [160, 90], shading, model, ..Look::default() };
                 shop.render(scene, &look).remove(0)
             };
-            let comparison = compare(&picture(Model::Needed), &picture(Model::Everything)).expect("equal sizes");
-            assert!(comparison.flip_mean <= FLIP, "{} {shading:?}: {comparison:?}", scene.display());
+            let (needed, everything) = (picture(Model::Needed), picture(Model::Everything));
+            let flip = compare(&needed, &everything).expect("equal sizes").flip_mean;
+            let steps = needed.pixels.as_flattened().iter().zip(everything.pixels.as_flattened());
+            let beyond_a_step = steps.filter(|(a, b)| (*a - *b).abs() > 1.5 / 255.0).count();
+            let share = beyond_a_step as f32 / (3 * needed.pixels.len()) as f32;
+            println!("{} {shading:?}: FLIP {flip}, {share} beyond a step", scene.display());
+            assert!(flip <= most && share <= 1e-3, "{} {shading:?}: {flip}, {share}", scene.display());
         }
     }
 }

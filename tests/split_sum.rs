@@ -107,6 +107,25 @@ fn the_table_has_the_spot_values() {
     }
 }
 
+/// A table whose texels are even in n·v, 512 of them, knows nothing below its first texel's centre, 0.00098.
+#[test]
+fn grazing_views_are_not_clamped_to_the_first_texel() {
+    for (geometry, most) in [(Geometry::Smith, 1e-3), (Geometry::Karis2013, 5e-3)] {
+        let table = Table::new(geometry, SplitSum::Moment);
+        let albedo = |lobe: Lobe| lobe.base.weight + lobe.fresnel.weight;
+        let (mut ours, mut clamped) = (0.0f64, 0.0f64);
+        for roughness in [0.0, 0.02, 0.05, 0.1] {
+            for nv in [0.0, 1e-6, 1e-5, 1e-4, 3e-4, 9e-4] {
+                let truth = albedo(table_lobe(nv, roughness, geometry));
+                ours = ours.max((albedo(table.lookup(nv, roughness)) - truth).abs());
+                clamped = clamped.max((albedo(table_lobe(0.5 / 512.0, roughness, geometry)) - truth).abs());
+            }
+        }
+        println!("{geometry:?}: off by {ours:.1e}; clamped, by {clamped:.1e}");
+        assert!(ours <= most && clamped > 0.05, "{geometry:?}: off by {ours}; clamped, by {clamped}");
+    }
+}
+
 /// A square under light that is linear in direction, over the same under even light.
 #[test]
 fn linear_light_is_reflected_exactly() {

@@ -5,37 +5,32 @@ How our conventions map onto Blender's (3.4), each of them checked by a picture 
 - Space: ours is +Y up, Blender's +Z up; everything is turned by +90 degrees about X: (x, y, z) becomes (x, -z, y).
 - Panorama: ours has u = atan2(d.z, d.x)/2pi + 0.5. Blender's u = -atan2(b.y, b.x)/2pi + 0.5 is the same under that turn.
 - rotation_degrees turns the panorama counter-clockwise seen from above, +Z in Blender; directions are looked up turned back.
-- Point light: intensity I in W/sr is a power of 4 pi I.
+- Point light: intensity I in W/sr is a power of 4 pi I; no size.
 - Camera: vertical field of view; box filter of one pixel, as our multisampling has.
-- Materials: Principled BSDF with Specular 0.5 (F0 = 0.04), GGX, roughness squared to alpha in both; the factors multiply the
-  maps; normal maps are OpenGL (+Y up), MikkTSpace; colours sRGB, everything else as it is; texture v upwards in both.
+- Textures: bilinear; normal maps OpenGL (+Y up), MikkTSpace; colours sRGB, everything else as it is; v upwards in both; the
+  factors multiply the maps.
+- Specular part: Principled, all metal, its base colour our F0 (0.04 mixed with the albedo by the metalness). So Fresnel is taken at
+  the half vector, from F0 to 1 as in ours; in between it follows a dielectric of index 1.5, where ours is Schlick's. GGX, alpha =
+  roughness squared in both. Single scattering: Cycles masks towards light and eye separately, ours height-correlated.
+- Diffuse part: Lambert times what the specular part leaves towards the eye, from a table in the job. Ours takes the same share
+  at the light's side too, which no node can know; under even light both are one.
+- `principled` instead of these two: Blender's own mixture (Specular 0.5, Burley's diffuse, which takes nothing for the specular).
+- Occlusion map: it dims what the panorama gives, not the lamps; only where nothing else shades. So these two lights are rendered
+  apart and added.
 - Exposure: none; both write linear radiance."""
 
 import json
 import math
+import re
 import sys
 import time
+from array import array
 from pathlib import Path
 
 import bpy
 from mathutils import Euler, Matrix, Vector
 
 TURN = Matrix.Rotation(math.radians(90), 4, "X")
-
-
-def read_mtl(path):
-    """Materials by name: the keys that our program reads, as written."""
-    materials, current = {}, None
-    for line in path.read_text(errors="replace").splitlines():
-        key, _, value = line.strip().partition(" ")
-        key, value = key.lower(), value.strip()
-        if key == "newmtl":
-            current = materials.setdefault(value, {})
-        elif current is not None and key in ("kd", "pm", "pr"):
-            current[key] = [float(word) for word in value.split()]
-        elif current is not None and key in ("map_kd", "map_pm", "map_pr", "norm", "map_ao", "map_ka"):
-            current[key] = path.parent / value.split()[-1].strip('"').replace("\\", "/")
-    return materials
 
 
 class Builder:
@@ -66,90 +61,149 @@ class Builder:
         node.image.alpha_mode = "CHANNEL_PACKED"
         return node.outputs["Color"]
 
-    def scaled(self, image, factor):
-        """A grey map's red, times a factor."""
-        split = self.node("ShaderNodeSeparateColor")
-        self.link(image, split.inputs[0])
-        product = self.node("ShaderNodeMath", operation="MULTIPLY")
-        self.link(split.outputs[0], product.inputs[0])
-        product.inputs[1].default_value = factor
-        return product.outputs[0]
+    def maths(self, operation, *inputs):
+        """A scalar node of sockets and numbers."""
+        node = self.node("ShaderNodeMath", operation=operation)
+        for socket, value in zip(node.inputs, inputs):
+            self.feed(value, socket)
+        return node.outputs[0]
 
-    def scalar(self, key, map_key, default, target):
+    def feed(self, value, socket):
+        if isinstance(value, bpy.types.NodeSocket):
+            self.link(value, socket)
+        else:
+            socket.default_value = value
+
+    def scalar(self, key, map_key, default):
+        """A grey map's red times its factor, or the factor."""
         image = self.image(map_key, "Non-Color")
         factor = self.keys.get(key, [1.0 if image else default])[0]
         if image is None:
-            target.default_value = factor
-        else:
-            self.link(self.scaled(image, factor), target)
+            return factor
+        split = self.node("ShaderNodeSeparateColor")
+        self.link(image, split.inputs[0])
+        return self.maths("MULTIPLY", split.outputs[0], factor)
 
-    def colour(self, target):
+    def mixed(self, first, second, share):
+        node = self.node("ShaderNodeMixRGB")
+        for value, socket in ((share, 0), (first, 1), (second, 2)):
+            self.feed(value, node.inputs[socket])
+        return node.outputs[0]
+
+    def colour(self):
         image = self.image("map_kd", "sRGB")
         factor = (self.keys.get("kd", [1.0 if image else 0.8]) * 3)[:3]
-        if image is None:
-            target.default_value = (*factor, 1.0)
-            return
         product = self.node("ShaderNodeVectorMath", operation="MULTIPLY")
-        self.link(image, product.inputs[0])
+        self.feed(image or (1.0, 1.0, 1.0), product.inputs[0])
         product.inputs[1].default_value = factor
-        self.link(product.outputs[0], target)
+        return product.outputs[0]
+
+    def normal(self):
+        image = self.image("norm", "Non-Color")
+        if image is None:
+            return self.node("ShaderNodeNewGeometry").outputs["Normal"]
+        normal = self.node("ShaderNodeNormalMap", space="TANGENT")
+        self.link(image, normal.inputs["Color"])
+        return normal.outputs[0]
 
     def occluded(self, closure):
-        """The closure times the occlusion map: what our program does to light from the panorama."""
-        repeats_colour = self.keys.get("map_ka") == self.keys.get("map_kd")
-        key = "map_ao" if "map_ao" in self.keys or repeats_colour else "map_ka"
-        image = self.image(key, "Non-Color")
-        if image is None:
-            return closure
+        """The closure times the occlusion map."""
+        image = self.scalar("ao", "map_ao", 1.0)
         mix = self.node("ShaderNodeMixShader")
-        self.link(self.scaled(image, 1.0), mix.inputs[0])
+        self.feed(image, mix.inputs[0])
         black = self.node("ShaderNodeEmission")
         black.inputs["Strength"].default_value = 0.0
         self.link(black.outputs[0], mix.inputs[1])
         self.link(closure, mix.inputs[2])
         return mix.outputs[0]
 
-    def build(self, job):
-        principled = self.node("ShaderNodeBsdfPrincipled", distribution=job["distribution"])
-        principled.inputs["Specular"].default_value = 0.5
-        self.colour(principled.inputs["Base Color"])
-        self.scalar("pm", "map_pm", 0.0, principled.inputs["Metallic"])
-        self.scalar("pr", "map_pr", 0.5, principled.inputs["Roughness"])
-        image = self.image("norm", "Non-Color")
-        if image is not None:
-            normal = self.node("ShaderNodeNormalMap", space="TANGENT")
-            self.link(image, normal.inputs["Color"])
-            self.link(normal.outputs[0], principled.inputs["Normal"])
-        closure = principled.outputs[0]
-        output = self.node("ShaderNodeOutputMaterial")
-        self.link(self.occluded(closure) if job["unoccluded"] else closure, output.inputs["Surface"])
+    def left_by_specular(self, normal, roughness, table):
+        """The table's value at n.v and roughness."""
+        cosine = self.node("ShaderNodeVectorMath", operation="DOT_PRODUCT")
+        self.link(self.node("ShaderNodeNewGeometry").outputs["Incoming"], cosine.inputs[0])
+        self.link(normal, cosine.inputs[1])
+        place = self.node("ShaderNodeCombineXYZ")
+        # From the first texel's centre to the last one's.
+        for value, side, socket in ((cosine.outputs["Value"], table.size[0], 0), (roughness, table.size[1], 1)):
+            clamped = self.maths("MINIMUM", self.maths("MAXIMUM", value, 0.0), 1.0)
+            self.feed(self.maths("MULTIPLY_ADD", clamped, 1 - 1 / side, 0.5 / side), place.inputs[socket])
+        look = self.node("ShaderNodeTexImage", interpolation="Linear", extension="EXTEND")
+        look.image = table
+        self.link(place.outputs[0], look.inputs["Vector"])
+        split = self.node("ShaderNodeSeparateColor")
+        self.link(look.outputs["Color"], split.inputs[0])
+        return split.outputs[0]
+
+    def principled(self, job, colour, metallic, roughness, normal):
+        node = self.node("ShaderNodeBsdfPrincipled", distribution=job["distribution"])
+        node.inputs["Specular"].default_value = 0.5
+        names = {"Base Color": colour, "Metallic": metallic, "Roughness": roughness, "Normal": normal}
+        for name, value in names.items():
+            self.feed(value, node.inputs[name])
+        return node.outputs[0]
+
+    def ours(self, job, table):
+        """Our specular and diffuse part, as near as nodes come."""
+        colour, metallic, roughness = self.colour(), self.scalar("pm", "map_pm", 0.0), self.scalar("pr", "map_pr", 0.5)
+        normal = self.normal()
+        f0 = self.mixed((0.04, 0.04, 0.04, 1.0), colour, metallic)
+        share = self.maths("MULTIPLY", self.left_by_specular(normal, roughness, table), self.maths("SUBTRACT", 1.0, metallic))
+        diffuse = self.node("ShaderNodeBsdfDiffuse")
+        self.link(self.mixed((0.0, 0.0, 0.0, 1.0), colour, share), diffuse.inputs["Color"])
+        self.link(normal, diffuse.inputs["Normal"])
+        sum_of_both = self.node("ShaderNodeAddShader")
+        self.link(self.principled(job, f0, 1.0, roughness, normal), sum_of_both.inputs[0])
+        self.link(diffuse.outputs[0], sum_of_both.inputs[1])
+        return sum_of_both.outputs[0]
+
+    def build(self, job, table):
+        if job["principled"]:
+            roughness, metallic = self.scalar("pr", "map_pr", 0.5), self.scalar("pm", "map_pm", 0.0)
+            self.closure = self.principled(job, self.colour(), metallic, roughness, self.normal())
+        else:
+            self.closure = self.ours(job, table)
+        self.output = self.node("ShaderNodeOutputMaterial")
+        self.link(self.closure, self.output.inputs["Surface"])
+
+    def occlude(self, by_map):
+        closure = self.occluded(self.closure) if by_map and "map_ao" in self.keys else self.closure
+        self.link(closure, self.output.inputs["Surface"])
 
 
-def add_model(model, folder, job):
-    path = (folder / model["file"].replace("\\", "/")).resolve()
-    before = set(bpy.data.objects)
+def picture_of(width, height, grey):
+    """A picture of grey values, from its lowest row up, read as they are."""
+    image = bpy.data.images.new("table", width, height, float_buffer=True, is_data=True)
+    image.pixels.foreach_set([channel for value in grey for channel in (value, value, value, 1.0)])
+    image.pack()
+    return image
+
+
+def add_model(model, job):
+    before, materials_before = set(bpy.data.objects), set(bpy.data.materials)
     # No change of axes here: the matrix below makes all of them.
-    bpy.ops.wm.obj_import(filepath=str(path), forward_axis="Y", up_axis="Z")
-    keys = {}
-    for line in path.read_text(errors="replace").splitlines():
-        if line.startswith("mtllib"):
-            keys.update(read_mtl(path.parent / line.split(None, 1)[1].strip()))
-    angles = [math.radians(angle) for angle in model.get("rotation_degrees", [0, 0, 0])]
+    bpy.ops.wm.obj_import(filepath=model["file"], forward_axis="Y", up_axis="Z")
+    angles = [math.radians(angle) for angle in model["rotation_degrees"]]
     # Intrinsic X, Y, Z as ours is: Blender's Euler order is read from the other end.
     world_from_local = (
-        Matrix.Translation(model.get("translation", [0, 0, 0]))
+        Matrix.Translation(model["translation"])
         @ Euler(angles, "ZYX").to_matrix().to_4x4()
-        @ Matrix.Scale(model.get("scale", 1.0), 4)
+        @ Matrix.Scale(model["scale"], 4)
     )
     for added in set(bpy.data.objects) - before:
         added.matrix_world = TURN @ world_from_local
         if job["unoccluded"]:
             for ray in ("diffuse", "glossy", "transmission", "shadow"):
                 setattr(added, f"visible_{ray}", False)
-    for material in bpy.data.materials:
-        if not material.get("made"):
-            material["made"] = True
-            Builder(material, keys.get(material.name.split(".0")[0], {})).build(job)
+    table = picture_of(**job["left_by_specular"])
+    builders = []
+    for material in set(bpy.data.materials) - materials_before:
+        # A name that is taken gets a number: brass.001.
+        name = re.sub(r"\.\d{3}$", "", material.name)
+        if name not in model["materials"]:
+            raise SystemExit(f"{model['file']}: no material `{name}`")
+        builders.append(Builder(material, model["materials"][name]))
+        builders[-1].build(job, table)
+    return builders
 
 
 def add_light(light):
@@ -162,9 +216,10 @@ def add_light(light):
     placed = bpy.data.objects.new("point", lamp)
     placed.location = TURN @ Vector(point["position"])
     bpy.context.scene.collection.objects.link(placed)
+    return placed
 
 
-def add_world(environment, folder):
+def add_world(environment):
     world = bpy.data.worlds.new("panorama")
     bpy.context.scene.world = world
     world.use_nodes = True
@@ -173,9 +228,9 @@ def add_world(environment, folder):
     where = nodes.new("ShaderNodeTexCoord")
     turn = nodes.new("ShaderNodeMapping")
     turn.vector_type = "POINT"
-    turn.inputs["Rotation"].default_value = (0, 0, -math.radians(environment.get("rotation_degrees", 0)))
+    turn.inputs["Rotation"].default_value = (0, 0, -math.radians(environment["rotation_degrees"]))
     picture = nodes.new("ShaderNodeTexEnvironment")
-    picture.image = bpy.data.images.load(str((folder / environment["panorama"]).resolve()))
+    picture.image = bpy.data.images.load(environment["panorama"])
     picture.image.colorspace_settings.name = "Linear"
     picture.interpolation = "Linear"
     background, output = nodes.new("ShaderNodeBackground"), nodes.new("ShaderNodeOutputWorld")
@@ -209,11 +264,9 @@ def settle(job):
     scene.render.image_settings.file_format = "OPEN_EXR"
     scene.render.image_settings.color_depth = "32"
     scene.render.image_settings.color_mode = "RGB"
-    scene.render.filepath = job["output"]
     scene.view_settings.view_transform = "Raw"
     cycles = scene.cycles
     cycles.device = "CPU"
-    cycles.samples = job["samples"]
     cycles.seed = job["seed"]
     cycles.use_adaptive_sampling = False
     cycles.use_denoising = False
@@ -226,20 +279,82 @@ def settle(job):
     cycles.max_bounces = cycles.diffuse_bounces = cycles.glossy_bounces = bounces
 
 
+def render(output, samples):
+    scene = bpy.context.scene
+    scene.render.filepath, scene.cycles.samples = str(output), samples
+    bpy.ops.render.render(write_still=True)
+
+
+def load_linear(file):
+    """A picture's red, green, blue and alpha, from the lowest row up, and its width and height. (Blender's Python may lack numpy.)"""
+    image = bpy.data.images.load(str(file))
+    image.colorspace_settings.name = "Linear"
+    pixels, size = array("f", bytes(4 * len(image.pixels))), tuple(image.size)
+    image.pixels.foreach_get(pixels)
+    bpy.data.images.remove(image)
+    return pixels, size
+
+
+def save(pixels, size, file):
+    image = bpy.data.images.new("picture", *size, float_buffer=True, is_data=True)
+    image.pixels.foreach_set(pixels)
+    image.file_format, image.filepath_raw = "OPEN_EXR", str(file)
+    image.save()
+
+
+def render_apart(job, lamps, builders):
+    """What the panorama gives, dimmed by occlusion maps, plus what the lamps give, not dimmed."""
+    output, parts = Path(job["output"]), []
+    world = next(node for node in bpy.context.scene.world.node_tree.nodes if node.type == "BACKGROUND")
+    for panorama, samples in ((True, job["samples"]), (False, max(job["samples"] // 4, 1))):
+        if not panorama and not lamps:
+            break
+        world.inputs["Strength"].default_value = float(panorama)
+        for lamp in lamps:
+            lamp.hide_render = panorama
+        for builder in builders:
+            builder.occlude(panorama)
+        render(output, samples)
+        pixels, size = load_linear(output)
+        parts.append(pixels)
+        output.unlink()
+    save(array("f", map(sum, zip(*parts))), size, output)
+
+
+def build(job):
+    builders = [builder for model in job["models"] for builder in add_model(model, job)]
+    lamps = [add_light(light) for light in job["lights"]]
+    add_world(job["environment"])
+    add_camera(job["camera"])
+    settle(job)
+    return lamps, builders
+
+
+def shrink(job):
+    """Averages squares of pixels: a picture rendered larger, seen through a box filter."""
+    (pixels, (width, height)), n = load_linear(job["input"]), job["shrink"]
+    small = array("f")
+    for y in range(height // n):
+        rows = [pixels[4 * width * row : 4 * width * (row + 1)] for row in range(y * n, y * n + n)]
+        column_sums = [sum(column) for column in zip(*rows)]
+        for x in range(width // n):
+            square = column_sums[4 * n * x : 4 * n * (x + 1)]
+            small.extend(sum(square[channel::4]) / n**2 for channel in range(4))
+    save(small, (width // n, height // n), job["output"])
+
+
 def main():
     job = json.loads(Path(sys.argv[sys.argv.index("--") + 1]).read_text())
     bpy.ops.wm.read_factory_settings(use_empty=True)
+    if "shrink" in job:
+        return shrink(job)
     bpy.ops.preferences.addon_enable(module="cycles")
-    folder = Path(job["folder"])
-    for model in job["models"]:
-        add_model(model, folder, job)
-    for light in job["lights"]:
-        add_light(light)
-    add_world(job["environment"], folder)
-    add_camera(job["camera"])
-    settle(job)
+    lamps, builders = build(job)
     started, processor = time.monotonic(), time.process_time()
-    bpy.ops.render.render(write_still=True)
+    if job["unoccluded"]:
+        render_apart(job, lamps, builders)
+    else:
+        render(job["output"], job["samples"])
     facts = {
         "seconds": time.monotonic() - started,
         "processor_seconds": time.process_time() - processor,

@@ -31,8 +31,7 @@ pub fn make(gpu: &Arc<Gpu>) -> Result<Picture> {
     let grid = [COLUMNS * CELL, LINES * CELL];
     let size = [2 * (grid[0] + MARGIN) + 4, grid[1] + 2 * MARGIN];
     let mut canvas = Canvas { size, values: vec![PAPER; size[0] * size[1]] };
-    for (i, (scattering, title)) in
-        WAYS.into_iter().zip(["scattered once", "scattered as often as it takes"]).enumerate()
+    for (i, (scattering, title)) in WAYS.into_iter().zip(["scattered once", "scattered as often as needed"]).enumerate()
     {
         let radiance = draw(gpu, &scene, grid.map(|s| s as u32), 4, scattering)?;
         let [x, y] = [MARGIN + i * (grid[0] + MARGIN), MARGIN];
@@ -48,7 +47,7 @@ pub fn make(gpu: &Arc<Gpu>) -> Result<Picture> {
         canvas.text([x + grid[0] / 2 - 84, y + grid[1] + 8], "metalness downwards");
     }
     let shown = format!("black: {}, white: {} of the light", SHOWN[0], SHOWN[1]);
-    canvas.text([size[0] - 8 * shown.len() - 4, 12], &shown);
+    canvas.text([MARGIN + grid[0] - 8 * shown.len(), 12], &shown);
     let pixels = canvas.values.into_iter().map(|value| [value; 3]).collect();
     let [width, height] = size.map(|s| s as u32);
     Ok(Picture { name: "furnace".into(), width, height, kind: Kind::Display, pixels })

@@ -8,6 +8,10 @@ mod forward;
 mod guides;
 mod hidden_area;
 mod overlay;
+#[cfg(test)]
+mod random_tests;
+#[cfg(test)]
+mod seam_tests;
 mod shared;
 #[cfg(test)]
 mod shared_tests;

@@ -4,6 +4,7 @@
 pub mod headset;
 pub mod light;
 pub mod room;
+pub mod stage;
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -15,6 +16,7 @@ use pbr_vr::asset::Report;
 use pbr_vr::asset::picture::Picture;
 use pbr_vr::gpu::GpuOptions;
 use pbr_vr::reference::brdf::Geometry;
+use pbr_vr::reference::energy::Scattering;
 use pbr_vr::reference::table::SplitSum;
 use pbr_vr::render::Shading;
 use pbr_vr::scene::Model;
@@ -74,6 +76,7 @@ impl Workshop {
             look: view::Look {
                 shading: look.shading,
                 geometry: look.geometry,
+                scattering: look.scattering,
                 split_sum: look.split_sum,
                 model: look.model,
                 ..Default::default()
@@ -94,6 +97,7 @@ pub struct Look<'a> {
     pub stereo: bool,
     pub shading: Shading,
     pub geometry: Geometry,
+    pub scattering: Scattering,
     pub split_sum: SplitSum,
     pub model: Model,
 }
@@ -107,6 +111,7 @@ impl Default for Look<'_> {
             stereo: false,
             shading: Shading::Pbr,
             geometry: Geometry::Smith,
+            scattering: Scattering::Multiple,
             split_sum: SplitSum::Moment,
             model: Model::Needed,
         }

@@ -1,0 +1,214 @@
+//! A million surfaces made of random and of hostile numbers, shaded by the real fragment shader.
+
+use std::sync::Arc;
+
+use bytemuck::{Pod, Zeroable};
+use glam::{Mat4, Vec3};
+
+use super::world::World;
+use super::*;
+use crate::asset::ktx2::TexelFormat;
+use crate::asset::mips::{level_count, level_size};
+use crate::asset::{MipChain, Panorama};
+use crate::gpu::{
+    Constant, Depth, Format, GraphicsDesc, ImageDesc, ImageUsageFlags, Part, Pipeline, Targets as Rendering, Use,
+    read_image, run,
+};
+use crate::precompute::harness_tests::{Random, with_gpu};
+use crate::render::shared::constant;
+use crate::scene::{Bounds, Environment, Instance, Material, Mesh, PointLight, Vertex};
+
+/// Pixels of the picture, one triangle each: more than a million.
+const SIZE: [u32; 2] = [1024, 1024];
+/// Each draws a part of the picture.
+const MATERIALS: u32 = 16;
+/// Greatest radiance of the surroundings.
+const SKY: f32 = 40.0;
+
+/// The push constants of test_random.vert.
+#[repr(C)]
+#[derive(Clone, Copy, Pod, Zeroable)]
+struct Range {
+    size: [u32; 2],
+    first: u32,
+    seed: u32,
+    hostile: u32,
+}
+
+/// A texture of any bytes; half of the texels are all 0 or all 255.
+fn texture(name: &str, format: TexelFormat, random: &mut Random) -> MipChain {
+    let side = 64;
+    let texel = |random: &mut Random| match random.below(4) {
+        0 => [0; 4],
+        1 => [255; 4],
+        _ => (random.bits() as u32).to_le_bytes(),
+    };
+    let level = |level: u32, random: &mut Random| -> Vec<u8> {
+        let [width, height] = level_size([side, side], level);
+        (0..width * height).flat_map(|_| texel(random)).collect()
+    };
+    let levels = (0..level_count([side, side])).map(|l| level(l, random)).collect();
+    MipChain { name: name.into(), width: side, height: side, format, levels }
+}
+
+/// Materials of all kinds with all maps under a sky with a sun, and lamps, in each other's places too.
+fn scene() -> Scene {
+    let mut random = Random(22);
+    let factors = [0.0, 1e-30, 0.04, 0.5, 1.0];
+    let materials = (0..MATERIALS).map(|i| Material {
+        name: format!("material {i}"),
+        albedo_factor: Vec3::from_array([(); 3].map(|()| factors[random.below(5) as usize])),
+        metallic_factor: factors[(i % 5) as usize],
+        roughness_factor: factors[(i / 3) as usize % 5],
+        albedo_map: Some(0),
+        normal_map: Some(1),
+        surface_map: Some(2),
+        metallic_range: [0.0, 1.0],
+        roughness_range: [0.0, 1.0],
+        occludes: true,
+        alpha_cutoff: None,
+    });
+    let materials: Vec<Material> = materials.collect();
+    let corner =
+        |x, y| Vertex { position: [x, y, 0.0], normal: [0.0, 0.0, 1.0], uv: [x, y], tangent: [1.0, 0.0, 0.0, 1.0] };
+    let vertices = vec![corner(0.0, 0.0), corner(1.0, 0.0), corner(0.0, 1.0)];
+    let bounds = Bounds { min: Vec3::ZERO, max: Vec3::new(1.0, 1.0, 0.0) };
+    let mesh = Mesh { name: "triangle".into(), vertices, indices: vec![0, 1, 2], material: 0, bounds };
+    let lamp = |position, intensity| PointLight { position, intensity: Vec3::splat(intensity) };
+    let sun = Vec3::new(0.3, 0.8, 0.5).normalize();
+    let sky = |d: Vec3| if d.dot(sun) > 0.99 { Vec3::splat(SKY) } else { Vec3::splat(1.0) + 0.5 * d };
+    Scene {
+        meshes: vec![mesh],
+        instances: vec![Instance { mesh: 0, world_from_local: Mat4::IDENTITY }],
+        materials,
+        textures: vec![
+            texture("albedo", TexelFormat::Rgba8Srgb, &mut random),
+            texture("normal", TexelFormat::Rgba8, &mut random),
+            texture("surface", TexelFormat::Rgba8, &mut random),
+        ],
+        lights: vec![
+            lamp(Vec3::new(1.0, 2.0, 3.0), 100.0),
+            lamp(Vec3::ZERO, 1e6),
+            lamp(Vec3::new(-1e19, 0.0, 1.0), 1e6),
+            lamp(Vec3::new(0.0, -1.0, 0.0), 0.0),
+        ],
+        cameras: Vec::new(),
+        environment: Environment { panorama: Panorama::from_fn(64, 32, sky), rotation_degrees: 30.0 },
+        exposure_ev: 0.0,
+    }
+}
+
+/// How the surfaces are shaded.
+#[derive(Clone, Copy)]
+struct Case {
+    fragment: &'static str,
+    shading: Shading,
+    geometry: Geometry,
+    lamps: bool,
+    hostile: u32,
+}
+
+/// Radiance of every pixel.
+fn shade(gpu: &Arc<Gpu>, renderer: &Renderer, world: &World, case: Case) -> Vec<[f32; 4]> {
+    let usage = ImageUsageFlags::COLOR_ATTACHMENT | ImageUsageFlags::TRANSFER_SRC;
+    let picture = Image::new(gpu, "random", ImageDesc::flat(Format::R32G32B32A32_SFLOAT, SIZE, usage)).unwrap();
+    let constants: [Constant; 5] = [
+        (constant::SHADING, case.shading as u32),
+        (constant::GEOMETRY, case.geometry as u32),
+        (constant::LINEAR_OUTPUT, 1),
+        (constant::LIGHTS, if case.lamps { u32::MAX } else { 0 }),
+        (constant::METALS, 2),
+    ];
+    let desc = GraphicsDesc {
+        name: "random",
+        vertex: "test_random.vert",
+        fragment: case.fragment,
+        constants: &constants,
+        sets: &[&renderer.frame_layout, &world.material_layout],
+        push_bytes: size_of::<Range>() as u32,
+        vertex_stride: 0,
+        vertex_attributes: &[],
+        colour: Format::R32G32B32A32_SFLOAT,
+        depth: Depth::None,
+        samples: 1,
+        blend: false,
+    };
+    let pipeline = Pipeline::graphics(gpu, &desc).unwrap();
+    let (_, set) = &renderer.frames[0];
+    let count = SIZE[0] * SIZE[1] / MATERIALS;
+    run(gpu, |commands| {
+        commands.prepare_fresh(&picture, Use::Colour);
+        let clear = Some([f32::NEG_INFINITY; 4]); // what is not drawn would be found
+        commands.render(&Rendering { colour: &picture, resolve: None, depth: None, clear, area: SIZE }, |commands| {
+            commands.bind(&pipeline, &[set]);
+            for (i, material) in (0..).zip(&world.materials) {
+                commands.bind_set(&pipeline, 1, &material.set);
+                let range = Range { size: SIZE, first: i * count, seed: 5, hostile: case.hostile };
+                commands.push(&pipeline, bytemuck::bytes_of(&range));
+                commands.draw(3 * count, 1);
+            }
+        });
+        Ok(())
+    })
+    .unwrap();
+    bytemuck::pod_collect_to_vec(&read_image(gpu, &picture, Part { mip: 0, layer: 0 }, 16).unwrap())
+}
+
+/// Pixels outside of 0 to `most`, the first of them, and the greatest number within.
+fn wrong(radiance: &[[f32; 4]], most: f32) -> (usize, Option<(usize, [f32; 4])>, f32) {
+    let is_wrong = |p: &[f32; 4]| !p[..3].iter().all(|v| (0.0..=most).contains(v));
+    let bad: Vec<usize> = (0..radiance.len()).filter(|i| is_wrong(&radiance[*i])).collect();
+    let greatest = radiance.iter().filter(|p| !is_wrong(p)).flat_map(|p| &p[..3]).copied().fold(0.0, f32::max);
+    (bad.len(), bad.first().map(|i| (*i, radiance[*i])), greatest)
+}
+
+/// What a fragment may send at most: of the surroundings what they are, as nothing reflects more than it gets; of lamps, at
+/// 10⁻⁴ m or farther, I / d² times the highest D V nl, 1 / π α² times 1 / 2 α at α = 0.045², and less than 1 / π for the rest.
+fn most(lamps: bool) -> f32 {
+    let alpha = 0.045f32.powi(2);
+    let lamp = 1e6 / 1e-8 * (0.5 / (std::f32::consts::PI * alpha.powi(3)) + 1.0);
+    if lamps { 2.0 * lamp } else { 1.01 * SKY }
+}
+
+#[test]
+fn a_million_random_and_hostile_surfaces_send_light_that_is_finite_not_negative_and_bounded() {
+    with_gpu(|gpu| {
+        let (scene, report) = (scene(), Report::silent());
+        let settings = Settings {
+            model: Model::Everything,
+            samples: 1,
+            textures: TextureOptions { anisotropy: 1, ..TextureOptions::default() },
+            precompute: precompute::Options { face_size: 64, ..precompute::Options::default() },
+            ..Settings::default()
+        };
+        let mut renderer = Renderer::new(gpu, &scene, settings, Shading::Pbr, [16, 16], 1, &report).unwrap();
+        let place = Mat4::from_translation(Vec3::new(0.5, -0.25, 2.0));
+        let block = renderer.frame_block(&[Eye::symmetric(place, 60.0, 1.0, 1.0)]);
+        renderer.frames[0].0.write(0, bytemuck::bytes_of(&block));
+        let world = &renderer.world;
+        let ours = Case {
+            fragment: "forward.frag",
+            shading: Shading::Pbr,
+            geometry: Geometry::Smith,
+            lamps: true,
+            hostile: 24,
+        };
+        for case in [
+            ours,
+            Case { lamps: false, ..ours },
+            Case { geometry: Geometry::Karis2013, ..ours },
+            Case { shading: Shading::Phong, ..ours },
+            Case { hostile: 0, ..ours },
+        ] {
+            let (count, first, greatest) = wrong(&shade(gpu, &renderer, world, case), most(case.lamps));
+            let what = format!("{:?}, {:?}, lamps: {}", case.shading, case.geometry, case.lamps);
+            println!("{what}: {count} wrong, at most {greatest:e} of {:e}", most(case.lamps));
+            assert_eq!(count, 0, "{what}: the first is {first:?}");
+        }
+        // The same without guards, even where no vector is hostile: grazing light and empty texels are enough.
+        let naive = Case { fragment: "test_naive.frag", hostile: 0, ..ours };
+        let (count, first, _) = wrong(&shade(gpu, &renderer, world, naive), most(true));
+        println!("without guards: {count} wrong");
+        assert!(count > 100_000, "without guards only {count} are wrong any more, the first {first:?}");
+    });
+}

@@ -1,0 +1,123 @@
+//! A scene on a GPU under validation, drawn frame after frame for eyes of any kind, as numbers.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use glam::Mat4;
+use pbr_vr::asset::picture::Picture;
+use pbr_vr::asset::{MipChain, Report, Storage, TextureOptions};
+use pbr_vr::gpu::{Gpu, Part, read_image, run};
+use pbr_vr::precompute::Options;
+use pbr_vr::render::{Eye, Output, Renderer, Settings, Shading};
+use pbr_vr::scene::{LoadOptions, Scene, load};
+
+use super::validated;
+
+/// Opens a GPU for `work`; any validation message fails, those of closing it too.
+pub fn with_gpu<R>(work: impl FnOnce(&Arc<Gpu>) -> R) -> R {
+    let gpu = Gpu::open(validated()).expect("a GPU");
+    let messages = gpu.messages();
+    let result = work(&gpu);
+    drop(gpu);
+    messages.check().expect("no validation messages");
+    result
+}
+
+/// What a processor draws fastest: plain texels, one sample along a footprint.
+fn textures() -> TextureOptions {
+    TextureOptions { storage: Storage::Raw, anisotropy: 1, ..TextureOptions::default() }
+}
+
+/// One of assets/scenes.
+pub fn shipped(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/scenes").join(name)
+}
+
+/// Loads a scene.
+pub fn scene(path: &Path) -> Scene {
+    load(path, &LoadOptions { default_panorama: None, textures: textures() }, &Report::silent()).expect("a scene")
+}
+
+/// The naive form of a scene's textures: the finest level only, so that what is far away is picked from it at random.
+pub fn without_mips(mut scene: Scene) -> Scene {
+    scene.textures.iter_mut().for_each(|texture: &mut MipChain| texture.levels.truncate(1));
+    scene
+}
+
+/// A scene, ready to be drawn for one eye.
+pub struct Stage {
+    gpu: Arc<Gpu>,
+    renderer: Renderer,
+    size: [u32; 2],
+}
+
+impl Stage {
+    /// 4 samples per pixel are what the program takes; with 1, nothing is smoothed.
+    pub fn new(gpu: &Arc<Gpu>, scene: &Scene, size: [u32; 2], samples: u32, output: Output) -> Self {
+        Self::showing(gpu, scene, size, samples, output, Shading::Pbr)
+    }
+
+    pub fn showing(
+        gpu: &Arc<Gpu>,
+        scene: &Scene,
+        size: [u32; 2],
+        samples: u32,
+        output: Output,
+        shading: Shading,
+    ) -> Self {
+        // Small light maps, as dozens of scenes are lit.
+        let precompute = Options { face_size: 64, ..Options::default() };
+        let settings = Settings { samples, output, precompute, textures: textures(), ..Settings::default() };
+        let renderer = Renderer::new(gpu, scene, settings, shading, size, 1, &Report::silent()).expect("a renderer");
+        Self { gpu: Arc::clone(gpu), renderer, size }
+    }
+
+    /// Bytes of one frame.
+    fn draw(&mut self, eye: &Eye, output: Output) -> Vec<u8> {
+        run(&self.gpu, |commands| {
+            self.renderer.record(commands, 0, &[*eye], None);
+            Ok(())
+        })
+        .expect("a frame");
+        read_image(&self.gpu, self.renderer.picture(), Part { mip: 0, layer: 0 }, output.bytes()).expect("a picture")
+    }
+
+    /// Radiance, RGBA, rows from the top; for [`Output::Linear`].
+    pub fn radiance(&mut self, eye: &Eye) -> Vec<[f32; 4]> {
+        bytemuck::pod_collect_to_vec(&self.draw(eye, Output::Linear))
+    }
+
+    /// What a viewer sees, RGBA, rows from the top; for [`Output::Display`].
+    pub fn shown(&mut self, eye: &Eye) -> Vec<[u8; 4]> {
+        bytemuck::pod_collect_to_vec(&self.draw(eye, Output::Display))
+    }
+
+    /// The same as a picture.
+    pub fn picture(&mut self, eye: &Eye) -> Picture {
+        let bytes = self.draw(eye, Output::Display);
+        Picture::from_srgb8("shown", self.size[0], self.size[1], &bytes)
+    }
+}
+
+/// The whole world `scale` times as large, with lamps that light it as before.
+pub fn scaled(mut scene: Scene, scale: f32) -> Scene {
+    for instance in &mut scene.instances {
+        instance.world_from_local = Mat4::from_scale(glam::Vec3::splat(scale)) * instance.world_from_local;
+    }
+    for light in &mut scene.lights {
+        light.position *= scale;
+        light.intensity *= scale * scale;
+    }
+    for camera in &mut scene.cameras {
+        camera.position *= scale;
+        camera.target *= scale;
+    }
+    scene
+}
+
+/// Every number is one that can be shown: finite, not negative, and at most `most`.
+pub fn assert_sane(radiance: &[[f32; 4]], most: f32, case: &str) {
+    for (i, texel) in radiance.iter().enumerate() {
+        assert!(texel.iter().all(|v| (0.0..=most).contains(v)), "{case}: pixel {i} is {texel:?}, of at most {most}");
+    }
+}
