@@ -256,4 +256,5 @@ impl Ladder {
 }
 
 #[cfg(test)]
+#[path = "ladder_tests.rs"]
 mod tests;
