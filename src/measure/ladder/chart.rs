@@ -70,7 +70,10 @@ fn panel(root: &Area<'_>, area: &Area<'_>, ladder: &Ladder, rungs: &[&Rung]) -> 
         .build_cartesian_2d((times.0..times.1).log_scale(), (errors.0..errors.1).log_scale())?;
     chart
         .configure_mesh()
-        .x_desc(format!("{} of a frame, ms", ladder.time))
+        .x_desc(match ladder.time.as_str() {
+            "GPU time" => "GPU time of a frame, ms".to_owned(),
+            ratio => format!("time of a frame, ms: the default's GPU time, times the ratio of {ratio}s"),
+        })
         .y_desc("error against the exact picture, mean FLIP")
         .x_labels(20)
         .y_labels(20)

@@ -62,7 +62,7 @@ struct Ladder {
     driver: String,
     date: String,
     size: [u32; 2],
-    /// What times are: GPU time, or the processor's where it draws.
+    /// What ratios are of: GPU time, or the processor's where it draws.
     time: String,
     exact: ExactFacts,
     /// The default is the first.
@@ -256,4 +256,5 @@ impl Ladder {
 }
 
 #[cfg(test)]
+#[path = "ladder_tests.rs"]
 mod tests;
