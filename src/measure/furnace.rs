@@ -250,7 +250,7 @@ mod tests {
     use crate::precompute::harness_tests::with_gpu;
     use crate::reference::energy::furnace;
 
-    /// failures.md row 20: the renderer itself, over 21 × 11 × 16 roughnesses, metalnesses and views.
+    /// Case 20 of tests/stability.rs: the renderer itself, over 21 × 11 × 16 roughnesses, metalnesses and views.
     #[test]
     fn the_renderer_s_furnace_hides_every_white_surface() {
         let rows = with_gpu(|gpu| rows(gpu).unwrap());

@@ -197,7 +197,7 @@ fn noise_comes_out_right() {
 /// Solid angle of a disc 0.53° wide.
 const SUN_SR: f64 = 6.72e-5;
 
-/// A sky of 0.1 and one texel of 512×256 so bright that it sends as much as failures.md's sun.
+/// A sky of 0.1 and one texel of 512×256 so bright that it sends as much as the sun of cases 5 and 6.
 fn sunny(row: u32) -> Panorama {
     let mut panorama = Panorama::from_fn(512, 256, |_| Vec3::splat(0.1));
     let radiance = 50_000.0 * SUN_SR / panorama_texel_solid_angle(row, [512, 256]);
@@ -205,7 +205,7 @@ fn sunny(row: u32) -> Panorama {
     panorama
 }
 
-/// failures.md rows 5 and 6: at middle latitudes, and by the pole. What is lost is lost where the cube's taps miss parts of a
+/// Cases 5 and 6 of tests/stability.rs: at middle latitudes, and by the pole. What is lost is lost where the cube's taps miss parts of a
 /// sun of one texel. Measured: mean 0.3 (at most 0.8) %, by the pole 2.4 (at most 4.6) %.
 #[test]
 fn a_small_sun_keeps_its_energy() {
@@ -222,7 +222,7 @@ fn a_small_sun_keeps_its_energy() {
     }
 }
 
-/// failures.md row 13: what the two faces of an edge say of the light on it, against how much light varies.
+/// Case 13 of tests/stability.rs: what the two faces of an edge say of the light on it, against how much light varies.
 fn seam(level: &Level) -> f64 {
     let size = f64::from(level.size);
     // The line from the two outermost texels of a row to the edge.
@@ -266,7 +266,7 @@ fn faces_meet_without_seams() {
     }
 }
 
-/// failures.md row 8.
+/// Case 8 of tests/stability.rs.
 #[test]
 fn radiance_beyond_half_floats_keeps_its_energy() {
     for peak in [70_000.0, 1e6] {

@@ -239,7 +239,7 @@ mod tests {
         vec![[1.0; 3]; 32 * 16]
     }
 
-    /// A sky of 0.1 and, around +X, 2 × 2 texels that carry the flux of failures.md's sun: 0.53° wide, 50,000.
+    /// A sky of 0.1 and, around +X, 2 × 2 texels that carry the flux of the sun of cases 5 and 6: 0.53° wide, 50,000.
     fn sunny(width: u32, height: u32) -> Vec<[f32; 3]> {
         let mut texels = vec![[0.1; 3]; (width * height) as usize];
         let sun_sr = 2.0 * PI * (1.0 - (0.53f64.to_radians() / 2.0).cos());
@@ -288,7 +288,7 @@ mod tests {
         }
     }
 
-    /// failures.md rows 5 and 6: the numbers of the truth.
+    /// Cases 5 and 6 of tests/stability.rs: the numbers of the truth.
     #[test]
     fn the_sun_is_never_missed() {
         let texels = sunny(1024, 512);

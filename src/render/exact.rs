@@ -300,7 +300,7 @@ mod tests {
         assert!(!with(|s| s.area = [8, 7]));
     }
 
-    /// Jitter fills the pixel evenly and never leaves it; failures.md row 15: also where f32 cannot count frames any more.
+    /// Jitter fills the pixel evenly and never leaves it; case 15: also where f32 cannot count frames any more.
     #[test]
     fn jitter_stays_in_the_pixel_and_does_not_repeat() {
         let eye = Eye::looking(Vec3::Z, Vec3::ZERO, 60.0, 1.0);

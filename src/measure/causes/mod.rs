@@ -62,7 +62,7 @@ struct Results {
 pub fn run(request: &MeasureRequest<'_>, gpu: GpuOptions<'_>, report: &Report) -> Result<()> {
     let gpu = Gpu::open(gpu)?;
     let messages = gpu.messages();
-    let (size, frames, turns) = if request.full { ([1280, 720], 512, 12) } else { ([384, 216], 128, 3) };
+    let (size, frames, turns) = if request.full { ([1280, 720], 512, 12) } else { ([384, 216], 128, 1) };
     let size = request.picture.unwrap_or(size);
     let (name, driver) = (gpu.info().name.clone(), gpu.info().driver.clone());
     let mut results = Results { gpu: name, driver, date: today(), size, sweep: vec![], pictures: vec![] };

@@ -217,3 +217,33 @@ impl<'a> Subject<'a> {
 fn linear(bytes: &[u8]) -> Vec<[f32; 3]> {
     bytemuck::pod_collect_to_vec::<u8, [f32; 4]>(bytes).iter().map(|[r, g, b, _]| [*r, *g, *b]).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::asset::shipped;
+    use crate::precompute::harness_tests::with_gpu;
+
+    #[test]
+    fn a_finer_cube_changes_less_than_another_way_to_look_it_up() {
+        let mut rows = Vec::new();
+        with_gpu(|gpu| {
+            let path = shipped::folder().unwrap().join("scenes/sphere.toml");
+            let subject = Subject::new(gpu, &path, [64, 36], None, &Report::silent()).unwrap();
+            let mut keep = |row| {
+                rows.push(row);
+                Ok(())
+            };
+            subject.measure(8, &mut keep).unwrap();
+        });
+        let of = |cause: &str| rows.iter().find(|row| row.cause == cause).unwrap_or_else(|| panic!("{cause}: no row"));
+        assert!(rows.iter().all(|row| row.flip.is_finite() && row.relative_mse.is_finite()), "{rows:?}");
+        assert!(of("cube texels").flip < 0.5 * of("mirror direction").flip, "{rows:?}");
+        assert!(of("texture compression").flip > 0.0 && of("edges").flip > 0.0, "{rows:?}");
+        // Its radiance is the same; what a viewer sees is not.
+        assert!(of("tone curve").relative_mse == 0.0 && of("tone curve").flip > 0.0, "{rows:?}");
+        // Tiles are dielectric: nothing of theirs is scattered more than once.
+        assert_eq!(of("scattering").flip, 0.0, "{rows:?}");
+        assert!(of("light from the panorama").flip > 0.0 && of(NOISE).flip > 0.0, "{rows:?}");
+    }
+}

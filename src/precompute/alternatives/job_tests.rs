@@ -63,7 +63,7 @@ fn even_light_stays_even() {
     }
 }
 
-/// failures.md's row 7: even with sin θ the sum is not quite 1, without it it is 2.02.
+/// Case 7 of tests/stability.rs: even with sin θ the sum is not quite 1, without it it is 2.02.
 #[test]
 fn fixed_steps_have_a_wrong_scale() {
     let panorama = Panorama::uniform(Vec3::ONE);
@@ -100,7 +100,7 @@ fn linear_light_is_kept_as_far_as_each_method_can() {
     }
 }
 
-/// failures.md's sun, 0.53° wide and 50,000 bright over a sky of 0.1, around the middle of a texel of the map.
+/// The sun of cases 5 and 6, 0.53° wide and 50,000 bright over a sky of 0.1, around the middle of a texel of the map.
 fn sun(towards: DVec3) -> Panorama {
     let (width, height) = (1024, 512);
     let mut panorama = Panorama::from_fn(width, height, |_| Vec3::splat(0.1));
@@ -115,7 +115,7 @@ fn sun(towards: DVec3) -> Panorama {
     panorama
 }
 
-/// Rows 5 and 6 of failures.md.
+/// Cases 5 and 6 of tests/stability.rs.
 #[test]
 fn a_small_sun_is_missed_by_fixed_steps_and_sparkles_in_samples() {
     let towards = direction(8 * 16 + 8, 16);
