@@ -1,7 +1,6 @@
 //! Speed against accuracy: sweeps over methods and parameters, their tables and charts.
 
 mod ball;
-mod causes;
 mod chart;
 mod clock;
 mod frame;
@@ -72,7 +71,6 @@ pub const MEASUREMENTS: &[Measurement] = &[
     measurement("textures", "memory, time and picture of ways to store and filter textures", textures::run),
     measurement("ladder", "GPU time and error of every setting that trades one for the other, against the exact picture",
         ladder::run),
-    measurement("causes", "what each approximation alone does to a sphere's light and to a scene's picture", causes::run),
     measurement("precompute", "time and error of every way to fill the irradiance and specular maps", precompute::run),
 ];
 

@@ -140,8 +140,7 @@ fn errors(size: [u32; 2], test: Shown<'_>, reference: Shown<'_>) -> Result<Pictu
     Ok(PictureError { flip: flip.mean.into(), flip_max: flip.max.into(), relative_mse })
 }
 
-/// Each block of `side`² pixels as one, without alpha.
-pub fn blocks(pixels: &[[f32; 4]], size: [u32; 2], side: u32) -> Vec<[f32; 3]> {
+fn blocks(pixels: &[[f32; 4]], size: [u32; 2], side: u32) -> Vec<[f32; 3]> {
     means(pixels, size, side, radiance).into_iter().map(|mean| mean.as_vec3().to_array()).collect()
 }
 

@@ -20,7 +20,6 @@ use crate::asset::{Report, shipped};
 use crate::gpu::{Gpu, GpuOptions};
 use crate::{Result, say};
 use bench::Bench;
-pub use exact::blocks;
 use exact::{ExactFacts, PictureError};
 use front::Mark;
 use rungs::Single;
