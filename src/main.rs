@@ -179,7 +179,8 @@ struct Bake {
 
 #[derive(Args)]
 struct Measure {
-    /// What to measure; everything if left out, or for `all`. What ends in .toml or .obj is a scene for `ladder`.
+    /// What to measure; everything if left out, or for `all`. What ends in .toml or .obj is a scene for `ladder` and
+    /// `causes`.
     #[arg(value_name = "NAME|SCENE")]
     names: Vec<String>,
     /// The folder for CSV, JSON and charts; made if it is not there.
@@ -197,7 +198,7 @@ struct Measure {
     /// Say what can be measured.
     #[arg(long)]
     list: bool,
-    /// Pixels of the ladder's pictures.
+    /// Pixels of the ladder's and the causes' pictures.
     #[arg(long, value_name = "WxH", value_parser = parse_size)]
     picture: Option<[u32; 2]>,
     /// Say which settings of a ladder are the quickest with an error (mean FLIP) of at most this.
