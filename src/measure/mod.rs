@@ -1,6 +1,7 @@
 //! Speed against accuracy: sweeps over methods and parameters, their tables and charts.
 
 mod ball;
+mod causes;
 mod chart;
 mod clock;
 mod frame;
@@ -71,6 +72,7 @@ pub const MEASUREMENTS: &[Measurement] = &[
     measurement("textures", "memory, time and picture of ways to store and filter textures", textures::run),
     measurement("ladder", "GPU time and error of every setting that trades one for the other, against the exact picture",
         ladder::run),
+    measurement("causes", "errors by cause: one approximation after the other swapped for what is exact", causes::run),
     measurement("precompute", "time and error of every way to fill the irradiance and specular maps", precompute::run),
 ];
 
@@ -85,9 +87,9 @@ pub struct MeasureRequest<'a> {
     pub output: &'a Path,
     /// All cube sizes and parameters, and more texels of each map.
     pub full: bool,
-    /// Descriptions or models; empty for some that are shipped. Only the ladder takes them.
+    /// Descriptions or models; empty for some that are shipped. Only ladder and causes take them.
     pub scenes: &'a [PathBuf],
-    /// Pixels of the ladder's pictures; `None` for those of quick or full.
+    /// Pixels of the ladder's and the causes' pictures; `None` for those of quick or full.
     pub picture: Option<[u32; 2]>,
     /// What is to be chosen from each ladder.
     pub limit: Option<Limit>,
@@ -124,8 +126,8 @@ pub fn run(request: &MeasureRequest<'_>, gpu: GpuOptions<'_>, report: &Report) -
     if request.judge.is_some() && request.panoramas.len() != 1 {
         return Err(Error::Usage("--judge needs the one --panorama that its maps were made from".into()));
     }
-    if !request.scenes.is_empty() && !request.wants("ladder") {
-        return Err(Error::Usage("scenes are for `measure ladder`; the others have their own".into()));
+    if !request.scenes.is_empty() && !["ladder", "causes"].iter().any(|name| request.wants(name)) {
+        return Err(Error::Usage("scenes are for `measure ladder` and `causes`; the others have their own".into()));
     }
     std::fs::create_dir_all(request.output).map_err(Error::write(request.output))?;
     let wanted: Vec<&Measurement> = MEASUREMENTS.iter().filter(|measurement| request.wants(measurement.name)).collect();
