@@ -43,7 +43,7 @@ impl Cause {
         match self {
             Self::Lobe => ["n = v", "one round, grey lobe, matched by its mean", "the BRDF's own lobe"],
             Self::Diffuse => ["diffuse by irradiance", "even-light share × irradiance", "the BRDF's own integral"],
-            Self::Range => ["levels stored", "widest lobe that of the last level", "lobes of any width"],
+            Self::Range => ["levels stored", "widest lobe that of the last level", "up to the widest of their kind"],
             Self::Mixing => ["level interpolation", "two of ten levels mixed", "the lobe itself"],
             Self::Cube => ["cube resolution", "texels, bilinear", "each direction's own mean"],
             Self::Half => ["half float", "f16 texels", "f64 texels"],

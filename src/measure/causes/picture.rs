@@ -219,7 +219,7 @@ impl<'a> Bench<'a> {
 
     /// All of each pixel's square, by pictures of one sample seen from evenly spread places in it.
     fn averaged(&self, scene: &Scene) -> Result<Averaged> {
-        let settings = Settings { output: Output::Linear, samples: 1, ..self.settings.clone() };
+        let settings = Settings { output: Output::Linear, samples: 1, ..self.settings_for(scene) };
         let mut renderer = self.renderer(scene, settings, Shading::Pbr)?;
         let count = self.extent.places;
         let mut sums = vec![[DVec3::ZERO; 2]; self.extent.size.iter().product::<u32>() as usize];
@@ -242,7 +242,7 @@ impl<'a> Bench<'a> {
 
     /// The integrated picture of many frames, and of either half of them; radiance is averaged, then tone-mapped.
     fn exact(&self, scene: &Scene) -> Result<[Picture; 3]> {
-        let settings = Settings { output: Output::Linear, ..self.settings.clone() };
+        let settings = Settings { output: Output::Linear, ..self.settings_for(scene) };
         let mut renderer = self.renderer(scene, settings, Shading::Reference)?;
         let mut half = || -> Result<Vec<DVec3>> {
             let mut bytes = Vec::new();
@@ -257,6 +257,15 @@ impl<'a> Bench<'a> {
         let second = all.iter().zip(&first).map(|(all, first)| (2.0 * all - first).max(DVec3::ZERO)).collect();
         Ok([all, first, second]
             .map(|half: Vec<DVec3>| half.into_iter().map(|p| self.toned(p).as_vec3().into()).collect()))
+    }
+
+    /// Without smaller levels there is nothing that anisotropy could choose; lavapipe walks whole textures for it then.
+    fn settings_for(&self, scene: &Scene) -> Settings {
+        let mut settings = self.settings.clone();
+        if scene.textures.iter().all(|texture| texture.levels.len() == 1) {
+            settings.textures.anisotropy = 1;
+        }
+        settings
     }
 
     fn toned(&self, radiance: DVec3) -> DVec3 {
@@ -369,7 +378,7 @@ mod tests {
             assert_eq!(bytes_of(&light_of([byte; 3])), [byte; 3]);
         }
         let rounded = rounded(&vec![[0.5003; 3]]);
-        assert!((rounded[0][0] - 0.5003).abs() < 2e-3 && rounded[0][0] != 0.5003);
+        assert!((rounded[0][0] - 0.5003).abs() < 4e-3 && rounded[0][0] != 0.5003);
     }
 
     #[test]

@@ -14,7 +14,8 @@ use crate::reference::panorama_sums::prefiltered_around;
 /// A lobe's alpha and direction, as bits.
 type Key = (u64, [u64; 3]);
 
-/// The lobe whose mean vector is 1 − spread long: its alpha, by bisection. As `reference::levels::alpha_from_level`.
+/// The lobe whose mean vector is 1 − spread long: its alpha, by bisection. Spreads above 0.41 have none: the
+/// widest lobe then.
 pub fn alpha_from_spread(spread: f64) -> f64 {
     if spread <= 0.0 {
         return 0.0;
@@ -108,10 +109,12 @@ mod tests {
 
     #[test]
     fn the_alpha_of_a_spread_has_that_spread() {
-        for spread in [1e-4, 0.01, 0.2, 1.0 / 3.0, 0.42] {
+        for spread in [1e-4, 0.01, 0.2, 1.0 / 3.0, 0.405] {
             assert!((kernel_spread(alpha_from_spread(spread)) - spread).abs() < 1e-9, "{spread}");
         }
         assert_eq!(alpha_from_spread(0.0), 0.0);
+        // The widest lobe of all, c / (1 + c)².
+        assert!((kernel_spread(alpha_from_spread(0.5)) - 0.4113).abs() < 1e-3);
     }
 
     #[test]
