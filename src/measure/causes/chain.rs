@@ -41,8 +41,10 @@ impl Cause {
     /// A name, what is there, and what is exact.
     pub fn words(self) -> [&'static str; 3] {
         match self {
-            Self::Lobe => ["n = v", "one round, grey lobe, matched by its mean", "the BRDF's own lobe"],
-            Self::Diffuse => ["diffuse by irradiance", "even-light share × irradiance", "the BRDF's own integral"],
+            Self::Lobe => {
+                ["n = v (matched)", "one round, grey lobe with the mean of the BRDF's", "the BRDF's own lobe"]
+            }
+            Self::Diffuse => ["diffuse, multi-scatter", "even-light share × irradiance", "the BRDF's own integrals"],
             Self::Range => ["levels stored", "widest lobe that of the last level", "up to the widest of their kind"],
             Self::Mixing => ["level interpolation", "two of ten levels mixed", "the lobe itself"],
             Self::Cube => ["cube resolution", "texels, bilinear", "each direction's own mean"],

@@ -160,6 +160,13 @@ fn bars(root: &Area<'_>, area: &Area<'_>, panel: &Panel, unit: &str, (low, high)
         let upper = count - i as f64 - 0.1;
         for (series, value) in line.values.iter().enumerate().filter_map(|(s, v)| Some((s, (*v)?))) {
             let (top, colour) = (upper - share * series as f64, COLOURS[series]);
+            if value <= low {
+                let at = chart.backend_coord(&(low, top - 0.5 * share));
+                let style = (FONT, 10).into_font().color(&BLACK.mix(0.6)).pos(Pos::new(HPos::Left, VPos::Center));
+                let words = if value > 0.0 { "less" } else { "no difference" };
+                root.draw(&Text::new(words, (at.0 + 4, at.1), style))?;
+                continue;
+            }
             let corners = [(low, top), (value.clamp(low, high), top - share)];
             match line.swap {
                 Swap::Other => {
@@ -193,8 +200,8 @@ fn legend(area: &Area<'_>, series: &[String]) -> Drawn<()> {
 fn caption(area: &Area<'_>, results: &Results) -> Drawn<()> {
     let style = (FONT, 12).into_font().color(&BLACK.mix(0.75)).pos(Pos::new(HPos::Center, VPos::Center));
     let lines = [
-        "Filled: the one cause exact, all others as they are. Light: another setting instead. Dashed: what the exact one is \
-         itself good to."
+        "Filled: the one cause exact, all others as they are. Light: another setting instead. Dashed: what an integral (of \
+         pictures: all together, split sum) is itself good to."
             .to_owned(),
         format!("{}, {}.", results.gpu, results.date),
     ];

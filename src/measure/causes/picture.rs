@@ -33,7 +33,7 @@ pub struct Extent {
     cube: u32,
 }
 
-pub const QUICK: Extent = Extent { size: [192, 144], places: 6, half: 32, cube: 512 };
+pub const QUICK: Extent = Extent { size: [192, 144], places: 8, half: 128, cube: 512 };
 pub const FULL: Extent = Extent { size: [640, 480], places: 16, half: 512, cube: 1024 };
 
 /// Most samples along a slanted footprint.
@@ -155,7 +155,7 @@ impl<'a> Bench<'a> {
         };
         let (cube, even, slanted) = (now.precompute.face_size, now.precompute.irradiance_size, now.textures.anisotropy);
         let squared = |size: u32| format!("{size}²");
-        let samples = |count: u32| format!("{count} samples");
+        let samples = |count: u32| if count == 1 { "1 sample".to_owned() } else { format!("{count} samples") };
         let mut all = vec![
             (Swap::Exact, words("compression", "BC7 and BC5", "raw"), &self.raw, now.clone()),
             (
