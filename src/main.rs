@@ -198,7 +198,7 @@ struct Measure {
     /// Say what can be measured.
     #[arg(long)]
     list: bool,
-    /// Pixels of the ladder's and the causes' pictures.
+    /// Pixels of the pictures of ladder and causes.
     #[arg(long, value_name = "WxH", value_parser = parse_size)]
     picture: Option<[u32; 2]>,
     /// Say which settings of a ladder are the quickest with an error (mean FLIP) of at most this.

@@ -1,6 +1,7 @@
 //! Speed against accuracy: sweeps over methods and parameters, their tables and charts.
 
 mod ball;
+mod causes;
 mod chart;
 mod clock;
 mod frame;
@@ -71,6 +72,7 @@ pub const MEASUREMENTS: &[Measurement] = &[
     measurement("textures", "memory, time and picture of ways to store and filter textures", textures::run),
     measurement("ladder", "GPU time and error of every setting that trades one for the other, against the exact picture",
         ladder::run),
+    measurement("causes", "errors by cause: one approximation after the other swapped for what is exact", causes::run),
     measurement("precompute", "time and error of every way to fill the irradiance and specular maps", precompute::run),
 ];
 
@@ -85,7 +87,7 @@ pub struct MeasureRequest<'a> {
     pub output: &'a Path,
     /// All cube sizes and parameters, and more texels of each map.
     pub full: bool,
-    /// Descriptions or models; empty for some that are shipped. Only the ladder and the causes take them.
+    /// Descriptions or models; empty for some that are shipped. Only ladder and causes take them.
     pub scenes: &'a [PathBuf],
     /// Pixels of the ladder's and the causes' pictures; `None` for those of quick or full.
     pub picture: Option<[u32; 2]>,

@@ -176,12 +176,18 @@ fn lobe_cell_radians(r: DVec3, l: DVec3, alpha: f64) -> f64 {
 /// split sum) and the environment's visibility of `geometry`; roughness as `alpha_from_roughness` has it. What is scattered
 /// more than once is specular.
 pub fn reflected(panorama: PanoramaView, surface: &Surface, geometry: Geometry, scattering: Scattering) -> Reflected {
+    reflected_by(panorama, surface, &Terms::new(surface.roughness, geometry), scattering)
+}
+
+/// The same with terms that are at hand.
+pub fn reflected_by(panorama: PanoramaView, surface: &Surface, terms: &Terms, scattering: Scattering) -> Reflected {
     let &Surface { n, v, albedo, metallic, roughness } = surface;
+    let geometry = terms.geometry;
     let alpha = alpha_from_roughness(roughness);
     let f0 = f0_from_metallic(albedo, metallic);
     let nv = n.dot(v);
     let mirror = 2.0 * nv * n - v;
-    let beyond = Beyond::new(surface, geometry, scattering);
+    let beyond = Beyond::new(surface, terms, scattering);
     // Seen at a grazing angle the lobe is narrower across by n·v, and in the end by its own width.
     let narrow = alpha * nv.max(alpha.min(0.1));
     panorama.sum(
@@ -200,21 +206,40 @@ pub fn reflected(panorama: PanoramaView, surface: &Surface, geometry: Geometry, 
     )
 }
 
-/// What a surface has beside single scattering: the thesis's diffuse part, or one that keeps the energy.
-enum Beyond {
-    Karis2013 { albedo: DVec3 },
-    Smith { energy: Energy, curve: Curve, at_v: Entry, albedo: DVec3, share: DVec3 },
+/// What of a BRDF depends on its roughness alone: made once, it serves many surfaces.
+pub struct Terms {
+    geometry: Geometry,
+    /// None in the thesis's geometry.
+    energy: Option<(Energy, Curve)>,
 }
 
-impl Beyond {
-    fn new(surface: &Surface, geometry: Geometry, scattering: Scattering) -> Self {
-        let &Surface { n, v, albedo, metallic, roughness } = surface;
-        if geometry == Geometry::Karis2013 {
-            return Self::Karis2013 { albedo: (1.0 - metallic) * albedo };
-        }
-        let (energy, curve) = (Energy::new(roughness, geometry, scattering), Curve::new(roughness, geometry));
+impl Terms {
+    /// For a roughness in [0, 1].
+    pub fn new(roughness: f64, geometry: Geometry) -> Self {
+        let energy = || (Energy::new(roughness, geometry, Scattering::Multiple), Curve::new(roughness, geometry));
+        Self { geometry, energy: (geometry == Geometry::Smith).then(energy) }
+    }
+
+    /// The table's entry averaged over directions; none in the thesis's geometry.
+    pub fn mean_entry(&self) -> Option<Entry> {
+        self.energy.as_ref().map(|(energy, _)| energy.mean)
+    }
+}
+
+/// What a surface has beside single scattering: the thesis's diffuse part, or one that keeps the energy.
+enum Beyond<'a> {
+    Karis2013 { albedo: DVec3 },
+    Smith { energy: Energy, curve: &'a Curve, at_v: Entry, albedo: DVec3, share: DVec3 },
+}
+
+impl<'a> Beyond<'a> {
+    fn new(surface: &Surface, terms: &'a Terms, scattering: Scattering) -> Self {
+        let &Surface { n, v, albedo, metallic, .. } = surface;
+        let diffuse = (1.0 - metallic) * albedo;
+        let Some((energy, curve)) = &terms.energy else { return Self::Karis2013 { albedo: diffuse } };
+        let energy = Energy { scattering, ..*energy };
         let (at_v, share) = (curve.at(n.dot(v)), energy.mixed_share(albedo, metallic));
-        Self::Smith { energy, curve, at_v, albedo: (1.0 - metallic) * albedo, share }
+        Self::Smith { energy, curve, at_v, albedo: diffuse, share }
     }
 
     /// Diffuse and multiple scattering in 1/sr.

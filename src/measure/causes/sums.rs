@@ -1,0 +1,132 @@
+//! Means of a panorama under lobes, in f64: asked for one by one, summed many at once, each only once.
+
+use std::collections::HashMap;
+
+use glam::{DVec2, DVec3};
+
+use super::super::texels::{Texel, texel_direction};
+use crate::asset::Panorama;
+use crate::reference::cube::cube_direction;
+use crate::reference::integrals::PanoramaView;
+use crate::reference::lobe::kernel_spread;
+use crate::reference::panorama_sums::prefiltered_around;
+
+/// A lobe's alpha and direction, as bits.
+type Key = (u64, [u64; 3]);
+
+/// The lobe whose mean vector is 1 − spread long: its alpha, by bisection. Spreads above 0.41 have none: the
+/// widest lobe then.
+pub fn alpha_from_spread(spread: f64) -> f64 {
+    if spread <= 0.0 {
+        return 0.0;
+    }
+    let (mut low, mut high) = (1e-5f64.ln(), 1e3f64.ln());
+    for _ in 0..60 {
+        let middle = 0.5 * (low + high);
+        if kernel_spread(middle.exp()) < spread { low = middle } else { high = middle }
+    }
+    low.exp()
+}
+
+/// Lobes narrower than this are mirrors: `prefiltered_around` could not resolve them.
+const MIRROR_ALPHA: f64 = 1e-4;
+
+/// The means of one panorama.
+pub struct Sums<'a> {
+    panorama: &'a Panorama,
+    view: PanoramaView<'a>,
+    known: HashMap<Key, DVec3>,
+    asked: Vec<(f64, DVec3)>,
+}
+
+impl<'a> Sums<'a> {
+    /// `None` for a panorama without texels.
+    pub fn new(panorama: &'a Panorama) -> Option<Self> {
+        let view = PanoramaView::new(panorama.width, panorama.height, &panorama.texels)?;
+        Some(Self { panorama, view, known: HashMap::new(), asked: Vec::new() })
+    }
+
+    /// The panorama as the integrals see it.
+    pub fn view(&self) -> PanoramaView<'a> {
+        self.view
+    }
+
+    /// Mean radiance under a lobe of `alpha` around d, which has any length but 0; 0 where it is not known before the next
+    /// [`Self::answer`].
+    pub fn around(&mut self, d: DVec3, alpha: f64) -> DVec3 {
+        let d = d.normalize();
+        if alpha < MIRROR_ALPHA {
+            return self.view.interpolated().radiance(d);
+        }
+        let key = (alpha.to_bits(), d.to_array().map(f64::to_bits));
+        *self.known.entry(key).or_insert_with(|| {
+            self.asked.push((alpha, d));
+            DVec3::ZERO
+        })
+    }
+
+    /// What a texel of a cube of `size`² faces should hold; of a mirror, the mean over its own solid angle.
+    pub fn texel(&mut self, texel: Texel, size: u32, alpha: f64) -> DVec3 {
+        if alpha < MIRROR_ALPHA { self.mirrored(texel, size) } else { self.around(texel_direction(texel, size), alpha) }
+    }
+
+    /// By as many points as `glsl/cube_and_nodes.comp` takes.
+    fn mirrored(&self, [x, y, face]: Texel, size: u32) -> DVec3 {
+        const TAPS: u32 = 4;
+        let (mut light, mut weights) = (DVec3::ZERO, 0.0);
+        for (u, v) in (0..TAPS).flat_map(|v| (0..TAPS).map(move |u| (u, v))) {
+            let tap = (DVec2::new(f64::from(u), f64::from(v)) + 0.5) / f64::from(TAPS);
+            let st = (DVec2::new(f64::from(x), f64::from(y)) + tap) / f64::from(size);
+            let weight = (1.0 + (2.0 * st - 1.0).length_squared()).powf(-1.5);
+            light += weight * self.view.interpolated().radiance(cube_direction(face, st));
+            weights += weight;
+        }
+        light / weights
+    }
+
+    /// Sums what was asked for; whether that was anything.
+    pub fn answer(&mut self) -> bool {
+        let mut by_alpha: HashMap<u64, Vec<DVec3>> = HashMap::new();
+        for (alpha, d) in self.asked.drain(..) {
+            by_alpha.entry(alpha.to_bits()).or_default().push(d);
+        }
+        let size = [self.panorama.width, self.panorama.height];
+        for (bits, directions) in &by_alpha {
+            let means = prefiltered_around(directions, f64::from_bits(*bits), size, &self.panorama.texels);
+            for (d, mean) in directions.iter().zip(means) {
+                self.known.insert((*bits, d.to_array().map(f64::to_bits)), mean);
+            }
+        }
+        !by_alpha.is_empty()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::Vec3;
+
+    use super::*;
+
+    #[test]
+    fn the_alpha_of_a_spread_has_that_spread() {
+        for spread in [1e-4, 0.01, 0.2, 1.0 / 3.0, 0.405] {
+            assert!((kernel_spread(alpha_from_spread(spread)) - spread).abs() < 1e-9, "{spread}");
+        }
+        assert_eq!(alpha_from_spread(0.0), 0.0);
+        // The widest lobe of all, c / (1 + c)².
+        assert!((kernel_spread(alpha_from_spread(0.5)) - 0.4113).abs() < 1e-3);
+    }
+
+    #[test]
+    fn means_are_known_after_they_were_asked_for_and_only_then() {
+        let panorama = Panorama::from_fn(64, 32, |d| Vec3::ONE + 0.5 * d);
+        let mut sums = Sums::new(&panorama).unwrap();
+        assert_eq!(sums.around(DVec3::X, 1.0), DVec3::ZERO);
+        assert!(sums.answer());
+        // The clamped cosine keeps 2/3 of what is linear.
+        assert!(sums.around(2.0 * DVec3::X, 1.0).abs_diff_eq(DVec3::new(4.0 / 3.0, 1.0, 1.0), 2e-3));
+        assert!(!sums.answer());
+        let d = texel_direction([3, 4, 1], 16);
+        assert!(sums.texel([3, 4, 1], 16, 0.0).abs_diff_eq(DVec3::ONE + 0.5 * d, 0.01));
+    }
+}
