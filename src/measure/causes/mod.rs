@@ -157,7 +157,7 @@ fn panoramas(request: &MeasureRequest<'_>, width: u32, report: &Report) -> Resul
 
 /// Of half the size until it is no wider than this; four texels become one.
 fn smaller(mut panorama: Panorama, width: u32) -> Panorama {
-    while panorama.width > width && panorama.width % 2 == 0 && panorama.height % 2 == 0 {
+    while panorama.width > width && panorama.width.is_multiple_of(2) && panorama.height.is_multiple_of(2) {
         let (half, height) = (panorama.width / 2, panorama.height / 2);
         let texel = |x: u32, y: u32| glam::Vec3::from(panorama.texels[(y * panorama.width + x) as usize]);
         let mean = |i: u32| {
@@ -179,4 +179,5 @@ fn scenes(request: &MeasureRequest<'_>) -> Result<Vec<PathBuf>> {
 }
 
 #[cfg(test)]
+#[path = "causes_tests.rs"]
 mod tests;
