@@ -179,4 +179,5 @@ fn scenes(request: &MeasureRequest<'_>) -> Result<Vec<PathBuf>> {
 }
 
 #[cfg(test)]
+#[path = "causes_tests.rs"]
 mod tests;
