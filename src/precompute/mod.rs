@@ -10,7 +10,7 @@ mod node_lists;
 mod texture;
 
 pub use crate::asset::cache::Cache;
-pub use brdf_table::{BrdfTable, SIZE as TABLE_SIZE};
+pub use brdf_table::BrdfTable;
 pub use light_maps::{LightMaps, check_face_size, check_irradiance_size};
 pub use texture::read_texture;
 

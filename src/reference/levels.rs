@@ -24,7 +24,7 @@ pub fn alpha_from_level(level: usize) -> f64 {
     alpha_from_spread(spread_from_level(level))
 }
 
-/// alpha of the lobe of this spread, by bisection; 0 for a mirror.
+/// alpha of the lobe of this spread, by bisection; 0 for a mirror. Lobes have spreads up to 0.41; beyond, the widest.
 pub fn alpha_from_spread(spread: f64) -> f64 {
     if spread <= 0.0 {
         return 0.0;

@@ -4,11 +4,11 @@
 use glam::DVec3;
 
 use super::stored::{Stored, Table, TableAt, bilinear};
-use super::sums::{Sums, alpha_from_spread};
+use super::sums::Sums;
 use crate::reference::brdf::{Geometry, f0_from_metallic};
 use crate::reference::energy::{Energy, Scattering};
 use crate::reference::integrals::{Surface, Terms, reflected_by};
-use crate::reference::levels::{LEVELS, alpha_from_level, level_from_spread, spread_from_level};
+use crate::reference::levels::{LEVELS, alpha_from_level, alpha_from_spread, level_from_spread, spread_from_level};
 use crate::reference::lobe::kernel_spread;
 use crate::reference::math::round_to_half;
 use crate::reference::table::{Entry, SplitSum, table_lobe};

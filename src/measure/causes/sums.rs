@@ -8,25 +8,10 @@ use super::super::texels::{Texel, texel_direction};
 use crate::asset::Panorama;
 use crate::reference::cube::cube_direction;
 use crate::reference::integrals::PanoramaView;
-use crate::reference::lobe::kernel_spread;
 use crate::reference::panorama_sums::prefiltered_around;
 
 /// A lobe's alpha and direction, as bits.
 type Key = (u64, [u64; 3]);
-
-/// The lobe whose mean vector is 1 − spread long: its alpha, by bisection. Spreads above 0.41 have none: the
-/// widest lobe then.
-pub fn alpha_from_spread(spread: f64) -> f64 {
-    if spread <= 0.0 {
-        return 0.0;
-    }
-    let (mut low, mut high) = (1e-5f64.ln(), 1e3f64.ln());
-    for _ in 0..60 {
-        let middle = 0.5 * (low + high);
-        if kernel_spread(middle.exp()) < spread { low = middle } else { high = middle }
-    }
-    low.exp()
-}
 
 /// Lobes narrower than this are mirrors: `prefiltered_around` could not resolve them.
 const MIRROR_ALPHA: f64 = 1e-4;
@@ -106,16 +91,6 @@ mod tests {
     use glam::Vec3;
 
     use super::*;
-
-    #[test]
-    fn the_alpha_of_a_spread_has_that_spread() {
-        for spread in [1e-4, 0.01, 0.2, 1.0 / 3.0, 0.405] {
-            assert!((kernel_spread(alpha_from_spread(spread)) - spread).abs() < 1e-9, "{spread}");
-        }
-        assert_eq!(alpha_from_spread(0.0), 0.0);
-        // The widest lobe of all, c / (1 + c)².
-        assert!((kernel_spread(alpha_from_spread(0.5)) - 0.4113).abs() < 1e-3);
-    }
 
     #[test]
     fn means_are_known_after_they_were_asked_for_and_only_then() {
