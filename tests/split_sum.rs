@@ -145,7 +145,9 @@ fn linear_light_is_reflected_exactly() {
                      name = \"c\"\nposition = [{x}, {y}, {z}]\ntarget = [0, 0, 0]\nvertical_fov_degrees = 0.5\n"
                 );
                 let scene = shop.write("scene.toml", &scene);
-                let look = Look { size: [17, 17], shading: Shading::Specular, ..Look::default() };
+                // Scattered more than once, light is looked up as irradiance, not along the lobe.
+                let scattering = Scattering::Single;
+                let look = Look { size: [17, 17], shading: Shading::Specular, scattering, ..Look::default() };
                 pixel(&shop.render(&scene, &look)[0], 8, 8)[0]
             };
             let [along, across] = table_lobe(nv, roughness, Geometry::Smith).mean(f0, nv);
