@@ -75,10 +75,10 @@ fn a_desktop_that_dies_takes_the_program_along_at_once() {
     wait_for_frame(&room.headset, 30);
     let dies = std::time::Instant::now();
     drop(display);
-    // Xlib ends every program whose server is gone; the headset's runtime sees the process go.
+    // Xlib ends every program whose server is gone, unless winit notices first; the headset's runtime sees the process go.
     let (code, errors) = program.end();
     assert_eq!(code, Some(1), "{errors}");
-    assert!(errors.contains("X connection"), "{errors}");
+    assert!(errors.contains("X connection") || errors.contains("the window system failed"), "{errors}");
     assert!(dies.elapsed().as_secs() < 30, "after {:?}", dies.elapsed());
 }
 

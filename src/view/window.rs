@@ -34,6 +34,7 @@ const SIZE: LogicalSize<u32> = LogicalSize::new(1280, 720);
 /// Whatever stops loading or drawing; a headset that is wanted before all else and cannot be had; validation messages where
 /// asked for.
 pub fn run(request: &ViewRequest<'_>, gpu: GpuOptions<'_>, wanted: Wanted) -> Result<Option<String>> {
+    end_in_words_if_the_desktop_dies();
     let event_loop = match EventLoop::with_user_event().build() {
         Ok(event_loop) => event_loop,
         Err(error) => return Ok(Some(problem_of(&error))),
@@ -61,6 +62,21 @@ pub fn run(request: &ViewRequest<'_>, gpu: GpuOptions<'_>, wanted: Wanted) -> Re
     app.reported?;
     app.messages.map_or(Ok(()), |messages| messages.check())?;
     Ok(None)
+}
+
+/// Winit panics where the connection to the desktop breaks within a call of its own (elsewhere Xlib ends the process): nothing
+/// can be drawn from then on, and a backtrace tells the user nothing.
+fn end_in_words_if_the_desktop_dies() {
+    let otherwise = std::panic::take_hook();
+    std::panic::set_hook(Box::new(move |panic| {
+        if !panic.location().is_some_and(|place| place.file().contains("winit")) {
+            return otherwise(panic);
+        }
+        let why = panic.payload().downcast_ref::<String>().map_or("it does not say why", String::as_str);
+        let error = Error::Window { problem: format!("the window system failed: {why}") };
+        eprintln!("pbr-vr: {error}");
+        std::process::exit(error.exit_code().into());
+    }));
 }
 
 fn window_error(error: impl std::fmt::Display) -> Error {
