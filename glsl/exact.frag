@@ -116,6 +116,12 @@ vec3 environment_light(Surface s)
     return sum * s.occlusion;
 }
 
+void cut_out(float above)
+{
+    if (above < 0.0)
+        discard;
+}
+
 void main()
 {
     Surface s = read_surface();

@@ -46,14 +46,17 @@ vec3 mapped_normal()
     return normalize_or(m.x * tangent_world.xyz + m.y * b + m.z * normal_world, n);
 }
 
+// Throws away what of the pixel lies in a hole; `above`: alpha over the cut-off.
+void cut_out(float above);
+
 Surface read_surface()
 {
     Surface s;
     s.albedo = material.albedo;
     if (HAS_ALBEDO_MAP) {
         vec4 texel = texture(albedo_map, uv);
-        if (ALPHA_MASK && texel.a < material.alpha_cutoff)
-            discard;
+        if (ALPHA_MASK)
+            cut_out(texel.a - material.alpha_cutoff);
         s.albedo *= texel.rgb;
     }
     vec3 maps = HAS_SURFACE_MAP ? texture(surface_map, uv).rgb : vec3(1.0);

@@ -5,7 +5,7 @@ mod common;
 use std::path::PathBuf;
 
 use common::{Look, Workshop, material, mean_at, pixel, sphere, square};
-use glam::DVec3;
+use glam::{DVec3, Vec2};
 use pbr_vr::asset::picture::Picture;
 use pbr_vr::reference::brdf::{Geometry, diffuse_karis2013, f0_from_metallic, specular};
 use pbr_vr::reference::energy::{Energy, Scattering};
@@ -259,6 +259,31 @@ fn a_mask_cuts_holes() {
     let picture = &shop.render(&scene, &Look { shading: Shading::Albedo, ..Look::default() })[0];
     assert_eq!(mean_at(picture, 30, 48, 2), [0.0, 0.0, 1.0], "left of the middle the sky shows through");
     assert_eq!(mean_at(picture, 66, 48, 2), [1.0, 0.0, 0.0]);
+}
+
+#[test]
+fn edges_of_holes_are_as_smooth_as_those_of_triangles() {
+    let shop = Workshop::new();
+    let hole = |x: u32, y: u32| Vec2::new(x as f32 - 63.5, y as f32 - 63.5).length() < 40.0;
+    let mask = image::GrayImage::from_fn(128, 128, |x, y| image::Luma([if hole(x, y) { 0 } else { 255 }]));
+    mask.save(shop.path("mask.png")).expect("a mask");
+    shop.panorama("sky.exr", 16, |_| [0.0, 0.0, 1.0]);
+    let mtl = material([1.0, 0.0, 0.0], 0.0, 1.0) + "map_d mask.png\n";
+    let scene = scene(&shop, &square("m.mtl"), &mtl, 1.0, "");
+    let seen =
+        |side| shop.render(&scene, &Look { size: [side; 2], shading: Shading::Albedo, ..Look::default() }).remove(0);
+    let (ours, fine) = (seen(96), seen(96 * 7));
+    let mut errors = Vec::new();
+    for (x, y) in (0..96).flat_map(|y| (0..96).map(move |x| (x, y))) {
+        let truth = mean_at(&fine, 7 * x + 3, 7 * y + 3, 3)[0];
+        if (0.25..0.75).contains(&truth) {
+            errors.push((pixel(&ours, x, y)[0] - truth).abs());
+        }
+    }
+    let mean = errors.iter().sum::<f64>() / errors.len() as f64;
+    println!("{} pixels at the edge, off by {mean}", errors.len());
+    // Four samples that come and go together would be off by 0.25 at least.
+    assert!(errors.len() > 40 && mean < 0.13, "{} pixels at the edge, off by {mean}", errors.len());
 }
 
 #[test]

@@ -17,6 +17,7 @@ use crate::scene::MaterialNeeds;
 /// The fragment stages and what they draw into: the picture itself, or samples for the exact one.
 struct Stage {
     surface: &'static str,
+    cutout: &'static str,
     sky: &'static str,
     colour: Format,
     samples: u32,
@@ -25,10 +26,17 @@ struct Stage {
 impl Stage {
     fn new(settings: &Settings, shading: Shading) -> Self {
         if shading == Shading::Reference {
-            return Self { surface: "exact.frag", sky: "exact_sky.frag", colour: exact::FORMAT, samples: 1 };
+            return Self {
+                surface: "exact.frag",
+                cutout: "exact.frag",
+                sky: "exact_sky.frag",
+                colour: exact::FORMAT,
+                samples: 1,
+            };
         }
         let (colour, samples) = (settings.output.format(), settings.samples);
-        Self { surface: "forward.frag", sky: "sky.frag", colour, samples }
+        let cutout = if samples == 4 { "cutout.frag" } else { "forward.frag" };
+        Self { surface: "forward.frag", cutout, sky: "sky.frag", colour, samples }
     }
 }
 
@@ -148,7 +156,7 @@ fn material_pipeline(
         &GraphicsDesc {
             name: "forward",
             vertex: "forward.vert",
-            fragment: stage.surface,
+            fragment: if needs.alpha_mask { stage.cutout } else { stage.surface },
             constants: &constants,
             sets,
             push_bytes: size_of::<DrawBlock>() as u32,

@@ -7,6 +7,8 @@
 
 layout(location = 0) out vec4 colour;
 
+void cut_out(float above) {}
+
 void main()
 {
     vec3 albedo = material.albedo * texture(albedo_map, uv).rgb;

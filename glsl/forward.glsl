@@ -1,0 +1,118 @@
+// Shades one fragment: physically based, Phong, or one of the inputs and terms on its own. Stages say how holes are cut.
+#ifndef FORWARD_GLSL
+#define FORWARD_GLSL
+
+#include "shared.glsl"
+#include "brdf.glsl"
+#include "energy.glsl"
+#include "environment.glsl"
+#include "output.glsl"
+#include "surface.glsl"
+#include "lamps.glsl"
+
+layout(location = 0) out vec4 colour;
+
+// Phong knows neither metals nor mirror images of the surroundings: an ambient term and the lamps are all it has.
+vec3 phong(Surface s)
+{
+    return s.albedo * environment_diffuse(s.n) * s.occlusion + point_lights_phong(s);
+}
+
+struct Split {
+    vec3 diffuse;
+    vec3 specular;
+};
+
+SpecularLobe lobe_of(Surface s)
+{
+    return specular_lobe(s.n, s.v, s.nv, f0_from_metallic(s.albedo, s.metallic), s.roughness);
+}
+
+// What the environment gives: the split sum, and with the irradiance what is diffuse or scattered more than once. That is
+// exact under even light (energy.glsl); elsewhere it takes these terms' slow fall towards grazing light for the cosine's.
+Split environment(Surface s, SpecularLobe lobe)
+{
+    Split split = Split(vec3(0.0), lobe.reflectance * environment_specular(lobe) * s.occlusion);
+    bool multiple = MULTI_SCATTER && GEOMETRY == GEOMETRY_SMITH;
+    if (METALS == METALS_ALL && !multiple)
+        return split;
+    vec3 even = environment_diffuse(s.n) * s.occlusion;
+    Energy energy = Energy(lobe.mean_entry, multiple);
+    if (GEOMETRY == GEOMETRY_KARIS2013) // the thesis's: what the mixed specular part leaves
+        split.diffuse = (1.0 - lobe.reflectance) * (1.0 - s.metallic) * s.albedo * even;
+    else if (METALS != METALS_ALL)
+        split.diffuse = diffuse_even(energy, s.albedo, s.metallic, lobe.entry) * even;
+    if (multiple)
+        split.specular += multiple_even(energy, s.albedo, s.metallic, lobe.entry) * even;
+    return split;
+}
+
+vec3 physically_based(Surface s)
+{
+    SpecularLobe lobe = lobe_of(s);
+    Split split = environment(s, lobe);
+    return split.diffuse + split.specular + point_lights(s, Energy(lobe.mean_entry, MULTI_SCATTER), lobe.entry);
+}
+
+// D, F and G for the first light, or for a lamp at the eye where the scene has none.
+vec3 term(Surface s)
+{
+    vec3 l = s.v;
+    if (frame.light_count > 0u)
+        light_irradiance(lights[0], l);
+    float nl = max(dot(s.n, l), 0.0);
+    vec3 h = s.v + l;
+    if (SHADING == SHADING_F)
+        return f_schlick(f0_from_metallic(s.albedo, s.metallic), 0.5 * length(h));
+    if (SHADING == SHADING_G)
+        return vec3(v_direct(nl, s.nv, s.roughness, GEOMETRY) * 4.0 * nl * s.nv);
+    // D has no upper bound: D / (1 + D) shows all of it.
+    float d = d_ggx(s.n, h, alpha_from_roughness(s.roughness));
+    return vec3(d / (1.0 + d));
+}
+
+// Radiance where the mode shows light.
+vec3 light_of(Surface s)
+{
+    if (SHADING == SHADING_PHONG)
+        return phong(s);
+    if (SHADING == SHADING_DIFFUSE)
+        return environment(s, lobe_of(s)).diffuse;
+    if (SHADING == SHADING_SPECULAR)
+        return environment(s, lobe_of(s)).specular;
+    if (SHADING == SHADING_IRRADIANCE)
+        return environment_diffuse(s.n);
+    return physically_based(s);
+}
+
+// A number in [0, 1] where the mode shows one.
+vec3 value_of(Surface s)
+{
+    if (SHADING == SHADING_NORMAL)
+        return 0.5 * s.n + 0.5;
+    if (SHADING == SHADING_METALLIC)
+        return vec3(s.metallic);
+    if (SHADING == SHADING_ROUGHNESS)
+        return vec3(s.roughness);
+    if (SHADING == SHADING_OCCLUSION)
+        return vec3(s.occlusion);
+    if (SHADING == SHADING_UV)
+        return vec3(fract(uv), 0.0);
+    if (SHADING == SHADING_TANGENT)
+        return 0.5 * normalize_or(tangent_world.xyz, s.n) + 0.5;
+    return term(s);
+}
+
+void main()
+{
+    Surface s = read_surface();
+    bool shows_light = SHADING <= SHADING_PHONG || SHADING >= SHADING_DIFFUSE;
+    if (SHADING == SHADING_ALBEDO)
+        colour = display_colour(s.albedo);
+    else if (shows_light)
+        colour = display_radiance(light_of(s));
+    else
+        colour = display_value(value_of(s));
+}
+
+#endif
