@@ -25,6 +25,16 @@ float alpha_from_roughness(float roughness)
     return r * r;
 }
 
+const float MOST_WIDENED = 0.18;
+
+// Roughness whose lobe, seen once, is as wide as that of a pixel's normals all together, whose variance is given: alpha^2
+// grows by it, up to a bound. Tokuyoshi and Kaplanyan, "Improved Geometric Specular Antialiasing" (2019).
+float widened_roughness(float roughness, float variance)
+{
+    float alpha = alpha_from_roughness(roughness);
+    return sqrt(sqrt(min(alpha * alpha + min(variance, MOST_WIDENED), 1.0)));
+}
+
 // GGX: Walter et al., "Microfacet Models for Refraction through Rough Surfaces" (2007), eq. 33.
 // 1 - (n.h)^2 is written |n x h|^2, which keeps its digits near the lobe's centre, and both are scaled by |h|^2
 // instead of normalising h. Finite for every alpha >= 0, also for h = 0 (l = -v), where it is 0.

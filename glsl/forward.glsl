@@ -47,11 +47,22 @@ Split environment(Surface s, SpecularLobe lobe)
     return split;
 }
 
+// The surface as lamps see it, which have no size: without more width, edges and rims thinner than a pixel would flash. Its
+// normals are taken to turn evenly across the pixel, a box.
+Surface widened_for_lamps(Surface s)
+{
+    vec3 n = normalize_or(normal_world, vec3(0.0, 1.0, 0.0));
+    vec3 across = dFdx(n), down = dFdy(n);
+    s.roughness = widened_roughness(s.roughness, (dot(across, across) + dot(down, down)) / 12.0);
+    return s;
+}
+
 vec3 physically_based(Surface s)
 {
     SpecularLobe lobe = lobe_of(s);
     Split split = environment(s, lobe);
-    return split.diffuse + split.specular + point_lights(s, Energy(lobe.mean_entry, MULTI_SCATTER), lobe.entry);
+    vec3 lamps = point_lights(widened_for_lamps(s), Energy(lobe.mean_entry, MULTI_SCATTER), lobe.entry);
+    return split.diffuse + split.specular + lamps;
 }
 
 // D, F and G for the first light, or for a lamp at the eye where the scene has none.

@@ -34,6 +34,16 @@ pub fn alpha_from_roughness(roughness: f64) -> f64 {
     roughness.max(MIN_ROUGHNESS).powi(2)
 }
 
+/// What [`widened_roughness`] adds to α² at most: the bound of Tokuyoshi and Kaplanyan (2019).
+pub const MOST_WIDENED: f64 = 0.18;
+
+/// Roughness whose lobe, seen once, is as wide as that of a pixel's normals all together; `variance` is that of the normals,
+/// both axes summed. Tokuyoshi and Kaplanyan, "Improved Geometric Specular Antialiasing" (2019).
+pub fn widened_roughness(roughness: f64, variance: f64) -> f64 {
+    let alpha = alpha_from_roughness(roughness);
+    (alpha * alpha + variance.min(MOST_WIDENED)).min(1.0).powf(0.25)
+}
+
 /// GGX in 1/sr: Walter et al., "Microfacet Models for Refraction through Rough Surfaces" (2007), eq. 33.
 ///
 /// 1 − (n·h)² is written |n × h|², and both are scaled by |h|² instead of normalising h. 0 for h = 0.

@@ -9,7 +9,7 @@ struct Input {
     float metallic, roughness, alpha, nl, nv, vh;
 };
 struct Output {
-    float alpha, d, smith, karis, karis_direct, karis_ibl, direct[2], environment[2], weight, exponent, phong;
+    float alpha, d, smith, karis, karis_direct, karis_ibl, direct[2], environment[2], weight, exponent, phong, widened;
     vec3 schlick, schlick_roughness, lambert, thesis, f0, specular[2];
 };
 layout(local_size_x = 64) in;
@@ -32,6 +32,7 @@ void main()
     o.weight = schlick_weight(i.vh);
     o.exponent = phong_exponent(i.roughness);
     o.phong = phong_specular(i.n, i.v, i.l, i.roughness);
+    o.widened = widened_roughness(i.roughness, i.metallic); // any number from 0 to 1
     o.f0 = f0_from_metallic(i.albedo, i.metallic);
     o.schlick = f_schlick(i.albedo, i.vh);
     o.schlick_roughness = f_schlick_roughness(i.albedo, i.nv, i.roughness);
