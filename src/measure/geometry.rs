@@ -56,15 +56,20 @@ pub fn run(folder: &Path, report: &Report) -> Result<Vec<GeometryRow>> {
             // Its file is in centimetres.
             scene.instances.iter_mut().for_each(|i| i.world_from_local = Mat4::from_scale(Vec3::splat(0.01)));
         }
-        rows.extend(scene_rows(name, &scene));
+        let found = scene_rows(name, &scene);
+        found.iter().for_each(|row| say!("{}", line(row).trim_end()));
+        rows.extend(found);
+        write(folder, &rows)?;
     }
+    Ok(rows)
+}
+
+fn write(folder: &Path, rows: &[GeometryRow]) -> Result<()> {
     let csv = rows.iter().fold(format!("{HEADER}\n"), |text, row| text + &line(row));
-    print!("{csv}");
     write_atomically(&folder.join("geometry.csv"), csv.as_bytes())?;
     let path = folder.join("geometry.json");
-    let json = serde_json::to_string_pretty(&rows).map_err(|e| Error::write(&path)(e.into()))?;
-    write_atomically(&path, json.as_bytes())?;
-    Ok(rows)
+    let json = serde_json::to_string_pretty(rows).map_err(|e| Error::write(&path)(e.into()))?;
+    write_atomically(&path, json.as_bytes())
 }
 
 fn scene_rows(name: &str, scene: &Scene) -> Vec<GeometryRow> {
