@@ -1,7 +1,9 @@
 // The split sum's table: for each n.v and roughness the lobe BRDF · n.l over the light's directions, in two parts, weighted
 // with Schlick's (1 - v.h)^5 (B) and with the rest of 1 (A): Karis (2013), eq. 8. Layer 0: A, B, and of each part's mean
 // vector the square root of `along`; layer 1: `across` / sin (environment.glsl), and A and B averaged over directions,
-// 2 ∫ A n.v d(n.v), the same all along a row (energy.glsl). Twins: reference::table, reference::energy.
+// 2 ∫ A n.v d(n.v), the same all along a row (energy.glsl). For slices, further: layer 2, as 0 but of the first half alone;
+// layer 3, `across` of the first and of the second; layer 4, the second's roots of `along`. Twins: reference::table,
+// reference::energy.
 //
 // The integral is ∫ V · 4 nl · vh / nh · D nh dh over half vectors h = (θ, φ) (Walter et al. 2007, eqs. 14 and 35), where
 // tan θ = α tan s turns D nh dh into 2 sin s cos s ds dφ / 2π. l is above the surface exactly for θ < (ψ + π/2) / 2 with
@@ -23,7 +25,7 @@ const uint ROW = 128; // texels along n.v
 // One group a row, so that its mean is known to all.
 layout(local_size_x = ROW) in;
 layout(constant_id = 0) const int GEOMETRY = 0;
-layout(constant_id = 1) const bool MATCH_MOMENTS = true;
+layout(constant_id = 1) const uint SPLIT_SUM = 1; // the order of reference::table::SplitSum
 layout(set = 0, binding = 0, scalar) readonly buffer Nodes {
     vec2 phi_nodes[PHI_NODES]; // in (0, 1), and weights that add up to 1
     vec2 s_nodes[S_NODES];
@@ -31,6 +33,9 @@ layout(set = 0, binding = 0, scalar) readonly buffer Nodes {
 layout(set = 0, binding = 1, scalar) readonly buffer Spreads { float kernel_spreads[]; }; // by row
 layout(set = 0, binding = 2, scalar) readonly buffer MeanWeights { float mean_weights[ROW]; }; // by column
 layout(set = 0, binding = 3, rgba32f) uniform writeonly image2DArray table;
+
+const uint CLASSIC = 0;
+const uint SLICES = 2;
 
 shared vec2 row_weights[ROW];
 
@@ -69,6 +74,21 @@ void add_quarter(float quarter, float nv, float sv, float roughness, float alpha
     }
 }
 
+Parts sum(Parts a, Parts b)
+{
+    return Parts(a.weight + b.weight, a.along + b.along, a.across + b.across);
+}
+
+vec2 root_along(Parts parts)
+{
+    return sqrt(parts.along / max(parts.weight, vec2(TINY)));
+}
+
+vec2 across(Parts parts)
+{
+    return parts.across / max(parts.weight, vec2(TINY));
+}
+
 void main()
 {
     uvec2 id = gl_GlobalInvocationID.xy, size = uvec2(imageSize(table).xy);
@@ -77,22 +97,31 @@ void main()
     float nv = clamp(arguments.x, MIN_COS, 0.99999), roughness = arguments.y;
     float sv = sqrt(1.0 - nv * nv);
     float alpha = roughness * roughness;
-    Parts parts = Parts(vec2(0.0), vec2(0.0), vec2(0.0));
+    // Half vectors that lean towards the eye, and away.
+    Parts halves[2] = Parts[](Parts(vec2(0.0), vec2(0.0), vec2(0.0)), Parts(vec2(0.0), vec2(0.0), vec2(0.0)));
     if (alpha < SMALLEST_ALPHA) {
         float f = schlick_weight(nv);
-        parts.weight = vec2(1.0 - f, f);
+        halves[0].weight = halves[1].weight = 0.5 * vec2(1.0 - f, f);
     } else {
-        add_quarter(0.0, nv, sv, roughness, alpha, parts);
-        add_quarter(1.0, nv, sv, roughness, alpha, parts);
+        add_quarter(0.0, nv, sv, roughness, alpha, halves[0]);
+        add_quarter(1.0, nv, sv, roughness, alpha, halves[1]);
     }
+    Parts parts = sum(halves[0], halves[1]);
     row_weights[id.x] = parts.weight * mean_weights[id.x];
     barrier();
     vec2 mean = vec2(0.0);
     for (uint i = 0u; i < ROW; ++i)
         mean += row_weights[i];
-    vec2 over = 1.0 / max(parts.weight, vec2(TINY));
-    vec2 along = MATCH_MOMENTS ? parts.along * over : vec2(kernel_spreads[id.y]);
-    vec2 across = MATCH_MOMENTS ? parts.across * over / sv : vec2(0.0);
-    imageStore(table, ivec3(id, 0), vec4(parts.weight, sqrt(along)));
-    imageStore(table, ivec3(id, 1), vec4(across, mean));
+    if (SPLIT_SUM == CLASSIC) {
+        imageStore(table, ivec3(id, 0), vec4(parts.weight, sqrt(vec2(kernel_spreads[id.y]))));
+        imageStore(table, ivec3(id, 1), vec4(vec2(0.0), mean));
+        return;
+    }
+    imageStore(table, ivec3(id, 0), vec4(parts.weight, root_along(parts)));
+    imageStore(table, ivec3(id, 1), vec4(across(parts) / sv, mean));
+    if (SPLIT_SUM == SLICES) {
+        imageStore(table, ivec3(id, 2), vec4(halves[0].weight, root_along(halves[0])));
+        imageStore(table, ivec3(id, 3), vec4(across(halves[0]), across(halves[1])));
+        imageStore(table, ivec3(id, 4), vec4(root_along(halves[1]), 0.0, 0.0));
+    }
 }

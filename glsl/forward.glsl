@@ -32,7 +32,7 @@ SpecularLobe lobe_of(Surface s)
 // exact under even light (energy.glsl); elsewhere it takes these terms' slow fall towards grazing light for the cosine's.
 Split environment(Surface s, SpecularLobe lobe)
 {
-    Split split = Split(vec3(0.0), lobe.reflectance * environment_specular(lobe) * s.occlusion);
+    Split split = Split(vec3(0.0), environment_specular(lobe) * s.occlusion);
     bool multiple = MULTI_SCATTER && GEOMETRY == GEOMETRY_SMITH;
     if (METALS == METALS_ALL && !multiple)
         return split;

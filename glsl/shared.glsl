@@ -27,6 +27,7 @@ layout(constant_id = 7) const bool ALPHA_MASK = false;
 layout(constant_id = 8) const int LIGHTS = -1; // below 0: as many as the frame says
 layout(constant_id = 9) const uint METALS = 2;
 layout(constant_id = 10) const bool MULTI_SCATTER = true; // with GEOMETRY_SMITH alone
+layout(constant_id = 11) const bool SLICES = false; // the table's layers beyond the second are there
 
 // METALS: the order of scene::needs::Metals.
 const uint METALS_NONE = 0;

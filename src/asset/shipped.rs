@@ -10,6 +10,9 @@ pub const DEMO: &str = "scenes/demo.toml";
 /// The panorama for models and scenes that name none.
 pub const PANORAMA: &str = "panoramas/courtyard.exr";
 
+/// All panoramas that come with the program.
+pub const PANORAMAS: [&str; 3] = [PANORAMA, "panoramas/forest.exr", "panoramas/sunset.exr"];
+
 /// The folder of shipped assets: PBR_VR_ASSETS if set, else `assets` beside or above the program, in the working
 /// folder, or where the program was built.
 ///

@@ -148,8 +148,8 @@ fn sources(request: &MeasureRequest<'_>) -> Result<Vec<Source>> {
     if !request.panoramas.is_empty() {
         return Ok(request.panoramas.iter().cloned().map(Source::File).collect());
     }
-    let folder = shipped::folder()?.join("panoramas");
-    let files = ["courtyard.exr", "forest.exr", "sunset.exr"].map(|name| Source::File(folder.join(name)));
+    let folder = shipped::folder()?;
+    let files = shipped::PANORAMAS.map(|name| Source::File(folder.join(name)));
     Ok([Source::Synthetic { sun: true }, Source::Synthetic { sun: false }].into_iter().chain(files).collect())
 }
 

@@ -19,8 +19,8 @@ pub const SIZE: [u32; 2] = [128, 96];
 /// Quadrature nodes over φ and s; `glsl/brdf_table.comp` knows them, too.
 const NODES: [usize; 2] = [8, 16];
 
-/// Two layers in f32, halves being too coarse near 1: the two parts' albedos and `along`, and their `across`
-/// (`reference::table`) with the albedos' means (`reference::energy`).
+/// Layers in f32, halves being too coarse near 1: the two parts' albedos and `along`, and their `across`
+/// (`reference::table`) with the albedos' means (`reference::energy`); for [`SplitSum::Slices`] three more.
 pub struct BrdfTable {
     pub image: Image,
     pub times: Vec<PassTime>,
@@ -37,9 +37,10 @@ impl BrdfTable {
     pub fn new(gpu: &Arc<Gpu>, geometry: Geometry, split_sum: SplitSum, cache: Option<&Cache>) -> Result<Self> {
         let copies = ImageUsageFlags::TRANSFER_SRC | ImageUsageFlags::TRANSFER_DST;
         let usage = ImageUsageFlags::SAMPLED | ImageUsageFlags::STORAGE | copies;
+        let layers = if split_sum == SplitSum::Slices { 5 } else { 2 };
         let flat = ImageDesc::flat(Format::R32G32B32A32_SFLOAT, SIZE, usage);
-        let image = Image::new(gpu, "BRDF table", ImageDesc { shape: Shape::Layers(2), ..flat })?;
-        let choices = [geometry as u32, u32::from(split_sum == SplitSum::Moment)];
+        let image = Image::new(gpu, "BRDF table", ImageDesc { shape: Shape::Layers(layers), ..flat })?;
+        let choices = [geometry as u32, split_sum as u32];
         let compute = || compute(gpu, &image, choices);
         let source = [bytemuck::bytes_of(&choices)];
         let times = cached(gpu, cache, "BRDF table from the cache", &source, &[("BRDF table", &image)], compute)?;

@@ -7,11 +7,13 @@ mod cache;
 mod kernel_sum;
 mod light_maps;
 mod node_lists;
+mod table_texels;
 mod texture;
 
 pub use crate::asset::cache::Cache;
 pub use brdf_table::BrdfTable;
 pub use light_maps::{LightMaps, check_face_size, check_irradiance_size};
+pub use table_texels::{TableAt, TableTexels};
 pub use texture::read_texture;
 
 #[cfg(test)]

@@ -12,6 +12,7 @@ use super::{Settings, Shading, exact};
 use crate::Result;
 use crate::gpu::{Commands, Constant, Depth, Format, Gpu, GraphicsDesc, Pipeline, Set, SetLayout};
 use crate::reference::energy::Scattering;
+use crate::reference::table::SplitSum;
 use crate::scene::MaterialNeeds;
 
 /// The fragment stages and what they draw into: the picture itself, or samples for the exact one.
@@ -58,11 +59,12 @@ impl Forward {
         eyes: u32,
     ) -> Result<Self> {
         let stage = Stage::new(settings, shading);
-        let common: [Constant; 5] = [
+        let common: [Constant; 6] = [
             (constant::EYES, eyes),
             (constant::SHADING, shading as u32),
             (constant::GEOMETRY, settings.geometry as u32),
             (constant::LINEAR_OUTPUT, u32::from(settings.output == super::Output::Linear)),
+            (constant::SLICES, u32::from(settings.split_sum == SplitSum::Slices)),
             // Below 0 the shader asks the frame.
             (constant::LIGHTS, world.lights_needed.map_or(u32::MAX, |count| count)),
         ];

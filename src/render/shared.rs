@@ -95,4 +95,5 @@ pub mod constant {
     pub const LIGHTS: u32 = 8;
     pub const METALS: u32 = 9;
     pub const MULTI_SCATTER: u32 = 10;
+    pub const SLICES: u32 = 11;
 }

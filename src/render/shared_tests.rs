@@ -123,6 +123,7 @@ fn specialization_constants_have_their_ids() {
         ("LIGHTS", constant::LIGHTS),
         ("METALS", constant::METALS),
         ("MULTI_SCATTER", constant::MULTI_SCATTER),
+        ("SLICES", constant::SLICES),
     ];
     assert_eq!(declared.collect::<Vec<_>>(), ours);
 }

@@ -5,12 +5,12 @@ use std::sync::Arc;
 use glam::DVec3;
 
 use super::chain::{Cause, Point, Set, Way, radiance};
-use super::stored::{Stored, Table};
+use super::stored::Stored;
 use super::sums::Sums;
 use super::{Change, Row, Swap};
 use crate::asset::Panorama;
 use crate::gpu::Gpu;
-use crate::precompute::{BrdfTable, Cache, LightMaps, Options};
+use crate::precompute::{BrdfTable, Cache, LightMaps, Options, TableTexels};
 use crate::reference::brdf::Geometry;
 use crate::reference::energy::Scattering;
 use crate::reference::integrals::{Surface, Terms};
@@ -18,9 +18,12 @@ use crate::reference::sampling::hammersley;
 use crate::reference::table::SplitSum;
 use crate::{Error, Result};
 
-/// A metal's colour, gold, and a dielectric's.
-const MATERIALS: [(&str, f64, DVec3); 2] =
-    [("metal", 1.0, DVec3::new(1.0, 0.77, 0.34)), ("dielectric", 0.0, DVec3::splat(0.5))];
+/// A metal's colour, gold; a dielectric's; and one that shows its mirrored light alone.
+const MATERIALS: [(&str, f64, DVec3); 3] = [
+    ("metal", 1.0, DVec3::new(1.0, 0.77, 0.34)),
+    ("dielectric", 0.0, DVec3::splat(0.5)),
+    ("black dielectric", 0.0, DVec3::ZERO),
+];
 
 /// What a ball is sampled by.
 pub struct Grid {
@@ -77,8 +80,8 @@ impl<'a> Ball<'a> {
         let no_texels = || Error::Usage(format!("{}: a panorama without texels", panorama.name));
         let sums = Sums::new(panorama).ok_or_else(no_texels)?;
         let stored = maps(gpu, panorama, size, cache)?;
-        let table = BrdfTable::new(gpu, Geometry::Smith, SplitSum::Moment, cache)?;
-        let table = Table::read(gpu, &table)?;
+        let table = BrdfTable::new(gpu, Geometry::Smith, SplitSum::Slices, cache)?;
+        let table = TableTexels::read(gpu, &table)?;
         let even = Panorama::from_fn(64, 32, |_| glam::Vec3::ONE);
         let even_sums = Sums::new(&even).ok_or_else(no_texels)?;
         let (mut points, mut floor) = ([const { Vec::new() }; MATERIALS.len()], [0.0; MATERIALS.len()]);
@@ -113,8 +116,10 @@ impl<'a> Ball<'a> {
         }
         let classic = Way { split_sum: SplitSum::Classic, ..default };
         let single = Way { scattering: Scattering::Single, ..default };
+        let slices = Way { split_sum: SplitSum::Slices, ..default };
         for (way, words) in [
             (classic, ["n = v", "matched by its mean", "classic: along r, by roughness"]),
+            (slices, ["slices", "the whole lobe", "two halves, each matched"]),
             (single, ["scattering", "as often as it takes", "once"]),
         ] {
             let other = self.values(Set::ALL, way, None);

@@ -3,15 +3,16 @@
 
 use glam::DVec3;
 
-use super::stored::{Stored, Table, TableAt, bilinear};
+use super::stored::{Stored, bilinear};
 use super::sums::Sums;
+use crate::precompute::{TableAt, TableTexels};
 use crate::reference::brdf::{Geometry, f0_from_metallic};
 use crate::reference::energy::{Energy, Scattering};
 use crate::reference::integrals::{Surface, Terms, reflected_by};
 use crate::reference::levels::{LEVELS, alpha_from_level, alpha_from_spread, level_from_spread, spread_from_level};
 use crate::reference::lobe::kernel_spread;
 use crate::reference::math::round_to_half;
-use crate::reference::table::{Entry, SplitSum, table_lobe};
+use crate::reference::table::{Entry, Lobe, SplitSum, table_lobe, table_slices};
 
 /// An approximation, in the order in which a chain from the exact integral to the pixel adds them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -95,7 +96,7 @@ pub struct Point {
 
 impl Point {
     /// Integrates; `terms` are Smith's of the surface's roughness.
-    pub fn new(surface: Surface, terms: &Terms, sums: &Sums<'_>, table: &Table) -> Self {
+    pub fn new(surface: Surface, terms: &Terms, sums: &Sums<'_>, table: &TableTexels) -> Self {
         let exact = exact_table(&surface, terms);
         let truth = reflected_by(sums.view(), &surface, terms, Scattering::Multiple);
         let truth = truth.diffuse + truth.specular;
@@ -104,14 +105,14 @@ impl Point {
         let mirror = Surface { albedo: f0, metallic: 1.0, ..surface };
         let single = reflected_by(sums.view(), &mirror, terms, Scattering::Single).specular;
         let stored = table.look_up(surface.n.dot(surface.v), surface.roughness);
-        Self { surface, truth, own: single / reflectance(&exact, f0), beyond: truth - single, exact, stored }
+        Self { surface, truth, own: single / reflectance(&exact.lobe, f0), beyond: truth - single, exact, stored }
     }
 
     /// How far the integral under even light of radiance 1 (`truth`, then) is from what is known, relatively: what f64 sums
     /// are good to.
     pub fn even_error(&self) -> f64 {
         let f0 = f0_from_metallic(self.surface.albedo, self.surface.metallic);
-        let known = reflectance(&self.exact, f0) + self.even(&self.exact, Scattering::Multiple);
+        let known = reflectance(&self.exact.lobe, f0) + self.even(&self.exact, Scattering::Multiple);
         (self.truth - known).abs().element_sum() / known.element_sum()
     }
 
@@ -127,15 +128,16 @@ fn exact_table(surface: &Surface, terms: &Terms) -> TableAt {
     let lobe = table_lobe(surface.n.dot(surface.v), surface.roughness, Geometry::Smith);
     // Smith's terms have one.
     let mean = terms.mean_entry().unwrap_or(Entry { scale: 0.0, bias: 0.0 });
-    TableAt { lobe, mean }
+    let slices = table_slices(surface.n.dot(surface.v), surface.roughness, Geometry::Smith);
+    TableAt { lobe, slices: Some(slices), mean }
 }
 
 fn entry(at: &TableAt) -> Entry {
     Entry { scale: at.lobe.base.weight, bias: at.lobe.fresnel.weight }
 }
 
-fn reflectance(at: &TableAt, f0: DVec3) -> DVec3 {
-    f0 * at.lobe.base.weight + at.lobe.fresnel.weight
+fn reflectance(lobe: &Lobe, f0: DVec3) -> DVec3 {
+    f0 * lobe.base.weight + lobe.fresnel.weight
 }
 
 /// How a pixel is computed beside the approximations.
@@ -156,34 +158,29 @@ pub fn radiance(point: &Point, set: Set, way: Way, stored: &Stored, sums: &mut S
     let Surface { n, albedo, metallic, .. } = point.surface;
     let at = if set.has(Cause::Table) { &point.stored } else { &point.exact };
     let mut maps = Maps { stored, sums };
-    let (d, spread) = lobe(point, at, way.split_sum);
-    let mut light = maps.specular(d, spread, set);
+    let f0 = f0_from_metallic(albedo, metallic);
+    let mut mirrored = maps.mirrored(point, at, way.split_sum, set);
     if !set.has(Cause::Lobe) {
         // What follows from the approximated lobe is carried over to the own one.
-        let (d, spread) = lobe(point, &point.exact, SplitSum::Moment);
-        light += point.own - maps.specular(d, spread, Set::NONE);
+        let round = maps.mirrored(point, &point.exact, way.split_sum, Set::NONE);
+        mirrored += reflectance(&at.lobe, f0) * (point.own - round / reflectance(&point.exact.lobe, f0));
     }
     let mut beyond = point.even(at, way.scattering) * maps.irradiance(n, set);
     if !set.has(Cause::Diffuse) {
         beyond += point.beyond - point.even(&point.exact, Scattering::Multiple) * maps.irradiance(n, Set::NONE);
     }
-    reflectance(at, f0_from_metallic(albedo, metallic)) * light + beyond
+    mirrored + beyond
 }
 
-/// Where a point's lobe points, and its spread: as `specular_lobe` in `glsl/environment.glsl`.
-fn lobe(point: &Point, at: &TableAt, split_sum: SplitSum) -> (DVec3, f64) {
-    let Surface { n, v, albedo, metallic, roughness } = point.surface;
+/// Where a lobe at a point points, and its spread: as `lobe_part` in `glsl/environment.glsl`.
+fn mean_and_spread(point: &Point, lobe: &Lobe) -> (DVec3, f64) {
+    let Surface { n, v, albedo, metallic, .. } = point.surface;
     let nv = n.dot(v);
     let r = 2.0 * nv * n - v;
-    match split_sum {
-        SplitSum::Classic => (r, kernel_spread(roughness * roughness)),
-        SplitSum::Moment => {
-            let grey = f0_from_metallic(albedo, metallic).element_sum() / 3.0;
-            let [along, across] = at.lobe.mean(grey, nv);
-            let mean = along * r + across * (n - nv * r).normalize_or_zero();
-            (mean, 1.0 - mean.length())
-        }
-    }
+    let grey = f0_from_metallic(albedo, metallic).element_sum() / 3.0;
+    let [along, across] = lobe.mean(grey, nv);
+    let mean = along * r + across * (n - nv * r).normalize_or_zero();
+    (mean, 1.0 - mean.length())
 }
 
 /// The environment's maps, or what they stand for.
@@ -193,6 +190,24 @@ struct Maps<'a, 'p> {
 }
 
 impl Maps<'_, '_> {
+    /// What is mirrored once.
+    fn mirrored(&mut self, point: &Point, at: &TableAt, split_sum: SplitSum, set: Set) -> DVec3 {
+        let Surface { n, v, albedo, metallic, roughness } = point.surface;
+        let f0 = f0_from_metallic(albedo, metallic);
+        let mut under = |lobe: &Lobe| {
+            let (d, spread) = mean_and_spread(point, lobe);
+            reflectance(lobe, f0) * self.specular(d, spread, set)
+        };
+        match split_sum {
+            SplitSum::Moment => under(&at.lobe),
+            SplitSum::Slices => at.slices.iter().flatten().map(under).sum(),
+            SplitSum::Classic => {
+                let r = 2.0 * n.dot(v) * n - v;
+                reflectance(&at.lobe, f0) * self.specular(r, kernel_spread(roughness * roughness), set)
+            }
+        }
+    }
+
     /// Mean radiance under a lobe.
     fn specular(&mut self, d: DVec3, spread: f64, set: Set) -> DVec3 {
         let ideal = self.ideal(d, spread, set);

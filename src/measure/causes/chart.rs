@@ -19,7 +19,7 @@ const TITLE: u32 = 40;
 const AXIS: u32 = 84;
 const FOOT: u32 = 58;
 const FONT: &str = "sans-serif";
-/// Okabe and Ito's palette, which colour-blind readers tell apart: metal and dielectric, or the scenes in their order.
+/// Okabe and Ito's palette, which colour-blind readers tell apart: materials or scenes in their order.
 const COLOURS: [RGBColor; 4] =
     [RGBColor(213, 94, 0), RGBColor(0, 114, 178), RGBColor(0, 158, 115), RGBColor(204, 121, 167)];
 

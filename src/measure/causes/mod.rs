@@ -8,7 +8,7 @@ mod stored;
 mod sums;
 mod table;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use serde::Serialize;
@@ -146,13 +146,15 @@ fn balls(
     Ok(())
 }
 
-/// Those named, else one with a sun and a shipped one, in the size of the grid.
+/// Those named, else one with a sun and the shipped ones, in the size of the grid.
 fn panoramas(request: &MeasureRequest<'_>, width: u32, report: &Report) -> Result<Vec<Panorama>> {
-    if request.panoramas.is_empty() {
-        let courtyard = Panorama::load(&shipped::folder()?.join(shipped::PANORAMA), report)?;
-        return Ok(vec![synthetic::panorama(width, true), smaller(courtyard, width)]);
+    let load = |path: &Path| Ok(smaller(Panorama::load(path, report)?, width));
+    if !request.panoramas.is_empty() {
+        return request.panoramas.iter().map(|path| load(path)).collect();
     }
-    request.panoramas.iter().map(|path| Ok(smaller(Panorama::load(path, report)?, width))).collect()
+    let folder = shipped::folder()?;
+    let shipped = shipped::PANORAMAS.iter().map(|name| load(&folder.join(name)));
+    [Ok(synthetic::panorama(width, true))].into_iter().chain(shipped).collect()
 }
 
 /// Of half the size until it is no wider than this; four texels become one.

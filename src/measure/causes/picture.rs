@@ -184,6 +184,12 @@ impl<'a> Bench<'a> {
             ),
             (
                 Swap::Other,
+                words("slices", "the whole lobe", "two halves, each matched"),
+                &self.compressed,
+                with(&|s| s.split_sum = SplitSum::Slices),
+            ),
+            (
+                Swap::Other,
                 words("scattering", "as often as it takes", "once"),
                 &self.compressed,
                 with(&|s| s.scattering = Scattering::Single),

@@ -1,4 +1,4 @@
-//! What a pixel looks light up in, read back from the GPU: the maps' texels and the split sum's table.
+//! The maps that a pixel looks light up in, read back from the GPU.
 
 use std::sync::Arc;
 
@@ -7,11 +7,10 @@ use glam::{DVec2, DVec3, Vec3};
 use super::super::maps::read_cube;
 use super::super::texels::Texel;
 use crate::Result;
-use crate::gpu::{Gpu, Image, Part, read_image};
-use crate::precompute::{BrdfTable, LightMaps};
+use crate::gpu::{Gpu, Image};
+use crate::precompute::LightMaps;
 use crate::reference::cube::{cube_direction, cube_face};
 use crate::reference::levels::LEVELS;
-use crate::reference::table::{Entry, Lobe, LobePart, table_place};
 
 /// One mip of a cube map: texels of a face's side, and radiance, face by face, rows from the top.
 pub struct Cube {
@@ -50,47 +49,6 @@ fn texel_of(face: u32, st: DVec2, size: u32) -> Texel {
     let (face, st) = cube_face(cube_direction(face, st));
     let [x, y] = (st * f64::from(size)).to_array().map(|c| (c as u32).min(size - 1));
     [x, y, face]
-}
-
-/// What the table says at n·v and a roughness.
-#[derive(Clone, Copy, Debug)]
-pub struct TableAt {
-    pub lobe: Lobe,
-    /// Both albedos averaged over directions.
-    pub mean: Entry,
-}
-
-/// The GPU's table: two layers of texels.
-pub struct Table {
-    layers: [Vec<[f32; 4]>; 2],
-    size: [usize; 2],
-}
-
-impl Table {
-    /// Reads it back.
-    pub fn read(gpu: &Arc<Gpu>, table: &BrdfTable) -> Result<Self> {
-        let layer =
-            |layer| Ok(bytemuck::pod_collect_to_vec(&read_image(gpu, &table.image, Part { mip: 0, layer }, 16)?));
-        Ok(Self { layers: [layer(0)?, layer(1)?], size: table.image.desc().size.map(|side| side as usize) })
-    }
-
-    /// Bilinear between texels, as `glsl/environment.glsl` reads it.
-    pub fn look_up(&self, nv: f64, roughness: f64) -> TableAt {
-        let place = table_place(nv, roughness);
-        let at: [f64; 2] = std::array::from_fn(|i| place[i].clamp(0.0, 1.0) * (self.size[i] - 1) as f64);
-        let low: [usize; 2] = std::array::from_fn(|i| (at[i] as usize).min(self.size[i] - 2));
-        let [u, v] = std::array::from_fn(|i| at[i] - low[i] as f64);
-        let value = |layer: usize, channel: usize| {
-            let texel =
-                |x: usize, y: usize| f64::from(self.layers[layer][(low[1] + y) * self.size[0] + low[0] + x][channel]);
-            let row = |y| texel(0, y) * (1.0 - u) + texel(1, y) * u;
-            row(0) * (1.0 - v) + row(1) * v
-        };
-        let part =
-            |i: usize| LobePart { weight: value(0, i), along: value(0, 2 + i).powi(2), across_over_sine: value(1, i) };
-        let mean = Entry { scale: value(1, 2), bias: value(1, 3) };
-        TableAt { lobe: Lobe { base: part(0), fresnel: part(1) }, mean }
-    }
 }
 
 /// All maps of one panorama.
