@@ -85,14 +85,17 @@ pub(super) fn choose(instance: &Instance, name: Option<&str>, present: bool) -> 
     })
 }
 
-/// The GPU that a headset's runtime names by its handle.
-pub(super) fn named_by_runtime(instance: &Instance, handle: u64, present: bool) -> Result<Candidate> {
-    let named = candidates(instance, present)?.into_iter().find(|c| c.physical.as_raw() == handle);
-    let headset = |problem| Error::Headset { problem };
-    let named = named.ok_or_else(|| headset("its runtime names a GPU that Vulkan does not list".into()))?;
+/// The GPU that a headset's runtime names by its handle; `None` if Vulkan does not list it.
+pub(super) fn named_by_runtime(instance: &Instance, handle: u64, present: bool) -> Result<Option<Candidate>> {
+    let Some(named) = candidates(instance, present)?.into_iter().find(|c| c.physical.as_raw() == handle) else {
+        tracing::warn!("the headset's runtime names a GPU that Vulkan does not list: taking the best there is");
+        return Ok(None);
+    };
     match &named.info.unfit {
-        None => Ok(named),
-        Some(reason) => Err(headset(format!("it hangs on the GPU {}, which {reason}", named.info.name))),
+        None => Ok(Some(named)),
+        Some(reason) => {
+            Err(Error::Headset { problem: format!("it hangs on the GPU {}, which {reason}", named.info.name) })
+        }
     }
 }
 

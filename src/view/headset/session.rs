@@ -70,6 +70,8 @@ pub struct Session {
     poses: Box<[sys::TrackedDevicePose_t; DEVICES]>,
     /// Since when the headset has not been connected.
     gone: Option<Instant>,
+    /// Vulkan extensions that the runtime asked for in vain, until it has taken a picture all the same.
+    lacking: Option<String>,
     last: Option<Instant>,
     quality: Quality,
     statistics: FrameStatistics,
@@ -118,6 +120,7 @@ impl Session {
             head: Head::default(),
             poses: Box::new([sys::TrackedDevicePose_t::default(); DEVICES]),
             gone: None,
+            lacking: gpu.missing_extensions(),
             last: None,
             quality,
             statistics: FrameStatistics::default(),
@@ -322,6 +325,9 @@ impl Session {
         for (eye, picture) in EYES.into_iter().zip(self.images.pictures(self.slot)) {
             let submit = || self.gpu.lend_queue(|| self.runtime.submit(eye, &picture, bounds));
             let code = self.watchdog.watch("Submit", Patience::FRAME, submit)?;
+            if code == sys::EVRCompositorError_VRCompositorError_None {
+                self.lacking = None;
+            }
             if let Some(end) = self.judge("Submit", code) {
                 return Ok(Some(end));
             }
@@ -346,11 +352,12 @@ impl Session {
                 let count = self.report.failed_calls.entry(format!("{call} {code}")).or_default();
                 *count += 1;
                 if *count == 1 {
-                    eprintln!("pbr-vr: headset: {call}: {words} ({code}); this frame is not seen");
+                    let lacking = lacking_words(&self.lacking);
+                    eprintln!("pbr-vr: headset: {call}: {words} ({code}); this frame is not seen{lacking}");
                 }
                 None
             }
-            After::GiveUp(why) => Some(End::Lost(why.into())),
+            After::GiveUp(why) => Some(End::Lost(why.to_owned() + &lacking_words(&self.lacking))),
         }
     }
 
@@ -364,6 +371,12 @@ impl Session {
             (Err(error), _) | (_, Err(error)) => eprintln!("pbr-vr: {error}"),
         }
     }
+}
+
+/// What may be why no picture has been taken yet.
+fn lacking_words(lacking: &Option<String>) -> String {
+    let tell = |names: &String| format!("; it also asked for {names}, which the graphics driver lacks: update that");
+    lacking.as_ref().map_or_else(String::new, tell)
 }
 
 impl Drop for Session {
