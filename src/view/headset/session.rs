@@ -18,7 +18,7 @@ use super::quality::{Finished, Level, Quality};
 use super::report::{FrameTime, HeadsetReport, Timeline};
 use super::runtime::{DEVICES, EYES, Runtime};
 use super::watchdog::{Patience, Watchdog};
-use crate::gpu::{Gpu, PassTime, PassTimes, Recorder};
+use crate::gpu::{Gpu, PassTimes, Recorder};
 use crate::render::{FRAMES_IN_FLIGHT, HiddenArea, Settings};
 use crate::view::picture::ms_since;
 use crate::view::window::worker::Stage;
@@ -154,7 +154,7 @@ impl Session {
     }
 
     /// GPU time of each pass of the frame that finished last.
-    pub fn times(&self) -> &[PassTime] {
+    pub fn times(&self) -> &PassTimes {
         &self.times
     }
 
@@ -307,8 +307,8 @@ impl Session {
     }
 
     /// This frame's quality, from the times of the one that had the slot before.
-    fn choose_level(&mut self, times: &[PassTime]) {
-        let gpu_ms = times.iter().map(|pass| pass.ms).sum::<f64>() as f32;
+    fn choose_level(&mut self, times: &PassTimes) {
+        let gpu_ms = times.total_ms() as f32;
         let finished = (!times.is_empty()).then(|| {
             self.timeline.set_gpu(FRAMES_IN_FLIGHT, gpu_ms);
             let reprojected_for_gpu = self.statistics.last().is_some_and(FrameTiming::is_reprojected_for_gpu);

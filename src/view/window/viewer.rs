@@ -171,7 +171,7 @@ impl Viewer {
         let wanted = self.size;
         let Some((stage, control)) = self.stage.as_mut().filter(|_| !wanted.contains(&0)) else { return Ok(()) };
         let (acquired, times) = self.canvas.begin(wanted)?;
-        self.clock.add_gpu(&times);
+        self.clock.add_gpu(&times, times.total_ms());
         let Some(acquired) = acquired else { return Ok(()) };
         let now = Instant::now();
         let seconds = self.clock.tick(now);

@@ -60,7 +60,7 @@ impl Viewer {
         };
         self.frames += 1;
         let now = Instant::now();
-        self.clock.add_gpu(session.times());
+        self.clock.add_gpu(session.times(), session.times().total_ms());
         self.clock.tick(now);
         let shown = self.mirror(now)?;
         let Some(session) = &mut self.session else { return Ok(()) };
