@@ -386,8 +386,10 @@ impl Drop for Session {
         }
         // A lost device has nothing left to wait for.
         let _ = self.gpu.wait_idle();
-        let runtime = &mut self.runtime;
+        let (runtime, gpu) = (&mut self.runtime, &self.gpu);
+        // The runtime may wait for the device, which nobody may submit to meanwhile: the worker still loads.
         // SAFETY: nothing uses it after this.
-        self.watchdog.watch("VR_Shutdown", Patience::FRAME, || unsafe { ManuallyDrop::drop(runtime) });
+        let shut_down = || gpu.lend_queue(|| unsafe { ManuallyDrop::drop(runtime) });
+        self.watchdog.watch("VR_Shutdown", Patience::FRAME, shut_down);
     }
 }
