@@ -7,7 +7,7 @@ use ash::vk;
 
 use super::commands::Commands;
 use super::device::{Gpu, Retired};
-use super::swapchain::Acquired;
+use super::swapchain::{Acquired, FIRST_TOUCH};
 use crate::{Error, Result};
 
 /// Passes that one recording can time; later ones go untimed.
@@ -177,7 +177,8 @@ impl Commands<'_> {
         let commands = [vk::CommandBufferSubmitInfo::default().command_buffer(recorder.raw)];
         let all = vk::PipelineStageFlags2::ALL_COMMANDS;
         let semaphore = |raw| vk::SemaphoreSubmitInfo::default().semaphore(raw).stage_mask(all);
-        let waits = window.and_then(|w| w.ready).map(semaphore);
+        // Only the copy into the window image waits for it, not the drawing before (see `copy_parts`).
+        let waits = window.and_then(|w| w.ready).map(|ready| semaphore(ready).stage_mask(FIRST_TOUCH));
         let mut queue = gpu.queue();
         let finished = semaphore(gpu.timeline).value(queue.submitted + 1);
         let signals = [finished, window.map_or(finished, |w| semaphore(w.done))];

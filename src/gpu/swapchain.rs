@@ -13,6 +13,9 @@ use crate::{Error, Result};
 /// How long the window system may keep all images: a hidden window's may never come back, and events wait meanwhile.
 const ACQUIRE_NS: u64 = 1_000_000_000;
 
+/// The first stages that touch a window image: submissions wait for its acquisition there, so that drawing need not.
+pub(super) const FIRST_TOUCH: vk::PipelineStageFlags2 = vk::PipelineStageFlags2::ALL_TRANSFER;
+
 /// When pictures are shown.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PresentMode {
@@ -256,8 +259,9 @@ impl Swapchain {
             layer_count: 1,
             ..Default::default()
         };
-        // The stage makes the layout change wait for the acquisition, which the submission waits for there.
-        let start = transition(Use::Fresh, Use::CopyTo).src_stage_mask(vk::PipelineStageFlags2::ALL_TRANSFER);
+        // The acquisition is waited for at these stages, and this barrier begins at the same ones: so the layout changes
+        // after the window system has read the image. Clear and blits, all that writes to it, come after the change.
+        let start = transition(Use::Fresh, Use::CopyTo).src_stage_mask(FIRST_TOUCH);
         commands.raw_image_barrier(start.image(image).subresource_range(range));
         let layers = |mip, layer| vk::ImageSubresourceLayers {
             aspect_mask: vk::ImageAspectFlags::COLOR,
