@@ -168,7 +168,7 @@ impl Swapchain {
             .image_extent(vk::Extent2D { width: size[0], height: size[1] })
             .image_array_layers(1)
             .image_usage(vk::ImageUsageFlags::TRANSFER_DST)
-            .pre_transform(caps.current_transform)
+            .pre_transform(pick_transform(&caps))
             .composite_alpha(pick_alpha(caps.supported_composite_alpha))
             .present_mode(mode.raw())
             .clipped(true)
@@ -352,7 +352,31 @@ fn pick_format(formats: &[vk::SurfaceFormatKHR]) -> Result<vk::SurfaceFormatKHR>
     found.copied().ok_or_else(|| Error::Window { problem: "this display has no sRGB format".into() })
 }
 
+/// Ours are upright pictures: where the surface can, it turns them itself.
+fn pick_transform(caps: &vk::SurfaceCapabilitiesKHR) -> vk::SurfaceTransformFlagsKHR {
+    let upright = vk::SurfaceTransformFlagsKHR::IDENTITY;
+    if caps.supported_transforms.contains(upright) { upright } else { caps.current_transform }
+}
+
 fn pick_alpha(there: vk::CompositeAlphaFlagsKHR) -> vk::CompositeAlphaFlagsKHR {
     use vk::CompositeAlphaFlagsKHR as A;
     [A::OPAQUE, A::INHERIT, A::PRE_MULTIPLIED].into_iter().find(|a| there.contains(*a)).unwrap_or(A::POST_MULTIPLIED)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pictures_are_upright_where_the_surface_turns_them_itself() {
+        use vk::SurfaceTransformFlagsKHR as T;
+        let caps = |supported, current| vk::SurfaceCapabilitiesKHR {
+            supported_transforms: supported,
+            current_transform: current,
+            ..Default::default()
+        };
+        assert_eq!(pick_transform(&caps(T::IDENTITY, T::IDENTITY)), T::IDENTITY);
+        assert_eq!(pick_transform(&caps(T::IDENTITY | T::ROTATE_90, T::ROTATE_90)), T::IDENTITY);
+        assert_eq!(pick_transform(&caps(T::ROTATE_90, T::ROTATE_90)), T::ROTATE_90);
+    }
 }
