@@ -64,6 +64,16 @@ pub enum Polled {
     Stale,
 }
 
+/// What showing a picture gives.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Presented {
+    Good,
+    /// It is shown, but another swapchain might suit the surface better.
+    Suboptimal,
+    /// It is not: the swapchain does not fit the window any more.
+    Stale,
+}
+
 /// The window's side of presenting.
 pub struct Swapchain {
     gpu: Arc<Gpu>,
@@ -280,16 +290,17 @@ impl Swapchain {
         commands.raw_image_barrier(transition(Use::CopyTo, Use::Present).image(image).subresource_range(range));
     }
 
-    /// Shows a drawn image; `false` where the swapchain should be made anew.
-    pub fn present(&mut self, acquired: Acquired) -> Result<bool> {
+    /// Shows a drawn image.
+    pub fn present(&mut self, acquired: Acquired) -> Result<Presented> {
         let (waits, swapchains, indices) = ([acquired.done], [self.raw], [acquired.index]);
         let info =
             vk::PresentInfoKHR::default().wait_semaphores(&waits).swapchains(&swapchains).image_indices(&indices);
         let queue = self.gpu.queue();
         // SAFETY: the queue is locked; the image was acquired and its drawing submitted.
         match unsafe { self.api.queue_present(queue.raw, &info) } {
-            Ok(suboptimal) => Ok(!suboptimal),
-            Err(vk::Result::ERROR_OUT_OF_DATE_KHR) => Ok(false),
+            Ok(false) => Ok(Presented::Good),
+            Ok(true) => Ok(Presented::Suboptimal),
+            Err(vk::Result::ERROR_OUT_OF_DATE_KHR) => Ok(Presented::Stale),
             Err(result) => Err(Error::Vulkan { doing: "showing a picture", result }),
         }
     }

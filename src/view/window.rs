@@ -2,6 +2,7 @@
 
 mod canvas;
 pub mod console;
+mod fit;
 #[cfg(feature = "hot-reload")]
 mod hot_reload;
 mod hud;
