@@ -87,6 +87,11 @@ impl Error {
         move |result| Self::Vulkan { doing, result }
     }
 
+    /// Whether the GPU is gone, so that nothing whatever can be drawn.
+    pub fn is_device_lost(&self) -> bool {
+        matches!(self, Self::Vulkan { result: ash::vk::Result::ERROR_DEVICE_LOST, .. })
+    }
+
     /// The process's exit status: 2 for bad usage, else 1.
     pub fn exit_code(&self) -> u8 {
         match self {

@@ -142,6 +142,7 @@ impl Alone {
             gpu: self.gpu.info().name.clone(),
             driver: self.gpu.info().driver.clone(),
             frames: self.session.frames(),
+            present_mode: None,
             headset: Some(self.session.report()),
         }
     }

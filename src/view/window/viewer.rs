@@ -50,6 +50,8 @@ pub struct Viewer {
     /// Of a session that is over.
     session_report: Option<HeadsetReport>,
     mirror: Mirror,
+    /// It failed once, and is left alone.
+    mirror_broken: bool,
     playlist: Playlist,
     worker: Worker,
     #[cfg(feature = "hot-reload")]
@@ -105,6 +107,7 @@ impl Viewer {
             session,
             session_report: None,
             mirror: request.mirror,
+            mirror_broken: false,
             playlist: Playlist::default(),
             worker: Worker::new(&gpu, request.settings(&gpu), wake)?,
             #[cfg(feature = "hot-reload")]
