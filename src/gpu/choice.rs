@@ -148,6 +148,7 @@ fn examine(instance: &Instance, physical: vk::PhysicalDevice, present: bool) -> 
         let problem = match () {
             () if family.is_none() => "has no queue for graphics and compute",
             () if !sampled.contains(vk::SampleCountFlags::TYPE_4) => "cannot do 4x MSAA",
+            () if !filters_floats(instance, physical) => "cannot filter 32-bit float textures, which panoramas are",
             () if present && !has_extension(instance, physical, khr::swapchain::NAME) => "cannot present to a window",
             () => return None,
         };
@@ -209,6 +210,13 @@ fn graphics_family(instance: &Instance, physical: vk::PhysicalDevice) -> Option<
     let both = vk::QueueFlags::GRAPHICS | vk::QueueFlags::COMPUTE;
     let index = families.iter().position(|f| f.queue_flags.contains(both) && f.timestamp_valid_bits > 0)?;
     u32::try_from(index).ok()
+}
+
+fn filters_floats(instance: &Instance, physical: vk::PhysicalDevice) -> bool {
+    let format = vk::Format::R32G32B32A32_SFLOAT;
+    // SAFETY: `physical` comes from this instance; the call only reads.
+    let there = unsafe { instance.raw.get_physical_device_format_properties(physical, format) };
+    there.optimal_tiling_features.contains(vk::FormatFeatureFlags::SAMPLED_IMAGE_FILTER_LINEAR)
 }
 
 fn has_extension(instance: &Instance, physical: vk::PhysicalDevice, name: &CStr) -> bool {
