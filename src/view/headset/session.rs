@@ -11,7 +11,7 @@ use super::codes::{After, after};
 use super::events::Event;
 use super::eye_images::EyeImages;
 use super::frame_statistics::{FrameStatistics, FrameTiming};
-use super::hands::{Hands, Requests};
+use super::hands::{Hands, Requests, Step};
 use super::hidden_area::{HiddenAreaV, share};
 use super::optics::{Head, Optics};
 use super::quality::{Finished, Level, Quality};
@@ -133,6 +133,11 @@ impl Session {
         })
     }
 
+    /// What the lenses hide of each eye's picture: corners of triangles, 0 to 1, v downwards.
+    pub fn hidden_area(&self) -> [Vec<[f32; 2]>; 2] {
+        self.hidden.clone()
+    }
+
     /// Pixels of an eye's picture.
     pub fn size(&self) -> [u32; 2] {
         self.report.size
@@ -214,11 +219,11 @@ impl Session {
         let wait_ms = ms_since(started) as f32;
         let started = Instant::now();
         let seconds = self.last.replace(started).map_or(0.0, |last| (started - last).as_secs_f32());
-        let (world_from_play, requests) = self.hands.step(stage, &self.head, seconds);
+        let Step { world_from_play, jumped, requests } = self.hands.step(stage, &self.head, seconds);
         self.draw(stage, world_from_play)?;
         let cpu_ms = ms_since(started) as f32;
         let started = Instant::now();
-        if let Some(end) = self.submit()? {
+        if let Some(end) = self.submit(jumped)? {
             return Ok(self.over(end));
         }
         let area = self.level.bounds.iter().product();
@@ -291,6 +296,7 @@ impl Session {
         let renderer = &mut stage.renderer;
         renderer.set_eyes(2)?;
         renderer.resize(size)?;
+        // Where loading has not seen to it.
         if !renderer.has_hidden_area() && self.hidden.iter().any(|corners| !corners.is_empty()) {
             renderer.set_hidden_area(HiddenArea::new(&self.gpu, &self.settings, &self.hidden)?);
         }
@@ -320,10 +326,10 @@ impl Session {
         self.levels[self.slot] = self.level.index;
     }
 
-    fn submit(&mut self) -> Result<Option<End>> {
+    fn submit(&mut self, jumped: bool) -> Result<Option<End>> {
         let bounds = self.level.bounds;
         for (eye, picture) in EYES.into_iter().zip(self.images.pictures(self.slot)) {
-            let submit = || self.gpu.lend_queue(|| self.runtime.submit(eye, &picture, bounds));
+            let submit = || self.gpu.lend_queue(|| self.runtime.submit(eye, &picture, bounds, jumped));
             let code = self.watchdog.watch("Submit", Patience::FRAME, submit)?;
             if code == sys::EVRCompositorError_VRCompositorError_None {
                 self.lacking = None;
