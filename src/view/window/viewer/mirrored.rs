@@ -72,7 +72,7 @@ impl Viewer {
             say!("pbr-vr: in the headset {headset}, {width}x{height} per eye on {gpu}, mirrored in a window");
         }
         if requests.next_shading {
-            self.shade(1)?;
+            self.shade(1, false)?;
         }
         let scene = requests.next_scene.then(|| self.playlist.next_scene()).flatten();
         let panorama = requests.next_panorama.then(|| self.playlist.next_panorama()).flatten();
