@@ -271,8 +271,9 @@ impl Viewer {
     }
 
     fn scene_job(&self, path: PathBuf) -> Job {
-        let (size, eyes) = self.session.as_ref().map_or((self.size, 1), |session| (session.size(), 2));
-        Job::Scene { path, shading: self.shading, size: size.map(|s| s.max(1)), eyes }
+        let in_headset = |session: &Session| (session.size(), 2, session.hidden_area());
+        let (size, eyes, hidden) = self.session.as_ref().map_or((self.size, 1, Default::default()), in_headset);
+        Job::Scene { path, shading: self.shading, size: size.map(|s| s.max(1)), eyes, hidden }
     }
 
     fn start(&mut self, name: String, job: Job) {
