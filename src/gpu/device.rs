@@ -9,9 +9,9 @@ use ash::vk::Handle as _;
 use ash::{ext, khr, vk};
 use gpu_allocator::MemoryLocation;
 use gpu_allocator::vulkan::{Allocation, AllocationCreateDesc, AllocationScheme, Allocator, AllocatorCreateDesc};
-use raw_window_handle::RawDisplayHandle;
+use raw_window_handle::{DisplayHandle, WindowHandle};
 
-use super::choice::{self, GpuInfo};
+use super::choice::{self, Goal, GpuInfo, Surface};
 use super::instance::{Instance, Messages, drop_repeated, listed, names, split};
 use crate::{Error, Result};
 
@@ -23,7 +23,9 @@ pub struct GpuOptions<'a> {
     /// Core and synchronization validation.
     pub validate: bool,
     /// The display to present to, if any.
-    pub display: Option<RawDisplayHandle>,
+    pub display: Option<DisplayHandle<'a>>,
+    /// The window on it that a GPU of our own choice must be able to present to.
+    pub window: Option<WindowHandle<'a>>,
 }
 
 /// One opened GPU. Every buffer, image and pipeline keeps it alive; when the last goes, the device is destroyed.
@@ -81,8 +83,15 @@ impl Gpu {
     /// # Errors
     /// No Vulkan, no fit GPU, an unknown `name`, or a driver that fails.
     pub fn open(options: GpuOptions<'_>) -> Result<Arc<Self>> {
-        let instance = Arc::new(Instance::new(options.validate, options.display, &[])?);
-        let chosen = choice::choose(&instance, options.name, options.display.is_some())?;
+        let display = options.display.map(|display| display.as_raw());
+        let instance = Arc::new(Instance::new(options.validate, display, &[])?);
+        let window = options.display.zip(options.window);
+        let surface = window.map(|(display, window)| Surface::new(&instance, display, window)).transpose()?;
+        let to_window = surface.as_ref().map_or_else(|| goal(options), Goal::Window);
+        // If none presents to the window, the swapchain says so, and there may be another way to show things.
+        let chosen = choice::choose(&instance, options.name, to_window)
+            .or_else(|_| choice::choose(&instance, options.name, goal(options)))?;
+        drop(surface);
         Self::on(instance, chosen, options.display.is_some(), &[])
     }
 
@@ -101,9 +110,9 @@ impl Gpu {
         let present = options.display.is_some();
         let named = match physical {
             0 => None,
-            named => choice::named_by_runtime(instance, named, present)?,
+            named => choice::named_by_runtime(instance, named, goal(options))?,
         };
-        let chosen = named.map_or_else(|| choice::choose(instance, options.name, present), Ok)?;
+        let chosen = named.map_or_else(|| choice::choose(instance, options.name, goal(options)), Ok)?;
         let asked = asked(chosen.physical.as_raw())?;
         Self::on(Arc::clone(instance), chosen, present, &asked)
     }
@@ -348,6 +357,11 @@ impl Drop for Gpu {
             self.device.destroy_device(None);
         }
     }
+}
+
+/// What any GPU must do.
+fn goal(options: GpuOptions<'_>) -> Goal<'static> {
+    if options.display.is_some() { Goal::Windows } else { Goal::Pictures }
 }
 
 fn make_device(

@@ -16,7 +16,7 @@ use winit::application::ApplicationHandler;
 use winit::dpi::LogicalSize;
 use winit::event::WindowEvent;
 use winit::event_loop::{ActiveEventLoop, ControlFlow, EventLoop, EventLoopProxy};
-use winit::raw_window_handle::HasDisplayHandle;
+use winit::raw_window_handle::{HasDisplayHandle, HasWindowHandle};
 use winit::window::{Window, WindowId};
 
 use super::headset::{self, Session};
@@ -117,8 +117,9 @@ impl App<'_> {
         let scene = self.request.scene()?;
         let attributes = Window::default_attributes().with_title("pbr-vr").with_inner_size(SIZE);
         let window = event_loop.create_window(attributes).map_err(window_error)?;
-        let display = event_loop.display_handle().map_err(window_error)?.as_raw();
-        let options = GpuOptions { display: Some(display), ..self.options };
+        let display = event_loop.display_handle().map_err(window_error)?;
+        let handle = window.window_handle().map_err(window_error)?;
+        let options = GpuOptions { display: Some(display), window: Some(handle), ..self.options };
         let (gpu, session) = self.open_gpu(options)?;
         self.messages = Some(gpu.messages());
         // SAFETY: `exiting` drops the viewer while the event loop still runs.
