@@ -126,3 +126,19 @@ macro_rules! say {
         let _ = writeln!(std::io::stdout(), $($what)*);
     }};
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_a_lost_device_is_a_lost_device() {
+        use ash::vk::Result as R;
+        let error = |result| Error::vulkan("showing a picture")(result);
+        assert!(error(R::ERROR_DEVICE_LOST).is_device_lost());
+        for result in [R::ERROR_SURFACE_LOST_KHR, R::ERROR_OUT_OF_DEVICE_MEMORY, R::ERROR_NATIVE_WINDOW_IN_USE_KHR] {
+            assert!(!error(result).is_device_lost(), "{result}");
+        }
+        assert!(!Error::Window { problem: "this display has no sRGB format".into() }.is_device_lost());
+    }
+}
