@@ -87,6 +87,11 @@ impl Error {
         move |result| Self::Vulkan { doing, result }
     }
 
+    /// Whether the GPU is gone, so that nothing whatever can be drawn.
+    pub fn is_device_lost(&self) -> bool {
+        matches!(self, Self::Vulkan { result: ash::vk::Result::ERROR_DEVICE_LOST, .. })
+    }
+
     /// The process's exit status: 2 for bad usage, else 1.
     pub fn exit_code(&self) -> u8 {
         match self {
@@ -120,4 +125,20 @@ macro_rules! say {
         // Who closed the pipe does not want the line.
         let _ = writeln!(std::io::stdout(), $($what)*);
     }};
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_a_lost_device_is_a_lost_device() {
+        use ash::vk::Result as R;
+        let error = |result| Error::vulkan("showing a picture")(result);
+        assert!(error(R::ERROR_DEVICE_LOST).is_device_lost());
+        for result in [R::ERROR_SURFACE_LOST_KHR, R::ERROR_OUT_OF_DEVICE_MEMORY, R::ERROR_NATIVE_WINDOW_IN_USE_KHR] {
+            assert!(!error(result).is_device_lost(), "{result}");
+        }
+        assert!(!Error::Window { problem: "this display has no sRGB format".into() }.is_device_lost());
+    }
 }

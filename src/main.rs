@@ -247,7 +247,7 @@ fn main() -> ExitCode {
 }
 
 fn run(cli: &Cli) -> Result<()> {
-    let gpu = GpuOptions { name: cli.global.gpu.as_deref(), validate: cli.global.validate, display: None };
+    let gpu = GpuOptions { name: cli.global.gpu.as_deref(), validate: cli.global.validate, ..GpuOptions::default() };
     let cache = if cli.global.no_cache { None } else { Cache::of_user() };
     let cache = cache.as_ref();
     let view = View::default();

@@ -23,6 +23,15 @@ fn room(button: Vec<Button>, right_hand: Vec<Waypoint>) -> Room {
     Room::with(Script { button, left_hand, right_hand, show: vec![3, LATER], ..patient() })
 }
 
+/// Frames whose pictures were handed over as having nothing to do with the ones before, for both eyes alike.
+fn jumps(room: &Room) -> Vec<u64> {
+    const FRAME_DISCONTINUITY: u64 = 0x20;
+    let submits = room.headset.calls_of("Submit");
+    assert!(submits.chunks(2).all(|eyes| eyes.len() == 2 && eyes[0]["flags"] == eyes[1]["flags"]), "{submits:?}");
+    let flagged = submits.iter().step_by(2).filter(|call| call["flags"] == FRAME_DISCONTINUITY);
+    flagged.filter_map(|call| call["frame"].as_u64()).collect()
+}
+
 #[test]
 fn snap_turns_turn_the_user_by_thirty_degrees_each() {
     for (action, count, degrees) in [("turn_right", 1, -30.0), ("turn_left", 1, 30.0), ("turn_right", 2, -60.0)] {
@@ -31,6 +40,8 @@ fn snap_turns_turn_the_user_by_thirty_degrees_each() {
         room.view(LATER).assert_clean();
         room.assert_shows(3, &head(1, [0.0; 3], [0.0; 3]));
         room.assert_shows(LATER, &head(1, [0.0; 3], [degrees, 0.0, 0.0]));
+        let jumps = jumps(&room);
+        assert_eq!((jumps[0], jumps.len()), (1, 1 + count as usize), "the start and each turn: {jumps:?}");
     }
 }
 
@@ -44,6 +55,8 @@ fn a_teleport_goes_where_the_arc_lands() {
     room.view(LATER).assert_clean();
     room.assert_shows(LATER, &head(1, [0.0, 0.0, landing_z], [0.0; 3]));
     assert!(!room.headset.calls_of("UpdateActionState").is_empty());
+    let jumps = jumps(&room);
+    assert!(jumps.len() == 2 && jumps[1] > 5, "the start and the landing: {jumps:?}");
 }
 
 #[test]
@@ -51,6 +64,7 @@ fn nothing_moves_that_nobody_asked_for() {
     let room = room(vec![press("grab", "left", 5, 9)], out_of_sight());
     room.view(LATER).assert_clean();
     room.assert_shows(LATER, &head(1, [0.0; 3], [0.0; 3]));
+    assert_eq!(jumps(&room), [1]);
 }
 
 #[test]

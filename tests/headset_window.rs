@@ -86,7 +86,7 @@ fn a_desktop_that_dies_takes_the_program_along_at_once() {
 fn a_mirror_that_is_closed_ends_the_session() {
     let Some(display) = Display::start() else { return };
     let room = Room::with(patient());
-    let mut program = start(&display, &room, &["--on", "headset"]);
+    let mut program = start(&display, &room, &["--on", "headset", "--report", "report.json"]);
     program.wait_for("headset");
     wait_for_frame(&room.headset, 30);
     Hands::on(&display).close();
@@ -94,6 +94,8 @@ fn a_mirror_that_is_closed_ends_the_session() {
     assert_eq!(code, Some(0), "{errors}");
     assert!(!errors.contains("validation"), "{errors}");
     assert_shut_down(&room.headset);
+    let mode = room.run_report()["present_mode"].clone();
+    assert!(mode == "mailbox" || mode == "immediate", "the mirror waits for the display: {mode}");
 }
 
 #[test]
@@ -101,7 +103,7 @@ fn a_headset_that_vanishes_hands_over_to_the_window() {
     let Some(display) = Display::start() else { return };
     let lost = Presence { frame: 40, connected: false };
     let room = Room::with(Script { headset: vec![lost], ..patient() });
-    let mut program = start(&display, &room, &["--on", "auto"]);
+    let mut program = start(&display, &room, &["--on", "auto", "--report", "report.json"]);
     program.wait_for("headset");
     program.wait_for("window");
     let calls = room.headset.calls();
@@ -114,6 +116,8 @@ fn a_headset_that_vanishes_hands_over_to_the_window() {
     let (code, errors) = program.end();
     assert_eq!(code, Some(0), "{errors}");
     assert!(!errors.contains("validation"), "{errors}");
+    // The headset no longer sets the pace: the display does.
+    assert_eq!(room.run_report()["present_mode"], "vsync");
 }
 
 #[test]

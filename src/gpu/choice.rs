@@ -4,6 +4,7 @@ use std::ffi::CStr;
 
 use ash::vk::Handle as _;
 use ash::{ext, khr, vk};
+use raw_window_handle::{DisplayHandle, WindowHandle};
 
 use super::instance::Instance;
 use crate::{Error, Result};
@@ -38,6 +39,55 @@ impl GpuInfo {
     }
 }
 
+/// What a GPU is to do with its pictures.
+#[derive(Clone, Copy)]
+pub(super) enum Goal<'a> {
+    /// Give them back.
+    Pictures,
+    /// Also present them to windows, one or other.
+    Windows,
+    /// To this one.
+    Window(&'a Surface<'a>),
+}
+
+/// A window's surface for as long as GPUs are asked whether they present to it; the swapchain makes its own.
+pub(super) struct Surface<'a> {
+    /// It and the handles outlive this.
+    _instance: &'a Instance,
+    api: khr::surface::Instance,
+    raw: vk::SurfaceKHR,
+}
+
+impl<'a> Surface<'a> {
+    pub(super) fn new(instance: &'a Instance, display: DisplayHandle<'a>, window: WindowHandle<'a>) -> Result<Self> {
+        // SAFETY: both handles live as long as the surface; the instance was made for this display.
+        let raw = unsafe {
+            ash_window::create_surface(&instance.entry, &instance.raw, display.as_raw(), window.as_raw(), None)
+        };
+        let raw = raw.map_err(Error::vulkan("making a window surface"))?;
+        Ok(Self { _instance: instance, api: khr::surface::Instance::new(&instance.entry, &instance.raw), raw })
+    }
+
+    /// Whether a family of a GPU's queues presents to it; one that cannot tell does not.
+    fn takes_from(&self, physical: vk::PhysicalDevice, family: u32) -> bool {
+        // SAFETY: the GPU has this family; all are of the same instance.
+        unsafe { self.api.get_physical_device_surface_support(physical, family, self.raw) }.unwrap_or(false)
+    }
+
+    fn has_formats(&self, physical: vk::PhysicalDevice) -> bool {
+        // SAFETY: both are of the same instance; the call only reads.
+        let formats = unsafe { self.api.get_physical_device_surface_formats(physical, self.raw) };
+        formats.is_ok_and(|formats| !formats.is_empty())
+    }
+}
+
+impl Drop for Surface<'_> {
+    fn drop(&mut self) {
+        // SAFETY: the instance is alive; nothing else knows of the surface.
+        unsafe { self.api.destroy_surface(self.raw, None) };
+    }
+}
+
 pub(super) struct Candidate {
     pub(super) physical: vk::PhysicalDevice,
     pub(super) info: GpuInfo,
@@ -60,14 +110,14 @@ pub(super) struct Options {
 /// All GPUs, the preferred one first.
 pub fn survey() -> Result<Vec<GpuInfo>> {
     let instance = Instance::new(false, None, &[])?;
-    let mut all = candidates(&instance, false)?;
+    let mut all = candidates(&instance, Goal::Pictures)?;
     all.sort_by_key(|c| (c.info.unfit.is_some(), c.rank));
     Ok(all.into_iter().map(|c| c.info).collect())
 }
 
 /// Takes the GPU whose name contains `name` (any case), or else the best: discrete, integrated, other, CPU.
-pub(super) fn choose(instance: &Instance, name: Option<&str>, present: bool) -> Result<Candidate> {
-    let all = candidates(instance, present)?;
+pub(super) fn choose(instance: &Instance, name: Option<&str>, goal: Goal<'_>) -> Result<Candidate> {
+    let all = candidates(instance, goal)?;
     let known: Vec<String> = all.iter().map(|c| c.info.name.clone()).collect();
     let unfit: Vec<String> =
         all.iter().filter_map(|c| Some(format!("{}: {}", c.info.name, c.info.unfit.as_ref()?))).collect();
@@ -85,24 +135,27 @@ pub(super) fn choose(instance: &Instance, name: Option<&str>, present: bool) -> 
     })
 }
 
-/// The GPU that a headset's runtime names by its handle.
-pub(super) fn named_by_runtime(instance: &Instance, handle: u64, present: bool) -> Result<Candidate> {
-    let named = candidates(instance, present)?.into_iter().find(|c| c.physical.as_raw() == handle);
-    let headset = |problem| Error::Headset { problem };
-    let named = named.ok_or_else(|| headset("its runtime names a GPU that Vulkan does not list".into()))?;
+/// The GPU that a headset's runtime names by its handle; `None` if Vulkan does not list it.
+pub(super) fn named_by_runtime(instance: &Instance, handle: u64, goal: Goal<'_>) -> Result<Option<Candidate>> {
+    let Some(named) = candidates(instance, goal)?.into_iter().find(|c| c.physical.as_raw() == handle) else {
+        tracing::warn!("the headset's runtime names a GPU that Vulkan does not list: taking the best there is");
+        return Ok(None);
+    };
     match &named.info.unfit {
-        None => Ok(named),
-        Some(reason) => Err(headset(format!("it hangs on the GPU {}, which {reason}", named.info.name))),
+        None => Ok(Some(named)),
+        Some(reason) => {
+            Err(Error::Headset { problem: format!("it hangs on the GPU {}, which {reason}", named.info.name) })
+        }
     }
 }
 
-fn candidates(instance: &Instance, present: bool) -> Result<Vec<Candidate>> {
+fn candidates(instance: &Instance, goal: Goal<'_>) -> Result<Vec<Candidate>> {
     // SAFETY: the instance is alive; the call only reads.
     let all = unsafe { instance.raw.enumerate_physical_devices() }.map_err(Error::vulkan("listing GPUs"))?;
-    Ok(all.into_iter().map(|physical| examine(instance, physical, present)).collect())
+    Ok(all.into_iter().map(|physical| examine(instance, physical, goal)).collect())
 }
 
-fn examine(instance: &Instance, physical: vk::PhysicalDevice, present: bool) -> Candidate {
+fn examine(instance: &Instance, physical: vk::PhysicalDevice, goal: Goal<'_>) -> Candidate {
     // SAFETY: `physical` comes from this instance; the call only reads.
     let properties = unsafe { instance.raw.get_physical_device_properties(physical) };
     let version = properties.api_version;
@@ -138,14 +191,21 @@ fn examine(instance: &Instance, physical: vk::PhysicalDevice, present: bool) -> 
         ("telling how much memory is free", features.options.memory_budget),
         ("presenting to windows", has_extension(instance, physical, khr::swapchain::NAME)),
     ];
-    let family = graphics_family(instance, physical);
+    let family = graphics_family(instance, physical, goal);
+    let presents = matches!(goal, Goal::Pictures) || has_extension(instance, physical, khr::swapchain::NAME);
+    let shows = |surface: &Surface<'_>| surface.has_formats(physical);
     info.unfit = features.missing().or_else(|| {
         let sampled =
             properties.limits.framebuffer_color_sample_counts & properties.limits.framebuffer_depth_sample_counts;
         let problem = match () {
+            () if !presents => "cannot present to a window",
+            () if family.is_none() && matches!(goal, Goal::Window(_)) => {
+                "has no queue for graphics and compute that presents to this window"
+            }
             () if family.is_none() => "has no queue for graphics and compute",
+            () if matches!(goal, Goal::Window(surface) if !shows(surface)) => "has no format for this window",
             () if !sampled.contains(vk::SampleCountFlags::TYPE_4) => "cannot do 4x MSAA",
-            () if present && !has_extension(instance, physical, khr::swapchain::NAME) => "cannot present to a window",
+            () if !filters_floats(instance, physical) => "cannot filter 32-bit float textures, which panoramas are",
             () => return None,
         };
         Some(problem.into())
@@ -200,12 +260,27 @@ fn rank(kind: vk::PhysicalDeviceType) -> (u32, &'static str) {
     }
 }
 
-fn graphics_family(instance: &Instance, physical: vk::PhysicalDevice) -> Option<u32> {
+fn graphics_family(instance: &Instance, physical: vk::PhysicalDevice, goal: Goal<'_>) -> Option<u32> {
     // SAFETY: `physical` comes from this instance; the call only reads.
     let families = unsafe { instance.raw.get_physical_device_queue_family_properties(physical) };
+    first_family(&families, |family| match goal {
+        Goal::Pictures | Goal::Windows => true,
+        Goal::Window(surface) => surface.takes_from(physical, family),
+    })
+}
+
+/// The first that draws, computes, tells the time, and presents.
+fn first_family(families: &[vk::QueueFamilyProperties], presents: impl Fn(u32) -> bool) -> Option<u32> {
     let both = vk::QueueFlags::GRAPHICS | vk::QueueFlags::COMPUTE;
-    let index = families.iter().position(|f| f.queue_flags.contains(both) && f.timestamp_valid_bits > 0)?;
-    u32::try_from(index).ok()
+    let works = |f: &vk::QueueFamilyProperties| f.queue_flags.contains(both) && f.timestamp_valid_bits > 0;
+    (0..).zip(families).find(|(index, family)| works(family) && presents(*index)).map(|(index, _)| index)
+}
+
+fn filters_floats(instance: &Instance, physical: vk::PhysicalDevice) -> bool {
+    let format = vk::Format::R32G32B32A32_SFLOAT;
+    // SAFETY: `physical` comes from this instance; the call only reads.
+    let there = unsafe { instance.raw.get_physical_device_format_properties(physical, format) };
+    there.optimal_tiling_features.contains(vk::FormatFeatureFlags::SAMPLED_IMAGE_FILTER_LINEAR)
 }
 
 fn has_extension(instance: &Instance, physical: vk::PhysicalDevice, name: &CStr) -> bool {
@@ -219,4 +294,26 @@ fn device_memory(instance: &Instance, physical: vk::PhysicalDevice) -> u64 {
     let memory = unsafe { instance.raw.get_physical_device_memory_properties(physical) };
     let heaps = memory.memory_heaps_as_slice().iter();
     heaps.filter(|h| h.flags.contains(vk::MemoryHeapFlags::DEVICE_LOCAL)).map(|h| h.size).sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_family_taken_does_everything_that_is_asked_of_it() {
+        use vk::QueueFlags as F;
+        let family = |queue_flags, timestamp_valid_bits| vk::QueueFamilyProperties {
+            queue_flags,
+            timestamp_valid_bits,
+            queue_count: 1,
+            ..Default::default()
+        };
+        let both = F::GRAPHICS | F::COMPUTE;
+        let families = [family(F::TRANSFER, 64), family(both, 0), family(both, 36), family(both | F::TRANSFER, 64)];
+        assert_eq!(first_family(&families, |_| true), Some(2));
+        assert_eq!(first_family(&families, |index| index != 2), Some(3));
+        assert_eq!(first_family(&families, |index| index < 2), None);
+        assert_eq!(first_family(&[], |_| true), None);
+    }
 }

@@ -9,10 +9,10 @@ use ash::vk::Handle as _;
 use ash::{ext, khr, vk};
 use gpu_allocator::MemoryLocation;
 use gpu_allocator::vulkan::{Allocation, AllocationCreateDesc, AllocationScheme, Allocator, AllocatorCreateDesc};
-use raw_window_handle::RawDisplayHandle;
+use raw_window_handle::{DisplayHandle, WindowHandle};
 
-use super::choice::{self, GpuInfo};
-use super::instance::{Instance, Messages, check_extensions, drop_repeated, names};
+use super::choice::{self, Goal, GpuInfo, Surface};
+use super::instance::{Instance, Messages, drop_repeated, listed, names, split};
 use crate::{Error, Result};
 
 /// What to open.
@@ -23,7 +23,9 @@ pub struct GpuOptions<'a> {
     /// Core and synchronization validation.
     pub validate: bool,
     /// The display to present to, if any.
-    pub display: Option<RawDisplayHandle>,
+    pub display: Option<DisplayHandle<'a>>,
+    /// The window on it that a GPU of our own choice must be able to present to.
+    pub window: Option<WindowHandle<'a>>,
 }
 
 /// One opened GPU. Every buffer, image and pipeline keeps it alive; when the last goes, the device is destroyed.
@@ -41,6 +43,8 @@ pub struct Gpu {
     allocator: ManuallyDrop<Mutex<Allocator>>,
     graveyard: Mutex<VecDeque<(u64, Retired)>>,
     info: GpuInfo,
+    /// What a headset's runtime asked for in vain.
+    missing: Vec<CString>,
     // Last: the instance goes after the device.
     pub(super) instance: Arc<Instance>,
 }
@@ -79,16 +83,24 @@ impl Gpu {
     /// # Errors
     /// No Vulkan, no fit GPU, an unknown `name`, or a driver that fails.
     pub fn open(options: GpuOptions<'_>) -> Result<Arc<Self>> {
-        let instance = Arc::new(Instance::new(options.validate, options.display, &[])?);
-        let chosen = choice::choose(&instance, options.name, options.display.is_some())?;
+        let display = options.display.map(|display| display.as_raw());
+        let instance = Arc::new(Instance::new(options.validate, display, &[])?);
+        let window = options.display.zip(options.window);
+        let surface = window.map(|(display, window)| Surface::new(&instance, display, window)).transpose()?;
+        let to_window = surface.as_ref().map_or_else(|| goal(options), Goal::Window);
+        // If none presents to the window, the swapchain says so, and there may be another way to show things.
+        let chosen = choice::choose(&instance, options.name, to_window)
+            .or_else(|_| choice::choose(&instance, options.name, goal(options)))?;
+        drop(surface);
         Self::on(instance, chosen, options.display.is_some(), &[])
     }
 
     /// Opens the GPU that a headset hangs on, `physical` as its runtime names it, with the device extensions that this
-    /// asks for; where it names none (0), the one that `open` would take. `instance` was made for `options.display`.
+    /// asks for, as far as they are there; where it names none (0) or one that nobody knows, the one that `open` would
+    /// take. `instance` was made for `options.display`.
     ///
     /// # Errors
-    /// A GPU that will not do, extensions that it lacks, or a driver that fails.
+    /// A GPU that will not do, or a driver that fails.
     pub fn open_for_headset(
         options: GpuOptions<'_>,
         instance: &Arc<Instance>,
@@ -96,16 +108,25 @@ impl Gpu {
         asked: impl FnOnce(u64) -> Result<Vec<CString>>,
     ) -> Result<Arc<Self>> {
         let present = options.display.is_some();
-        let chosen = match physical {
-            0 => choice::choose(instance, options.name, present)?,
-            named => choice::named_by_runtime(instance, named, present)?,
+        let named = match physical {
+            0 => None,
+            named => choice::named_by_runtime(instance, named, goal(options))?,
         };
+        let chosen = named.map_or_else(|| choice::choose(instance, options.name, goal(options)), Ok)?;
         let asked = asked(chosen.physical.as_raw())?;
         Self::on(Arc::clone(instance), chosen, present, &asked)
     }
 
     fn on(instance: Arc<Instance>, chosen: choice::Candidate, present: bool, asked: &[CString]) -> Result<Arc<Self>> {
-        let device = make_device(&instance, &chosen, present, asked)?;
+        // SAFETY: the physical device comes from this instance; the call only reads.
+        let there = unsafe { instance.raw.enumerate_device_extension_properties(chosen.physical) }.unwrap_or_default();
+        let (have, missing) = split(asked, &names(&there));
+        if !missing.is_empty() {
+            // Runtimes list more than they use: what old drivers had, debug markers. Their first Submit tells.
+            let name = &chosen.info.name;
+            tracing::warn!("the headset's runtime asks for {}, which {name} lacks: going on without", listed(&missing));
+        }
+        let device = make_device(&instance, &chosen, present, &have)?;
         // SAFETY: the family and its queue 0 were asked for in `make_device`.
         let queue = unsafe { device.get_device_queue(chosen.family, 0) };
         let mut kind = vk::SemaphoreTypeCreateInfo::default().semaphore_type(vk::SemaphoreType::TIMELINE);
@@ -134,6 +155,7 @@ impl Gpu {
             queue: Mutex::new(Queue { raw: queue, submitted: 0 }),
             graveyard: Mutex::default(),
             info: chosen.info,
+            missing,
             device,
             instance,
         };
@@ -149,6 +171,11 @@ impl Gpu {
     /// What the validation layer has said; keeps what is said while the device is destroyed, too.
     pub fn messages(&self) -> Arc<Messages> {
         Arc::clone(self.instance.messages())
+    }
+
+    /// Device extensions that a headset's runtime asked for and the driver lacks, in one line; `None` if it lacks none.
+    pub fn missing_extensions(&self) -> Option<String> {
+        (!self.missing.is_empty()).then(|| listed(&self.missing))
     }
 
     /// The widest 2D image the GPU takes, in texels.
@@ -332,15 +359,17 @@ impl Drop for Gpu {
     }
 }
 
+/// What any GPU must do.
+fn goal(options: GpuOptions<'_>) -> Goal<'static> {
+    if options.display.is_some() { Goal::Windows } else { Goal::Pictures }
+}
+
 fn make_device(
     instance: &Instance,
     chosen: &choice::Candidate,
     present: bool,
     asked: &[CString],
 ) -> Result<ash::Device> {
-    // SAFETY: the physical device comes from this instance; the call only reads.
-    let there = unsafe { instance.raw.enumerate_device_extension_properties(chosen.physical) }.unwrap_or_default();
-    check_extensions("device", asked, &names(&there))?;
     let priorities = [1.0];
     let queues = [vk::DeviceQueueCreateInfo::default().queue_family_index(chosen.family).queue_priorities(&priorities)];
     let mut v12 = vk::PhysicalDeviceVulkan12Features::default()

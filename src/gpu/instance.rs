@@ -61,7 +61,7 @@ impl Instance {
             remedy: "install a graphics driver with Vulkan, or Mesa's software one (Debian: mesa-vulkan-drivers libvulkan1)",
         })?;
         let there = extensions(&entry);
-        check_extensions("instance", asked, &there)?;
+        check_extensions(asked, &there)?;
         let has_debug_utils = there.iter().any(|name| name.as_c_str() == ext::debug_utils::NAME);
         let mut extensions: Vec<*const c_char> = asked.iter().map(|name| name.as_ptr()).collect();
         if let Some(display) = display {
@@ -178,17 +178,26 @@ pub(super) fn names(all: &[vk::ExtensionProperties]) -> Vec<CString> {
     all.iter().filter_map(|e| e.extension_name_as_c_str().ok().map(CStr::to_owned)).collect()
 }
 
-/// An error if a headset's runtime asks for what the driver lacks.
-pub(super) fn check_extensions(what: &str, asked: &[CString], there: &[CString]) -> Result<()> {
-    let missing: Vec<_> =
-        asked.iter().filter(|name| !there.contains(name)).map(|name| name.to_string_lossy()).collect();
+/// Splits what a headset's runtime asks for: what the driver has, and what it lacks.
+pub(super) fn split(asked: &[CString], there: &[CString]) -> (Vec<CString>, Vec<CString>) {
+    asked.iter().cloned().partition(|name| there.contains(name))
+}
+
+/// Names in one line, for people.
+pub(super) fn listed(names: &[CString]) -> String {
+    names.iter().map(|name| name.to_string_lossy()).collect::<Vec<_>>().join(", ")
+}
+
+/// An error if a headset's runtime asks for what the loader and the drivers lack.
+fn check_extensions(asked: &[CString], there: &[CString]) -> Result<()> {
+    let (_, missing) = split(asked, there);
     if missing.is_empty() {
         return Ok(());
     }
-    let missing = missing.join(", ");
+    let missing = listed(&missing);
     Err(Error::Headset {
         problem: format!(
-            "its runtime needs the Vulkan {what} extension(s) {missing}, which this GPU's driver lacks; update the driver"
+            "its runtime needs the Vulkan instance extension(s) {missing}, which this GPU's driver lacks; update the driver"
         ),
     })
 }
@@ -210,4 +219,20 @@ fn has_layer(entry: &ash::Entry, name: &CStr) -> bool {
 pub fn validation_available() -> bool {
     // SAFETY: as in `Instance::new`.
     unsafe { ash::Entry::load() }.is_ok_and(|entry| has_layer(&entry, VALIDATION_LAYER))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_asked_for_is_split_into_what_is_there_and_what_is_missing() {
+        let names = |all: &[&CStr]| all.iter().map(|name| (*name).to_owned()).collect::<Vec<_>>();
+        let there = names(&[c"VK_A", c"VK_B", c"VK_C"]);
+        let (have, missing) = split(&names(&[c"VK_C", c"VK_X", c"VK_A", c"VK_Y"]), &there);
+        assert_eq!(have, names(&[c"VK_C", c"VK_A"]));
+        assert_eq!(listed(&missing), "VK_X, VK_Y");
+        assert!(check_extensions(&names(&[c"VK_B"]), &there).is_ok());
+        assert!(check_extensions(&missing, &there).is_err_and(|e| e.to_string().contains("VK_X, VK_Y")));
+    }
 }

@@ -32,5 +32,5 @@ pub use shader::compute_shaders;
 #[cfg(feature = "hot-reload")]
 pub use shader::on_disk::folder as shader_folder;
 pub use staging::{Upload, upload_rows};
-pub use swapchain::{Acquired, Polled, PresentMode, Swapchain};
+pub use swapchain::{Acquired, Polled, PresentMode, Presented, Swapchain};
 pub use transfer::{read_buffer, read_image, read_mips, write_mips};

@@ -7,7 +7,7 @@ use ash::vk;
 
 use super::commands::Commands;
 use super::device::{Gpu, Retired};
-use super::swapchain::Acquired;
+use super::swapchain::{Acquired, FIRST_TOUCH};
 use crate::{Error, Result};
 
 /// Passes that one recording can time; later ones go untimed.
@@ -26,6 +26,15 @@ pub struct PassTime {
 pub struct PassTimes {
     times: [PassTime; MAX_TIMERS],
     count: usize,
+    total_ms: f64,
+}
+
+impl PassTimes {
+    /// GPU time from the first pass's start to the last one's end, milliseconds: also what lies between them. 0 without
+    /// passes.
+    pub fn total_ms(&self) -> f64 {
+        self.total_ms
+    }
 }
 
 impl Deref for PassTimes {
@@ -114,9 +123,10 @@ impl Recorder {
             .map_err(Error::vulkan("reading timers"))?;
         }
         let ms_per_tick = f64::from(self.gpu.limits.timestamp_period) * 1e-6;
-        for ((time, name), [start, end]) in finished.times.iter_mut().zip(self.names).zip(ticks) {
+        for ((time, name), [start, end]) in finished.times.iter_mut().zip(self.names).zip(&*ticks) {
             *time = PassTime { name, ms: end.saturating_sub(*start) as f64 * ms_per_tick };
         }
+        finished.total_ms = whole(ticks) as f64 * ms_per_tick;
         Ok(finished)
     }
 
@@ -125,20 +135,30 @@ impl Recorder {
         // Below `MAX_QUERIES`, as the line above has found room.
         let first = 2 * self.timers as u32;
         self.timers += 1;
-        self.stamp(first, vk::PipelineStageFlags2::TOP_OF_PIPE);
+        self.stamp(first);
         Some(first)
     }
 
     pub(super) fn stop_timer(&mut self, first: Option<u32>) {
         if let Some(first) = first {
-            self.stamp(first + 1, vk::PipelineStageFlags2::BOTTOM_OF_PIPE);
+            self.stamp(first + 1);
         }
     }
 
-    fn stamp(&self, query: u32, stage: vk::PipelineStageFlags2) {
+    /// The time at which all before has ended: a pass that began earlier, beside the one before it, would count the
+    /// same time twice.
+    fn stamp(&self, query: u32) {
+        let stage = vk::PipelineStageFlags2::BOTTOM_OF_PIPE;
         // SAFETY: the command buffer is being recorded and the query was reset in `begin`.
         unsafe { self.gpu.device.cmd_write_timestamp2(self.raw, stage, self.queries, query) };
     }
+}
+
+/// From the first start to the last end.
+fn whole(ticks: &[[u64; 2]]) -> u64 {
+    let first = ticks.iter().map(|[start, _]| *start).min().unwrap_or(0);
+    let last = ticks.iter().map(|[_, end]| *end).max().unwrap_or(0);
+    last.saturating_sub(first)
 }
 
 impl Drop for Recorder {
@@ -157,7 +177,8 @@ impl Commands<'_> {
         let commands = [vk::CommandBufferSubmitInfo::default().command_buffer(recorder.raw)];
         let all = vk::PipelineStageFlags2::ALL_COMMANDS;
         let semaphore = |raw| vk::SemaphoreSubmitInfo::default().semaphore(raw).stage_mask(all);
-        let waits = window.and_then(|w| w.ready).map(semaphore);
+        // Only the copy into the window image waits for it, not the drawing before (see `copy_parts`).
+        let waits = window.and_then(|w| w.ready).map(|ready| semaphore(ready).stage_mask(FIRST_TOUCH));
         let mut queue = gpu.queue();
         let finished = semaphore(gpu.timeline).value(queue.submitted + 1);
         let signals = [finished, window.map_or(finished, |w| semaphore(w.done))];
@@ -181,4 +202,20 @@ pub fn run(gpu: &Arc<Gpu>, record: impl FnOnce(&mut Commands<'_>) -> Result<()>)
     record(&mut commands)?;
     commands.submit(None)?;
     Ok(recorder.finish()?.to_vec())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn passes_that_overlap_or_lie_apart_count_once_and_with_their_gaps() {
+        assert_eq!(whole(&[]), 0);
+        assert_eq!(whole(&[[100, 130]]), 30);
+        assert_eq!(whole(&[[100, 130], [110, 150]]), 50);
+        assert_eq!(whole(&[[100, 130], [140, 150]]), 50);
+        assert_eq!(whole(&[[100, 190], [110, 150]]), 90);
+        // A counter that wraps round gives no time rather than an absurd one.
+        assert_eq!(whole(&[[u64::MAX, 3]]), 0);
+    }
 }

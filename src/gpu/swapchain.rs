@@ -13,6 +13,9 @@ use crate::{Error, Result};
 /// How long the window system may keep all images: a hidden window's may never come back, and events wait meanwhile.
 const ACQUIRE_NS: u64 = 1_000_000_000;
 
+/// The first stages that touch a window image: submissions wait for its acquisition there, so that drawing need not.
+pub(super) const FIRST_TOUCH: vk::PipelineStageFlags2 = vk::PipelineStageFlags2::ALL_TRANSFER;
+
 /// When pictures are shown.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PresentMode {
@@ -58,6 +61,16 @@ pub enum Polled {
     /// The window system has all images: ask again later.
     Busy,
     /// The swapchain does not fit the window: `resize` it.
+    Stale,
+}
+
+/// What showing a picture gives.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Presented {
+    Good,
+    /// It is shown, but another swapchain might suit the surface better.
+    Suboptimal,
+    /// It is not: the swapchain does not fit the window any more.
     Stale,
 }
 
@@ -165,7 +178,7 @@ impl Swapchain {
             .image_extent(vk::Extent2D { width: size[0], height: size[1] })
             .image_array_layers(1)
             .image_usage(vk::ImageUsageFlags::TRANSFER_DST)
-            .pre_transform(caps.current_transform)
+            .pre_transform(pick_transform(&caps))
             .composite_alpha(pick_alpha(caps.supported_composite_alpha))
             .present_mode(mode.raw())
             .clipped(true)
@@ -256,8 +269,9 @@ impl Swapchain {
             layer_count: 1,
             ..Default::default()
         };
-        // The stage makes the layout change wait for the acquisition, which the submission waits for there.
-        let start = transition(Use::Fresh, Use::CopyTo).src_stage_mask(vk::PipelineStageFlags2::ALL_TRANSFER);
+        // The acquisition is waited for at these stages, and this barrier begins at the same ones: so the layout changes
+        // after the window system has read the image. Clear and blits, all that writes to it, come after the change.
+        let start = transition(Use::Fresh, Use::CopyTo).src_stage_mask(FIRST_TOUCH);
         commands.raw_image_barrier(start.image(image).subresource_range(range));
         let layers = |mip, layer| vk::ImageSubresourceLayers {
             aspect_mask: vk::ImageAspectFlags::COLOR,
@@ -276,16 +290,17 @@ impl Swapchain {
         commands.raw_image_barrier(transition(Use::CopyTo, Use::Present).image(image).subresource_range(range));
     }
 
-    /// Shows a drawn image; `false` where the swapchain should be made anew.
-    pub fn present(&mut self, acquired: Acquired) -> Result<bool> {
+    /// Shows a drawn image.
+    pub fn present(&mut self, acquired: Acquired) -> Result<Presented> {
         let (waits, swapchains, indices) = ([acquired.done], [self.raw], [acquired.index]);
         let info =
             vk::PresentInfoKHR::default().wait_semaphores(&waits).swapchains(&swapchains).image_indices(&indices);
         let queue = self.gpu.queue();
         // SAFETY: the queue is locked; the image was acquired and its drawing submitted.
         match unsafe { self.api.queue_present(queue.raw, &info) } {
-            Ok(suboptimal) => Ok(!suboptimal),
-            Err(vk::Result::ERROR_OUT_OF_DATE_KHR) => Ok(false),
+            Ok(false) => Ok(Presented::Good),
+            Ok(true) => Ok(Presented::Suboptimal),
+            Err(vk::Result::ERROR_OUT_OF_DATE_KHR) => Ok(Presented::Stale),
             Err(result) => Err(Error::Vulkan { doing: "showing a picture", result }),
         }
     }
@@ -348,7 +363,31 @@ fn pick_format(formats: &[vk::SurfaceFormatKHR]) -> Result<vk::SurfaceFormatKHR>
     found.copied().ok_or_else(|| Error::Window { problem: "this display has no sRGB format".into() })
 }
 
+/// Ours are upright pictures: where the surface can, it turns them itself.
+fn pick_transform(caps: &vk::SurfaceCapabilitiesKHR) -> vk::SurfaceTransformFlagsKHR {
+    let upright = vk::SurfaceTransformFlagsKHR::IDENTITY;
+    if caps.supported_transforms.contains(upright) { upright } else { caps.current_transform }
+}
+
 fn pick_alpha(there: vk::CompositeAlphaFlagsKHR) -> vk::CompositeAlphaFlagsKHR {
     use vk::CompositeAlphaFlagsKHR as A;
     [A::OPAQUE, A::INHERIT, A::PRE_MULTIPLIED].into_iter().find(|a| there.contains(*a)).unwrap_or(A::POST_MULTIPLIED)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pictures_are_upright_where_the_surface_turns_them_itself() {
+        use vk::SurfaceTransformFlagsKHR as T;
+        let caps = |supported, current| vk::SurfaceCapabilitiesKHR {
+            supported_transforms: supported,
+            current_transform: current,
+            ..Default::default()
+        };
+        assert_eq!(pick_transform(&caps(T::IDENTITY, T::IDENTITY)), T::IDENTITY);
+        assert_eq!(pick_transform(&caps(T::IDENTITY | T::ROTATE_90, T::ROTATE_90)), T::IDENTITY);
+        assert_eq!(pick_transform(&caps(T::ROTATE_90, T::ROTATE_90)), T::ROTATE_90);
+    }
 }

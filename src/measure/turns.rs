@@ -119,7 +119,7 @@ fn frame(recorder: &mut Recorder, way: &mut Way) -> Result<Sample> {
     }
     commands.submit(None)?;
     let record_ms = started.elapsed().as_secs_f64() * 1e3;
-    let gpu_ms = recorder.finish()?.iter().map(|pass| pass.ms).sum();
+    let gpu_ms = recorder.finish()?.total_ms();
     Ok(Sample { gpu_ms, cpu_ms: cpu_ms().zip(before).map(|(now, before)| now - before), record_ms })
 }
 

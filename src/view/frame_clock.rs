@@ -17,15 +17,10 @@ pub struct Rate {
     pub frame_ms: f64,
     /// Processor time of recording and submitting.
     pub record_ms: f64,
+    /// GPU time from the first pass's start to the last one's end; `None` until the first has come back.
+    pub gpu_ms: Option<f64>,
     /// GPU time of each pass.
     pub passes: Vec<PassTime>,
-}
-
-impl Rate {
-    /// GPU time of all passes; `None` until the first has come back.
-    pub fn gpu_ms(&self) -> Option<f64> {
-        (!self.passes.is_empty()).then(|| self.passes.iter().map(|pass| pass.ms).sum())
-    }
 }
 
 /// Fed once per frame.
@@ -38,6 +33,7 @@ pub struct FrameClock {
     recorded: u32,
     /// Sums, and over how many frames.
     passes: Vec<(PassTime, u32)>,
+    gpu: (f64, u32),
     rate: Option<Rate>,
 }
 
@@ -59,8 +55,11 @@ impl FrameClock {
         self.last = None;
     }
 
-    /// Notes the GPU times of one finished frame.
-    pub fn add_gpu(&mut self, times: &[PassTime]) {
+    /// Notes the GPU times of one finished frame: of each pass, and of the whole.
+    pub fn add_gpu(&mut self, times: &[PassTime], total_ms: f64) {
+        if !times.is_empty() {
+            self.gpu = (self.gpu.0 + total_ms, self.gpu.1 + 1);
+        }
         for time in times {
             match self.passes.iter_mut().find(|(sum, _)| sum.name == time.name) {
                 Some((sum, count)) => (sum.ms, *count) = (sum.ms + time.ms, *count + 1),
@@ -84,10 +83,12 @@ impl FrameClock {
         let seconds = self.time.as_secs_f64();
         let frames = f64::from(self.frames);
         let mean = |(sum, count): (PassTime, u32)| PassTime { ms: sum.ms / f64::from(count), ..sum };
+        let (gpu_ms, gpu_frames) = std::mem::take(&mut self.gpu);
         self.rate = Some(Rate {
             frames_per_second: frames / seconds,
             frame_ms: 1e3 * seconds / frames,
             record_ms: 1e3 * self.recording.as_secs_f64() / f64::from(self.recorded.max(1)),
+            gpu_ms: (gpu_frames > 0).then(|| gpu_ms / f64::from(gpu_frames)),
             passes: self.passes.drain(..).map(mean).collect(),
         });
         (self.frames, self.time) = (0, Duration::ZERO);
@@ -110,12 +111,15 @@ mod tests {
             let step = clock.tick(start + Duration::from_millis(20 * frame));
             assert!((step - if frame == 0 { 0.0 } else { 0.02 }).abs() < 1e-6);
             clock.add_recording(Duration::from_micros(400 + frame % 2 * 200));
-            clock.add_gpu(&[pass("scene", if frame % 2 == 0 { 2.0 } else { 4.0 }), pass("text", 0.5)]);
+            // Half a millisecond lies between the passes.
+            let scene = if frame % 2 == 0 { 2.0 } else { 4.0 };
+            clock.add_gpu(&[pass("scene", scene), pass("text", 0.5)], scene + 1.0);
+            clock.add_gpu(&[], 0.0);
         }
         let rate = clock.rate().expect("a second has passed");
         assert!((rate.frames_per_second - 50.0).abs() < 1e-9 && (rate.frame_ms - 20.0).abs() < 1e-9);
         assert!((rate.record_ms - 0.5).abs() < 0.01, "{rate:?}");
-        assert!((rate.gpu_ms().expect("passes") - 3.5).abs() < 0.2, "{rate:?}");
+        assert!((rate.gpu_ms.expect("passes") - 4.0).abs() < 0.2, "{rate:?}");
         assert_eq!(rate.passes.iter().map(|p| p.name).collect::<Vec<_>>(), ["scene", "text"]);
     }
 

@@ -66,7 +66,8 @@ pub fn connect(options: GpuOptions<'_>) -> Result<Connected> {
     let runtime = watchdog
         .watch("the start of the runtime", Patience::START, start)
         .map_err(|refusal| Error::Headset { problem: refusal.to_string() })?;
-    let instance = Instance::new(options.validate, options.display, &runtime.instance_extensions())?;
+    let display = options.display.map(|display| display.as_raw());
+    let instance = Instance::new(options.validate, display, &runtime.instance_extensions())?;
     let instance = Arc::new(instance);
     let opening = Opening { runtime, _instance: Arc::clone(&instance) };
     let physical = opening.runtime.output_device(instance.handle());

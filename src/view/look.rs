@@ -1,6 +1,6 @@
 //! How a scene is to look, wherever it is shown: what the command line says of shading, models and textures.
 
-use clap::Args;
+use clap::{Args, ValueEnum as _};
 
 use crate::asset::{Report, Storage, TextureOptions};
 use crate::gpu::Gpu;
@@ -13,6 +13,15 @@ use crate::scene::Model;
 
 /// Of sides; what is smaller shows nothing.
 const SMALLEST_SCALE: f32 = 0.25;
+
+/// The shading `steps` further in the list of all, which goes round. Where nothing `holds_still`, as in a headset,
+/// [`Shading::Reference`] is passed over: it would show its noise alone, and far too slowly.
+pub fn next_shading(shading: Shading, steps: usize, holds_still: bool) -> Shading {
+    let all = Shading::value_variants();
+    let next = |at: usize| (at + steps) % all.len();
+    let at = next(all.iter().position(|s| *s == shading).unwrap_or(0));
+    if holds_still || all[at] != Shading::Reference { all[at] } else { all[next(at)] }
+}
 
 /// What windows, headsets and pictures have in common.
 #[derive(Args, Clone, Copy, Debug, Default, PartialEq)]
@@ -122,5 +131,30 @@ impl TextureChoice {
         let anisotropy = self.anisotropy.unwrap_or(slanted);
         let dropped_levels = self.drop_levels.unwrap_or(plain.dropped_levels);
         TextureOptions { storage, cache: cache.cloned(), budget_bytes, dropped_levels, anisotropy }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn shadings_go_round_and_heads_that_move_never_meet_the_reference() {
+        let all = Shading::value_variants();
+        for (steps, holds_still) in [(1, true), (all.len() - 1, true), (1, false), (all.len() - 1, false)] {
+            let mut seen = vec![Shading::Pbr];
+            loop {
+                let next = next_shading(seen[seen.len() - 1], steps, holds_still);
+                if next == Shading::Pbr {
+                    break;
+                }
+                assert!(!seen.contains(&next), "{seen:?}, then {next:?}");
+                seen.push(next);
+            }
+            assert_eq!(seen.len(), all.len() - usize::from(!holds_still));
+            assert_eq!(seen.contains(&Shading::Reference), holds_still);
+        }
+        // Who asked for it on the command line gets on from there.
+        assert_eq!(next_shading(Shading::Reference, 1, false), Shading::Pbr);
     }
 }

@@ -2,6 +2,7 @@
 
 mod canvas;
 pub mod console;
+mod fit;
 #[cfg(feature = "hot-reload")]
 mod hot_reload;
 mod hud;
@@ -15,7 +16,7 @@ use winit::application::ApplicationHandler;
 use winit::dpi::LogicalSize;
 use winit::event::WindowEvent;
 use winit::event_loop::{ActiveEventLoop, ControlFlow, EventLoop, EventLoopProxy};
-use winit::raw_window_handle::HasDisplayHandle;
+use winit::raw_window_handle::{HasDisplayHandle, HasWindowHandle};
 use winit::window::{Window, WindowId};
 
 use super::headset::{self, Session};
@@ -24,6 +25,9 @@ use crate::gpu::{Gpu, GpuOptions, Messages};
 use crate::{Error, Result, say};
 use viewer::Viewer;
 
+/// While a window is dragged or its menu is open, Windows runs a loop of its own, which never comes to `about_to_wait`, but
+/// paints. Elsewhere winit comes to `about_to_wait` after each painting.
+const LOOPS_OF_ITS_OWN: bool = cfg!(windows);
 /// Logical pixels.
 const SIZE: LogicalSize<u32> = LogicalSize::new(1280, 720);
 
@@ -50,6 +54,7 @@ pub fn run(request: &ViewRequest<'_>, gpu: GpuOptions<'_>, wanted: Wanted) -> Re
         messages: None,
         failure: None,
         reported: Ok(()),
+        waited: false,
     };
     // `exiting` drops the viewer before the event loop goes.
     let ended = event_loop.run_app(&mut app);
@@ -103,6 +108,8 @@ struct App<'a> {
     failure: Option<Error>,
     /// Whether the report could be written.
     reported: Result<()>,
+    /// Whether `about_to_wait` has drawn for the headset since the last painting.
+    waited: bool,
 }
 
 impl App<'_> {
@@ -110,8 +117,9 @@ impl App<'_> {
         let scene = self.request.scene()?;
         let attributes = Window::default_attributes().with_title("pbr-vr").with_inner_size(SIZE);
         let window = event_loop.create_window(attributes).map_err(window_error)?;
-        let display = event_loop.display_handle().map_err(window_error)?.as_raw();
-        let options = GpuOptions { display: Some(display), ..self.options };
+        let display = event_loop.display_handle().map_err(window_error)?;
+        let handle = window.window_handle().map_err(window_error)?;
+        let options = GpuOptions { display: Some(display), window: Some(handle), ..self.options };
         let (gpu, session) = self.open_gpu(options)?;
         self.messages = Some(gpu.messages());
         // SAFETY: `exiting` drops the viewer while the event loop still runs.
@@ -149,6 +157,16 @@ impl App<'_> {
         }
     }
 
+    /// Asks for the painting by which a loop that holds up `about_to_wait` shows: two in a row without that in between.
+    fn keep_painting(&mut self) {
+        let viewer = self.viewer.as_mut().filter(|viewer| LOOPS_OF_ITS_OWN && viewer.is_in_headset());
+        if let Some(viewer) = viewer.filter(|_| self.failure.is_none())
+            && viewer.pace() == ControlFlow::Poll
+        {
+            viewer.window().request_redraw();
+        }
+    }
+
     fn draw(&mut self, event_loop: &ActiveEventLoop) {
         let frames = self.request.frames;
         self.with(event_loop, |viewer| {
@@ -181,9 +199,11 @@ impl ApplicationHandler<()> for App<'_> {
     fn window_event(&mut self, event_loop: &ActiveEventLoop, _: WindowId, event: WindowEvent) {
         if let WindowEvent::RedrawRequested = event {
             // The headset sets the pace, whether or not the window is seen.
-            if !self.viewer.as_ref().is_some_and(Viewer::is_in_headset) {
+            let held_up = LOOPS_OF_ITS_OWN && !std::mem::take(&mut self.waited);
+            if held_up || !self.viewer.as_ref().is_some_and(Viewer::is_in_headset) {
                 self.draw(event_loop);
             }
+            self.keep_painting();
             return;
         }
         self.with(event_loop, |viewer| {
@@ -216,6 +236,8 @@ impl ApplicationHandler<()> for App<'_> {
         if viewer.is_in_headset() {
             event_loop.set_control_flow(pace);
             self.draw(event_loop);
+            self.waited = true;
+            self.keep_painting();
         } else if pace == ControlFlow::Poll {
             // The request itself wakes the loop, so that it can wait for it.
             viewer.window().request_redraw();

@@ -82,7 +82,12 @@ impl Room {
 
     /// What the program itself says of its time in the headset.
     pub fn report(&self) -> Value {
-        json(&self.workshop.path("report.json"))["headset"].clone()
+        self.run_report()["headset"].clone()
+    }
+
+    /// The same with what is not the headset's.
+    pub fn run_report(&self) -> Value {
+        json(&self.workshop.path("report.json"))
     }
 
     pub fn scene(&self) -> PathBuf {

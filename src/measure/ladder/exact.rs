@@ -82,7 +82,7 @@ impl Exact {
                 let (mut commands, _) = recorder.begin()?;
                 renderer.record(&mut commands, frame % FRAMES_IN_FLIGHT, &[stand.eye], None);
                 commands.submit(None)?;
-                gpu_ms += recorder.finish()?.iter().map(|pass| pass.ms).sum::<f64>();
+                gpu_ms += recorder.finish()?.total_ms();
                 bar.inc(1);
             }
             let bytes = read_image(stand.gpu, renderer.picture(), Part { mip: 0, layer: 0 }, Output::Linear.bytes())?;

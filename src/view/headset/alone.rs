@@ -4,8 +4,6 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
 
-use clap::ValueEnum as _;
-
 use super::hands::Requests;
 use super::playlist::Playlist;
 use super::session::{End, Frame, Session};
@@ -13,6 +11,7 @@ use super::{Connected, RunReport};
 use crate::gpu::Gpu;
 use crate::render::Shading;
 use crate::view::ViewRequest;
+use crate::view::look::next_shading;
 use crate::view::window::worker::{Done, Job, Stage, Worker};
 use crate::{Error, Result, say};
 
@@ -92,7 +91,8 @@ impl Alone {
     }
 
     fn load(&self, path: PathBuf) {
-        self.worker.start(Job::Scene { path, shading: self.shading, size: self.session.size(), eyes: 2 });
+        let hidden = self.session.hidden_area();
+        self.worker.start(Job::Scene { path, shading: self.shading, size: self.session.size(), eyes: 2, hidden });
     }
 
     fn collect(&mut self) -> Result<()> {
@@ -128,9 +128,7 @@ impl Alone {
             self.worker.start(Job::Panorama { path });
         }
         if let Some(stage) = self.stage.as_mut().filter(|_| requests.next_shading) {
-            let all = Shading::value_variants();
-            let at = all.iter().position(|s| *s == self.shading).unwrap_or(0);
-            self.shading = all[(at + 1) % all.len()];
+            self.shading = next_shading(self.shading, 1, false);
             stage.renderer.set_shading(self.shading)?;
         }
         Ok(())
@@ -142,6 +140,7 @@ impl Alone {
             gpu: self.gpu.info().name.clone(),
             driver: self.gpu.info().driver.clone(),
             frames: self.session.frames(),
+            present_mode: None,
             headset: Some(self.session.report()),
         }
     }

@@ -26,6 +26,14 @@ pub struct Requests {
     pub next_shading: bool,
 }
 
+/// What a frame's hands come to.
+pub struct Step {
+    pub world_from_play: Mat4,
+    /// The user stands elsewhere or looks another way than by moving the head: nothing may be guessed from the frame before.
+    pub jumped: bool,
+    pub requests: Requests,
+}
+
 /// The user's place and hands in the shown scene.
 pub struct Hands {
     /// `None` where the runtime has no input.
@@ -59,14 +67,12 @@ impl Hands {
         &self.guides
     }
 
-    /// Goes on by a frame: moves user and models as asked. Where the play space stands, and what others have to do.
-    pub fn step(&mut self, stage: &mut Stage, head: &Head, seconds: f32) -> (Mat4, Requests) {
+    /// Goes on by a frame: moves user and models as asked.
+    pub fn step(&mut self, stage: &mut Stage, head: &Head, seconds: f32) -> Step {
         let wishes = self.actions.as_mut().map(Actions::read).unwrap_or_default();
         let play_from_head = head.space_from_head;
-        let mut rig = match self.rig {
-            Some(rig) if self.settled || !head.is_known => rig,
-            _ => self.start(stage, &play_from_head),
-        };
+        let stays = self.rig.filter(|_| self.settled || !head.is_known);
+        let mut rig = stays.unwrap_or_else(|| self.start(stage, &play_from_head));
         self.settled |= head.is_known;
         if wishes.reset_seated {
             rig = Rig::seated(&stage.cameras[self.camera], &play_from_head);
@@ -85,11 +91,14 @@ impl Hands {
             rig.teleport(landing, &play_from_head);
         }
         stage.renderer.darken(darkness);
+        // Nothing but the above moves it.
+        let jumped = stays != Some(rig);
         self.rig = Some(rig);
         self.hold(stage, &rig, &wishes);
         self.draw(&rig, &wishes);
         let Wishes { next_scene, next_panorama, next_shading, .. } = wishes;
-        (rig.world_from_play(), Requests { next_scene, next_panorama, next_shading })
+        let requests = Requests { next_scene, next_panorama, next_shading };
+        Step { world_from_play: rig.world_from_play(), jumped, requests }
     }
 
     fn start(&self, stage: &Stage, play_from_head: &Mat4) -> Rig {

@@ -35,6 +35,9 @@ pub struct RunReport {
     pub gpu: String,
     pub driver: String,
     pub frames: u64,
+    /// How the window showed them at the end.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub present_mode: Option<&'static str>,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub headset: Option<HeadsetReport>,
 }

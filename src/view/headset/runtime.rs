@@ -216,8 +216,15 @@ impl Runtime {
         }
     }
 
-    /// Shows one eye its picture: the part from 0, 0 to `bounds`. Returns the code. Uses our queue.
-    pub fn submit(&self, eye: sys::EVREye, picture: &EyePicture, bounds: [f32; 2]) -> Result<sys::EVRCompositorError> {
+    /// Shows one eye its picture: the part from 0, 0 to `bounds`. Where the user has `jumped`, the compositor makes no
+    /// frames of its own from this one and the one before. Returns the code. Uses our queue.
+    pub fn submit(
+        &self,
+        eye: sys::EVREye,
+        picture: &EyePicture,
+        bounds: [f32; 2],
+        jumped: bool,
+    ) -> Result<sys::EVRCompositorError> {
         let call = need(self.compositor().Submit, "Submit")?;
         let Handles { instance, physical, device, queue, family } = picture.handles;
         let mut data = sys::VRVulkanTextureData_t {
@@ -238,8 +245,12 @@ impl Runtime {
             eColorSpace: sys::EColorSpace_ColorSpace_Auto,
         };
         let mut bounds = sys::VRTextureBounds_t { uMin: 0.0, vMin: 0.0, uMax: bounds[0], vMax: bounds[1] };
+        let flags = match jumped {
+            true => sys::EVRSubmitFlags_Submit_FrameDiscontinuity,
+            false => sys::EVRSubmitFlags_Submit_Default,
+        };
         // SAFETY: structures and handles are good for the call; the image is in the layout it wants.
-        Ok(unsafe { call(eye, &mut texture, &mut bounds, sys::EVRSubmitFlags_Submit_Default) })
+        Ok(unsafe { call(eye, &mut texture, &mut bounds, flags) })
     }
 
     /// What became of a frame some time ago.

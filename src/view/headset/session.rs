@@ -11,14 +11,14 @@ use super::codes::{After, after};
 use super::events::Event;
 use super::eye_images::EyeImages;
 use super::frame_statistics::{FrameStatistics, FrameTiming};
-use super::hands::{Hands, Requests};
+use super::hands::{Hands, Requests, Step};
 use super::hidden_area::{HiddenAreaV, share};
 use super::optics::{Head, Optics};
 use super::quality::{Finished, Level, Quality};
 use super::report::{FrameTime, HeadsetReport, Timeline};
 use super::runtime::{DEVICES, EYES, Runtime};
 use super::watchdog::{Patience, Watchdog};
-use crate::gpu::{Gpu, PassTime, PassTimes, Recorder};
+use crate::gpu::{Gpu, PassTimes, Recorder};
 use crate::render::{FRAMES_IN_FLIGHT, HiddenArea, Settings};
 use crate::view::picture::ms_since;
 use crate::view::window::worker::Stage;
@@ -70,6 +70,8 @@ pub struct Session {
     poses: Box<[sys::TrackedDevicePose_t; DEVICES]>,
     /// Since when the headset has not been connected.
     gone: Option<Instant>,
+    /// Vulkan extensions that the runtime asked for in vain, until it has taken a picture all the same.
+    lacking: Option<String>,
     last: Option<Instant>,
     quality: Quality,
     statistics: FrameStatistics,
@@ -118,6 +120,7 @@ impl Session {
             head: Head::default(),
             poses: Box::new([sys::TrackedDevicePose_t::default(); DEVICES]),
             gone: None,
+            lacking: gpu.missing_extensions(),
             last: None,
             quality,
             statistics: FrameStatistics::default(),
@@ -128,6 +131,11 @@ impl Session {
             watchdog,
             runtime: ManuallyDrop::new(runtime),
         })
+    }
+
+    /// What the lenses hide of each eye's picture: corners of triangles, 0 to 1, v downwards.
+    pub fn hidden_area(&self) -> [Vec<[f32; 2]>; 2] {
+        self.hidden.clone()
     }
 
     /// Pixels of an eye's picture.
@@ -151,7 +159,7 @@ impl Session {
     }
 
     /// GPU time of each pass of the frame that finished last.
-    pub fn times(&self) -> &[PassTime] {
+    pub fn times(&self) -> &PassTimes {
         &self.times
     }
 
@@ -211,11 +219,11 @@ impl Session {
         let wait_ms = ms_since(started) as f32;
         let started = Instant::now();
         let seconds = self.last.replace(started).map_or(0.0, |last| (started - last).as_secs_f32());
-        let (world_from_play, requests) = self.hands.step(stage, &self.head, seconds);
+        let Step { world_from_play, jumped, requests } = self.hands.step(stage, &self.head, seconds);
         self.draw(stage, world_from_play)?;
         let cpu_ms = ms_since(started) as f32;
         let started = Instant::now();
-        if let Some(end) = self.submit()? {
+        if let Some(end) = self.submit(jumped)? {
             return Ok(self.over(end));
         }
         let area = self.level.bounds.iter().product();
@@ -288,6 +296,7 @@ impl Session {
         let renderer = &mut stage.renderer;
         renderer.set_eyes(2)?;
         renderer.resize(size)?;
+        // Where loading has not seen to it.
         if !renderer.has_hidden_area() && self.hidden.iter().any(|corners| !corners.is_empty()) {
             renderer.set_hidden_area(HiddenArea::new(&self.gpu, &self.settings, &self.hidden)?);
         }
@@ -304,8 +313,8 @@ impl Session {
     }
 
     /// This frame's quality, from the times of the one that had the slot before.
-    fn choose_level(&mut self, times: &[PassTime]) {
-        let gpu_ms = times.iter().map(|pass| pass.ms).sum::<f64>() as f32;
+    fn choose_level(&mut self, times: &PassTimes) {
+        let gpu_ms = times.total_ms() as f32;
         let finished = (!times.is_empty()).then(|| {
             self.timeline.set_gpu(FRAMES_IN_FLIGHT, gpu_ms);
             let reprojected_for_gpu = self.statistics.last().is_some_and(FrameTiming::is_reprojected_for_gpu);
@@ -317,11 +326,14 @@ impl Session {
         self.levels[self.slot] = self.level.index;
     }
 
-    fn submit(&mut self) -> Result<Option<End>> {
+    fn submit(&mut self, jumped: bool) -> Result<Option<End>> {
         let bounds = self.level.bounds;
         for (eye, picture) in EYES.into_iter().zip(self.images.pictures(self.slot)) {
-            let submit = || self.gpu.lend_queue(|| self.runtime.submit(eye, &picture, bounds));
+            let submit = || self.gpu.lend_queue(|| self.runtime.submit(eye, &picture, bounds, jumped));
             let code = self.watchdog.watch("Submit", Patience::FRAME, submit)?;
+            if code == sys::EVRCompositorError_VRCompositorError_None {
+                self.lacking = None;
+            }
             if let Some(end) = self.judge("Submit", code) {
                 return Ok(Some(end));
             }
@@ -346,11 +358,12 @@ impl Session {
                 let count = self.report.failed_calls.entry(format!("{call} {code}")).or_default();
                 *count += 1;
                 if *count == 1 {
-                    eprintln!("pbr-vr: headset: {call}: {words} ({code}); this frame is not seen");
+                    let lacking = lacking_words(&self.lacking);
+                    eprintln!("pbr-vr: headset: {call}: {words} ({code}); this frame is not seen{lacking}");
                 }
                 None
             }
-            After::GiveUp(why) => Some(End::Lost(why.into())),
+            After::GiveUp(why) => Some(End::Lost(why.to_owned() + &lacking_words(&self.lacking))),
         }
     }
 
@@ -366,6 +379,12 @@ impl Session {
     }
 }
 
+/// What may be why no picture has been taken yet.
+fn lacking_words(lacking: &Option<String>) -> String {
+    let tell = |names: &String| format!("; it also asked for {names}, which the graphics driver lacks: update that");
+    lacking.as_ref().map_or_else(String::new, tell)
+}
+
 impl Drop for Session {
     fn drop(&mut self) {
         if self.report.frames > 0 && !std::thread::panicking() {
@@ -373,8 +392,10 @@ impl Drop for Session {
         }
         // A lost device has nothing left to wait for.
         let _ = self.gpu.wait_idle();
-        let runtime = &mut self.runtime;
+        let (runtime, gpu) = (&mut self.runtime, &self.gpu);
+        // The runtime may wait for the device, which nobody may submit to meanwhile: the worker still loads.
         // SAFETY: nothing uses it after this.
-        self.watchdog.watch("VR_Shutdown", Patience::FRAME, || unsafe { ManuallyDrop::drop(runtime) });
+        let shut_down = || gpu.lend_queue(|| unsafe { ManuallyDrop::drop(runtime) });
+        self.watchdog.watch("VR_Shutdown", Patience::FRAME, shut_down);
     }
 }

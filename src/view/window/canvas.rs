@@ -7,13 +7,15 @@ use cpu_time::ThreadTime;
 use winit::raw_window_handle::{HasDisplayHandle, HasWindowHandle};
 use winit::window::Window;
 
+use super::fit::Fit;
 use crate::gpu::{Acquired, Gpu, Part, PassTimes, Polled, PresentMode, Recorder, Rect, Swapchain, Use, read_image};
 use crate::render::{Eye, FRAMES_IN_FLIGHT, Overlay, Renderer};
 use crate::{Error, Result};
 
 /// After an image could not be had, this long passes before the next try.
 const RETRY: Duration = Duration::from_millis(20);
-/// A mirror that cannot be shown is tried again less often: trying costs the headset time.
+/// A mirror that cannot be shown is tried again less often, and so is one whose window changes all the time: making a
+/// swapchain costs the headset frames.
 const MIRROR_RETRY: Duration = Duration::from_millis(250);
 
 /// Where frames go.
@@ -24,8 +26,7 @@ pub struct Canvas {
     /// Which recorder is next.
     slot: usize,
     mode: PresentMode,
-    /// The swapchain does not fit the window any more.
-    stale: bool,
+    fit: Fit,
     retry_at: Option<Instant>,
 }
 
@@ -42,12 +43,12 @@ impl Canvas {
         let swapchain = unsafe { Swapchain::new(gpu, display, handle) }?;
         let recorders = (0..FRAMES_IN_FLIGHT).map(|_| Recorder::new(gpu)).collect::<Result<_>>()?;
         let gpu = Arc::clone(gpu);
-        Ok(Self { gpu, swapchain, recorders, slot: 0, mode: PresentMode::Vsync, stale: true, retry_at: None })
+        Ok(Self { gpu, swapchain, recorders, slot: 0, mode: PresentMode::Vsync, fit: Fit::none(), retry_at: None })
     }
 
     /// The window has another size now.
     pub fn window_changed(&mut self) {
-        self.stale = true;
+        self.fit.changed();
     }
 
     /// Takes the next of the surface's present modes.
@@ -55,7 +56,7 @@ impl Canvas {
         let modes = self.swapchain.modes();
         let at = modes.iter().position(|mode| *mode == self.mode).unwrap_or(0);
         self.mode = modes.get((at + 1) % modes.len().max(1)).copied().unwrap_or(PresentMode::Vsync);
-        self.stale = true;
+        self.fit.changed();
         self.mode
     }
 
@@ -83,14 +84,21 @@ impl Canvas {
     /// Without an image there is nothing to draw to now. The times are the waited-for frame's.
     pub fn begin(&mut self, wanted: [u32; 2]) -> Result<(Option<Acquired>, PassTimes)> {
         let times = self.recorders[self.slot].finish()?;
-        if self.stale {
-            self.swapchain.resize(wanted, self.mode)?;
-            self.stale = false;
+        if self.fit.is_stale() {
+            self.make_swapchain(wanted, Instant::now())?;
         }
         let acquired = self.swapchain.acquire()?;
-        self.stale = acquired.is_none();
-        self.retry_at = self.stale.then(|| Instant::now() + RETRY);
+        self.retry_at = acquired.is_none().then(|| Instant::now() + RETRY);
+        if acquired.is_none() {
+            self.fit.changed();
+        }
         Ok((acquired, times))
+    }
+
+    fn make_swapchain(&mut self, wanted: [u32; 2], now: Instant) -> Result<()> {
+        self.swapchain.resize(wanted, self.mode)?;
+        self.fit.made(now);
+        Ok(())
     }
 
     /// Shows frames without waiting for the display, where the surface can.
@@ -98,7 +106,13 @@ impl Canvas {
         let modes = self.swapchain.modes();
         let free = [PresentMode::Mailbox, PresentMode::Immediate].into_iter().find(|mode| modes.contains(mode));
         self.mode = free.unwrap_or(self.mode);
-        self.stale = true;
+        self.fit.changed();
+    }
+
+    /// Shows frames with the display's refresh again: nothing else sets their pace.
+    pub fn choose_vsync(&mut self) {
+        self.mode = PresentMode::Vsync;
+        self.fit.changed();
     }
 
     /// Like `begin`, but waits for no image: `None` if there is none now.
@@ -106,9 +120,13 @@ impl Canvas {
         if wanted.contains(&0) || self.retry_at.is_some_and(|at| now < at) {
             return Ok(None);
         }
-        if self.stale {
-            self.swapchain.resize(wanted, self.mode)?;
-            self.stale = false;
+        if self.fit.is_stale() {
+            let due = self.fit.due_at(now, MIRROR_RETRY);
+            if now < due {
+                self.retry_at = Some(due);
+                return Ok(None);
+            }
+            self.make_swapchain(wanted, now)?;
         }
         self.retry_at = None;
         match self.swapchain.poll()? {
@@ -118,7 +136,8 @@ impl Canvas {
             }
             Polled::Busy => Ok(None),
             Polled::Stale => {
-                (self.stale, self.retry_at) = (true, Some(now + MIRROR_RETRY));
+                self.fit.changed();
+                self.retry_at = Some(now + MIRROR_RETRY);
                 Ok(None)
             }
         }
@@ -166,7 +185,8 @@ impl Canvas {
     fn present(&mut self, acquired: Acquired, window: &Window) -> Result<()> {
         self.slot = (self.slot + 1) % FRAMES_IN_FLIGHT;
         window.pre_present_notify();
-        self.stale |= !self.swapchain.present(acquired)?;
+        let size = self.swapchain.size();
+        self.fit.judge(self.swapchain.present(acquired)?, size);
         Ok(())
     }
 

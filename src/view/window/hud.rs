@@ -103,7 +103,7 @@ impl Hud {
 pub fn title(scene: &str, rate: Option<&Rate>) -> String {
     match rate {
         Some(rate) => {
-            let gpu = rate.gpu_ms().map_or(String::new(), |ms| format!(", GPU {ms:.2} ms"));
+            let gpu = rate.gpu_ms.map_or(String::new(), |ms| format!(", GPU {ms:.2} ms"));
             format!("{scene} - {:.0} fps{gpu} - pbr-vr", rate.frames_per_second)
         }
         None => format!("{scene} - pbr-vr"),
@@ -113,7 +113,7 @@ pub fn title(scene: &str, rate: Option<&Rate>) -> String {
 fn rate_line(rate: &Rate) -> String {
     let passes: Vec<String> = rate.passes.iter().map(|pass| format!("{} {:.2}", pass.name, pass.ms)).collect();
     let (fps, ms) = (rate.frames_per_second, rate.frame_ms);
-    let gpu = rate.gpu_ms().map_or(String::new(), |gpu| format!("  GPU {gpu:.2} ms ({})", passes.join(", ")));
+    let gpu = rate.gpu_ms.map_or(String::new(), |gpu| format!("  GPU {gpu:.2} ms ({})", passes.join(", ")));
     format!("{fps:.1} fps  {ms:.2} ms  CPU {:.2} ms{gpu}", rate.record_ms)
 }
 
@@ -195,7 +195,7 @@ mod tests {
     #[test]
     fn rates_show_the_gpu_pass_by_pass() {
         let passes = vec![PassTime { name: "scene", ms: 3.0 }, PassTime { name: "text", ms: 0.25 }];
-        let rate = Rate { frames_per_second: 59.94, frame_ms: 16.68, record_ms: 0.4, passes };
+        let rate = Rate { frames_per_second: 59.94, frame_ms: 16.68, record_ms: 0.4, gpu_ms: Some(3.25), passes };
         assert_eq!(rate_line(&rate), "59.9 fps  16.68 ms  CPU 0.40 ms  GPU 3.25 ms (scene 3.00, text 0.25)");
         assert_eq!(title("demo.toml", Some(&rate)), "demo.toml - 60 fps, GPU 3.25 ms - pbr-vr");
     }

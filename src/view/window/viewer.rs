@@ -50,6 +50,8 @@ pub struct Viewer {
     /// Of a session that is over.
     session_report: Option<HeadsetReport>,
     mirror: Mirror,
+    /// It failed once, and is left alone.
+    mirror_broken: bool,
     playlist: Playlist,
     worker: Worker,
     #[cfg(feature = "hot-reload")]
@@ -105,6 +107,7 @@ impl Viewer {
             session,
             session_report: None,
             mirror: request.mirror,
+            mirror_broken: false,
             playlist: Playlist::default(),
             worker: Worker::new(&gpu, request.settings(&gpu), wake)?,
             #[cfg(feature = "hot-reload")]
@@ -171,7 +174,7 @@ impl Viewer {
         let wanted = self.size;
         let Some((stage, control)) = self.stage.as_mut().filter(|_| !wanted.contains(&0)) else { return Ok(()) };
         let (acquired, times) = self.canvas.begin(wanted)?;
-        self.clock.add_gpu(&times);
+        self.clock.add_gpu(&times, times.total_ms());
         let Some(acquired) = acquired else { return Ok(()) };
         let now = Instant::now();
         let seconds = self.clock.tick(now);
@@ -268,8 +271,9 @@ impl Viewer {
     }
 
     fn scene_job(&self, path: PathBuf) -> Job {
-        let (size, eyes) = self.session.as_ref().map_or((self.size, 1), |session| (session.size(), 2));
-        Job::Scene { path, shading: self.shading, size: size.map(|s| s.max(1)), eyes }
+        let in_headset = |session: &Session| (session.size(), 2, session.hidden_area());
+        let (size, eyes, hidden) = self.session.as_ref().map_or((self.size, 1, Default::default()), in_headset);
+        Job::Scene { path, shading: self.shading, size: size.map(|s| s.max(1)), eyes, hidden }
     }
 
     fn start(&mut self, name: String, job: Job) {

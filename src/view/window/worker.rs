@@ -14,7 +14,7 @@ use crate::asset::picture::Picture;
 use crate::asset::{Panorama, Report, folders};
 use crate::gpu::Gpu;
 use crate::precompute::LightMaps;
-use crate::render::{Renderer, Settings, Shading};
+use crate::render::{Guides, HiddenArea, Renderer, Settings, Shading};
 use crate::scene::{Bounds, Camera};
 use crate::{Error, Result, say};
 
@@ -39,6 +39,8 @@ pub enum Job {
         shading: Shading,
         size: [u32; 2],
         eyes: u32,
+        /// What a headset's lenses hide of each eye's picture, as [`HiddenArea::new`] wants it.
+        hidden: [Vec<[f32; 2]>; 2],
     },
     Panorama {
         path: PathBuf,
@@ -142,9 +144,15 @@ pub fn report_screenshot(written: &Result<PathBuf>) {
 fn perform(gpu: &Arc<Gpu>, settings: &Settings, job: Job) -> Done {
     let report = Report::to_terminal();
     match job {
-        Job::Scene { path, shading, size, eyes } => {
+        Job::Scene { path, shading, size, eyes, hidden } => {
             let pictures = (shading, size, eyes);
-            Done::Scene(load_stage(gpu, settings, &path, pictures, &report))
+            let stage = load_stage(gpu, settings, &path, pictures, &report);
+            Done::Scene(stage.and_then(|mut stage| {
+                if eyes > 1 {
+                    make_ready_for_headset(gpu, settings, &mut stage.renderer, &hidden)?;
+                }
+                Ok(stage)
+            }))
         }
         Job::Panorama { path } => {
             let light = Panorama::load(&path, &report)
@@ -178,6 +186,22 @@ fn load_stage(
         exposure_ev: scene.exposure_ev,
         rotation_degrees: scene.environment.rotation_degrees,
     }))
+}
+
+/// Makes the pipelines that only a headset needs: in its first frame they would cost it some.
+fn make_ready_for_headset(
+    gpu: &Arc<Gpu>,
+    settings: &Settings,
+    renderer: &mut Renderer,
+    hidden: &[Vec<[f32; 2]>; 2],
+) -> Result<()> {
+    // None yet, but now there is what draws them.
+    renderer.set_guides(0, &Guides::default())?;
+    // One that cannot be drawn is the session's to tell.
+    if let Ok(area) = HiddenArea::new(gpu, settings, hidden) {
+        renderer.set_hidden_area(area);
+    }
+    Ok(())
 }
 
 /// A path's last part, for people.

@@ -20,7 +20,7 @@ pub struct Script {
     pub hz: f32,
     /// Whether WaitGetPoses waits for the display; else there are as many frames as the program makes.
     pub is_paced: bool,
-    /// What GetOutputDevice answers: the number of a physical device; −1 for none.
+    /// What GetOutputDevice answers: the number of a physical device; −1 for none, −2 for one that Vulkan does not list.
     pub gpu: i32,
     /// Space-separated, as the runtime would name them.
     pub instance_extensions: String,

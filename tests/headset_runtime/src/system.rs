@@ -94,8 +94,9 @@ unsafe extern "C" fn output_device(device: *mut u64, kind: sys::ETextureType, in
         let wanted = usize::try_from(r.script.gpu).ok();
         let is_vulkan = kind == sys::ETextureType_TextureType_Vulkan;
         let found = wanted.filter(|_| is_vulkan).and_then(|n| r.images.physical_device(instance as u64, n));
+        let otherwise = if r.script.gpu == -2 { 0xDEAD_0000 } else { 0 };
         // SAFETY: the interface asks for a place.
-        unsafe { *device = found.unwrap_or(0) };
+        unsafe { *device = found.unwrap_or(otherwise) };
         r.call("GetOutputDevice", json!({ "type": kind, "instance": instance as u64, "found": found.is_some() }));
     });
 }

@@ -9,6 +9,7 @@ use winit::event::{ElementState, KeyEvent, MouseButton, MouseScrollDelta};
 use winit::keyboard::ModifiersState;
 use winit::window::Fullscreen;
 
+use super::super::super::look::next_shading;
 use super::super::keys::{Action, action};
 use super::{Drag, Viewer};
 use crate::Result;
@@ -98,8 +99,9 @@ impl Viewer {
                 let mode = self.canvas.next_mode();
                 self.note(format!("showing frames: {}", mode.name()));
             }
-            Action::NextShading => self.shade(1)?,
-            Action::PreviousShading => self.shade(Shading::value_variants().len() - 1)?,
+            // On the desk one may hold the headset still.
+            Action::NextShading => self.shade(1, true)?,
+            Action::PreviousShading => self.shade(Shading::value_variants().len() - 1, true)?,
             Action::SwitchMode => {
                 if let Some((_, control)) = &mut self.stage {
                     control.switch_mode();
@@ -147,10 +149,8 @@ impl Viewer {
         }
     }
 
-    pub(super) fn shade(&mut self, forward: usize) -> Result<()> {
-        let all = Shading::value_variants();
-        let at = all.iter().position(|s| *s == self.shading).unwrap_or(0);
-        self.shading = all[(at + forward) % all.len()];
+    pub(super) fn shade(&mut self, forward: usize, holds_still: bool) -> Result<()> {
+        self.shading = next_shading(self.shading, forward, holds_still);
         match &mut self.stage {
             Some((stage, _)) => stage.renderer.set_shading(self.shading),
             None => Ok(()),

@@ -33,6 +33,7 @@ impl Viewer {
             gpu: self.gpu.info().name.clone(),
             driver: self.gpu.info().driver.clone(),
             frames: self.frames,
+            present_mode: Some(self.canvas.mode().name()),
             headset,
         }
     }
@@ -60,9 +61,9 @@ impl Viewer {
         };
         self.frames += 1;
         let now = Instant::now();
-        self.clock.add_gpu(session.times());
+        self.clock.add_gpu(session.times(), session.times().total_ms());
         self.clock.tick(now);
-        let shown = self.mirror(now)?;
+        let shown = self.mirror_if_it_works(now)?;
         let Some(session) = &mut self.session else { return Ok(()) };
         session.mirrored(shown, ms_since(now));
         if self.frames == 1 {
@@ -71,7 +72,7 @@ impl Viewer {
             say!("pbr-vr: in the headset {headset}, {width}x{height} per eye on {gpu}, mirrored in a window");
         }
         if requests.next_shading {
-            self.shade(1)?;
+            self.shade(1, false)?;
         }
         let scene = requests.next_scene.then(|| self.playlist.next_scene()).flatten();
         let panorama = requests.next_panorama.then(|| self.playlist.next_panorama()).flatten();
@@ -89,7 +90,8 @@ impl Viewer {
             stage.renderer.set_eyes(1)?;
             stage.renderer.darken(0.0);
         }
-        self.canvas.window_changed();
+        // The window paces itself again, and if the mirror broke, tries anew.
+        self.canvas.choose_vsync();
         self.clock.pause();
         let why = match end {
             End::Quit => "the headset's runtime ends",
@@ -97,6 +99,21 @@ impl Viewer {
         };
         self.tell(format!("in the window from here on, because {why}"));
         Ok(())
+    }
+
+    /// Mirrors, until that fails: the headset goes on without, as long as there is a GPU.
+    fn mirror_if_it_works(&mut self, now: Instant) -> Result<bool> {
+        if self.mirror_broken {
+            return Ok(false);
+        }
+        match self.mirror(now) {
+            Err(error) if !error.is_device_lost() => {
+                self.mirror_broken = true;
+                eprintln!("pbr-vr: the window shows the headset no more: {error}");
+                Ok(false)
+            }
+            mirrored => mirrored,
+        }
     }
 
     /// Shows in the window what the eyes see, if the window is ready; returns whether it was.
