@@ -1,6 +1,7 @@
 //! The white furnace by integration: the exact picture samples the BRDF's own terms, D, V and F, the diffuse part and further
-//! bounces as functions of l and v. Nothing makes their sum 1 but that they are right together. And single scattering, summed
-//! alike, beside the split sum's F0 A + B, integrated in f64.
+//! bounces as functions of l and v. Their sum is 1 only if the table holds what D, V and F integrate to. What is wrong in V alike
+//! for the table, which is made with it, still adds up to 1: it shows in single scattering, summed alike, beside F0 A + B as
+//! integrated in f64.
 
 use std::path::Path;
 use std::sync::Arc;
