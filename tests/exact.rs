@@ -9,7 +9,7 @@ use glam::DVec3;
 use pbr_vr::asset::picture::Picture;
 use pbr_vr::asset::{Panorama, Report};
 use pbr_vr::precompute::Cache;
-use pbr_vr::reference::brdf::{Geometry, f_schlick, f0_from_metallic};
+use pbr_vr::reference::brdf::Geometry;
 use pbr_vr::reference::energy::Scattering;
 use pbr_vr::reference::integrals::{PanoramaView, Surface, reflected};
 use pbr_vr::render::{Shading, StandardError};
@@ -36,12 +36,7 @@ impl Case {
         let (v, metallic) = (self.v(), f64::from(self.metallic));
         let roughness = f64::from(self.roughness);
         let light = reflected(view, &Surface { n, v, albedo, metallic, roughness }, geometry, Scattering::Multiple);
-        if self.roughness > 0.0 {
-            return light.diffuse + light.specular;
-        }
-        // The integral stops at MIN_ROUGHNESS; a mirror's is known.
-        light.diffuse
-            + f_schlick(f0_from_metallic(albedo, metallic), self.nv) * view.radiance(DVec3::new(-v.x, 0.0, v.z))
+        light.diffuse + light.specular
     }
 }
 

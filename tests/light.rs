@@ -100,27 +100,51 @@ fn a_lamp_twice_as_far_gives_a_quarter() {
     assert!((near / far - 4.0).abs() < 0.004, "{near} against {far}");
 }
 
-/// Light and eye above a surface of albedo 0.5. A dielectric's second bounces are left out as invisible.
-fn brdf_head_on(roughness: f64, geometry: Geometry, metallic: f64) -> f64 {
-    let (z, albedo) = (DVec3::Z, DVec3::splat(0.5));
+/// The BRDF of a surface of albedo 0.5 whose normal is +Z. A dielectric's second bounces are left out as invisible.
+fn brdf(v: DVec3, l: DVec3, roughness: f64, geometry: Geometry, metallic: f64) -> f64 {
+    let albedo = DVec3::splat(0.5);
     let f0 = f0_from_metallic(albedo, metallic);
     let scattering = if metallic > 0.0 { Scattering::Multiple } else { Scattering::Single };
-    let at = table_entry(1.0, roughness, geometry);
+    let [at_v, at_l] = [v, l].map(|d| table_entry(d.z, roughness, geometry));
     let beyond = match geometry {
-        Geometry::Smith => Energy::new(roughness, geometry, scattering).beyond_single(albedo, metallic, at, at),
-        Geometry::Karis2013 => (1.0 - metallic) * diffuse_karis2013(albedo, f0, 1.0),
+        Geometry::Smith => Energy::new(roughness, geometry, scattering).beyond_single(albedo, metallic, at_l, at_v),
+        Geometry::Karis2013 => (1.0 - metallic) * diffuse_karis2013(albedo, f0, 0.5 * (v + l).length()),
     };
-    (specular(z, z, z, f0, roughness, geometry) + beyond).x
+    (specular(DVec3::Z, v, l, f0, roughness, geometry) + beyond).x
 }
 
 #[test]
 fn a_lamp_gives_the_radiance_that_the_f64_brdf_says() {
-    for geometry in [Geometry::Smith, Geometry::Karis2013] {
-        for (roughness, metallic) in [(0.3, 0.0), (0.6, 0.0), (1.0, 0.0), (0.6, 1.0), (1.0, 1.0), (0.8, 0.5)] {
-            let got = lit_square(2.0, 40.0, roughness, geometry, metallic);
-            let want = 40.0 / 4.0 * brdf_head_on(roughness.into(), geometry, metallic.into());
-            let case = format!("{geometry:?} {roughness} {metallic}");
-            // The pixel, 0.6 degrees wide, is a small part of the lobe.
+    let unit = |x, y, z| DVec3::new(x, y, z).normalize();
+    // Head on, beside the mirror direction, out of the plane of incidence, either and both grazing, light from the eye's side.
+    let directions = [
+        [DVec3::Z, DVec3::Z],
+        [unit(0.5, 0.1, 0.7), unit(-0.5, 0.1, 0.8)],
+        [unit(0.6, 0.2, 0.5), unit(0.3, 0.8, 0.4)],
+        [unit(0.9, 0.3, 0.2), unit(-0.2, 0.1, 0.9)],
+        [unit(0.1, -0.3, 0.9), unit(0.2, 0.9, 0.15)],
+        [unit(0.9, 0.2, 0.25), unit(-0.8, -0.3, 0.2)],
+        [unit(-0.7, 0.2, 0.4), unit(-0.6, 0.4, 0.5)],
+    ];
+    let away = 2.0;
+    for ([v, l], geometry) in directions.into_iter().flat_map(|d| [(d, Geometry::Smith), (d, Geometry::Karis2013)]) {
+        for (roughness, metallic) in [(0.3, 0.0), (0.6, 1.0), (1.0, 1.0), (0.8, 0.5)] {
+            let shop = Workshop::new();
+            shop.panorama("sky.exr", 16, |_| BLACK);
+            shop.write("m.mtl", &material([0.5; 3], metallic, roughness));
+            shop.write("model.obj", &square("m.mtl"));
+            let ([ex, ey, ez], [lx, ly, lz]) = (v.to_array(), (away * l).to_array());
+            let text = format!(
+                "environment = {{ panorama = \"sky.exr\" }}\n[[light]]\n\
+                 point = {{ position = [{lx}, {ly}, {lz}], intensity = [40, 40, 40] }}\n[[model]]\nfile = \"model.obj\"\n\
+                 [[camera]]\nname = \"slanted\"\nposition = [{ex}, {ey}, {ez}]\ntarget = [0, 0, 0]\nvertical_fov_degrees = 2\n"
+            );
+            let scene = shop.write("scene.toml", &text);
+            let picture = &shop.render(&scene, &Look { size: [65, 65], geometry, ..Look::default() })[0];
+            // The middle pixel is the origin, wherever in its 0.03 degrees it is shaded.
+            let got = pixel(picture, 32, 32)[0];
+            let want = 40.0 / (away * away) * l.z * brdf(v, l, roughness.into(), geometry, metallic.into());
+            let case = format!("{geometry:?} {roughness} {metallic}, v {v:.2}, l {l:.2}");
             assert!((got / want - 1.0).abs() < 5e-3, "{case}: {got} against {want}");
         }
     }

@@ -6,6 +6,7 @@ mod chart;
 mod clock;
 mod frame;
 mod furnace;
+mod furnace_integrated;
 mod furnace_picture;
 mod geometry;
 mod judge;

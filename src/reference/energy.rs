@@ -27,7 +27,7 @@ const NODES: usize = 24;
 /// How often light may bounce between a surface's microfacets; with `Geometry::Karis2013` once, whatever is said here.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, ValueEnum)]
 pub enum Scattering {
-    /// Once: rough metals lose up to half of the light.
+    /// Once: rough metals lose up to 69 % of the light.
     Single,
     /// As often as it takes, where that is visible: no light is lost.
     #[default]

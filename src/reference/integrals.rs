@@ -6,7 +6,7 @@ use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
 use super::{
-    brdf::{Geometry, alpha_from_roughness, d_ggx, diffuse_karis2013, f_schlick, f0_from_metallic, v_environment},
+    brdf::{Geometry, d_ggx, diffuse_karis2013, f_schlick, f0_from_metallic, v_environment},
     cube::{panorama_direction, panorama_texel_solid_angle, panorama_uv},
     energy::{Curve, Energy, Scattering},
     table::Entry,
@@ -122,7 +122,7 @@ impl<'a> PanoramaView<'a> {
         add: &mut impl FnMut(DVec3, DVec3, f64),
     ) {
         /// A texel's side over the smallest cell's, as a power of 2; bounds the time that a needle of a lobe takes.
-        const DEEPEST: u32 = 12;
+        const DEEPEST: u32 = 16;
         let size = [self.width, self.height].map(|side| side.saturating_mul(1 << cell.depth));
         let [width, height] = size.map(f64::from);
         let d = panorama_direction(DVec2::new((f64::from(cell.x) + 0.5) / width, (f64::from(cell.y) + 0.5) / height));
@@ -194,8 +194,11 @@ fn lobe_cell_radians(r: DVec3, l: DVec3, alpha: f64) -> f64 {
     (2.0 * alpha).hypot(r.distance(l)) / CELLS_PER_LOBE
 }
 
+/// Alpha below which a surface is a mirror; the same in `glsl/exact.frag`.
+const MIRROR_ALPHA: f64 = 1e-4;
+
 /// All light that `surface` reflects to the eye from an unoccluded panorama, with the whole BRDF (Fresnel at v·h, not the
-/// split sum) and the environment's visibility of `geometry`; roughness as `alpha_from_roughness` has it. What is scattered
+/// split sum) and the environment's visibility of `geometry`; any roughness from 0, as in `glsl/exact.frag`. What is scattered
 /// more than once is specular.
 pub fn reflected(panorama: PanoramaView, surface: &Surface, geometry: Geometry, scattering: Scattering) -> Reflected {
     reflected_by(panorama, surface, &Terms::new(surface.roughness, geometry), scattering)
@@ -205,14 +208,15 @@ pub fn reflected(panorama: PanoramaView, surface: &Surface, geometry: Geometry, 
 pub fn reflected_by(panorama: PanoramaView, surface: &Surface, terms: &Terms, scattering: Scattering) -> Reflected {
     let &Surface { n, v, albedo, metallic, roughness } = surface;
     let geometry = terms.geometry;
-    let alpha = alpha_from_roughness(roughness);
+    let alpha = roughness * roughness;
+    let is_mirror = alpha < MIRROR_ALPHA;
     let f0 = f0_from_metallic(albedo, metallic);
     let nv = n.dot(v);
     let mirror = 2.0 * nv * n - v;
     let beyond = Beyond::new(surface, terms, scattering);
     // Seen at a grazing angle the lobe is narrower across by n·v, and in the end by its own width.
-    let narrow = alpha * nv.max(alpha.min(0.1));
-    panorama.sum(
+    let narrow = if is_mirror { f64::INFINITY } else { alpha * nv.max(alpha.min(0.1)) };
+    let mut light = panorama.sum(
         |l| lobe_cell_radians(mirror, l, narrow).min(SMOOTH_RADIANS),
         |l, light, _| {
             let nl = n.dot(l);
@@ -221,11 +225,16 @@ pub fn reflected_by(panorama: PanoramaView, surface: &Surface, terms: &Terms, sc
             }
             let h = v + l;
             let vh = 0.5 * h.length();
-            let specular = f_schlick(f0, vh) * (d_ggx(n, h, alpha) * v_environment(nl, nv, alpha.sqrt(), geometry));
+            let dv = if is_mirror { 0.0 } else { d_ggx(n, h, alpha) * v_environment(nl, nv, roughness, geometry) };
+            let specular = f_schlick(f0, vh) * dv;
             let [diffuse, multiple] = beyond.at(f0, nl, vh);
             Reflected { diffuse: light * nl * diffuse, specular: light * nl * (specular + multiple) }
         },
-    )
+    );
+    if is_mirror {
+        light.specular += f_schlick(f0, nv) * panorama.radiance(mirror);
+    }
+    light
 }
 
 /// What of a BRDF depends on its roughness alone: made once, it serves many surfaces.
@@ -368,7 +377,9 @@ mod tests {
     fn needles_of_lobes_lose_no_light_on_coarse_panoramas() {
         let texels = vec![[1.0; 3]; 64 * 32];
         let view = PanoramaView::new(64, 32, &texels).unwrap();
-        for (nv, roughness) in [(0.05, 0.1), (0.1, 0.15), (0.5, 0.1), (0.05, 0.3)] {
+        for (nv, roughness) in
+            [(0.05, 0.1), (0.1, 0.15), (0.5, 0.1), (0.05, 0.3), (0.4, 0.03), (0.8, 0.015), (0.3, 0.0)]
+        {
             let n = DVec3::new(0.36, 0.48, 0.8);
             let v = nv * n + f64::sqrt(1.0 - nv * nv) * n.any_orthonormal_vector();
             let surface = Surface { n, v, albedo: DVec3::ONE, metallic: 1.0, roughness };

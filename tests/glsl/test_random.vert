@@ -9,6 +9,7 @@ layout(push_constant) uniform Range {
     uint first;      // pixel of the first triangle
     uint seed;
     uint hostile;    // of 256 corners' vectors, so many are hostile
+    uint inside;     // 1: some surfaces lie in a lamp or in the eye
 } range;
 
 layout(location = 0) centroid out vec3 position_world;
@@ -78,9 +79,9 @@ void main()
     state = pixel * 9781u + range.seed;
     random();
     vec3 n = direction(), t = direction(), p = direction() * pow(10.0, 6.0 * unit() - 4.0);
-    if (random() % 4u == 0u && frame.light_count > 0u)
+    if (range.inside == 1u && random() % 4u == 0u && frame.light_count > 0u)
         p = lights[random() % frame.light_count].position; // in a lamp
-    if (random() % 16u == 0u)
+    if (range.inside == 1u && random() % 16u == 0u)
         p = frame.eyes[0].world_from_view[3].xyz; // in the eye
     bool own = random() % 4u == 0u, turned = random() % 2u == 0u;
     // All corners of a triangle are attacked alike, or each for itself.

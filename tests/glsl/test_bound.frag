@@ -1,0 +1,25 @@
+// What the lamps may add to a surface at most, from each one's own irradiance there: what src/render/random_tests.rs holds the
+// lamps' light against.
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#include "shared.glsl"
+#include "brdf.glsl"
+#include "lamps.glsl"
+
+layout(location = 0) out vec4 colour;
+
+void cut_out(float above) {}
+
+void main()
+{
+    Surface s = read_surface();
+    // D is at most 1 / pi alpha^2, at its lobe's centre, and V nl at most 0.5 / sqrt(alpha^2 + (1 - alpha^2) nv^2), the first
+    // of its two terms alone. Karis's V nl, 0.25 / (nv (1 - k) + k) at most, and Phong's peak, 0.08 / alpha^2 + 0.24, are less.
+    // All that is not single scattering is less than 1 / sr.
+    float a2 = alpha_from_roughness(s.roughness) * alpha_from_roughness(s.roughness);
+    float peak = 0.5 * INV_PI / (a2 * sqrt(a2 + (1.0 - a2) * s.nv * s.nv)) + 1.0;
+    vec3 sum = vec3(0.0), l;
+    for (uint i = 0u; i < frame.light_count; ++i)
+        sum += light_irradiance(lights[i], l) * peak;
+    colour = vec4(sum, 1.0);
+}
