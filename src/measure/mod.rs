@@ -93,6 +93,8 @@ pub struct MeasureRequest<'a> {
     pub picture: Option<[u32; 2]>,
     /// What is to be chosen from each ladder.
     pub limit: Option<Limit>,
+    /// Of visual angle, for the ladder's FLIP.
+    pub pixels_per_degree: f32,
     /// Where precomputed light is taken from, and where ladders are kept.
     pub cache: Option<&'a Cache>,
     /// Panorama files; empty for the synthetic and the shipped ones.
