@@ -11,6 +11,7 @@ mod geometry;
 mod judge;
 mod ladder;
 mod maps;
+mod noise;
 mod precompute;
 mod scenes;
 mod scenes_chart;
