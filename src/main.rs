@@ -6,11 +6,12 @@ use std::process::ExitCode;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
 use pbr_vr::asset::file::write_atomically;
-use pbr_vr::asset::picture::{Picture, compare};
+use pbr_vr::asset::picture::{Picture, compare_seen};
 use pbr_vr::asset::{Report, Storage, TextureOptions, shipped};
 use pbr_vr::gpu::GpuOptions;
 use pbr_vr::measure::{self, Limit, MeasureRequest};
 use pbr_vr::precompute::{Cache, Options};
+use pbr_vr::reference::metrics::{PIXELS_PER_DEGREE, PIXELS_PER_DEGREE_RANGE};
 use pbr_vr::scene::needs::findings::Findings;
 use pbr_vr::view::{self, BakeRequest, HiddenAreaV, Look, Mirror, RenderRequest, ViewRequest, doctor};
 use pbr_vr::{Error, Result, say};
@@ -207,6 +208,9 @@ struct Measure {
     /// Say which settings of a ladder are the most accurate that take at most so long a frame.
     #[arg(long, value_name = "MS", value_parser = parse_positive)]
     budget_ms: Option<f64>,
+    /// Pixels in a degree of visual angle as the ladder's FLIP sees them: 67 on a monitor at arm's length, 11 in an HTC Vive.
+    #[arg(long, value_name = "N", default_value_t = PIXELS_PER_DEGREE, value_parser = parse_pixels_per_degree)]
+    pixels_per_degree: f32,
     /// Measure with this panorama instead of the synthetic and shipped ones; may be repeated.
     #[arg(long = "panorama", value_name = "FILE")]
     panoramas: Vec<PathBuf>,
@@ -225,6 +229,9 @@ struct Measure {
 struct Compare {
     a: PathBuf,
     b: PathBuf,
+    /// Pixels in a degree of visual angle as FLIP sees them: 67 on a monitor at arm's length, 11 in an HTC Vive.
+    #[arg(long, value_name = "N", default_value_t = PIXELS_PER_DEGREE, value_parser = parse_pixels_per_degree)]
+    pixels_per_degree: f32,
     /// Write a.png and b.png, as a viewer sees them, and flip.png, bright where they differ.
     #[arg(long, value_name = "DIR")]
     maps: Option<PathBuf>,
@@ -342,6 +349,7 @@ fn run_measure(args: &Measure, gpu: GpuOptions<'_>, cache: Option<&Cache>) -> Re
         scenes: &scenes.into_iter().map(PathBuf::from).collect::<Vec<_>>(),
         picture: args.picture,
         limit: limit(args.tolerance, args.budget_ms),
+        pixels_per_degree: args.pixels_per_degree,
         cache,
         output: args.output.as_deref().unwrap_or(std::path::Path::new(".")),
         full: args.full,
@@ -356,8 +364,13 @@ fn run_measure(args: &Measure, gpu: GpuOptions<'_>, cache: Option<&Cache>) -> Re
 
 fn run_compare(args: &Compare) -> Result<()> {
     let (a, b) = (Picture::read(&args.a)?, Picture::read(&args.b)?);
-    let comparison = compare(&a, &b)?;
-    say!("FLIP          mean {:.4}, largest {:.4}", comparison.flip_mean, comparison.flip_max);
+    let comparison = compare_seen(&a, &b, args.pixels_per_degree)?;
+    say!(
+        "FLIP          mean {:.4}, largest {:.4}, at {} pixels per degree",
+        comparison.flip_mean,
+        comparison.flip_max,
+        comparison.flip_pixels_per_degree
+    );
     say!("relative MSE  {:.3e}", comparison.relative_mse);
     say!(
         "error         mean {:.3e}, largest {:.3e} at {:?}",
@@ -392,6 +405,12 @@ fn parse_size(text: &str) -> std::result::Result<[u32; 2], String> {
 fn parse_positive(text: &str) -> std::result::Result<f64, String> {
     let number = text.parse().ok().filter(|number: &f64| number.is_finite() && *number > 0.0);
     number.ok_or_else(|| "a number above 0".into())
+}
+
+fn parse_pixels_per_degree(text: &str) -> std::result::Result<f32, String> {
+    let (least, most) = (PIXELS_PER_DEGREE_RANGE.start(), PIXELS_PER_DEGREE_RANGE.end());
+    let number = text.parse().ok().filter(|number| PIXELS_PER_DEGREE_RANGE.contains(number));
+    number.ok_or_else(|| format!("a number from {least} to {most}"))
 }
 
 fn start_log(verbose: u8) {

@@ -79,11 +79,23 @@ fn render_writes_png_exr_stereo_and_json() {
     assert!(facts["load_ms"].as_f64().is_some_and(|ms| ms > 0.0), "{facts}");
     succeeds(folder.path(), &["render", &scene, "-o", "b.exr", "--stereo", size[0], size[1], "--validate"]);
     assert!(path("b-left.exr").is_file() && path("b-right.exr").is_file() && !path("b.exr").exists());
-    let said = succeeds(folder.path(), &["compare", "a.png", "a.png", "--json", "c.json"]);
-    assert!(said.contains("FLIP"), "{said}");
-    let same: serde_json::Value =
-        serde_json::from_slice(&std::fs::read(path("c.json")).expect("the numbers")).expect("JSON");
+    let compared = |arguments: &[&str]| {
+        let said = succeeds(folder.path(), &[&["compare", "--json", "c.json"], arguments].concat());
+        let numbers = std::fs::read(path("c.json")).expect("the numbers");
+        (said, serde_json::from_slice::<serde_json::Value>(&numbers).expect("JSON"))
+    };
+    let (said, same) = compared(&["a.png", "a.png"]);
+    assert!(said.contains("FLIP") && said.contains("at 67 pixels per degree"), "{said}");
     assert_eq!((same["flip_mean"].as_f64(), same["max_error"].as_f64()), (Some(0.0), Some(0.0)));
+    // Edges of one sample and of four look different on larger pixels.
+    succeeds(folder.path(), &["render", &scene, "-o", "d.png", "--samples", "1", size[0], size[1]]);
+    let [near, far] = ["11", "67"].map(|n| {
+        let (said, numbers) = compared(&["a.png", "d.png", "--pixels-per-degree", n]);
+        assert!(said.contains(&format!("at {n} pixels per degree")), "{said}");
+        assert_eq!(numbers["flip_pixels_per_degree"].as_f64(), n.parse().ok());
+        numbers["flip_mean"].as_f64().expect("FLIP")
+    });
+    assert!((near / far - 1.0).abs() > 0.02, "{near} and {far}");
 }
 
 #[test]
@@ -106,6 +118,10 @@ fn bad_usage_is_status_2() {
         vec!["render", &scene, "-o", "x.png", "--shading", "cartoon"],
         vec!["render", &scene, "-o", "x.png", "--frames", "0"],
         vec!["view", "--on", "toaster"],
+        vec!["compare", "a.png", "a.png", "--pixels-per-degree", "0"],
+        vec!["compare", "a.png", "a.png", "--pixels-per-degree", "NaN"],
+        vec!["compare", "a.png", "a.png", "--pixels-per-degree", "inf"],
+        vec!["measure", "ladder", "-o", "out", "--pixels-per-degree", "1e9"],
     ] {
         assert_eq!(run(folder.path(), &arguments).status.code(), Some(2), "{arguments:?}");
     }

@@ -94,12 +94,21 @@ fn a_ladder_tells_every_setting_apart_and_its_choices_are_taken() {
             assert!(worse > default + floor, "{key}: {worse} against {default}, {floor}");
         }
     }
+    // The same noise is in all of them, so that far less than the floor is told apart.
+    for worse in ["--geometry karis2013 --split-sum classic", "--shading phong", "--scattering single"] {
+        let [over, noise] = ["flip_over_default", "flip_noise"].map(|key| number(worse, key));
+        assert!(over > noise && noise > 0.0, "{worse}: {over} ± {noise}");
+        assert!((over - number(worse, "flip") + number("", "flip")).abs() < 1e-9, "{worse}");
+    }
+    assert_eq!(number("", "flip_noise"), 0.0, "the default beside itself");
     assert!(rungs.iter().any(|rung| rung["dimension"] == "combined"), "nothing was combined");
     let beaten = |rung: &&serde_json::Value| !rung["beaten_by"].is_null();
     for rung in rungs.iter().filter(beaten) {
         let by = rung["beaten_by"].as_str().map(|by| if by == "default" { "" } else { by }).expect("a name");
         let of = |key: &str| rung[key].as_f64().expect("a number");
-        assert!(number(by, "ms") <= of("ms") && number(by, "flip") <= of("flip"), "{rung} by {by}");
+        let no_worse = [number(by, "ms") <= of("ms"), number(by, "flip") <= of("flip")];
+        let (least, words) = if rung["within_noise"] == true { (1, "one of both") } else { (2, "both") };
+        assert!(no_worse.iter().filter(|no_worse| **no_worse).count() >= least, "{words}: {rung} by {by}");
     }
     assert!(rungs.iter().any(|rung| rung["beaten_by"].is_null()), "there is a front");
 
@@ -107,6 +116,7 @@ fn a_ladder_tells_every_setting_apart_and_its_choices_are_taken() {
     assert_eq!(csv.lines().count(), rungs.len() + 1);
     let table = std::fs::read_to_string(at.join("out/ladder.md")).expect("a table");
     let svg = std::fs::read_to_string(at.join("out/ladder-floor.svg")).expect("a chart");
+    assert!(table.contains("67 pixels per degree") && svg.contains("67 pixels per degree"));
     for part in ["samples 1", "default", "cube 64"] {
         assert!(table.contains(&part.replace("cube ", "--cube-size ")) && svg.contains(part), "{part}");
     }
@@ -165,7 +175,7 @@ fn limits_and_settings_at_once_are_bad_usage() {
 fn what_a_ladder_had_when_it_was_stopped_stays() {
     let folder = scene();
     let at = folder.path();
-    let arguments = ["measure", "ladder", SCENE, "-o", "out", "--picture", "32x16"];
+    let arguments = ["measure", "ladder", SCENE, "-o", "out", "--picture", "32x16", "--pixels-per-degree", "11"];
     let mut child =
         program(at, &arguments).stdout(Stdio::null()).stderr(Stdio::null()).spawn().expect("the program starts");
     let csv = at.join("out/ladder.csv");
@@ -181,6 +191,8 @@ fn what_a_ladder_had_when_it_was_stopped_stays() {
     let finished = rows();
     assert!(finished >= 2);
     let ladder = json(at.join("out/ladder.json"));
+    assert_eq!(ladder["ladders"][0]["exact"]["pixels_per_degree"], 11.0);
+    assert!(std::fs::read_to_string(at.join("out/ladder.md")).expect("a table").contains("11 pixels per degree"));
     assert!(rungs(&ladder).len() >= finished - 1, "JSON follows the table by a row at most");
     assert!(rungs(&ladder).iter().all(|rung| rung["flip"].as_f64().is_some_and(|flip| flip > 0.0)), "{ladder}");
     assert!(!at.join("out/ladder-floor.svg").exists(), "the chart comes last");

@@ -59,6 +59,7 @@ pub struct Comparison {
     /// LDR-FLIP of the pictures' eight-bit display values; radiance goes through the program's tone curve at 0 EV first.
     pub flip_mean: f32,
     pub flip_max: f32,
+    /// Of visual angle: how near the pictures are seen.
     pub flip_pixels_per_degree: f32,
     /// Mean of (test − reference)² / (reference² + 0.01) over pixels and channels.
     pub relative_mse: f64,
@@ -173,13 +174,20 @@ impl Picture {
     }
 }
 
-/// How far `test` is from `reference`; both of one size and kind, all their values finite.
+/// How far `test` is from `reference`, seen as [`metrics::PIXELS_PER_DEGREE`] says; both of one size and kind, all their
+/// values finite.
 pub fn compare(test: &Picture, reference: &Picture) -> Result<Comparison> {
+    compare_seen(test, reference, metrics::PIXELS_PER_DEGREE)
+}
+
+/// The same for a viewer with so many pixels in a degree, one of [`metrics::PIXELS_PER_DEGREE_RANGE`].
+pub fn compare_seen(test: &Picture, reference: &Picture, pixels_per_degree: f32) -> Result<Comparison> {
     check_pair(test, reference)?;
     let size @ [width, height] = [test.width, test.height];
-    let pixels_per_degree = metrics::PIXELS_PER_DEGREE;
-    let flip = metrics::flip(size, &test.srgb8(0.0), &reference.srgb8(0.0), pixels_per_degree)
-        .ok_or_else(|| unusable(test, format!("{} pixels for {width} × {height}", test.pixels.len())))?;
+    let flip = metrics::flip(size, &test.srgb8(0.0), &reference.srgb8(0.0), pixels_per_degree).ok_or_else(|| {
+        let count = test.pixels.len();
+        unusable(test, format!("{count} pixels for {width} × {height}, {pixels_per_degree} to a degree"))
+    })?;
     let (max_error, at) = metrics::max_error(&test.pixels, &reference.pixels);
     Ok(Comparison {
         width,
@@ -433,6 +441,7 @@ mod tests {
         assert!(error.contains("(1, 1)"), "{error}");
         let empty = Picture { width: 0, height: 0, pixels: vec![], ..display() };
         assert!(compare(&empty, &empty).is_err());
+        assert!(compare_seen(&display(), &display(), 0.0).unwrap_err().to_string().contains("0 to a degree"));
     }
 
     #[test]

@@ -12,6 +12,7 @@ mod geometry;
 mod judge;
 mod ladder;
 mod maps;
+mod noise;
 mod precompute;
 mod scenes;
 mod scenes_chart;
@@ -94,6 +95,8 @@ pub struct MeasureRequest<'a> {
     pub picture: Option<[u32; 2]>,
     /// What is to be chosen from each ladder.
     pub limit: Option<Limit>,
+    /// Of visual angle, for the ladder's FLIP.
+    pub pixels_per_degree: f32,
     /// Where precomputed light is taken from, and where ladders are kept.
     pub cache: Option<&'a Cache>,
     /// Panorama files; empty for the synthetic and the shipped ones.

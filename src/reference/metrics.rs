@@ -1,8 +1,14 @@
 //! How far two pictures are apart.
 
-/// Pixels per degree of visual angle for FLIP: 0.7 m from a screen of 0.7 m and 3840 pixels across, the default of
-/// Andersson et al., "FLIP: A Difference Evaluator for Alternating Images" (2020), section 6.
+use std::ops::RangeInclusive;
+
+/// Pixels per degree of visual angle for FLIP where nothing else is said: 0.7 m from a screen of 0.7 m and 3840 pixels across,
+/// the default of Andersson et al., "FLIP: A Difference Evaluator for Alternating Images" (2020), section 6.
 pub const PIXELS_PER_DEGREE: f32 = 67.0;
+
+/// Pixels per degree that FLIP takes: with fewer its narrowest filter (standard deviation 0.041 degrees) falls between pixels
+/// and weighs nothing; with more, filters are wider than 130 pixels, and no display is seen so (an eye tells apart about 120).
+pub const PIXELS_PER_DEGREE_RANGE: RangeInclusive<f32> = 4.0..=500.0;
 
 /// Mean and maximum of a FLIP error map, both in [0, 1].
 #[derive(Clone, Debug, PartialEq)]
@@ -14,13 +20,13 @@ pub struct Flip {
 }
 
 /// LDR-FLIP (Andersson et al. 2020) of two pictures of sRGB bytes, `width · height` each, as a viewer with
-/// `pixels_per_degree` flips between them; `None` where a size does not fit or is zero.
+/// `pixels_per_degree` (in [`PIXELS_PER_DEGREE_RANGE`]) flips between them; `None` where a size does not fit or is zero.
 pub fn flip(size: [u32; 2], test: &[[u8; 3]], reference: &[[u8; 3]], pixels_per_degree: f32) -> Option<Flip> {
     let [width, height] = size;
     let count = u64::from(width) * u64::from(height);
+    let fits = [test.len(), reference.len()].iter().all(|n| *n as u64 == count);
     // nv-flip multiplies the sizes in u32.
-    if count == 0 || count * 3 > u64::from(u32::MAX) || [test.len(), reference.len()].iter().any(|n| *n as u64 != count)
-    {
+    if count == 0 || count * 3 > u64::from(u32::MAX) || !fits || !PIXELS_PER_DEGREE_RANGE.contains(&pixels_per_degree) {
         return None;
     }
     let image = |pixels: &[[u8; 3]]| nv_flip::FlipImageRgb8::with_data(width, height, pixels.as_flattened());
@@ -107,5 +113,18 @@ mod tests {
         assert_eq!(flip([2, 3], &pixels, &pixels, PIXELS_PER_DEGREE), None);
         assert_eq!(flip([0, 0], &[], &[], PIXELS_PER_DEGREE), None);
         assert!(flip([2, 2], &pixels, &pixels, PIXELS_PER_DEGREE).is_some());
+        for wrong in [0.0, 3.9, -67.0, 501.0, f32::NAN, f32::INFINITY] {
+            assert_eq!(flip([2, 2], &pixels, &pixels, wrong), None, "{wrong}");
+        }
+    }
+
+    #[test]
+    fn who_sees_fewer_pixels_in_a_degree_sees_more_of_each() {
+        let size = [48, 32];
+        let even = vec![[128u8; 3]; 48 * 32];
+        let odd: Vec<_> = (0..48 * 32u32).map(|i| [if (i % 48 + i / 48) % 2 == 0 { 108 } else { 148 }; 3]).collect();
+        let seen = [4.0, 11.0, 20.0, PIXELS_PER_DEGREE, 500.0].map(|n| flip(size, &odd, &even, n).unwrap());
+        assert!(seen.iter().all(|f| f.mean > 0.0 && f.errors.iter().all(|e| e.is_finite())), "the whole range");
+        assert!(seen[1].mean > 5.0 * seen[3].mean, "{} and {}", seen[1].mean, seen[3].mean);
     }
 }

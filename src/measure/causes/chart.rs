@@ -8,6 +8,7 @@ use plotters::style::text_anchor::{HPos, Pos, VPos};
 
 use super::{Kind, Results, Row, Swap};
 use crate::asset::file::write_atomically;
+use crate::reference::metrics::PIXELS_PER_DEGREE;
 use crate::{Error, Result};
 
 const WIDTH: u32 = 1000;
@@ -203,7 +204,11 @@ fn caption(area: &Area<'_>, results: &Results) -> Drawn<()> {
         "Filled: the one cause exact, all others as they are. Light: another setting instead. Dashed: what an integral (of \
          pictures: all together, split sum) is itself good to."
             .to_owned(),
-        format!("{}, {}.", results.gpu, results.date),
+        format!(
+            "{}, {}. Exact pictures: radiance averaged, then the tone curve. FLIP as seen with {PIXELS_PER_DEGREE} pixels per \
+             degree.",
+            results.gpu, results.date
+        ),
     ];
     for (y, line) in (0..).map(|i| 18 + 18 * i).zip(lines) {
         area.draw(&Text::new(line, (WIDTH as i32 / 2, y), style.clone()))?;
@@ -244,7 +249,7 @@ mod tests {
         let results =
             |rows| Results { gpu: "a GPU".into(), driver: "d".into(), date: "2026".into(), size: [64, 48], rows };
         let svg = draw(&results(all)).unwrap();
-        for part in ["a GPU", "large", "small", "mean FLIP", "64×48", "all together", "a scene"] {
+        for part in ["a GPU", "large", "small", "mean FLIP", "64×48", "all together", "a scene", "radiance averaged"] {
             assert!(svg.contains(part), "{part}");
         }
         assert!(!svg.contains("NaN") && !svg.contains("inf"));

@@ -6,6 +6,7 @@ use std::sync::Arc;
 use glam::{DVec3, Vec3};
 
 use super::super::MeasureRequest;
+use super::super::noise::Parts;
 use super::{Change, Kind, Row, Swap};
 use crate::asset::{Report, Storage, TextureOptions};
 use crate::gpu::{Gpu, Part, Recorder, read_image};
@@ -27,14 +28,14 @@ pub struct Extent {
     pub size: [u32; 2],
     /// Places along a pixel's side where all of a pixel is averaged.
     places: u32,
-    /// Frames of half an exact picture.
-    half: u32,
+    /// Frames of a quarter of an exact picture.
+    quarter: u32,
     /// Texels along a face of a cube that counts as exact.
     cube: u32,
 }
 
-pub const QUICK: Extent = Extent { size: [192, 144], places: 8, half: 128, cube: 512 };
-pub const FULL: Extent = Extent { size: [640, 480], places: 16, half: 512, cube: 1024 };
+pub const QUICK: Extent = Extent { size: [192, 144], places: 8, quarter: 64, cube: 512 };
+pub const FULL: Extent = Extent { size: [640, 480], places: 16, quarter: 256, cube: 1024 };
 
 /// Most samples along a slanted footprint.
 const MOST_ANISOTROPY: u32 = 16;
@@ -93,13 +94,11 @@ impl<'a> Bench<'a> {
         let bar = self.report.stage("pictures", 6);
         let seen = self.drawn(&self.compressed, &self.settings)?;
         let (bare, raw_bare) = (top_levels(&self.compressed), top_levels(&self.raw));
-        let [exact, half, other_half] = self.exact(&raw_bare)?;
+        let parts = self.exact(&raw_bare)?;
+        let exact = &parts.all;
         bar.inc(1);
-        let judge = Judge { name: &self.name, size: self.extent.size, exact: &exact };
-        keep(vec![
-            judge.row(Swap::Whole, ["all", "as it is", "exact"], &seen, &exact)?,
-            judge.floor(&half, &other_half)?,
-        ])?;
+        let judge = Judge { name: &self.name, size: self.extent.size, exact };
+        keep(vec![judge.row(Swap::Whole, ["all", "as it is", "exact"], &seen, exact)?, judge.floor(&parts)?])?;
         for (swap, words, scene, settings) in self.other_settings() {
             keep(vec![judge.row(swap, [&words[0], &words[1], &words[2]], &seen, &self.drawn(scene, &settings)?)?])?;
         }
@@ -123,8 +122,8 @@ impl<'a> Bench<'a> {
         let words = ["mips", "mips and anisotropy, then all places", "all places, finest level"];
         keep(vec![judge.row(Swap::Exact, words, &many.display, &unfiltered.display)?])?;
         drop((bare, raw_bare));
-        let [filtered, ..] = self.exact(&self.raw)?;
-        let [blocks, ..] = self.exact(&self.compressed)?;
+        let filtered = self.exact(&self.raw)?.all;
+        let blocks = self.exact(&self.compressed)?.all;
         bar.inc(2);
         let light = ["split sum, maps and table", "looked up", "integrated"];
         keep(vec![judge.row(Swap::Exact, light, &many.radiance, &blocks)?])?;
@@ -135,7 +134,7 @@ impl<'a> Bench<'a> {
             (["averaging after the tone curve", "display light", "radiance"], &many.display),
             (["MSAA and 8 bits", "4 samples, shaded once", &places], &seen),
         ];
-        let mut before = &exact;
+        let mut before = exact;
         for (words, after) in chain {
             keep(vec![judge.row(Swap::Chain, words, after, before)?])?;
             before = after;
@@ -246,23 +245,19 @@ impl<'a> Bench<'a> {
         })
     }
 
-    /// The integrated picture of many frames, and of either half of them; radiance is averaged, then tone-mapped.
-    fn exact(&self, scene: &Scene) -> Result<[Picture; 3]> {
+    /// The integrated picture of many frames, and of parts of them; radiance is averaged, then tone-mapped.
+    fn exact(&self, scene: &Scene) -> Result<Parts<Picture>> {
         let settings = Settings { output: Output::Linear, ..self.settings_for(scene) };
         let mut renderer = self.renderer(scene, settings, Shading::Reference)?;
-        let mut half = || -> Result<Vec<DVec3>> {
+        let quarter = || {
             let mut bytes = Vec::new();
-            for frame in 0..self.extent.half as usize {
+            for frame in 0..self.extent.quarter as usize {
                 bytes = self.frame(&mut renderer, frame % FRAMES_IN_FLIGHT, &self.eye)?;
             }
-            let pixels: Vec<[f32; 4]> = bytemuck::pod_collect_to_vec(&bytes);
-            Ok(pixels.into_iter().map(|[r, g, b, _]| Vec3::new(r, g, b).as_dvec3()).collect())
+            Ok(bytemuck::pod_collect_to_vec(&bytes))
         };
-        let (first, all) = (half()?, half()?);
-        // All frames' mean is that of both halves' means.
-        let second = all.iter().zip(&first).map(|(all, first)| (2.0 * all - first).max(DVec3::ZERO)).collect();
-        Ok([all, first, second]
-            .map(|half: Vec<DVec3>| half.into_iter().map(|p| self.toned(p).as_vec3().into()).collect()))
+        let light = |[r, g, b, _]: &[f32; 4]| self.toned(Vec3::new(*r, *g, *b).as_dvec3()).as_vec3().to_array();
+        Parts::new(quarter, |pixels| Ok(pixels.iter().map(light).collect()))
     }
 
     /// Without smaller levels there is nothing that anisotropy could choose; lavapipe walks whole textures for it then.
@@ -347,12 +342,14 @@ impl Judge<'_> {
     }
 
     /// What is left of the exact picture's own error: its halves are independent, so that their difference has twice the
-    /// standard deviation of their mean, and four times its variance.
-    fn floor(&self, half: &Picture, other_half: &Picture) -> Result<Row> {
+    /// standard deviation of their mean, and four times its variance; FLIP falls by less ([`Parts::floor_share`]).
+    fn floor(&self, parts: &Parts<Picture>) -> Result<Row> {
+        let [half, other_half] = &parts.halves;
         let [flip, mse] = self.apart(half, other_half)?;
+        let share = parts.floor_share(|a, b| Ok(self.apart(a, b)?[0]))?;
         let row = self.row(Swap::Floor, ["floor", "exact picture", "its own two halves"], half, other_half)?;
         let only = |value: f64| Some(Change::of(value, value, 0.0));
-        Ok(Row { main: only(flip / 2.0), relative_mse: only(mse / 4.0), ..row })
+        Ok(Row { main: only(share * flip), relative_mse: only(mse / 4.0), ..row })
     }
 
     /// FLIP and relative MSE.
@@ -388,7 +385,7 @@ mod tests {
     }
 
     #[test]
-    fn a_cause_swapped_with_itself_changes_nothing_and_a_floor_is_half_of_what_halves_differ_by() {
+    fn a_cause_swapped_with_itself_changes_nothing_and_a_floor_is_a_share_of_what_halves_differ_by() {
         let exact: Picture = (0..32 * 16).map(|i| [(i % 32) as f32 / 32.0; 3]).collect();
         let other: Picture = exact.iter().map(|p| p.map(|c| (c + 0.1).min(1.0))).collect();
         let judge = Judge { name: "s", size: [32, 16], exact: &exact };
@@ -398,7 +395,13 @@ mod tests {
         }
         let whole = judge.row(Swap::Whole, ["a", "b", "c"], &other, &exact).unwrap().main.unwrap();
         assert_eq!((whole.change, whole.error_swapped), (whole.error, 0.0));
-        let floor = judge.floor(&other, &exact).unwrap();
-        assert!((floor.main.unwrap().change - 0.5 * whole.change).abs() < 1e-9);
+        let parts = |quarters| Parts { all: exact.clone(), halves: [other.clone(), exact.clone()], quarters };
+        let mixed = parts([&other, &exact, &exact, &exact].map(Picture::clone));
+        let floor = judge.floor(&mixed).unwrap();
+        // Quarters that differ by half of that say that FLIP does not fall at all.
+        assert!((floor.main.unwrap().change - whole.change).abs() < 1e-9);
+        let halved = judge.floor(&parts([&exact; 4].map(Picture::clone))).unwrap();
+        assert!((halved.main.unwrap().change - 0.5 * whole.change).abs() < 1e-9);
+        assert!((halved.relative_mse.unwrap().change / floor.relative_mse.unwrap().change - 1.0).abs() < 1e-9);
     }
 }

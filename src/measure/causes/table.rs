@@ -5,6 +5,7 @@ use std::path::Path;
 
 use super::{Change, Kind, Results, Row, Swap};
 use crate::asset::file::write_atomically;
+use crate::reference::metrics::PIXELS_PER_DEGREE;
 use crate::{Error, Result};
 
 const HEADER: &str = "kind,subject,swap,cause,is,swapped,change,error,error_swapped,falls_by,mse_change,mse_error,\
@@ -60,7 +61,9 @@ fn markdown(results: &Results) -> String {
     let Results { gpu, driver, date, size: [width, height], rows } = results;
     let mut text = format!(
         "# Errors by cause\n\n{gpu} ({driver}), {date}; pictures of {width}×{height}. Balls: mean over roughnesses, angles and \
-         normals of the difference over the exact radiance, in %. Pictures: FLIP, and relative MSE of display light.\n"
+         normals of the difference over the exact radiance, in %. Pictures: FLIP (as seen with {PIXELS_PER_DEGREE} pixels \
+         per degree), and relative MSE of display light. Exact: each pixel's radiance averaged, then the tone curve (the \
+         ladder averages after it).\n"
     );
     let mut subjects: Vec<&str> = Vec::new();
     for row in rows.iter().filter(|row| row.main.is_some()) {
@@ -142,6 +145,7 @@ mod tests {
         let text = markdown(&results);
         let place = |part: &str| text.find(part).unwrap_or_else(|| panic!("no {part} in {text}"));
         assert!(place("| large |") < place("| small |"));
+        assert!(place("67 pixels per degree") < place("averaged, then the tone curve"));
         assert!(place("## a scene") > 0 && place("The whole error") > 0 && !text.contains("NaN"));
         let lines = largest(&results.rows);
         assert!(lines[0].contains("most by large"), "{lines:?}");

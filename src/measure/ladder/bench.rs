@@ -33,31 +33,32 @@ pub struct Bench<'a> {
 /// Sizes, and how long is taken.
 struct Extent {
     size: [u32; 2],
-    /// Frames of half the exact picture.
-    half: u32,
+    /// Frames of a quarter of the exact picture.
+    quarter: u32,
     limits: Limits,
 }
 
 impl Extent {
     fn new(request: &MeasureRequest<'_>) -> Self {
         let limits = |seconds| Limits { least: 5, most: 200, time: Duration::from_secs(seconds) };
-        let (size, half, limits) =
-            if request.full { ([1280, 720], 64, limits(10)) } else { ([384, 216], 16, limits(2)) };
-        Self { size: request.picture.unwrap_or(size), half, limits }
+        let (size, quarter, limits) =
+            if request.full { ([1280, 720], 32, limits(10)) } else { ([384, 216], 8, limits(2)) };
+        Self { size: request.picture.unwrap_or(size), quarter, limits }
     }
 }
 
 impl<'a> Bench<'a> {
     /// Loads a scene, draws its exact picture, and makes the default ready, as its first camera sees it.
     pub fn new(gpu: &'a Arc<Gpu>, path: &'a Path, request: &MeasureRequest<'a>, report: &Report) -> Result<Self> {
-        let Extent { size, half, limits } = Extent::new(request);
+        let Extent { size, quarter, limits } = Extent::new(request);
         let plain = load_scene(path, &textures(gpu), report)?;
         // A loaded scene has a camera.
         let eye = Eye::of_camera(&plain.cameras[0], size[0] as f32 / size[1] as f32);
-        let stand = Stand { gpu, eye, size, exposure_ev: plain.exposure_ev };
+        let pixels_per_degree = request.pixels_per_degree;
+        let stand = Stand { gpu, eye, size, exposure_ev: plain.exposure_ev, pixels_per_degree };
         let look = Look::default();
         let settings = settings(&stand, look, request.cache);
-        let exact = Exact::new(&stand, &plain, &settings, half, report)?;
+        let exact = Exact::new(&stand, &plain, &settings, quarter, report)?;
         let mut scenes = vec![(Storage::Raw, plain)];
         let scene = stored(&mut scenes, path, &settings.textures)?;
         let default = way(&stand, scene, settings.clone(), look.shading)?;
@@ -88,7 +89,8 @@ impl<'a> Bench<'a> {
         drop(timed);
         let mut linear = way(stand, scene, Settings { output: Output::Linear, ..settings }, look.shading)?;
         let radiance: Vec<[f32; 4]> = bytemuck::pod_collect_to_vec(&draw(stand, &mut linear.renderer)?);
-        let error = self.exact.judge(
+        let (error, halves) = self.exact.judge(
+            stand,
             &radiance.iter().map(|[r, g, b, _]| [*r, *g, *b]).collect::<Vec<_>>(),
             &display.iter().map(|[r, g, b, _]| [*r, *g, *b]).collect::<Vec<_>>(),
         )?;
@@ -100,6 +102,9 @@ impl<'a> Bench<'a> {
             default_gpu_ms: default.gpu_ms.median,
             ms: cost.gpu_ms.median,
             error,
+            halves,
+            flip_over_default: 0.0,
+            flip_noise: 0.0,
             beaten_by: None,
             within_noise: false,
         }))

@@ -14,7 +14,7 @@ const WIDTH: u32 = 980;
 /// Of the chart alone; the list beside it may be longer.
 const HEIGHT: u32 = 540;
 /// Of title and caption together.
-const FRAME: u32 = 60;
+const FRAME: u32 = 74;
 /// Width of the list beside the chart.
 const LIST: u32 = 400;
 const LINE: i32 = 14;
@@ -39,7 +39,7 @@ pub fn write(folder: &Path, ladder: &Ladder) -> Result<()> {
 fn draw(ladder: &Ladder) -> Drawn<String> {
     // A logarithm has no place for 0.
     let mut rungs: Vec<&Rung> = ladder.rungs.iter().filter(|rung| rung.ms > 0.0 && rung.error.flip > 0.0).collect();
-    rungs.sort_by(|a, b| a.beaten_by.is_some().cmp(&b.beaten_by.is_some()).then(a.ms.total_cmp(&b.ms)));
+    rungs.sort_by(|a, b| place(a).cmp(&place(b)).then(a.ms.total_cmp(&b.ms)));
     let mut svg = String::new();
     {
         let height = HEIGHT.max(list_height(&rungs));
@@ -91,19 +91,21 @@ fn panel(root: &Area<'_>, area: &Area<'_>, ladder: &Ladder, rungs: &[&Rung]) -> 
         root.draw(&Text::new("what is left of the exact picture's own error", (at.0 + 6, at.1 - 3), style))?;
     }
     let front: Vec<(f64, f64)> =
-        rungs.iter().filter(|rung| rung.beaten_by.is_none()).map(|rung| (rung.ms, rung.error.flip)).collect();
+        rungs.iter().filter(|rung| place(rung) == Place::Front).map(|rung| (rung.ms, rung.error.flip)).collect();
     chart.draw_series(LineSeries::new(front, FRONT.mix(0.35).stroke_width(4)))?;
     let mut places = Vec::new();
     for rung in rungs {
         let unit = rung.ms / rung.ratio.median;
         let bar = [(rung.ratio.low * unit, rung.error.flip), (rung.ratio.high * unit, rung.error.flip)];
         let bar = bar.map(|(ms, flip)| (ms.clamp(times.0, times.1), flip));
-        chart.draw_series([PathElement::new(bar, colour(rung).mix(0.45))])?;
+        let noise = [rung.error.flip - rung.flip_noise, rung.error.flip + rung.flip_noise];
+        let noise = noise.map(|flip| (rung.ms, flip.clamp(errors.0, errors.1)));
+        chart.draw_series([bar, noise].map(|line| PathElement::new(line, colour(rung).mix(0.45))))?;
         places.push(chart.backend_coord(&(rung.ms, rung.error.flip)));
     }
     // The default last, over the others.
     let mut order: Vec<usize> = (0..rungs.len()).collect();
-    order.sort_by_key(|index| (rungs[*index].flags.is_empty(), rungs[*index].beaten_by.is_none()));
+    order.sort_by_key(|index| (rungs[*index].flags.is_empty(), std::cmp::Reverse(place(rungs[*index]))));
     order.iter().try_for_each(|index| mark(root, places[*index], rungs[*index]))?;
     let mut taken: Vec<(i32, i32)> = places.clone();
     for (number, (rung, place)) in (1..).zip(rungs.iter().zip(&places)) {
@@ -136,28 +138,50 @@ fn free_place((x, y): (i32, i32), taken: &[(i32, i32)]) -> (i32, i32) {
     best
 }
 
-fn mark(area: &Area<'_>, place: (i32, i32), rung: &Rung) -> Drawn<()> {
-    let (radius, style) = match (rung.flags.is_empty(), rung.beaten_by.is_none()) {
-        (true, true) => (7, DEFAULT.filled()),
-        (true, false) => (7, DEFAULT.stroke_width(3)),
-        (false, true) => (5, FRONT.filled()),
-        (false, false) => (4, BEATEN.stroke_width(2)),
+/// Where a setting stands.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+enum Place {
+    Front,
+    /// Something is better in time or error and as good in the other, as far as can be told or counts.
+    Doubtful,
+    Beaten,
+}
+
+fn place(rung: &Rung) -> Place {
+    match (&rung.beaten_by, rung.within_noise) {
+        (None, _) => Place::Front,
+        (Some(_), true) => Place::Doubtful,
+        (Some(_), false) => Place::Beaten,
+    }
+}
+
+/// Filled on the front, a ring if that is doubtful, a thin one if it is not.
+fn mark(area: &Area<'_>, at: (i32, i32), rung: &Rung) -> Drawn<()> {
+    let radius = match (rung.flags.is_empty(), place(rung)) {
+        (true, _) => 7,
+        (false, Place::Beaten) => 4,
+        (false, _) => 5,
     };
-    area.draw(&Circle::new(place, radius, style))?;
+    let style = match place(rung) {
+        Place::Front => colour(rung).filled(),
+        Place::Doubtful => colour(rung).stroke_width(3),
+        Place::Beaten => colour(rung).stroke_width(2),
+    };
+    area.draw(&Circle::new(at, radius, style))?;
     Ok(())
 }
 
 fn colour(rung: &Rung) -> RGBColor {
-    match (rung.flags.is_empty(), rung.beaten_by.is_none()) {
+    match (rung.flags.is_empty(), place(rung)) {
         (true, _) => DEFAULT,
-        (false, true) => FRONT,
-        (false, false) => BEATEN,
+        (false, Place::Beaten) => BEATEN,
+        (false, _) => FRONT,
     }
 }
 
 /// Of text: what is beaten is grey, and dark enough to be read.
 fn ink(rung: &Rung) -> RGBColor {
-    if rung.beaten_by.is_some() && !rung.flags.is_empty() { RGBColor(110, 110, 110) } else { BLACK }
+    if place(rung) == Place::Beaten && !rung.flags.is_empty() { RGBColor(110, 110, 110) } else { BLACK }
 }
 
 /// Every setting by its number, the front first, quickest first.
@@ -167,14 +191,17 @@ fn list(area: &Area<'_>, rungs: &[&Rung]) -> Drawn<()> {
         area.draw(&Text::new(words.to_owned(), (x, y), (FONT, 11).into_font().color(&ink).pos(left)))
     };
     let mut y = 12;
-    let heading = |words: &str, y: i32| text(words, 4, y, BLACK);
-    heading("On the front (settings, times the default's time, FLIP):", y)?;
-    let mut was_front = true;
+    let mut before = None;
     for (number, rung) in (1..).zip(rungs) {
-        if was_front && rung.beaten_by.is_some() {
-            y += LINE + 4;
-            heading("Beaten in both:", y)?;
-            was_front = false;
+        if before != Some(place(rung)) {
+            y += if before.is_some() { LINE + 4 } else { 0 };
+            let heading = match place(rung) {
+                Place::Front => "On the front (settings, times the default's time, FLIP):",
+                Place::Doubtful => "Beaten in one, in the other by less than noise or 1 %:",
+                Place::Beaten => "Beaten in both:",
+            };
+            text(heading, 4, y, BLACK)?;
+            before = Some(place(rung));
         }
         for (line, part) in wrapped(&words(rung)).into_iter().enumerate() {
             y += LINE - i32::from(line > 0);
@@ -191,12 +218,14 @@ fn list(area: &Area<'_>, rungs: &[&Rung]) -> Drawn<()> {
 /// What [`list`] takes, about.
 fn list_height(rungs: &[&Rung]) -> u32 {
     let lines: usize = rungs.iter().map(|rung| wrapped(&words(rung)).len()).sum();
-    (lines as u32 + 3) * LINE as u32
+    (lines as u32 + 5) * LINE as u32
 }
 
 /// A setting with what it takes and how far off it is.
 fn words(rung: &Rung) -> String {
-    format!("{} ({:.2}×, {:.4})", short(rung), rung.ratio.median, rung.error.flip)
+    let Rung { ratio, error, flip_noise, .. } = rung;
+    let noise = if rung.flags.is_empty() { String::new() } else { format!(" ± {flip_noise:.5}") };
+    format!("{} ({:.2}×, {:.4}{noise})", short(rung), ratio.median, error.flip)
 }
 
 /// A setting's flags in few words.
@@ -230,12 +259,20 @@ fn wrapped(words: &str) -> Vec<String> {
 fn caption(area: &Area<'_>, ladder: &Ladder) -> Drawn<()> {
     let Ladder { gpu, date, size: [width, height], exact, .. } = ladder;
     let style = (FONT, 12).into_font().color(&BLACK.mix(0.75)).pos(Pos::new(HPos::Left, VPos::Center));
-    let text = format!(
-        "{gpu}, {date}, {width}×{height}. Times: medians, lines from the tenth quickest of a hundred to the ninetieth. Exact \
-         picture: {} frames of {1}×{1} times the pixels.",
-        exact.frames, exact.fineness
-    );
-    area.draw(&Text::new(text, (14, 10), style))?;
+    let lines = [
+        format!(
+            "{gpu}, {date}, {width}×{height}. Level lines: from the tenth quickest frame of a hundred to the ninetieth. Upright \
+             lines, and ±: what of a FLIP's difference from the default's cannot be told."
+        ),
+        format!(
+            "Exact picture: {} frames of {1}×{1} times the pixels, display light (after the tone curve) averaged. FLIP as seen \
+             with {2} pixels per degree.",
+            exact.frames, exact.fineness, exact.pixels_per_degree
+        ),
+    ];
+    for (y, line) in [8, 24].into_iter().zip(lines) {
+        area.draw(&Text::new(line, (14, y), style.clone()))?;
+    }
     Ok(())
 }
 
@@ -270,12 +307,23 @@ mod tests {
             ("", 8.0, 0.010),
             ("--samples 1", 4.0, 0.020),
             ("--model everything", 9.0, 0.011),
+            ("--anisotropy 4", 9.0, 0.0101),
             ("--samples 1 --scale 0.5 --cube-size 32 --irradiance-size 8 --drop-levels 4", 1.0, 0.2),
         ]);
         let svg = draw(&ladder).unwrap();
-        for part in
-            ["a scene", "a GPU", "samples 1", "GPU time of a frame, ms", "mean FLIP", "Beaten in both", "cube 32"]
-        {
+        for part in [
+            "a scene",
+            "a GPU",
+            "samples 1",
+            "GPU time of a frame, ms",
+            "mean FLIP",
+            "Beaten in both",
+            "cube 32",
+            "0.0101 ± 0.00050",
+            "less than noise or 1 %",
+            "67 pixels per degree",
+            "display light",
+        ] {
             assert!(svg.contains(part), "{part}");
         }
         assert_eq!(svg.matches("<circle").count(), 2 * ladder.rungs.len());

@@ -46,13 +46,15 @@ pub fn choose(scene: &Path, limit: Limit, gpu: GpuOptions<'_>, cache: Option<&Ca
 }
 
 const FOLDER: &str = "ladders";
+/// Counts up when what a ladder holds changes: those of another format have not been measured.
+const FORMAT: &str = "2";
 
 /// Named by all that a ladder depends on, but for files that a scene's own file names.
 fn path(cache: &Cache, scene: &Path, gpu: &Gpu) -> Result<PathBuf> {
     let place = scene.canonicalize().map_err(Error::read(scene))?;
     let mut key = Key::default();
     let info = gpu.info();
-    for text in [env!("CARGO_PKG_VERSION"), env!("PBR_VR_PRECOMPUTE_CODE"), &info.name, &info.driver] {
+    for text in [FORMAT, env!("CARGO_PKG_VERSION"), env!("PBR_VR_PRECOMPUTE_CODE"), &info.name, &info.driver] {
         key.add(text.as_bytes());
     }
     key.add(place.as_os_str().as_encoded_bytes());

@@ -15,13 +15,15 @@ use serde::{Deserialize, Serialize};
 
 use super::MeasureRequest;
 use super::clock::today;
+use super::noise::{Halves, paired};
 use super::turns::{Cost, Spread};
 use crate::asset::{Report, shipped};
 use crate::gpu::{Gpu, GpuOptions};
+use crate::reference::metrics::PIXELS_PER_DEGREE;
 use crate::{Result, say};
 use bench::Bench;
 use exact::{ExactFacts, PictureError};
-use front::Mark;
+use front::{Beaten, Mark};
 use rungs::Single;
 
 pub use front::Limit;
@@ -47,9 +49,16 @@ struct Rung {
     ms: f64,
     #[serde(flatten)]
     error: PictureError,
-    /// Flags of a setting that is quicker and more accurate; none on the front.
+    /// Against the exact picture's halves; only while others are still compared with it.
+    #[serde(skip)]
+    halves: Halves,
+    /// FLIP less the default's, and how far that may be off by the exact picture's noise ([`paired`]).
+    flip_over_default: f64,
+    flip_noise: f64,
+    /// Flags of a setting that is quicker or more accurate and not the opposite of the other ([`Mark::beats`]), where what
+    /// noise hides and what is less than [`rungs::WORTH`] count for nothing; none on the front.
     beaten_by: Option<String>,
-    /// Whether that is less than what the measurement can tell.
+    /// Whether the other of time and error differs by no more than that, in whichever direction.
     within_noise: bool,
 }
 
@@ -173,8 +182,19 @@ impl Rung {
         if self.flags.is_empty() { "default" } else { &self.flags }
     }
 
-    /// Twice the standard error of the median ratio: of normal times it is 1.25 σ / √n, and a tenth lie beyond 1.28 σ.
+    /// How it stands beside the default.
+    fn beside_default(&self) -> String {
+        let Self { ratio, flip_over_default, flip_noise, .. } = self;
+        let (ratio, noise) = (ratio.median, self.ratio_noise());
+        format!(" at {ratio:.2} ± {noise:.2} of its time (FLIP {flip_over_default:+.5} ± {flip_noise:.5})")
+    }
+
+    /// Twice the standard error of the median ratio: of normal times it is 1.25 σ / √n, and a tenth lie beyond 1.28 σ. The
+    /// default's own is none, as others' times are told as multiples of it.
     fn ratio_noise(&self) -> f64 {
+        if self.flags.is_empty() {
+            return 0.0;
+        }
         2.0 * 1.25 * (self.ratio.high - self.ratio.low) / 2.56 / (self.cost.frames.max(1) as f64).sqrt()
     }
 }
@@ -191,17 +211,27 @@ impl Ladder {
             // The default against itself tells the noise; it is one time itself by definition.
             rung.ms = default.median * if rung.flags.is_empty() { 1.0 } else { rung.ratio.median };
         }
-        let beaten = front::beaten_by(&self.marks());
-        for (index, by) in beaten.into_iter().enumerate() {
-            let (name, within) = match by.map(|by| (&self.rungs[by], &self.rungs[index])) {
-                Some((by, rung)) => {
-                    let noise = by.ratio_noise().hypot(rung.ratio_noise()) * default.median;
-                    let same_error = rung.error.flip - by.error.flip <= self.exact.floor.flip;
-                    (Some(by.name().to_owned()), rung.ms - by.ms <= noise && same_error)
-                }
-                None => (None, false),
-            };
-            (self.rungs[index].beaten_by, self.rungs[index].within_noise) = (name, within);
+        let noise = |a: usize, b: usize| {
+            let (a, b) = (&self.rungs[a], &self.rungs[b]);
+            Mark {
+                ms: a.ratio_noise().hypot(b.ratio_noise()) * default.median,
+                error: paired(&a.halves, &b.halves, a.error.flip - b.error.flip),
+            }
+        };
+        let worth = self.rungs[0].error.flip * rungs::WORTH;
+        let least = |a: usize, b: usize| {
+            let Mark { ms, error } = noise(a, b);
+            Mark { ms: ms.max(rungs::WORTH * default.median), error: error.max(worth) }
+        };
+        let beaten = front::beaten_by(&self.marks(), least);
+        let over_default: Vec<(f64, f64)> = (0..self.rungs.len())
+            .map(|index| (self.rungs[index].error.flip - self.rungs[0].error.flip, noise(index, 0).error))
+            .collect();
+        for (index, (beaten, over_default)) in beaten.into_iter().zip(over_default).enumerate() {
+            let by = beaten.map(|Beaten { by, .. }| self.rungs[by].name().to_owned());
+            let rung = &mut self.rungs[index];
+            rung.within_noise = beaten.is_some_and(|beaten| !beaten.surely);
+            (rung.beaten_by, (rung.flip_over_default, rung.flip_noise)) = (by, over_default);
         }
     }
 
@@ -216,18 +246,40 @@ impl Ladder {
         let Some(default) = self.rungs.first() else { return Vec::new() };
         let (scene, ms, flip) = (&self.scene, default.ms, default.error.flip);
         let of = format!("{scene}: the default ({ms:.2} ms, FLIP {flip:.4})");
-        let mut lines = vec![match (&default.beaten_by, default.within_noise) {
-            (None, _) => format!("{of} is on the front"),
-            (Some(by), true) => format!("{of} is beaten by {by}, but by less than can be told"),
-            (Some(by), false) => format!("{of} IS NOT ON THE FRONT: it is beaten by {by}"),
+        let by = default.beaten_by.as_ref().and_then(|by| self.rungs.iter().find(|rung| rung.name() == by));
+        let mut lines = vec![match by {
+            None => format!("{of} is on the front"),
+            Some(by) if !default.within_noise => {
+                format!("{of} IS NOT ON THE FRONT: it is beaten by {}{}", by.name(), by.beside_default())
+            }
+            Some(by) => {
+                // By what the default is better, if by anything: hidden by noise, or too little to count.
+                let (quicker, better) = (by.ratio.median - 1.0, by.flip_over_default);
+                let told = quicker > by.ratio_noise() || better > by.flip_noise;
+                let what = if better > 0.0 { "FLIP" } else { "time" };
+                let (place, less) = match (quicker < 0.0 && better <= 0.0, told) {
+                    (true, _) => {
+                        ("is beaten by".to_owned(), ", but in one of both by less than can be told, or than 1 %")
+                    }
+                    (false, true) => (format!("is on the front, but in {what} less than 1 % better than"), ""),
+                    (false, false) => (format!("is on the front, but in {what} cannot be told from"), ""),
+                };
+                format!("{of} {place} {}{}{less}", by.name(), by.beside_default())
+            }
         }];
         let floor = self.exact.floor.flip;
         if floor > 0.2 * flip {
             lines.push(format!(
-                "{scene}: the exact picture's own error, FLIP {floor:.4}, blurs this; --full makes it smaller"
+                "{scene}: the exact picture's own error, FLIP {floor:.4}, is a large part of these; --full makes it smaller"
             ));
         }
         lines
+    }
+
+    /// How near FLIP sees the pictures, if not as usual.
+    fn seen(&self) -> String {
+        let seen = self.exact.pixels_per_degree;
+        if seen == PIXELS_PER_DEGREE { String::new() } else { format!(" at {seen} pixels per degree") }
     }
 
     /// The rung that a limit takes, or in words why none.
@@ -247,9 +299,10 @@ impl Ladder {
         let ([width, height], Rung { ms, error, .. }) = (self.size, rung);
         let (scene, name, date) = (&self.scene, rung.name(), &self.date);
         format!(
-            "{scene}, {}: {name} ({ms:.2} ms, FLIP {:.4}, measured at {width}x{height} on {date})",
+            "{scene}, {}: {name} ({ms:.2} ms, FLIP {:.4}{}, measured at {width}x{height} on {date})",
             limit.words(),
-            error.flip
+            error.flip,
+            self.seen()
         )
     }
 }

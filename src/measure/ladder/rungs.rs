@@ -28,8 +28,8 @@ pub const DIMENSIONS: &[(&str, &[&str])] = &[
 /// Ways of others that are settings together.
 pub const KNOWN: &[(&str, &str)] = &[("Karis 2013", "--geometry karis2013 --split-sum classic")];
 
-/// Settings that save less of time or error are not worth combining.
-const WORTH: f64 = 0.01;
+/// Settings that save less of time or error, as parts of the default's, are not worth combining, nor a place on the front.
+pub const WORTH: f64 = 0.01;
 
 /// Other shading stands for itself: most other settings do nothing to it.
 const SHADING: &str = "shading";

@@ -10,7 +10,7 @@ use crate::gpu::Gpu;
 use crate::{Error, Result};
 
 const HEADER: &str = "scene,dimension,flags,frames,ms,ratio,ratio_low,ratio_high,gpu_ms,gpu_ms_low,gpu_ms_high,cpu_ms,flip,flip_max,\
-    relative_mse,beaten_by,within_noise";
+    flip_over_default,flip_noise,relative_mse,beaten_by,within_noise";
 
 /// Writes `ladder.csv`, `ladder.json` and `ladder.md`, each whole at any time.
 pub fn write(folder: &Path, gpu: &Gpu, ladders: &[Ladder]) -> Result<()> {
@@ -26,12 +26,14 @@ pub fn write(folder: &Path, gpu: &Gpu, ladders: &[Ladder]) -> Result<()> {
 }
 
 fn line(scene: &str, rung: &Rung) -> String {
-    let Rung { dimension, flags, cost, ratio, ms, error, beaten_by, within_noise, .. } = rung;
+    let Rung {
+        dimension, flags, cost, ratio, ms, error, flip_over_default, flip_noise, beaten_by, within_noise, ..
+    } = rung;
     let (g, cpu) = (cost.gpu_ms, cost.cpu_ms.map_or(String::new(), |cpu| format!("{:.3}", cpu.median)));
     let beaten_by = beaten_by.as_deref().unwrap_or_default();
     format!(
-        "{scene},{dimension},{flags},{},{ms:.3},{:.4},{:.4},{:.4},{:.3},{:.3},{:.3},{cpu},{:.5},{:.4},{:.4e},{beaten_by},\
-         {within_noise}",
+        "{scene},{dimension},{flags},{},{ms:.3},{:.4},{:.4},{:.4},{:.3},{:.3},{:.3},{cpu},{:.5},{:.4},\
+         {flip_over_default:.5},{flip_noise:.5},{:.4e},{beaten_by},{within_noise}",
         cost.frames,
         ratio.median,
         ratio.low,
@@ -54,14 +56,18 @@ fn markdown(ladders: &[Ladder]) -> String {
             text,
             "\n## {scene}\n\n{width}×{height} on {gpu} ({driver}), {date}. Time: that of the default settings, {time} as a \
              multiple of it, both drawn in turn (medians; in brackets a tenth lies below and above). Error against the exact \
-             picture: {} frames of {1}×{1} times the pixels, standard error {2:.2} %, its own FLIP {3:.5} and relative MSE \
-             {4:.1e}, {5:.1} s of GPU time.\n\n| setting | ms | × default | FLIP | relative MSE | beaten by |\n|---|---|---|---|---|---|\n",
+             picture: {} frames of {1}×{1} times the pixels, whose display light (after the tone curve) is averaged; standard \
+             error {2:.2} %, its own FLIP {3:.5} and relative MSE {4:.1e}, {5:.1} s of GPU time. FLIP as seen with {6} pixels per \
+             degree; in brackets the difference from the default's, ± what the exact picture's noise leaves open (twice the \
+             standard error of the paired difference, and what noise draws the two together by). Within noise: of time \
+             and FLIP one differs by less, or by less than 1 % of the default's.\n\n| setting | ms | × default | FLIP | relative MSE | beaten by |\n|---|---|---|---|---|---|\n",
             exact.frames,
             exact.fineness,
             100.0 * exact.standard_error,
             exact.floor.flip,
             exact.floor.relative_mse,
-            exact.gpu_ms / 1e3
+            exact.gpu_ms / 1e3,
+            exact.pixels_per_degree
         );
         let mut rungs: Vec<&Rung> = ladder.rungs.iter().collect();
         rungs.sort_by(|a, b| a.ms.total_cmp(&b.ms));
@@ -74,12 +80,14 @@ fn markdown(ladders: &[Ladder]) -> String {
             let Rung { ms, ratio, error, .. } = rung;
             let _ = writeln!(
                 text,
-                "| `{}` | {ms:.2} | {:.2} ({:.2} to {:.2}) | {:.4} | {:.2e} | {beaten} |",
+                "| `{}` | {ms:.2} | {:.2} ({:.2} to {:.2}) | {:.4} ({:+.5} ± {:.5}) | {:.2e} | {beaten} |",
                 rung.name(),
                 ratio.median,
                 ratio.low,
                 ratio.high,
                 error.flip,
+                rung.flip_over_default,
+                rung.flip_noise,
                 error.relative_mse
             );
         }
@@ -96,14 +104,26 @@ mod tests {
 
     #[test]
     fn lines_have_the_header_s_columns_and_the_table_a_row_for_each_setting() {
-        let ladder = ladder(&[("", 8.0, 0.010), ("--samples 1", 4.0, 0.020), ("--model everything", 9.0, 0.011)]);
+        let ladder = ladder(&[
+            ("", 8.0, 0.010),
+            ("--samples 1", 4.0, 0.020),
+            ("--model everything", 9.0, 0.011),
+            ("--b", 9.0, 0.0102),
+        ]);
         for rung in &ladder.rungs {
             assert_eq!(line("teapot", rung).split(',').count(), HEADER.split(',').count());
         }
         let text = markdown(std::slice::from_ref(&ladder));
-        for part in
-            ["| `default` | 8.00 |", "| `--samples 1` | 4.00 |", "| `default` |\n", "on the front", "## a scene"]
-        {
+        for part in [
+            "| `default` | 8.00 |",
+            "| `--samples 1` | 4.00 |",
+            "| `default` |\n",
+            "on the front",
+            "## a scene",
+            "0.0200 (+0.01000 ± 0.00050)",
+            "67 pixels per degree",
+            "| `default`, within noise |",
+        ] {
             assert!(text.contains(part), "{part} in {text}");
         }
         let (quick, default) = (text.find("`--samples 1`").unwrap(), text.find("| `default` | 8").unwrap());
