@@ -6,7 +6,7 @@
 #include "math.glsl"
 
 // Values of `geometry` below, the two sets of terms; a stage file may feed them from a specialisation constant.
-// SMITH: height-correlated masking and a diffuse part that keeps the energy. KARIS2013: the thesis's terms as they are.
+// SMITH: height-correlated masking and a diffuse part that keeps the energy. KARIS2013: the thesis's terms, but Fresnel's once.
 const int GEOMETRY_SMITH = 0;
 const int GEOMETRY_KARIS2013 = 1;
 

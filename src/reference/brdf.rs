@@ -25,7 +25,9 @@ pub enum Geometry {
     /// Height-correlated Smith (Heitz 2014) for every light, and a diffuse part that keeps the energy.
     #[default]
     Smith = 0,
-    /// The thesis's: Schlick's G1 with Karis's two values of k (2013), and Lambert times 1 − F(v·h).
+    /// The thesis's: Schlick's G1 with Karis's two values of k (2013), and Lambert times 1 − F(v·h); for the environment,
+    /// times what its specular part leaves. The thesis's Fresnel by roughness on top of the table, which holds it already, is
+    /// charted alone (`measure causes`).
     Karis2013 = 1,
 }
 

@@ -117,7 +117,9 @@ impl<'a> Ball<'a> {
         let classic = Way { split_sum: SplitSum::Classic, ..default };
         let single = Way { scattering: Scattering::Single, ..default };
         let slices = Way { split_sum: SplitSum::Slices, ..default };
+        let twice = Way { fresnel_twice: true, ..default };
         for (way, words) in [
+            (twice, ["Fresnel", "in the table", "twice: by roughness, too"]),
             (classic, ["n = v", "matched by its mean", "classic: along r, by roughness"]),
             (slices, ["slices", "the whole lobe", "two halves, each matched"]),
             (single, ["scattering", "as often as it takes", "once"]),

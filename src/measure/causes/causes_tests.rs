@@ -71,6 +71,9 @@ fn under_even_light_nothing_has_a_cause_but_the_table_and_rounding() {
     for (subject, change) in find(&rows, Swap::Other, "n = v") {
         assert!(change.change < 1e-3, "{subject}: {change:?}");
     }
+    // Counted twice, Fresnel's term adds light, the more the less else there is.
+    let twice: Vec<f64> = find(&rows, Swap::Other, "Fresnel").map(|(_, change)| change.change).collect();
+    assert!(twice[2] > 0.05 && twice[2] > twice[1], "{twice:?}");
     // Gold that scatters light once loses some of it; the mean over the grid.
     let single: Vec<(&str, Change)> = find(&rows, Swap::Other, "scattering").collect();
     assert!(single[0].0.ends_with("metal") && single[0].1.change > 0.03, "{single:?}");

@@ -6,7 +6,7 @@ use glam::DVec3;
 use super::stored::{Stored, bilinear};
 use super::sums::Sums;
 use crate::precompute::{TableAt, TableTexels};
-use crate::reference::brdf::{Geometry, f0_from_metallic};
+use crate::reference::brdf::{Geometry, f_schlick_roughness, f0_from_metallic};
 use crate::reference::energy::{Energy, Scattering};
 use crate::reference::integrals::{Surface, Terms, reflected_by};
 use crate::reference::levels::{LEVELS, alpha_from_level, alpha_from_spread, level_from_spread, spread_from_level};
@@ -145,11 +145,13 @@ fn reflectance(lobe: &Lobe, f0: DVec3) -> DVec3 {
 pub struct Way {
     pub split_sum: SplitSum,
     pub scattering: Scattering,
+    /// Fresnel's term once more than the table has it, by roughness, as the thesis has it.
+    pub fresnel_twice: bool,
 }
 
 impl Default for Way {
     fn default() -> Self {
-        Self { split_sum: SplitSum::Moment, scattering: Scattering::Multiple }
+        Self { split_sum: SplitSum::Moment, scattering: Scattering::Multiple, fresnel_twice: false }
     }
 }
 
@@ -159,10 +161,10 @@ pub fn radiance(point: &Point, set: Set, way: Way, stored: &Stored, sums: &mut S
     let at = if set.has(Cause::Table) { &point.stored } else { &point.exact };
     let mut maps = Maps { stored, sums };
     let f0 = f0_from_metallic(albedo, metallic);
-    let mut mirrored = maps.mirrored(point, at, way.split_sum, set);
+    let mut mirrored = maps.mirrored(point, at, way, set);
     if !set.has(Cause::Lobe) {
         // What follows from the approximated lobe is carried over to the own one.
-        let round = maps.mirrored(point, &point.exact, way.split_sum, Set::NONE);
+        let round = maps.mirrored(point, &point.exact, way, Set::NONE);
         mirrored += reflectance(&at.lobe, f0) * (point.own - round / reflectance(&point.exact.lobe, f0));
     }
     let mut beyond = point.even(at, way.scattering) * maps.irradiance(n, set);
@@ -191,14 +193,17 @@ struct Maps<'a, 'p> {
 
 impl Maps<'_, '_> {
     /// What is mirrored once.
-    fn mirrored(&mut self, point: &Point, at: &TableAt, split_sum: SplitSum, set: Set) -> DVec3 {
+    fn mirrored(&mut self, point: &Point, at: &TableAt, way: Way, set: Set) -> DVec3 {
         let Surface { n, v, albedo, metallic, roughness } = point.surface;
-        let f0 = f0_from_metallic(albedo, metallic);
+        let mut f0 = f0_from_metallic(albedo, metallic);
+        if way.fresnel_twice {
+            f0 = f_schlick_roughness(f0, n.dot(v), roughness);
+        }
         let mut under = |lobe: &Lobe| {
             let (d, spread) = mean_and_spread(point, lobe);
             reflectance(lobe, f0) * self.specular(d, spread, set)
         };
-        match split_sum {
+        match way.split_sum {
             SplitSum::Moment => under(&at.lobe),
             SplitSum::Slices => at.slices.iter().flatten().map(under).sum(),
             SplitSum::Classic => {
