@@ -346,7 +346,7 @@ impl Session {
                 let count = self.report.failed_calls.entry(format!("{call} {code}")).or_default();
                 *count += 1;
                 if *count == 1 {
-                    eprintln!("pbr-vr: headset: {call}: {words} ({code}); this frame is not seen");
+                    crate::complain!("pbr-vr: headset: {call}: {words} ({code}); this frame is not seen");
                 }
                 None
             }
@@ -361,7 +361,7 @@ impl Session {
                 self.optics = [left, right];
                 self.report.optics_changes += 1;
             }
-            (Err(error), _) | (_, Err(error)) => eprintln!("pbr-vr: {error}"),
+            (Err(error), _) | (_, Err(error)) => crate::complain!("pbr-vr: {error}"),
         }
     }
 }
