@@ -19,6 +19,7 @@ const LARGE_SCENES_REMEDY: &str = "; it does not come with the program: set PBR_
 pub const MAX_LENGTH: f32 = 1e9;
 /// Stops of exposure, up or down; single floats reach 127.
 const MAX_EXPOSURE: f32 = 100.0;
+const BACKSLASH: &str = "in \"…\" a backslash begins an escape: write / instead, or put the name between '…'";
 /// Characters of a key that are told.
 const MAX_KEY: usize = 80;
 const DEFAULT_FOV_DEGREES: f32 = 45.0;
@@ -68,7 +69,7 @@ impl Description {
         let file: SceneKeys = toml::from_str(text).map_err(|error| {
             let start = error.span().map_or(0, |span| span.start);
             let key = key_at(text, start);
-            let problem = explain(error.message(), &key, text, start);
+            let problem = explain(error.message(), &key);
             Error::SceneKey { path: path.into(), line: line_at(text, start), key: shortened(&key, MAX_KEY), problem }
         })?;
         let check = Check { path, text };
@@ -204,7 +205,14 @@ impl Check<'_> {
             None => folder.join(&text),
         };
         if text.is_empty() || !path.is_file() {
-            let remedy = if text.starts_with(LARGE_SCENES) { LARGE_SCENES_REMEDY } else { "" };
+            let remedy = if text.contains(char::is_control) {
+                // A `\n` or `\t` was part of a path.
+                format!("; {BACKSLASH}")
+            } else if text.starts_with(LARGE_SCENES) {
+                LARGE_SCENES_REMEDY.into()
+            } else {
+                String::new()
+            };
             return Err(self.error(key, name, format!("there is no file {}{remedy}", path.display())));
         }
         Ok(path)
@@ -271,13 +279,12 @@ fn line_at(text: &str, byte: usize) -> usize {
 }
 
 /// What `toml` says of a mistake, shorter where it repeats a long key, and with the remedy for the usual ones.
-fn explain(message: &str, key: &str, text: &str, byte: usize) -> String {
+fn explain(message: &str, key: &str) -> String {
     let message = message.replace(key, &shortened(key, MAX_KEY));
-    let line = text.lines().nth(line_at(text, byte) - 1).unwrap_or("");
     if message.contains("expected a sequence") && ["model", "light", "camera"].contains(&key) {
         format!("there may be several: write `[[{key}]]` instead of `[{key}]`")
-    } else if line.contains('\\') && line.contains('"') {
-        format!("{message}; in \"…\" a backslash begins an escape: write / instead, or put the name between '…'")
+    } else if message.contains("escape") || message.contains("unicode value") {
+        format!("{message}; {BACKSLASH}")
     } else {
         message
     }

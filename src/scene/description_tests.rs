@@ -81,6 +81,7 @@ fn usual_mistakes_get_their_remedy_and_long_keys_are_cut() {
         ("[light]\npoint = 1", "`[[light]]`"),
         ("[[model]]\nfile = \"sub\\a.obj\"", "write / instead"),
         ("[[model]]\nfile = \"C:\\users\\a.obj\"", "write / instead"),
+        ("[[model]]\nfile = \"sub\\new.obj\"", "write / instead"),
         (&format!("{long} = 1"), "…"),
     ] {
         let error = parsed(text).unwrap_err().to_string();

@@ -55,7 +55,7 @@ pub fn load(path: &Path, options: &LoadOptions, report: &Report) -> Result<Scene
     };
     let bounds = scene.bounds();
     let reach = bounds.min.abs().max(bounds.max.abs()).max_element();
-    if bounds != Bounds::EMPTY && !(reach <= MAX_LENGTH) {
+    if bounds != Bounds::EMPTY && reach > MAX_LENGTH {
         return Err(Error::Broken {
             path: path.into(),
             what: "scene",
