@@ -195,6 +195,26 @@ fn what_view_writes_without_a_display_takes_a_free_name_and_is_reported() {
     assert!(!folder.path().join("pbr-vr-2.png").exists(), "an empty picture was left behind");
 }
 
+#[test]
+fn what_a_picture_lacks_and_what_cannot_be_kept_is_told_once() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let write = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).expect("a file");
+    write("s.obj", "v -1 -1 0\nv 1 -1 0\nv 0 1 0\nf 1 2 3\n");
+    write(
+        "s.toml",
+        "[[model]]\nfile = \"s.obj\"\n[[light]]\npoint = { position = [0, 0, 0.1], intensity = [3e38, 3e38, 3e38] }\n",
+    );
+    // Where the cache's folder should be.
+    write("cache", "");
+    let output = run(folder.path(), &["render", "s.toml", "-o", "a.exr", "--size", "32x32"]);
+    let error = text(&output.stderr);
+    assert!(output.status.success(), "{error}");
+    for part in ["a.exr: ", "nothing is kept"] {
+        assert_eq!(error.lines().filter(|line| line.contains(part)).count(), 1, "{part}: {error}");
+    }
+    assert!(error.contains("pixel(s) are infinite or no number"), "{error}");
+}
+
 #[cfg(target_os = "linux")]
 #[test]
 fn a_full_disk_is_told_and_a_closed_pipe_is_none() {
