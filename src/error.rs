@@ -1,6 +1,8 @@
 //! Every error a user can see: what happened, to which file or resource, and what to do about it; and how lines are printed.
 
+use std::io::{ErrorKind, Write as _};
 use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
 
 /// The crate's result.
 pub type Result<T> = std::result::Result<T, Error>;
@@ -117,19 +119,69 @@ fn vulkan_remedy(result: ash::vk::Result) -> &'static str {
     }
 }
 
+/// The first line of results that could not be printed.
+static UNPRINTED: Mutex<Option<std::io::Error>> = Mutex::new(None);
+
+/// Prints a line of results; [`say!`](crate::say) calls it. A closed pipe is no failure: who closed it does not want the line.
+pub fn print(line: std::fmt::Arguments<'_>) {
+    let Err(error) = writeln!(std::io::stdout(), "{}", shown(&line.to_string(), true)) else { return };
+    if error.kind() != ErrorKind::BrokenPipe {
+        // An error is whole even if a thread died beside it.
+        UNPRINTED.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(error);
+    }
+}
+
+/// Whether all results could be printed.
+pub fn printed() -> Result<()> {
+    let lost = UNPRINTED.lock().unwrap_or_else(PoisonError::into_inner).take();
+    lost.map_or(Ok(()), |error| Err(Error::write("the standard output")(error)))
+}
+
+/// Prints a line for errors; [`complain!`](crate::complain) calls it. Where that cannot be done, nothing can be said.
+pub fn complain(line: std::fmt::Arguments<'_>) {
+    let _ = writeln!(std::io::stderr(), "{}", shown(&line.to_string(), false));
+}
+
+/// Text, which may be from a file, as a terminal may show it: control characters, which would break or rewrite lines, spelled
+/// out.
+pub fn shown(text: &str, lines: bool) -> String {
+    let mut out = String::with_capacity(text.len());
+    for c in text.chars() {
+        if c.is_control() && !(lines && c == '\n') { out.extend(c.escape_default()) } else { out.push(c) }
+    }
+    out
+}
+
+/// A text of at most `most` characters; what is cut off leaves an ellipsis.
+pub fn shortened(text: &str, most: usize) -> String {
+    match text.char_indices().nth(most) {
+        Some((end, _)) => format!("{}…", &text[..end]),
+        None => text.to_owned(),
+    }
+}
+
 /// Prints a line like `println!`, which panics where nobody reads any more (`pbr-vr … | head -1`): the work goes on all the same.
 #[macro_export]
 macro_rules! say {
-    ($($what:tt)*) => {{
-        use std::io::Write as _;
-        // Who closed the pipe does not want the line.
-        let _ = writeln!(std::io::stdout(), $($what)*);
-    }};
+    ($($what:tt)*) => { $crate::error::print(format_args!($($what)*)) };
+}
+
+/// Prints a line like `eprintln!`, which panics where the line cannot be written (a full disk).
+#[macro_export]
+macro_rules! complain {
+    ($($what:tt)*) => { $crate::error::complain(format_args!($($what)*)) };
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_line_stays_a_line_and_short() {
+        assert_eq!(shown("a\nb\u{1b}[31m\u{9b}é", false), "a\\nb\\u{1b}[31m\\u{9b}é");
+        assert_eq!(shown("a\nb\r", true), "a\nb\\r");
+        assert_eq!((shortened("äöü", 2), shortened("äöü", 3)), ("äö…".into(), "äöü".into()));
+    }
 
     #[test]
     fn only_a_lost_device_is_a_lost_device() {

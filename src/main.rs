@@ -7,14 +7,16 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 
 use pbr_vr::asset::file::write_atomically;
 use pbr_vr::asset::picture::{Picture, compare_seen};
-use pbr_vr::asset::{Report, Storage, TextureOptions, shipped};
+use pbr_vr::asset::{Outputs, Report, Storage, TextureOptions, shipped};
+use pbr_vr::error::printed;
 use pbr_vr::gpu::GpuOptions;
 use pbr_vr::measure::{self, Limit, MeasureRequest};
 use pbr_vr::precompute::{Cache, Options};
 use pbr_vr::reference::metrics::{PIXELS_PER_DEGREE, PIXELS_PER_DEGREE_RANGE};
+use pbr_vr::scene::load::files as scene_files;
 use pbr_vr::scene::needs::findings::Findings;
 use pbr_vr::view::{self, BakeRequest, HiddenAreaV, Look, Mirror, RenderRequest, ViewRequest, doctor};
-use pbr_vr::{Error, Result, say};
+use pbr_vr::{Error, Result, complain, say};
 
 /// Physically based materials under real light, in a headset, a window or a picture.
 #[derive(Parser)]
@@ -241,16 +243,32 @@ struct Compare {
 }
 
 fn main() -> ExitCode {
-    let cli = Cli::parse();
+    let cli = Cli::try_parse().unwrap_or_else(|error| refuse(&error));
     start_log(cli.global.verbose);
-    match run(&cli) {
+    match run(&cli).and_then(|()| printed()) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("pbr-vr: {error}");
+            complain!("pbr-vr: {error}");
             view::console::hold();
             ExitCode::from(error.exit_code())
         }
     }
+}
+
+/// Says what is wrong with the command line, or what was asked about it, and ends.
+fn refuse(error: &clap::Error) -> ! {
+    // Where it cannot be printed, nothing can be said.
+    let _ = error.print();
+    let scene = std::env::args().nth(1).filter(|first| is_scene(first));
+    if let (clap::error::ErrorKind::InvalidSubcommand, Some(scene)) = (error.kind(), scene) {
+        complain!("pbr-vr: to see a scene: pbr-vr view {scene}");
+    }
+    std::process::exit(error.exit_code())
+}
+
+/// Whether a name is that of a scene.
+fn is_scene(name: &str) -> bool {
+    [".toml", ".obj"].iter().any(|end| name.to_lowercase().ends_with(end))
 }
 
 fn run(cli: &Cli) -> Result<()> {
@@ -277,6 +295,7 @@ fn run_view(args: &View, gpu: GpuOptions<'_>, cache: Option<&Cache>) -> Result<(
     view::console::step_aside();
     let demo = || Ok::<_, Error>(shipped::folder()?.join(shipped::DEMO));
     let scene = args.scene.clone().map_or_else(demo, Ok)?;
+    Outputs::of(scene_files(&scene)).file_if(args.report.as_deref())?;
     let request = ViewRequest {
         scene: Some(&scene),
         frames: args.frames,
@@ -285,6 +304,7 @@ fn run_view(args: &View, gpu: GpuOptions<'_>, cache: Option<&Cache>) -> Result<(
         hidden_area: args.hidden_area,
         mirror: args.mirror,
         report: args.report.as_deref(),
+        no_headset: None,
     };
     match args.on {
         On::Auto => view::auto(&request, gpu),
@@ -294,6 +314,9 @@ fn run_view(args: &View, gpu: GpuOptions<'_>, cache: Option<&Cache>) -> Result<(
 }
 
 fn run_render(args: &Render, gpu: GpuOptions<'_>, cache: Option<&Cache>) -> Result<()> {
+    let mut outputs = Outputs::of(scene_files(&args.scene));
+    view::picture_files(&args.output, args.stereo).iter().try_for_each(|file| outputs.file(file))?;
+    outputs.file_if(args.json.as_deref())?;
     let look = args.choice.look(args.look, &args.scene, gpu, cache)?;
     let request = RenderRequest {
         scene: &args.scene,
@@ -316,6 +339,7 @@ fn run_render(args: &Render, gpu: GpuOptions<'_>, cache: Option<&Cache>) -> Resu
 }
 
 fn run_needs(args: &NeedsArgs) -> Result<()> {
+    Outputs::of(scene_files(&args.scene)).file_if(args.json.as_deref())?;
     // Nothing is drawn: compressing would only take time.
     let textures = TextureOptions { storage: Storage::Raw, ..TextureOptions::default() };
     let findings = Findings::of(&view::load_scene(&args.scene, &textures, &Report::to_terminal())?);
@@ -327,6 +351,9 @@ fn run_needs(args: &NeedsArgs) -> Result<()> {
 }
 
 fn run_bake(args: &Bake, gpu: GpuOptions<'_>, cache: Option<&Cache>) -> Result<()> {
+    let mut outputs = Outputs::of([&args.panorama]);
+    outputs.folder(&args.output, &view::BAKED)?;
+    outputs.file_if(args.json.as_deref())?;
     let request = BakeRequest { panorama: &args.panorama, folder: &args.output, face_size: args.size, cache };
     let facts = view::bake(&request, gpu, &Report::to_terminal())?;
     facts.files.iter().for_each(|file| say!("{file}"));
@@ -342,8 +369,7 @@ fn run_measure(args: &Measure, gpu: GpuOptions<'_>, cache: Option<&Cache>) -> Re
         say!("methods      {}", measure::METHODS.join(", "));
         return Ok(());
     }
-    let is_scene = |name: &String| [".toml", ".obj"].iter().any(|end| name.to_lowercase().ends_with(end));
-    let (scenes, names): (Vec<String>, Vec<String>) = args.names.iter().cloned().partition(is_scene);
+    let (scenes, names): (Vec<String>, Vec<String>) = args.names.iter().cloned().partition(|name| is_scene(name));
     let request = MeasureRequest {
         names: &names,
         scenes: &scenes.into_iter().map(PathBuf::from).collect::<Vec<_>>(),
@@ -363,6 +389,11 @@ fn run_measure(args: &Measure, gpu: GpuOptions<'_>, cache: Option<&Cache>) -> Re
 }
 
 fn run_compare(args: &Compare) -> Result<()> {
+    let mut outputs = Outputs::of([&args.a, &args.b]);
+    if let Some(folder) = &args.maps {
+        outputs.folder(folder, &MAPS)?;
+    }
+    outputs.file_if(args.json.as_deref())?;
     let (a, b) = (Picture::read(&args.a)?, Picture::read(&args.b)?);
     let comparison = compare_seen(&a, &b, args.pixels_per_degree)?;
     say!(
@@ -380,15 +411,17 @@ fn run_compare(args: &Compare) -> Result<()> {
     );
     if let Some(folder) = &args.maps {
         std::fs::create_dir_all(folder).map_err(Error::write(folder))?;
-        a.to_display(0.0).write(&folder.join("a.png"))?;
-        b.to_display(0.0).write(&folder.join("b.png"))?;
-        comparison.flip_map().write(&folder.join("flip.png"))?;
+        let maps = [a.to_display(0.0), b.to_display(0.0), comparison.flip_map()];
+        MAPS.iter().zip(maps).try_for_each(|(name, map)| map.write(&folder.join(name)))?;
     }
     match &args.json {
         Some(path) => write_json(path, &comparison),
         None => Ok(()),
     }
 }
+
+/// What `compare --maps` writes.
+const MAPS: [&str; 3] = ["a.png", "b.png", "flip.png"];
 
 fn write_json(path: &std::path::Path, value: &impl serde::Serialize) -> Result<()> {
     let text = serde_json::to_string_pretty(value).map_err(|e| Error::write(path)(e.into()))?;
@@ -426,8 +459,13 @@ fn start_log(verbose: u8) {
     // Windows' console shows colours once it is asked to; where it cannot, their codes would be rubbish on the screen.
     let console_shows_colours = anstyle_query::windows::enable_ansi_colors() != Some(false);
     let ansi = std::io::IsTerminal::is_terminal(&std::io::stderr()) && console_shows_colours;
-    let layer =
-        tracing_subscriber::fmt::layer().with_writer(std::io::stderr).with_ansi(ansi).without_time().with_target(false);
+    let layer = tracing_subscriber::fmt::layer()
+        .with_writer(std::io::stderr)
+        .with_ansi(ansi)
+        .without_time()
+        .with_target(false)
+        // It would print them by `eprintln!`, which panics.
+        .log_internal_errors(false);
     let levels = Targets::new().with_default(others).with_target("pbr_vr", ours);
     tracing_subscriber::registry().with(layer).with(levels).init();
 }

@@ -125,6 +125,16 @@ fn bad_usage_is_status_2() {
     ] {
         assert_eq!(run(folder.path(), &arguments).status.code(), Some(2), "{arguments:?}");
     }
+    let hint = ["pbr-vr view some.toml"];
+    fails(folder.path(), &["some.toml"], 2, &hint);
+    for (name, flag, value) in [
+        ("ladder", "--panorama", "nope.hdr"),
+        ("panoramas", "--tolerance", "0.1"),
+        ("furnace", "--picture", "8x8"),
+        ("causes", "--method", "ours"),
+    ] {
+        fails(folder.path(), &["measure", name, "-o", "m", flag, value], 2, &[flag, "leave it out"]);
+    }
     fails(folder.path(), &["render", &scene, "-o", "x.bmp"], 2, &["x.bmp", ".png or .exr"]);
     fails(folder.path(), &["render", "scene.fbx", "-o", "x.png"], 2, &["scene.fbx", ".toml or an .obj"]);
     fails(folder.path(), &["render", &scene, "-o", "x.png", "--camera", "nadir"], 2, &["nadir", "there are"]);
@@ -148,6 +158,96 @@ fn what_fails_is_status_1_with_file_and_remedy() {
     fails(folder.path(), &["render", "dark.toml", "-o", "x.png"], 1, &["dark.hdr"]);
     fails(folder.path(), &["render", &scene, "-o", "x.png", "--size", "16000x16000"], 1, &["16000x16000", "smaller"]);
     assert!(!folder.path().join("x.png").exists());
+}
+
+#[test]
+fn nothing_is_written_over_what_is_read_or_written() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let write = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).expect("a file");
+    let picture = |name: &str| image::RgbImage::new(8, 8).save(folder.path().join(name)).expect("a picture");
+    write("s.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
+    write("sky.exr", "");
+    write("s.toml", "environment = { panorama = \"sky.exr\" }\n[[model]]\nfile = \"s.obj\"\n");
+    picture("a.png");
+    picture("other.png");
+    let read = "is read by this command";
+    fails(folder.path(), &["compare", "other.png", "a.png", "--maps", "."], 2, &["a.png", read]);
+    fails(folder.path(), &["compare", "other.png", "a.png", "--json", "./other.png"], 2, &["other.png", read]);
+    fails(folder.path(), &["needs", "s.toml", "--json", "s.toml"], 2, &["s.toml", read]);
+    fails(folder.path(), &["needs", "s.toml", "--json", "s.obj"], 2, &["s.obj", read]);
+    fails(folder.path(), &["render", "s.toml", "-o", "sky.exr"], 2, &["sky.exr", read]);
+    fails(folder.path(), &["view", "s.obj", "--report", "s.obj"], 2, &["s.obj", read]);
+    fails(folder.path(), &["bake", "sky.exr", "-o", "d", "--json", "sky.exr"], 2, &["sky.exr", read]);
+    let twice = "would be written twice";
+    fails(folder.path(), &["render", "s.toml", "-o", "j.png", "--json", "j.png"], 2, &["j.png", twice]);
+    let eyes = ["render", "s.toml", "-o", "j.png", "--stereo", "--json", "j-left.png"];
+    fails(folder.path(), &eyes, 2, &["j-left.png", twice]);
+    // Before the work: what is read here could not be drawn.
+    for arguments in [
+        vec!["render", "s.toml", "-o", "x.png", "--json", "no/x.json"],
+        vec!["view", "s.toml", "--report", "no/x.json"],
+        vec!["bake", "sky.exr", "-o", "s.obj/x"],
+        vec!["measure", "ladder", "s.toml", "-o", "s.obj/x"],
+    ] {
+        fails(folder.path(), &arguments, 1, &["cannot write", "/x"]);
+    }
+    fails(folder.path(), &["measure", "ladder", "s.toml", "none.toml", "-o", "m"], 1, &["none.toml"]);
+    fails(folder.path(), &["render", "s.toml", "-o", "x.png", "--size", "99999x9"], 2, &["99999x9"]);
+}
+
+#[test]
+fn what_view_writes_without_a_display_takes_a_free_name_and_is_reported() {
+    let folder = tempfile::tempdir().expect("a folder");
+    std::fs::write(folder.path().join("pbr-vr.png"), "mine").expect("a file");
+    let model = Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/scenes/sphere.obj").display().to_string();
+    let said = succeeds(folder.path(), &["view", &model, "--frames", "2", "--report", "r.json"]);
+    assert!(said.contains("wrote pbr-vr-1.png") && said.lines().count() == 1, "{said}");
+    assert_eq!(std::fs::read(folder.path().join("pbr-vr.png")).expect("as before"), b"mine");
+    assert!(image::open(folder.path().join("pbr-vr-1.png")).is_ok());
+    let report = std::fs::read(folder.path().join("r.json")).expect("the report");
+    let report: serde_json::Value = serde_json::from_slice(&report).expect("JSON");
+    assert_eq!((report["on"].as_str(), report["frames"].as_u64()), (Some("picture"), Some(2)));
+    fails(folder.path(), &["view", "none.obj"], 1, &["none.obj"]);
+    assert!(!folder.path().join("pbr-vr-2.png").exists(), "an empty picture was left behind");
+}
+
+#[test]
+fn what_a_picture_lacks_and_what_cannot_be_kept_is_told_once() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let write = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).expect("a file");
+    write("s.obj", "v -1 -1 0\nv 1 -1 0\nv 0 1 0\nf 1 2 3\n");
+    write(
+        "s.toml",
+        "[[model]]\nfile = \"s.obj\"\n[[light]]\npoint = { position = [0, 0, 0.1], intensity = [3e38, 3e38, 3e38] }\n",
+    );
+    // Where the cache's folder should be.
+    write("cache", "");
+    let output = run(folder.path(), &["render", "s.toml", "-o", "a.exr", "--size", "32x32"]);
+    let error = text(&output.stderr);
+    assert!(output.status.success(), "{error}");
+    for part in ["a.exr: ", "nothing is kept"] {
+        assert_eq!(error.lines().filter(|line| line.contains(part)).count(), 1, "{part}: {error}");
+    }
+    assert!(error.contains("pixel(s) are infinite or no number"), "{error}");
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_full_disk_is_told_and_a_closed_pipe_is_none() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let model = Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/scenes/sphere.obj").display().to_string();
+    let shell = |line: &str| {
+        let program = env!("CARGO_BIN_EXE_pbr-vr");
+        let line = line.replace("PROGRAM", &format!("'{program}'")).replace("MODEL", &format!("'{model}'"));
+        Command::new("bash").args(["-c", &line]).current_dir(folder.path()).output().expect("a shell")
+    };
+    let full = shell("PROGRAM needs MODEL > /dev/full");
+    assert_eq!(full.status.code(), Some(1), "{}", text(&full.stderr));
+    assert!(text(&full.stderr).contains("cannot write the standard output"), "{}", text(&full.stderr));
+    assert_eq!(shell("PROGRAM needs none.obj 2> /dev/full").status.code(), Some(1));
+    assert_eq!(shell("PROGRAM needs none.obj 2>&-").status.code(), Some(1));
+    assert_eq!(shell("PROGRAM needs MODEL | true; exit ${PIPESTATUS[0]}").status.code(), Some(0));
+    assert_eq!(shell("PROGRAM needs MODEL --json /dev/stdout | grep -q '{'").status.code(), Some(0));
 }
 
 #[test]

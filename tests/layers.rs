@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 const LAYERS: [&str; 10] =
     ["error", "reference", "asset", "scene", "gpu", "precompute", "render", "view", "measure", "main"];
 /// Names at the crate's root, which belong to `error`.
-const ROOT_NAMES: [&str; 3] = ["Error", "Result", "say"];
+const ROOT_NAMES: [&str; 4] = ["Error", "Result", "complain", "say"];
 const MOST_LINES: usize = 500;
 
 /// A source file: its path under the repository, its text, and its text without comments and string contents.
@@ -281,11 +281,12 @@ fn unproven_unwraps(source: &Source) -> Vec<String> {
     (0..source.code.len()).filter(is_bad).map(say).collect()
 }
 
-/// `println!` panics on a closed pipe; `say!` does not.
+/// `println!` and `eprintln!` panic where nothing can be written; `say!` and `complain!` do not.
 fn fragile_prints(source: &Source) -> Vec<String> {
     let is_test = source.test_lines();
-    let lines = lines_with(source, "println!");
-    lines.into_iter().filter(|line| !is_test[*line]).map(|line| source.at(line, "println! instead of say!")).collect()
+    let lines = ["print!", "println!", "eprint!", "eprintln!"].into_iter().flat_map(|name| lines_with(source, name));
+    let problem = "say! and complain! do not panic where nothing can be written";
+    lines.filter(|line| !is_test[*line]).map(|line| source.at(line, problem)).collect()
 }
 
 fn bad_shape(source: &Source) -> Vec<String> {
@@ -364,7 +365,7 @@ fn nothing_is_unwrapped_without_proof() {
 }
 
 #[test]
-fn nothing_is_printed_that_panics_on_a_closed_pipe() {
+fn nothing_is_printed_that_panics_where_it_cannot_be() {
     check(&rust_sources(), fragile_prints);
 }
 
@@ -461,6 +462,12 @@ mod rules {
         let tests = "#[cfg(test)]\nmod tests {\n    fn f() { x.unwrap() }\n}\nfn g() { x.unwrap() }";
         assert_eq!(count(unproven_unwraps, "src/a.rs", tests), 1);
         assert_eq!(count(unproven_unwraps, "src/a.rs", "x.unwrap_or(1);\n/// `.unwrap()`\nfn f() {}"), 0);
+    }
+
+    #[test]
+    fn fragile_prints_are_found() {
+        assert_eq!(count(fragile_prints, "src/a.rs", "println!();\neprintln!();\neprint!();"), 3);
+        assert_eq!(count(fragile_prints, "src/a.rs", "say!(); complain!(); // println!\nwriteln!(out);"), 0);
     }
 
     #[test]

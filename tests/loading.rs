@@ -4,6 +4,7 @@ use std::io::Cursor;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
+use pbr_vr::asset::picture::Picture;
 use pbr_vr::asset::texture::Encoding;
 use pbr_vr::asset::{Panorama, Report, Texture};
 use pbr_vr::scene::{self, LoadOptions, Scene};
@@ -98,6 +99,12 @@ fn load_panorama(path: &Path) -> Result<()> {
 fn load_texture(path: &Path) -> Result<()> {
     let texture = Texture::load(path, Encoding::Srgb)?;
     assert_eq!(texture.pixels.len(), texture.width as usize * texture.height as usize * 4);
+    Ok(())
+}
+
+fn load_picture(path: &Path) -> Result<()> {
+    let picture = Picture::read(path)?;
+    assert_eq!(picture.pixels.len(), picture.width as usize * picture.height as usize);
     Ok(())
 }
 
@@ -218,6 +225,7 @@ fn damaged_openexr_pictures() {
         for tiles in [false, true] {
             println!("{compression:?}, tiles {tiles}");
             torture("a.exr", &openexr(compression, tiles), 150, load_panorama);
+            torture("a.exr", &openexr(compression, tiles), 150, load_picture);
         }
     }
 }

@@ -212,6 +212,7 @@ fn without_a_display_window_fails_and_auto_writes_a_picture() {
         let output = run(display, "auto");
         assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
         assert!(text(&output.stdout).contains("wrote pbr-vr.png, because "), "{}", text(&output.stdout));
+        assert_eq!(text(&output.stdout).lines().count(), 1, "one line, and a true one: {}", text(&output.stdout));
         let picture = Picture::read(&workshop.path("pbr-vr.png")).expect("a picture");
         assert_eq!((picture.width, picture.height), (1280, 720));
         std::fs::remove_file(workshop.path("pbr-vr.png")).expect("the picture");

@@ -2,11 +2,12 @@
 
 use std::fs::{self, File};
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::SystemTime;
 
 use super::folders;
 use super::ktx2::Ktx2;
-use crate::Result;
+use crate::{Error, Result};
 
 /// Bytes of all entries, beyond which those used longest ago go.
 const MOST_BYTES: u64 = 2 << 30;
@@ -14,6 +15,9 @@ const MOST_BYTES: u64 = 2 << 30;
 const KEY: &str = "pbrvrKey";
 /// Hash of the texels, so that a file with bent bits is not taken for whole.
 const TEXELS: &str = "pbrvrTexels";
+
+/// Whether it has been told in this run that nothing can be kept.
+static UNKEPT_TOLD: AtomicBool = AtomicBool::new(false);
 
 /// A folder of maps and textures. Any number of processes may use it at once; every file in it is the cache's own.
 #[derive(Clone, Debug, PartialEq)]
@@ -55,7 +59,15 @@ impl Cache {
                 None
             }
             Err(error) => {
-                tracing::warn!("cache: {error}; made again");
+                // The remedy is for files of the user's own.
+                let (path, problem) = (
+                    path.display(),
+                    match error {
+                        Error::Broken { problem, .. } => problem,
+                        error => error.to_string(),
+                    },
+                );
+                tracing::warn!("cache: {path}: {problem}; made again");
                 None
             }
         }
@@ -65,10 +77,19 @@ impl Cache {
     pub fn store(&self, key: &str, mut texture: Ktx2) -> Result<()> {
         texture.set_text(KEY, key);
         texture.set_text(TEXELS, &hash_texels(&texture));
-        fs::create_dir_all(&self.folder).map_err(crate::Error::write(&self.folder))?;
+        fs::create_dir_all(&self.folder).map_err(Error::write(&self.folder))?;
         texture.write(&self.path(key))?;
         self.trim();
         Ok(())
+    }
+
+    /// [`Self::store`] for what can be made again: where it fails, the user is told once, and everything works, only later.
+    pub fn keep(&self, key: &str, texture: Ktx2) {
+        if let Err(error) = self.store(key, texture)
+            && !UNKEPT_TOLD.swap(true, Ordering::Relaxed)
+        {
+            tracing::warn!("cache: {error}; nothing is kept, so that the next start takes as long");
+        }
     }
 
     /// Removes what was used longest ago until the rest is small enough. Another process may be at the same.

@@ -1,7 +1,8 @@
 //! Reading files with a limit on their size, writing them whole, and finding the files that other files name.
 
-use std::fs::File;
-use std::io::Read;
+use std::borrow::Cow;
+use std::fs::{File, Permissions};
+use std::io::{self, Read as _, Write as _};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU32, Ordering};
 
@@ -21,22 +22,65 @@ pub fn read(path: &Path, what: &'static str, limit: u64) -> Result<Vec<u8>> {
     if bytes.len() as u64 > limit { Err(too_large(format!("over {limit} bytes"))) } else { Ok(bytes) }
 }
 
-/// Writes a file so that a reader, or a crash, meets it whole or not at all: beside its place first, then renamed.
+/// Writes a file so that a reader, or a crash, meets it whole or not at all: beside its place first, then renamed. A file
+/// that is there keeps its mode, and a link leads where it led. Devices and pipes, which a file must not replace, are written
+/// into.
 pub fn write_atomically(path: &Path, bytes: &[u8]) -> Result<()> {
-    static COUNT: AtomicU32 = AtomicU32::new(0);
-    let Some(name) = path.file_name() else {
+    if path.file_name().is_none() {
         return Err(Error::Usage(format!("{}: not the name of a file", path.display())));
+    }
+    let written = match std::fs::metadata(path) {
+        Ok(data) if data.is_file() && !is_stream(path) => {
+            path.canonicalize().and_then(|place| replace(&place, bytes, Some(data.permissions())))
+        }
+        Err(_) if !path.is_symlink() => replace(path, bytes, None),
+        // What is read from it comes as it is written; nothing of it can be cut off.
+        _ => File::options().append(true).create(true).open(path).and_then(|mut file| file.write_all(bytes)),
     };
-    let unique = format!(".{}-{}.tmp", std::process::id(), COUNT.fetch_add(1, Ordering::Relaxed));
-    let mut beside = name.to_owned();
-    beside.push(unique);
-    let beside = path.with_file_name(beside);
-    let done = std::fs::write(&beside, bytes).and_then(|()| std::fs::rename(&beside, path));
+    written.map_err(Error::write(path))
+}
+
+/// Names of what this process has open, which may be a file that others write, too.
+fn is_stream(path: &Path) -> bool {
+    ["/dev/stdout", "/dev/stderr", "/dev/fd", "/proc"].iter().any(|start| path.starts_with(start))
+}
+
+fn replace(path: &Path, bytes: &[u8], mode: Option<Permissions>) -> io::Result<()> {
+    let (beside, mut file) = create_beside(path)?;
+    let mut done = file.write_all(bytes);
+    if let Some(mode) = mode {
+        done = done.and_then(|()| file.set_permissions(mode));
+    }
+    drop(file);
+    let done = done.and_then(|()| std::fs::rename(&beside, path));
     if done.is_err() {
         // Nothing more can be done about a file that neither moves nor goes; the first error is the one to tell.
         let _ = std::fs::remove_file(&beside);
     }
-    done.map_err(Error::write(path))
+    done
+}
+
+/// Makes an empty file in the folder of `path`, with a name that is short, because the path's own may be as long as names can
+/// be, and that nobody has.
+pub(super) fn create_beside(path: &Path) -> io::Result<(PathBuf, File)> {
+    static COUNT: AtomicU32 = AtomicU32::new(0);
+    loop {
+        let name = format!(".pbr-vr-{}-{}.tmp", std::process::id(), COUNT.fetch_add(1, Ordering::Relaxed));
+        let beside = path.with_file_name(name);
+        match File::create_new(&beside) {
+            Ok(file) => return Ok((beside, file)),
+            Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {}
+            Err(error) => return Err(error),
+        }
+    }
+}
+
+/// The lines of a text file, ended by `\n`, `\r\n` or, where there is neither, `\r`; without the mark that some editors put
+/// before UTF-8.
+pub fn lines(bytes: &[u8]) -> impl Iterator<Item = Cow<'_, str>> {
+    let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
+    let end = if bytes.contains(&b'\n') { b'\n' } else { b'\r' };
+    bytes.split(move |byte| *byte == end).map(String::from_utf8_lossy)
 }
 
 /// A file found for a name, and how it is really called where that differs from the name.
@@ -72,14 +116,16 @@ fn find_any_case(folder: &Path, name: &str) -> Option<PathBuf> {
 
 fn entry_any_case(folder: &Path, name: &str) -> Option<PathBuf> {
     let wanted = name.to_lowercase();
-    let entries = std::fs::read_dir(folder).ok()?;
+    // A name without a folder stands in the one where the program runs.
+    let listed = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
+    let entries = std::fs::read_dir(listed).ok()?;
     let mut paths: Vec<_> = entries
         .filter_map(|entry| Some(entry.ok()?.path()))
         .filter(|path| path.file_name().is_some_and(|n| n.to_string_lossy().to_lowercase() == wanted))
         .collect();
     // The folder's order is the file system's whim; the choice should not be.
     paths.sort();
-    paths.into_iter().next()
+    paths.into_iter().next().and_then(|path| Some(folder.join(path.file_name()?)))
 }
 
 /// A path's last part, for messages.
@@ -100,6 +146,48 @@ mod tests {
         assert!(matches!(read(&path, "file", 9), Err(Error::TooLarge { .. })));
         assert!(matches!(read(&folder.path().join("b"), "file", 9), Err(Error::Read { .. })));
         assert!(read(folder.path(), "file", 1 << 20).is_err(), "a folder is no file");
+    }
+
+    #[test]
+    fn a_name_as_long_as_names_can_be_is_written() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("n".repeat(250));
+        write_atomically(&path, b"1").unwrap();
+        write_atomically(&path, b"22").unwrap();
+        assert_eq!(std::fs::read(&path).unwrap(), b"22");
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1, "a temporary file was left behind");
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn links_modes_and_pipes_stay_what_they_are() {
+        use std::os::unix::fs::{FileTypeExt as _, PermissionsExt as _, symlink};
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        std::fs::write(at("real"), "old").unwrap();
+        std::fs::set_permissions(at("real"), Permissions::from_mode(0o640)).unwrap();
+        symlink("real", at("link")).unwrap();
+        symlink("later", at("nowhere yet")).unwrap();
+        write_atomically(&at("link"), b"new").unwrap();
+        write_atomically(&at("nowhere yet"), b"first").unwrap();
+        assert!(at("link").is_symlink() && at("nowhere yet").is_symlink());
+        assert_eq!(std::fs::read(at("real")).unwrap(), b"new");
+        assert_eq!(std::fs::read(at("later")).unwrap(), b"first");
+        assert_eq!(at("real").metadata().unwrap().permissions().mode() & 0o777, 0o640);
+        assert!(std::process::Command::new("mkfifo").arg(at("pipe")).status().unwrap().success());
+        let reader = std::thread::spawn({
+            let pipe = at("pipe");
+            move || std::fs::read(pipe).unwrap()
+        });
+        write_atomically(&at("pipe"), b"through").unwrap();
+        assert_eq!(reader.join().unwrap(), b"through");
+        assert!(at("pipe").metadata().unwrap().file_type().is_fifo());
+    }
+
+    #[test]
+    fn names_in_no_folder_are_found_in_any_case() {
+        // Tests run in the package's folder.
+        assert!(entry_any_case(Path::new(""), "cARGO.TOML").is_some_and(|path| path.is_file()));
     }
 
     #[test]

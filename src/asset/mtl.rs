@@ -57,9 +57,8 @@ pub fn load(path: &Path, report: &Report) -> Result<Vec<Mtl>> {
 }
 
 fn parse(path: &Path, bytes: &[u8], report: &Report) -> Vec<Mtl> {
-    let text = String::from_utf8_lossy(bytes);
     let mut materials: Vec<Mtl> = Vec::new();
-    for (index, line) in text.lines().enumerate() {
+    for (index, line) in file::lines(bytes).enumerate() {
         let line = line.trim();
         let (key, value) = line.split_once(char::is_whitespace).unwrap_or((line, ""));
         let value = value.trim();
@@ -212,6 +211,15 @@ mod tests {
             ("bump -dash.png", "-dash.png", 1.0),
         ] {
             assert_eq!(file_of(line), (file.to_owned(), strength), "{line}");
+        }
+    }
+
+    #[test]
+    fn marks_and_line_ends_of_any_editor() {
+        for text in ["\u{feff}newmtl a\nKd 1 0 0\n", "newmtl a\rKd 1 0 0\r", "\u{feff}newmtl a\r\nKd 1 0 0"] {
+            let (materials, warnings) = parsed(text.as_bytes());
+            assert_eq!((materials.len(), warnings.len()), (1, 0), "{text:?}");
+            assert_eq!(materials[0].kd, Some([1.0, 0.0, 0.0]), "{text:?}");
         }
     }
 

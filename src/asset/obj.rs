@@ -85,12 +85,12 @@ impl Source {
         // `tobj` learns every material from this line, so that libraries may be named anywhere.
         let mut source = Self { text: "mtllib all\n".into(), libraries: Vec::new(), uses: Vec::new() };
         source.text.reserve(bytes.len());
-        let end = if bytes.contains(&b'\n') { b'\n' } else { b'\r' };
         let mut counts = Counts::default();
         let mut joined = String::new();
-        for (index, line) in bytes.split(|b| *b == end).enumerate() {
-            let line = String::from_utf8_lossy(line);
+        let mut last = 0;
+        for (index, line) in file::lines(bytes).enumerate() {
             let line = line.trim();
+            last = index + 1;
             if let Some(start) = line.strip_suffix('\\') {
                 joined.push_str(start);
                 joined.push(' ');
@@ -105,6 +105,8 @@ impl Source {
             }
             source.text.push('\n');
         }
+        // The last line may promise one more.
+        source.add_line(path, last, &joined, &mut counts)?;
         Ok(source)
     }
 
@@ -274,18 +276,17 @@ fn part(path: &Path, source: &Source, model: tobj::Model, report: &Report) -> Re
     if !within(positions.as_flattened(), MAX_COORDINATE) {
         return Err(broken(path, bad_position(source)));
     }
-    let complete = |kind: &str, found: usize| {
+    let complete = |kind: &str, remedy: &str, found: usize| {
         if found != 0 && found != positions.len() {
-            report.warn(format!(
-                "{}: object {name}: only some corners have {kind}; computed for all",
-                file::short_name(path)
-            ));
+            let short = file::short_name(path);
+            report.warn(format!("{short}: object {name}: only some corners have {kind}; {remedy}"));
         }
         found == positions.len()
     };
     let uvs: &[[f32; 2]] = mesh.texcoords.as_chunks().0;
     let normals: &[[f32; 3]] = mesh.normals.as_chunks().0;
-    let (has_uvs, has_normals) = (complete("texture coordinates", uvs.len()), complete("normals", normals.len()));
+    let has_uvs = complete("texture coordinates", "none are used", uvs.len());
+    let has_normals = complete("normals", "computed for all", normals.len());
     if has_uvs && !within(uvs.as_flattened(), MAX_UV) {
         report
             .warn(format!("{}: object {name}: texture coordinates beyond {MAX_UV}; set to 0", file::short_name(path)));

@@ -132,3 +132,11 @@ fn too_many_triangles_are_refused_before_they_are_made() {
     let obj = polygon + &format!("f{}\n", " 1".repeat(1 << 20)).repeat(16);
     assert!(matches!(loaded(obj, "").0, Err(Error::TooLarge { .. })));
 }
+
+#[test]
+fn a_mark_before_utf8_hides_no_line_and_the_last_may_promise_one_more() {
+    let (model, warnings) =
+        loaded(format!("\u{feff}mtllib My Lib.mtl\nusemtl red\n{TRIANGLE}f 1 2 3\nf 3 2 1\\"), "newmtl red\n");
+    let model = model.unwrap();
+    assert_eq!((warnings.len(), sizes(&model), model.parts[0].material), (0, vec![2], Some(0)), "{warnings:?}");
+}

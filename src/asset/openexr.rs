@@ -12,7 +12,7 @@ use exr::prelude::{
     ReadLayers, read,
 };
 
-use super::panorama::{Texels, check_size};
+use super::panorama::{SizeCheck, Texels, check_size};
 use super::{Report, file};
 use crate::{Error, Result};
 
@@ -35,13 +35,7 @@ pub fn is_openexr(bytes: &[u8]) -> bool {
 /// The display window is the whole sphere: a smaller data window leaves black around it (with a warning), and what
 /// lies outside is cut off.
 pub fn decode(path: &Path, bytes: &[u8], report: &Report) -> Result<Texels> {
-    // The decoder subtracts and slices unchecked on some broken files (B44 for one); a panic there is a broken file.
-    let image = catch_unwind(|| {
-        check_header(path, bytes)?;
-        let layers = check_dwa(bytes).and_then(|()| read_layers(bytes));
-        layers.map_err(|error| broken(path, error.to_string()))
-    })
-    .unwrap_or_else(|_| Err(broken(path, "its compressed data make no sense".into())))?;
+    let image = guarded(path, bytes, check_size, read_layers)?;
     let (layer, channels) = image
         .layer_data
         .iter()
@@ -51,6 +45,21 @@ pub fn decode(path: &Path, bytes: &[u8], report: &Report) -> Result<Texels> {
             broken(path, format!("no R, G, B or Y among its channels ({})", channel_names(&image.layer_data)))
         })?;
     place(path, layer, channels, image.attributes.display_window, report)
+}
+
+/// Does `read`, whose errors become the file's, after looking at what the decoder takes on trust.
+pub fn guarded<T>(
+    path: &Path,
+    bytes: &[u8],
+    check_size: SizeCheck,
+    read: fn(&[u8]) -> exr::error::Result<T>,
+) -> Result<T> {
+    // The decoder subtracts and slices unchecked on some broken files (B44 for one); a panic there is a broken file.
+    catch_unwind(|| {
+        check_header(path, bytes, check_size)?;
+        check_dwa(bytes).and_then(|()| read(bytes)).map_err(|error| broken(path, error.to_string()))
+    })
+    .unwrap_or_else(|_| Err(broken(path, "its compressed data make no sense".into())))
 }
 
 /// In one thread: a worker of the decoder that panics would end the process.
@@ -65,7 +74,7 @@ fn read_layers(bytes: &[u8]) -> exr::error::Result<FlatImage> {
         .from_buffered(Cursor::new(bytes))
 }
 
-fn check_header(path: &Path, bytes: &[u8]) -> Result<()> {
+fn check_header(path: &Path, bytes: &[u8], check_size: SizeCheck) -> Result<()> {
     let meta =
         MetaData::read_from_buffered(Cursor::new(bytes), false).map_err(|error| broken(path, error.to_string()))?;
     let mut total = 0u64;
@@ -80,7 +89,7 @@ fn check_header(path: &Path, bytes: &[u8]) -> Result<()> {
         let size = format!("{total} bytes over all layers");
         return Err(Error::TooLarge {
             path: path.into(),
-            what: "panorama",
+            what: "OpenEXR picture",
             size,
             limit: format!("{MAX_SAMPLE_BYTES} bytes"),
         });

@@ -42,7 +42,7 @@ impl Panorama {
         let decoded = if openexr::is_openexr(&bytes) {
             openexr::decode(path, &bytes, report)?
         } else if radiance::is_radiance(&bytes) {
-            radiance::decode(path, &bytes)?
+            radiance::decode(path, &bytes, check_size)?
         } else {
             return Err(Error::Broken {
                 path: path.into(),
@@ -90,6 +90,9 @@ impl Panorama {
         Vec2::new(u, 0.5 - direction.y.clamp(-1.0, 1.0).asin() / PI)
     }
 }
+
+/// Says whether a picture of this size is taken; asked before any memory is taken for it.
+pub(super) type SizeCheck = fn(&Path, u64, u64) -> Result<()>;
 
 /// Is a picture of this size worth decoding? Called before any memory is taken for it.
 pub(super) fn check_size(path: &Path, width: u64, height: u64) -> Result<()> {

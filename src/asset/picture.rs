@@ -1,21 +1,22 @@
 //! Finished pictures: reading them to compare, writing them, and how far two are apart.
 
 use std::{
-    fs,
     io::Cursor,
     path::{Path, PathBuf},
 };
 
 use exr::prelude::{
-    Encoding, Image, ImageAttributes, Layer, LayerAttributes, MetaData, ReadChannels, ReadLayers, SpecificChannels,
-    Vec2, WritableImage,
+    Encoding, Image, ImageAttributes, Layer, LayerAttributes, ReadChannels, ReadLayers, SpecificChannels, Vec2,
+    WritableImage,
 };
 use glam::Vec3;
 use image::{DynamicImage, ImageDecoder, ImageEncoder, ImageFormat, ImageReader, Limits};
 use rayon::prelude::*;
 use serde::Serialize;
 
-use super::file::write_atomically;
+use super::file::{self, write_atomically};
+use super::panorama::Texels;
+use super::{jpeg, openexr, radiance};
 use crate::{
     Error, Result,
     reference::{metrics, tone},
@@ -97,12 +98,16 @@ impl Picture {
     /// Reads a PNG, JPEG, TGA, HDR or EXR file; told apart by content, TGA by its name. Alpha and colour profiles are
     /// left out, EXR gives the first layer with R, G and B.
     pub fn read(path: &Path) -> Result<Self> {
-        let size = fs::metadata(path).map_err(Error::read(path))?.len();
-        if size > MAX_FILE {
-            return Err(too_large(path, format!("{size} bytes"), format!("{MAX_FILE} bytes")));
+        let bytes = file::read(path, "the picture", MAX_FILE)?;
+        if openexr::is_openexr(&bytes) {
+            read_exr(path, &bytes)
+        } else if radiance::is_radiance(&bytes) {
+            // The `image` crate's decoder leaves out the header's exposure.
+            let Texels { width, height, texels } = radiance::decode(path, &bytes, check_size)?;
+            Ok(Self { name: path.display().to_string(), width, height, kind: Kind::Radiance, pixels: texels })
+        } else {
+            read_image(path, &bytes)
         }
-        let bytes = fs::read(path).map_err(Error::read(path))?;
-        if bytes.starts_with(&[0x76, 0x2f, 0x31, 0x01]) { read_exr(path, &bytes) } else { read_image(path, &bytes) }
     }
 
     /// Writes a display picture as .png (RGB, 8 bits) or a radiance picture as .exr (RGB, f32, ZIP). The file appears
@@ -258,17 +263,21 @@ fn read_image(path: &Path, bytes: &[u8]) -> Result<Picture> {
     let decoder = reader.into_decoder().map_err(|e| broken(path, e))?;
     let (width, height) = decoder.dimensions();
     check_size(path, width.into(), height.into())?;
+    if !jpeg::is_whole(bytes) {
+        return Err(broken(path, "it ends too early"));
+    }
     let pixels = DynamicImage::from_decoder(decoder).map_err(|e| broken(path, e))?.into_rgb32f();
-    let kind = if format == Some(ImageFormat::Hdr) { Kind::Radiance } else { Kind::Display };
     let pixels = pixels.pixels().map(|p| p.0).collect();
-    Ok(Picture { name: path.display().to_string(), width, height, kind, pixels })
+    Ok(Picture { name: path.display().to_string(), width, height, kind: Kind::Display, pixels })
 }
 
 fn read_exr(path: &Path, bytes: &[u8]) -> Result<Picture> {
-    let meta = MetaData::read_from_buffered(Cursor::new(bytes), false).map_err(|e| broken(path, e))?;
-    for header in &meta.headers {
-        check_size(path, header.layer_size.width() as u64, header.layer_size.height() as u64)?;
-    }
+    let ([width, height], pixels) = openexr::guarded(path, bytes, check_size, read_layer)?;
+    Ok(Picture { name: path.display().to_string(), width, height, kind: Kind::Radiance, pixels })
+}
+
+/// Size and pixels of the first layer with R, G and B. In one thread: a worker of the decoder that panics would end the process.
+fn read_layer(bytes: &[u8]) -> exr::error::Result<([u32; 2], Vec<[f32; 3]>)> {
     let image = exr::prelude::read()
         .no_deep_data()
         .largest_resolution_level()
@@ -280,17 +289,17 @@ fn read_exr(path: &Path, bytes: &[u8]) -> Result<Picture> {
         )
         .first_valid_layer()
         .all_attributes()
-        .from_buffered(Cursor::new(bytes))
-        .map_err(|e| broken(path, e))?;
-    let layer = image.layer_data;
-    // Both below 2^25, as checked above.
-    let (width, height) = (layer.size.width() as u32, layer.size.height() as u32);
-    let pixels = layer.channel_data.pixels.1;
-    Ok(Picture { name: path.display().to_string(), width, height, kind: Kind::Radiance, pixels })
+        .non_parallel()
+        .from_buffered(Cursor::new(bytes))?;
+    let Layer { size, channel_data, .. } = image.layer_data;
+    // Both were checked against the size limit.
+    Ok(([size.width() as u32, size.height() as u32], channel_data.pixels.1))
 }
 
 #[cfg(test)]
 mod tests {
+    use std::fs;
+
     use glam::DVec3;
 
     use super::*;
@@ -356,6 +365,15 @@ mod tests {
         let picture = Picture::read(&path).unwrap();
         assert_eq!((picture.width, picture.height, picture.kind), (3, 2, Kind::Radiance));
         assert!((picture.pixels[5][2] / 4096.0 - 1.0).abs() < 0.01);
+    }
+
+    #[test]
+    fn exposure_is_divided_out_as_for_panoramas() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.hdr");
+        fs::write(&path, b"#?RADIANCE\nEXPOSURE=4\n\n-Y 1 +X 2\n\x80\x80\x80\x81\x80\x80\x80\x82").unwrap();
+        let picture = Picture::read(&path).unwrap();
+        assert_eq!((picture.kind, picture.pixels), (Kind::Radiance, vec![[0.25; 3], [0.5; 3]]));
     }
 
     #[test]

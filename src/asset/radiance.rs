@@ -5,7 +5,7 @@
 
 use std::path::Path;
 
-use super::panorama::{Texels, check_size};
+use super::panorama::{SizeCheck, Texels};
 use crate::{Error, Result};
 
 /// Does the content look like a Radiance picture?
@@ -14,7 +14,7 @@ pub fn is_radiance(bytes: &[u8]) -> bool {
 }
 
 /// Decodes a whole file; radiance has the header's exposure and colour correction divided out.
-pub fn decode(path: &Path, bytes: &[u8]) -> Result<Texels> {
+pub fn decode(path: &Path, bytes: &[u8], check_size: SizeCheck) -> Result<Texels> {
     let mut bytes = Bytes { rest: bytes, path };
     let header = read_header(&mut bytes)?;
     check_size(path, header.width as u64, header.height as u64)?;
@@ -188,7 +188,7 @@ mod tests {
     }
 
     fn texels(bytes: &[u8]) -> Result<Vec<[f32; 3]>> {
-        decode(Path::new("a.hdr"), bytes).map(|t| t.texels)
+        decode(Path::new("a.hdr"), bytes, super::super::panorama::check_size).map(|t| t.texels)
     }
 
     #[test]

@@ -2,15 +2,33 @@
 
 use std::collections::BTreeMap;
 use std::sync::Mutex;
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
 use indicatif::{MultiProgress, ProgressBar, ProgressDrawTarget, ProgressStyle};
+
+use crate::error::shown;
 
 /// Collects warnings and shows progress; shared by every loader of one run.
 pub struct Report {
     warnings: Mutex<Vec<String>>,
     times: Mutex<BTreeMap<&'static str, Duration>>,
     bars: MultiProgress,
+    /// Warnings that are not kept.
+    left_out: AtomicUsize,
+}
+
+/// Warnings that are told, one by one, and that are kept for `--json`: a broken file can give millions.
+const MOST_TOLD: usize = 100;
+const MOST_KEPT: usize = 10_000;
+
+impl Drop for Report {
+    fn drop(&mut self) {
+        let more = self.lock().len().saturating_sub(MOST_TOLD) + self.left_out.load(Ordering::Relaxed);
+        if more > 0 {
+            tracing::warn!("and {more} more warnings");
+        }
+    }
 }
 
 impl Report {
@@ -19,6 +37,7 @@ impl Report {
         Self {
             warnings: Mutex::default(),
             times: Mutex::default(),
+            left_out: AtomicUsize::new(0),
             bars: MultiProgress::with_draw_target(ProgressDrawTarget::stderr()),
         }
     }
@@ -28,15 +47,23 @@ impl Report {
         Self {
             warnings: Mutex::default(),
             times: Mutex::default(),
+            left_out: AtomicUsize::new(0),
             bars: MultiProgress::with_draw_target(ProgressDrawTarget::hidden()),
         }
     }
 
     /// Notes something the user should know but that stops nothing: file first, then key, then what was done.
     pub fn warn(&self, message: impl Into<String>) {
-        let message = message.into();
-        tracing::warn!("{message}");
-        self.lock().push(message);
+        let message = shown(&message.into(), false);
+        let mut warnings = self.lock();
+        if warnings.len() < MOST_TOLD {
+            tracing::warn!("{message}");
+        }
+        if warnings.len() < MOST_KEPT {
+            warnings.push(message);
+        } else {
+            self.left_out.fetch_add(1, Ordering::Relaxed);
+        }
     }
 
     /// All warnings so far, in order.
@@ -77,5 +104,20 @@ impl Report {
     fn lock(&self) -> std::sync::MutexGuard<'_, Vec<String>> {
         // A list of strings is whole even if a thread died while pushing to it.
         self.warnings.lock().unwrap_or_else(std::sync::PoisonError::into_inner)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn warnings_are_lines_and_not_without_end() {
+        let report = Report::silent();
+        report.warn("a\nb");
+        (0..2 * MOST_KEPT).for_each(|i| report.warn(format!("{i}")));
+        assert_eq!(report.warnings()[0], "a\\nb");
+        assert_eq!(report.warnings().len(), MOST_KEPT);
+        assert_eq!(report.left_out.load(Ordering::Relaxed), MOST_KEPT + 1);
     }
 }

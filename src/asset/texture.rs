@@ -6,7 +6,7 @@ use std::path::Path;
 use image::imageops::{self, FilterType};
 use image::{DynamicImage, GrayImage, ImageError, ImageFormat, ImageReader, Limits};
 
-use super::file;
+use super::{file, jpeg};
 use crate::{Error, Result};
 
 /// Largest side taken, in texels: what every Vulkan 1.3 desktop GPU can hold.
@@ -228,6 +228,9 @@ fn decode(path: &Path, bytes: &[u8]) -> Result<DynamicImage> {
         let (size, limit) = (format!("{width}x{height}"), format!("1x1 to {MAX_SIDE}x{MAX_SIDE}"));
         return Err(Error::TooLarge { path: path.into(), what: "texture", size, limit });
     }
+    if !jpeg::is_whole(bytes) {
+        return Err(broken(path, "it ends too early".into()));
+    }
     reader().decode().map_err(|error| picture_error(path, error))
 }
 
@@ -236,8 +239,11 @@ fn picture_error(path: &Path, error: ImageError) -> Error {
         let limit = format!("{MAX_DECODER_BYTES} bytes");
         return Error::TooLarge { path: path.into(), what: "texture", size: error.to_string(), limit };
     }
-    let remedy = "save it again as PNG, JPEG or TGA";
-    Error::Broken { path: path.into(), what: "texture", problem: error.to_string(), remedy }
+    broken(path, error.to_string())
+}
+
+fn broken(path: &Path, problem: String) -> Error {
+    Error::Broken { path: path.into(), what: "texture", problem, remedy: "save it again as PNG, JPEG or TGA" }
 }
 
 #[cfg(test)]
@@ -295,6 +301,21 @@ mod tests {
         assert_eq!(Texture::load(&path, Encoding::Srgb).unwrap().width, 2);
         std::fs::write(&path, b"no picture at all, but long enough for a header").unwrap();
         assert!(matches!(Texture::load(&path, Encoding::Srgb), Err(Error::Broken { .. })));
+    }
+
+    #[test]
+    fn a_jpeg_cut_short_is_refused_however_much_is_there() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.jpg");
+        let noise = |x: u32, y: u32| Rgb([(x * 97 + y * 31) as u8, (x * y) as u8, (x ^ y) as u8]);
+        DynamicImage::ImageRgb8(ImageBuffer::from_fn(64, 64, noise)).save(&path).unwrap();
+        let whole = std::fs::read(&path).unwrap();
+        assert!(Texture::load(&path, Encoding::Srgb).is_ok());
+        for length in [whole.len() / 2, whole.len() * 9 / 10, whole.len() - 2] {
+            std::fs::write(&path, &whole[..length]).unwrap();
+            let error = Texture::load(&path, Encoding::Srgb).unwrap_err();
+            assert!(matches!(error, Error::Broken { .. }), "{length}: {error}");
+        }
     }
 
     #[test]

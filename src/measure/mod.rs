@@ -28,8 +28,8 @@ mod widening;
 
 use std::path::{Path, PathBuf};
 
-use crate::asset::Report;
 use crate::asset::file::write_atomically;
+use crate::asset::{Outputs, Report};
 use crate::gpu::GpuOptions;
 use crate::precompute::{Cache, check_face_size};
 use crate::{Error, Result, say};
@@ -133,6 +133,14 @@ pub fn run(request: &MeasureRequest<'_>, gpu: GpuOptions<'_>, report: &Report) -
     if !request.scenes.is_empty() && !["ladder", "causes"].iter().any(|name| request.wants(name)) {
         return Err(Error::Usage("scenes are for `measure ladder` and `causes`; the others have their own".into()));
     }
+    check_flags(request)?;
+    for path in request.scenes.iter().chain(request.panoramas) {
+        // Better now than after the first has been measured.
+        std::fs::metadata(path).map_err(Error::read(path))?;
+    }
+    let mut outputs = Outputs::of(request.scenes.iter().chain(request.panoramas));
+    outputs.folder(request.output, &[])?;
+    outputs.file_if(request.json)?;
     std::fs::create_dir_all(request.output).map_err(Error::write(request.output))?;
     let wanted: Vec<&Measurement> = MEASUREMENTS.iter().filter(|measurement| request.wants(measurement.name)).collect();
     for (number, measurement) in (1..).zip(&wanted) {
@@ -163,6 +171,25 @@ fn write_json(path: &Path, folder: &Path, measured: &[&Measurement]) -> Result<(
         }
     };
     write_atomically(path, text.as_bytes())
+}
+
+/// Refuses what none of the wanted measurements looks at.
+fn check_flags(request: &MeasureRequest<'_>) -> Result<()> {
+    let precompute = ["precompute"].as_slice();
+    for (given, flag, users) in [
+        (!request.panoramas.is_empty(), "--panorama", ["precompute", "causes"].as_slice()),
+        (!request.sizes.is_empty(), "--size", &["precompute", "causes"]),
+        (!request.methods.is_empty(), "--method", precompute),
+        (request.judge.is_some(), "--judge", precompute),
+        (request.picture.is_some(), "--picture", &["ladder", "causes"]),
+        (matches!(request.limit, Some(Limit::Tolerance(_))), "--tolerance", &["ladder"]),
+        (matches!(request.limit, Some(Limit::BudgetMs(_))), "--budget-ms", &["ladder"]),
+    ] {
+        if given && !users.iter().any(|name| request.wants(name)) {
+            return Err(Error::Usage(format!("{flag} is for `measure {}`; leave it out", users.join("` and `"))));
+        }
+    }
+    Ok(())
 }
 
 fn check_names(what: &'static str, names: &[String], known: &[&str]) -> Result<()> {

@@ -31,10 +31,10 @@ pub(super) fn cached(
     }
     let times = compute()?;
     for (key, (_, image)) in keys.iter().zip(images) {
-        // Without a cache everything works, only later.
-        if let Err(error) = read_texture(gpu, &[image]).and_then(|texture| cache.store(key, texture)) {
-            tracing::debug!("cache: {error}");
-            break;
+        match read_texture(gpu, &[image]) {
+            Ok(texture) => cache.keep(key, texture),
+            // Without a cache everything works, only later.
+            Err(error) => tracing::debug!("cache: {error}"),
         }
     }
     Ok(times)

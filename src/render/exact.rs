@@ -39,6 +39,9 @@ pub struct StandardError {
 impl fmt::Display for StandardError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let [mean, max] = [self.mean_relative, self.max_relative].map(|e| 100.0 * e);
+        if !(mean.is_finite() && max.is_finite()) {
+            return write!(f, "standard error unknown, because some values are too large ({} frames)", self.frames);
+        }
         write!(f, "standard error {mean:.3} %, at worst {max:.1} % ({} frames)", self.frames)
     }
 }

@@ -33,6 +33,7 @@ pub use shared::MAX_EYES;
 pub use targets::Output;
 pub use world::TextureFacts;
 
+use crate::Result;
 use crate::asset::{Report, TextureOptions};
 use crate::gpu::{Bind, Buffer, BufferKind, Commands, Edge, Gpu, Image, PassTime, Sampler, Set, SetLayout, Slot};
 use crate::precompute::{self, BrdfTable, LightMaps};
@@ -41,7 +42,6 @@ use crate::reference::energy::Scattering;
 use crate::reference::table::SplitSum;
 use crate::scene::needs::resolution::Viewpoint;
 use crate::scene::{Model, Needs, Scene};
-use crate::{Error, Result};
 use draws::DrawList;
 use exact::{Exact, Shown};
 use forward::Forward;
@@ -187,7 +187,7 @@ impl Renderer {
         let importance = exact::importance_buffer(gpu, &light.panorama, shading)?;
         let frames = make_frames(gpu, &frame_layout, &world, &light, &table, &samplers, &importance)?;
         let forward = Forward::new(gpu, &frame_layout, &world, &settings, shading, eyes)?;
-        let targets = make_targets(gpu, size, eyes, &settings)?;
+        let targets = Targets::new(gpu, size, eyes, Detail::of(&settings))?;
         let exact = Exact::of_shading(shading, gpu, &frame_layout, size, eyes, settings.output)?;
         Ok(Self {
             gpu: Arc::clone(gpu),
@@ -218,7 +218,7 @@ impl Renderer {
     /// New targets; the old ones are given back once the GPU is done with them.
     pub fn resize(&mut self, size: [u32; 2]) -> Result<()> {
         if self.targets.picture.desc().size != size {
-            let targets = make_targets(&self.gpu, size, self.eyes, &self.settings)?;
+            let targets = Targets::new(&self.gpu, size, self.eyes, Detail::of(&self.settings))?;
             self.exact = self.make_exact(self.shading, size)?;
             self.targets = targets;
         }
@@ -230,7 +230,7 @@ impl Renderer {
         if self.eyes != eyes {
             let (before, size) = (std::mem::replace(&mut self.eyes, eyes), self.targets.picture.desc().size);
             let made = self.make_forward(self.shading).and_then(|forward| {
-                let targets = make_targets(&self.gpu, size, eyes, &self.settings)?;
+                let targets = Targets::new(&self.gpu, size, eyes, Detail::of(&self.settings))?;
                 Ok((forward, self.make_exact(self.shading, size)?, targets))
             });
             if made.is_err() {
@@ -446,24 +446,12 @@ fn each(eyes: &[Eye], change: impl Fn(&Eye) -> Eye) -> [Eye; MAX_EYES] {
     std::array::from_fn(|i| change(eyes.get(i).unwrap_or(&eyes[0])))
 }
 
-fn make_targets(gpu: &Arc<Gpu>, size: [u32; 2], eyes: u32, settings: &Settings) -> Result<Targets> {
-    let most = gpu.max_image_size();
-    if size.iter().any(|s| !(1..=most).contains(s)) {
-        let message = format!("a picture of {}x{} cannot be made; 1x1 to {most}x{most} can", size[0], size[1]);
-        return Err(Error::Usage(message));
-    }
-    let detail = Detail { output: settings.output, samples: settings.samples, scale: settings.scale };
-    let bytes = Targets::bytes(size, eyes, detail);
-    let there = gpu.info().memory;
-    if bytes > there {
-        let what = format!("a picture of {}x{}", size[0], size[1]);
-        let mib = |bytes: u64| bytes >> 20;
-        return Err(Error::GpuMemory {
-            what,
-            problem: format!("{} MiB against {} MiB there are", mib(bytes), mib(there)),
-        });
-    }
-    Targets::new(gpu, size, eyes, detail)
+/// Whether pictures of this size can be made here.
+///
+/// # Errors
+/// Sides beyond what images may have; more bytes than the GPU's memory has.
+pub fn check_size(gpu: &Gpu, size: [u32; 2], eyes: u32, settings: &Settings) -> Result<()> {
+    Targets::check(gpu, size, eyes, Detail::of(settings))
 }
 
 fn make_frames(

@@ -2,10 +2,11 @@
 
 use std::sync::Arc;
 
-use crate::Result;
+use super::Settings;
 use crate::gpu::{
     Commands, DEPTH_FORMAT, Format, Gpu, Image, ImageDesc, ImageUsageFlags, Rect, Shape, Targets as Rendering, Use,
 };
+use crate::{Error, Result};
 
 /// What pictures hold.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -45,6 +46,11 @@ pub struct Detail {
 }
 
 impl Detail {
+    /// What these settings ask for.
+    pub fn of(&Settings { output, samples, scale, .. }: &Settings) -> Self {
+        Self { output, samples, scale }
+    }
+
     /// Pixels that are drawn for so many of the picture.
     fn drawn(self, picture: [u32; 2]) -> [u32; 2] {
         picture.map(|side| ((side as f32 * self.scale).round() as u32).clamp(1, side.max(1)))
@@ -66,6 +72,7 @@ pub struct Targets {
 impl Targets {
     /// Makes targets for pictures of `size` pixels for `eyes` eyes.
     pub fn new(gpu: &Arc<Gpu>, size: [u32; 2], eyes: u32, detail: Detail) -> Result<Self> {
+        Self::check(gpu, size, eyes, detail)?;
         let Detail { output, samples, .. } = detail;
         let (colour, drawn) = (ImageUsageFlags::COLOR_ATTACHMENT, detail.drawn(size));
         let make = |name: &str, size, format, usage, samples| {
@@ -86,8 +93,24 @@ impl Targets {
         })
     }
 
+    /// Whether such targets can be made.
+    pub fn check(gpu: &Gpu, size: [u32; 2], eyes: u32, detail: Detail) -> Result<()> {
+        let most = gpu.max_image_size();
+        if size.iter().any(|s| !(1..=most).contains(s)) {
+            let message = format!("a picture of {}x{} cannot be made; 1x1 to {most}x{most} can", size[0], size[1]);
+            return Err(Error::Usage(message));
+        }
+        let (bytes, there) = (Self::bytes(size, eyes, detail), gpu.info().memory);
+        if bytes > there {
+            let what = format!("a picture of {}x{}", size[0], size[1]);
+            let problem = format!("{} MiB against {} MiB there are", bytes >> 20, there >> 20);
+            return Err(Error::GpuMemory { what, problem });
+        }
+        Ok(())
+    }
+
     /// GPU memory that such targets take, about.
-    pub fn bytes(size: [u32; 2], eyes: u32, detail: Detail) -> u64 {
+    fn bytes(size: [u32; 2], eyes: u32, detail: Detail) -> u64 {
         let Detail { output, samples, .. } = detail;
         let depth_bytes = 4;
         let multisampled = if samples > 1 { u64::from(samples) * output.bytes() } else { 0 };

@@ -8,12 +8,20 @@ use toml::Spanned;
 
 use super::{Camera, PointLight};
 use crate::asset::{file, shipped};
+use crate::error::shortened;
 use crate::{Error, Result};
 
 const MAX_FILE_BYTES: u64 = 16 << 20;
 /// How names of files in the folder of the large scenes begin; nothing else is expanded, and only there.
 const LARGE_SCENES: &str = "${PBR_VR_SCENES}/";
 const LARGE_SCENES_REMEDY: &str = "; it does not come with the program: set PBR_VR_SCENES to the folder that holds it, or see `tools/fetch-assets --list`";
+/// Beyond this, metres or times, products of lengths leave the range of f32; and so they do below its inverse.
+pub const MAX_LENGTH: f32 = 1e9;
+/// Stops of exposure, up or down; single floats reach 127.
+const MAX_EXPOSURE: f32 = 100.0;
+const BACKSLASH: &str = "in \"…\" a backslash begins an escape: write / instead, or put the name between '…'";
+/// Characters of a key that are told.
+const MAX_KEY: usize = 80;
 const DEFAULT_FOV_DEGREES: f32 = 45.0;
 
 /// A checked description: paths lead from where the program runs, numbers are finite and make sense.
@@ -61,13 +69,14 @@ impl Description {
         let file: SceneKeys = toml::from_str(text).map_err(|error| {
             let start = error.span().map_or(0, |span| span.start);
             let key = key_at(text, start);
-            Error::SceneKey { path: path.into(), line: line_at(text, start), key, problem: error.message().to_owned() }
+            let problem = explain(error.message(), &key);
+            Error::SceneKey { path: path.into(), line: line_at(text, start), key: shortened(&key, MAX_KEY), problem }
         })?;
         let check = Check { path, text };
         let folder = path.parent().unwrap_or(Path::new(""));
         let description = Self {
             environment: file.environment.map(|keys| check.environment(folder, keys)).transpose()?,
-            exposure_ev: check.optional("exposure_ev", file.exposure_ev, 0.0)?,
+            exposure_ev: check.within(MAX_EXPOSURE, "exposure_ev", file.exposure_ev, 0.0)?,
             models: file.model.into_iter().map(|keys| check.model(folder, keys)).collect::<Result<_>>()?,
             lights: file.light.into_iter().map(|keys| check.light(keys.point)).collect::<Result<_>>()?,
             cameras: check.cameras(file.camera)?,
@@ -136,17 +145,26 @@ struct Check<'a> {
 /// What numbers come in: one, or three.
 trait Finite {
     fn is_finite_number(&self) -> bool;
+    fn largest(&self) -> f32;
 }
 
 impl Finite for f32 {
     fn is_finite_number(&self) -> bool {
         self.is_finite()
     }
+
+    fn largest(&self) -> f32 {
+        self.abs()
+    }
 }
 
 impl Finite for [f32; 3] {
     fn is_finite_number(&self) -> bool {
         self.iter().all(|v| v.is_finite())
+    }
+
+    fn largest(&self) -> f32 {
+        self.iter().fold(0.0, |most, v| v.abs().max(most))
     }
 }
 
@@ -165,6 +183,18 @@ impl Check<'_> {
         value.map_or(Ok(default), |value| self.finite(key, &value))
     }
 
+    /// Of no more than `most`, up or down.
+    fn within<T: Finite + Copy>(&self, most: f32, key: &str, value: Option<Spanned<T>>, default: T) -> Result<T> {
+        let Some(value) = value else { return Ok(default) };
+        let number = self.finite(key, &value)?;
+        let ok = number.largest() <= most;
+        if ok { Ok(number) } else { Err(self.error(key, &value, format!("it is beyond {most:e}"))) }
+    }
+
+    fn place(&self, key: &str, value: Spanned<[f32; 3]>) -> Result<Vec3> {
+        self.within(MAX_LENGTH, key, Some(value), [0.0; 3]).map(Vec3::from_array)
+    }
+
     fn file(&self, folder: &Path, key: &str, name: &Spanned<String>) -> Result<PathBuf> {
         let text = name.get_ref().replace('\\', "/");
         let path = match text.strip_prefix(LARGE_SCENES) {
@@ -175,7 +205,14 @@ impl Check<'_> {
             None => folder.join(&text),
         };
         if text.is_empty() || !path.is_file() {
-            let remedy = if text.starts_with(LARGE_SCENES) { LARGE_SCENES_REMEDY } else { "" };
+            let remedy = if text.contains(char::is_control) {
+                // A `\n` or `\t` was part of a path.
+                format!("; {BACKSLASH}")
+            } else if text.starts_with(LARGE_SCENES) {
+                LARGE_SCENES_REMEDY.into()
+            } else {
+                String::new()
+            };
             return Err(self.error(key, name, format!("there is no file {}{remedy}", path.display())));
         }
         Ok(path)
@@ -189,13 +226,15 @@ impl Check<'_> {
     }
 
     fn model(&self, folder: &Path, keys: ModelKeys) -> Result<ModelFile> {
-        let scale = self.optional("scale", keys.scale.clone(), 1.0)?;
-        if let Some(value) = keys.scale.filter(|_| scale <= 0.0) {
-            return Err(self.error("scale", &value, "it must be above 0"));
+        let scale = self.within(MAX_LENGTH, "scale", keys.scale.clone(), 1.0)?;
+        if let Some(value) = keys.scale.filter(|_| scale < 1.0 / MAX_LENGTH) {
+            let problem =
+                if scale > 0.0 { format!("it is below {:e}", 1.0 / MAX_LENGTH) } else { "it must be above 0".into() };
+            return Err(self.error("scale", &value, problem));
         }
         let [x, y, z] = self.optional("rotation_degrees", keys.rotation_degrees, [0.0; 3])?.map(f32::to_radians);
         let rotation = Quat::from_euler(EulerRot::XYZ, x, y, z);
-        let translation = Vec3::from_array(self.optional("translation", keys.translation, [0.0; 3])?);
+        let translation = Vec3::from_array(self.within(MAX_LENGTH, "translation", keys.translation, [0.0; 3])?);
         Ok(ModelFile {
             file: self.file(folder, "file", &keys.file)?,
             world_from_local: Mat4::from_scale_rotation_translation(Vec3::splat(scale), rotation, translation),
@@ -207,7 +246,7 @@ impl Check<'_> {
         if intensity.min_element() < 0.0 {
             return Err(self.error("intensity", &keys.intensity, "light cannot be negative"));
         }
-        Ok(PointLight { position: Vec3::from_array(self.finite("position", &keys.position)?), intensity })
+        Ok(PointLight { position: self.place("position", keys.position)?, intensity })
     }
 
     fn cameras(&self, all: Vec<CameraKeys>) -> Result<Vec<Camera>> {
@@ -222,8 +261,8 @@ impl Check<'_> {
     }
 
     fn camera(&self, keys: CameraKeys) -> Result<Camera> {
-        let position = Vec3::from_array(self.finite("position", &keys.position)?);
-        let target = Vec3::from_array(self.finite("target", &keys.target)?);
+        let position = self.place("position", keys.position)?;
+        let target = self.place("target", keys.target.clone())?;
         if position == target {
             return Err(self.error("target", &keys.target, "the camera stands on its target"));
         }
@@ -237,6 +276,18 @@ impl Check<'_> {
 
 fn line_at(text: &str, byte: usize) -> usize {
     text.bytes().take(byte).filter(|b| *b == b'\n').count() + 1
+}
+
+/// What `toml` says of a mistake, shorter where it repeats a long key, and with the remedy for the usual ones.
+fn explain(message: &str, key: &str) -> String {
+    let message = message.replace(key, &shortened(key, MAX_KEY));
+    if message.contains("expected a sequence") && ["model", "light", "camera"].contains(&key) {
+        format!("there may be several: write `[[{key}]]` instead of `[{key}]`")
+    } else if message.contains("escape") || message.contains("unicode value") {
+        format!("{message}; {BACKSLASH}")
+    } else {
+        message
+    }
 }
 
 /// The key that stands at, or belongs to what stands at, a byte of the text; a table's name for a table.

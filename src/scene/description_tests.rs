@@ -50,6 +50,12 @@ fn errors_name_line_and_key() {
         ("[[model]]\nfile = ''", 2, "file"),
         ("[[model]]\nfile = 'sub/a.obj'\nscale = 0", 3, "scale"),
         ("[[model]]\nfile = 'sub/a.obj'\nscale = inf", 3, "scale"),
+        ("[[model]]\nfile = 'sub/a.obj'\nscale = 1e12", 3, "scale"),
+        ("[[model]]\nfile = 'sub/a.obj'\nscale = 1e-12", 3, "scale"),
+        ("[[model]]\nfile = 'sub/a.obj'\ntranslation = [0, -2e9, 0]", 3, "translation"),
+        ("[[light]]\npoint = { position = [0, 0, 1e30], intensity = [1, 1, 1] }", 2, "position"),
+        (&format!("{camera}target = [1e10, 0, 1]"), 4, "target"),
+        ("exposure_ev = 1e30", 1, "exposure_ev"),
         ("[[model]]\nfile = 'sub/a.obj'\ntranslation = [1, 2]", 3, "translation"),
         ("[[light]]\npoint = { position = [0, 0, 0], intensity = [1, -1, 1] }", 2, "intensity"),
         ("[[light]]\nspot = 1", 2, "spot"),
@@ -65,6 +71,29 @@ fn errors_name_line_and_key() {
             other => panic!("{text:?}: {other:?}"),
         }
     }
+}
+
+#[test]
+fn usual_mistakes_get_their_remedy_and_long_keys_are_cut() {
+    let long = "k".repeat(5000);
+    for (text, part) in [
+        ("[model]\nfile = 'sub/a.obj'", "`[[model]]`"),
+        ("[light]\npoint = 1", "`[[light]]`"),
+        ("[[model]]\nfile = \"sub\\a.obj\"", "write / instead"),
+        ("[[model]]\nfile = \"C:\\users\\a.obj\"", "write / instead"),
+        ("[[model]]\nfile = \"sub\\new.obj\"", "write / instead"),
+        (&format!("{long} = 1"), "…"),
+    ] {
+        let error = parsed(text).unwrap_err().to_string();
+        assert!(error.contains(part) && error.chars().count() < 600, "{text}: {error}");
+    }
+}
+
+#[test]
+fn a_mark_before_utf8_does_not_hide_the_first_line() {
+    let error = parsed("\u{feff}exposure = 1").unwrap_err();
+    assert!(matches!(&error, Error::SceneKey { line: 1, key, .. } if key == "exposure"), "{error}");
+    assert_eq!(parsed("\u{feff}exposure_ev = 1").unwrap().exposure_ev, 1.0);
 }
 
 #[test]

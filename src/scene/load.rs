@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use glam::{Mat4, Vec3};
 use rayon::prelude::*;
 
-use super::description::{Description, ModelFile};
+use super::description::{Description, MAX_LENGTH, ModelFile};
 use super::mesh::{Bounds, Mesh};
 use super::{Camera, Environment, Instance, Scene, material, tangent};
 use crate::asset::mtl::Mtl;
@@ -53,10 +53,29 @@ pub fn load(path: &Path, options: &LoadOptions, report: &Report) -> Result<Scene
         environment,
         exposure_ev: description.exposure_ev,
     };
+    let bounds = scene.bounds();
+    let reach = bounds.min.abs().max(bounds.max.abs()).max_element();
+    if bounds != Bounds::EMPTY && reach > MAX_LENGTH {
+        return Err(Error::Broken {
+            path: path.into(),
+            what: "scene",
+            problem: format!("its models reach {reach:e}, beyond {MAX_LENGTH:e}"),
+            remedy: "choose smaller values for scale",
+        });
+    }
     if scene.cameras.is_empty() {
         scene.cameras.push(auto_camera(scene.bounds()));
     }
     Ok(scene)
+}
+
+/// A scene's own file and those that it names: panorama and models, but not what these name. What cannot be read names none.
+pub fn files(path: &Path) -> Vec<PathBuf> {
+    let is_description = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml"));
+    let description = is_description.then(|| Description::load(path).ok()).flatten();
+    let named =
+        description.map(|d| d.environment.into_iter().map(|e| e.panorama).chain(d.models.into_iter().map(|m| m.file)));
+    std::iter::once(path.to_owned()).chain(named.into_iter().flatten()).collect()
 }
 
 fn only_model(path: &Path) -> Description {

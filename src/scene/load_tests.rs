@@ -88,3 +88,22 @@ fn what_is_missing_or_broken_is_one_error() {
     assert!(matches!(load("none.obj"), Error::Read { .. }));
     assert!(matches!(load("sky.hdr"), Error::Usage(_)));
 }
+
+#[test]
+fn models_beyond_what_numbers_hold_are_refused() {
+    let folder = folder();
+    let toml = |scale: &str| format!("[[model]]\nfile = \"a.obj\"\nscale = {scale}\n");
+    let error = loaded(&folder, &toml("9e8"), &LoadOptions::default()).0.unwrap_err().to_string();
+    assert!(error.contains("scene.toml") && error.contains("smaller values for scale"), "{error}");
+    assert!(loaded(&folder, &toml("4e8"), &LoadOptions::default()).0.is_ok());
+}
+
+#[test]
+fn a_scene_tells_which_files_it_is_made_of() {
+    let folder = folder();
+    let path = folder.path().join("scene.toml");
+    std::fs::write(&path, "environment = { panorama = \"sky.hdr\" }\n[[model]]\nfile = \"a.obj\"\n").unwrap();
+    assert_eq!(files(&path), [path.clone(), folder.path().join("sky.hdr"), folder.path().join("a.obj")]);
+    std::fs::write(&path, "nonsense").unwrap();
+    assert_eq!(files(&path), [path]);
+}

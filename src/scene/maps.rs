@@ -130,11 +130,8 @@ impl<'a> Pictures<'a> {
         }
         let made = self.work(job);
         // A file may be readable and still be no picture; that is found out, and told, each time.
-        if made.problems.is_empty()
-            && let Err(error) = self.report.time("cache", || cache.store(&key, to_entry(&made)))
-        {
-            // Without a cache everything works, only later.
-            tracing::debug!("cache: {error}");
+        if made.problems.is_empty() {
+            self.report.time("cache", || cache.keep(&key, to_entry(&made)));
         }
         made
     }

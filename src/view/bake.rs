@@ -17,6 +17,9 @@ use crate::reference::brdf::Geometry;
 use crate::reference::table::SplitSum;
 use crate::{Error, Result};
 
+/// The files it writes.
+pub const BAKED: [&str; 3] = ["irradiance.ktx2", "specular.ktx2", "brdf.ktx2"];
+
 /// What to bake and where to.
 #[derive(Clone, Copy)]
 pub struct BakeRequest<'a> {
@@ -86,7 +89,6 @@ pub fn bake(request: &BakeRequest<'_>, gpu: GpuOptions<'_>, report: &Report) -> 
     check_face_size(request.face_size)?;
     let mut stages = Stages(Vec::new());
     let panorama = stages.run("read panorama", || Panorama::load(request.panorama, report), |_| &[])?;
-    // Better now than after the work.
     std::fs::create_dir_all(request.folder).map_err(Error::write(request.folder))?;
     let gpu = stages.run("open GPU", || Gpu::open(gpu), |_| &[])?;
     let messages = gpu.messages();
@@ -136,10 +138,8 @@ fn write(gpu: &Arc<Gpu>, folder: &Path, light: &LightMaps, table: &BrdfTable) ->
     specular.set_text("pbrvrRoughness", &roughness.join(" "));
     let mut brdf = read_texture(gpu, &[&table.image])?;
     brdf.set_text("pbrvrContent", BrdfTable::MEANING);
-    [("irradiance.ktx2", irradiance), ("specular.ktx2", specular), ("brdf.ktx2", brdf)]
-        .map(|(name, texture)| write_file(folder.join(name), &texture))
-        .into_iter()
-        .collect()
+    let textures = [irradiance, specular, brdf];
+    BAKED.iter().zip(textures).map(|(name, texture)| write_file(folder.join(name), &texture)).collect()
 }
 
 /// Maps that hold radiance / `scale` as a texture that holds radiance: in halves, bit for bit, unless scale says that

@@ -11,10 +11,10 @@ mod window;
 
 use std::path::{Path, PathBuf};
 
-pub use bake::{BakeFacts, BakeRequest, bake};
+pub use bake::{BAKED, BakeFacts, BakeRequest, bake};
 pub use headset::{HiddenAreaV, PROBE_SUBCOMMAND, answer_probe};
 pub use look::{Look, TextureChoice};
-pub use picture::{RenderFacts, RenderRequest, load_scene, render};
+pub use picture::{RenderFacts, RenderRequest, load_scene, picture_files, render};
 pub use window::console;
 
 use clap::ValueEnum;
@@ -43,6 +43,8 @@ pub struct ViewRequest<'a> {
     pub mirror: Mirror,
     /// Where times and facts are written at the end.
     pub report: Option<&'a Path>,
+    /// Why it is not in a headset; told when there is a window instead.
+    pub no_headset: Option<&'a str>,
 }
 
 /// What a window beside the headset shows.
@@ -93,11 +95,9 @@ pub fn auto(request: &ViewRequest<'_>, gpu: GpuOptions<'_>) -> Result<()> {
     let no_window = match no_display() {
         Some(reason) => reason,
         None => {
-            if let Err(no_headset) = &probed {
-                say!("pbr-vr: in a window, because {no_headset}");
-            }
             let wanted = if probed.is_ok() { Wanted::Headset } else { Wanted::Window };
-            match window::run(request, gpu, wanted)? {
+            let no_headset = probed.as_ref().err().map(String::as_str);
+            match window::run(&ViewRequest { no_headset, ..*request }, gpu, wanted)? {
                 None => return Ok(()),
                 Some(reason) => reason,
             }
@@ -112,7 +112,7 @@ pub fn auto(request: &ViewRequest<'_>, gpu: GpuOptions<'_>) -> Result<()> {
         },
     };
     let scene = request.scene()?;
-    let output = Path::new(FALLBACK);
+    let output = &reserve_fallback()?;
     let still = RenderRequest {
         scene: &scene,
         output,
@@ -123,11 +123,24 @@ pub fn auto(request: &ViewRequest<'_>, gpu: GpuOptions<'_>) -> Result<()> {
         look: request.look,
         cache: request.cache,
     };
-    render(&still, gpu, &Report::to_terminal())?;
-    say!(
-        "pbr-vr: wrote {FALLBACK}, because {no_headset}, and {no_window}; start it in a desktop session to get a window"
-    );
-    Ok(())
+    let facts = render(&still, gpu, &Report::to_terminal()).inspect_err(|_| {
+        // The name only; what went wrong is told by the error.
+        let _ = std::fs::remove_file(output);
+    })?;
+    let name = output.display();
+    say!("pbr-vr: wrote {name}, because {no_headset}, and {no_window}; start it in a desktop session to get a window");
+    let RenderFacts { gpu, driver, frames, .. } = facts;
+    request.write_report(|| RunReport { on: "picture", gpu, driver, frames, present_mode: None, headset: None })
+}
+
+/// Makes an empty file, so that no two programs take the same name: as the fallback is called, or with a number if that is
+/// taken, as screenshots have one.
+fn reserve_fallback() -> Result<PathBuf> {
+    match std::fs::File::create_new(FALLBACK) {
+        Ok(_) => Ok(FALLBACK.into()),
+        Err(error) if error.kind() == std::io::ErrorKind::AlreadyExists => window::worker::reserve_name(Path::new("")),
+        Err(error) => Err(Error::write(FALLBACK)(error)),
+    }
 }
 
 /// Shows a scene in a window, or fails.

@@ -13,7 +13,9 @@ use crate::asset::picture::Picture;
 use crate::asset::{Report, TextureOptions, shipped};
 use crate::gpu::{Gpu, GpuOptions, Part, PassTime, Recorder, read_image};
 use crate::precompute::Cache;
-use crate::render::{Eye, FRAMES_IN_FLIGHT, IPD_METRES, Output, Renderer, Settings, StandardError, TextureFacts};
+use crate::render::{
+    Eye, FRAMES_IN_FLIGHT, IPD_METRES, Output, Renderer, Settings, StandardError, TextureFacts, check_size,
+};
 use crate::scene::load::{LoadOptions, load};
 use crate::scene::needs::resolution::Viewpoint;
 use crate::scene::{Camera, Scene};
@@ -79,6 +81,9 @@ pub fn render(request: &RenderRequest<'_>, gpu: GpuOptions<'_>, report: &Report)
     let messages = gpu.messages();
     let open_ms = ms_since(started);
     let settings = request.look.settings(&gpu, request.cache, report);
+    let settings = Settings { output, ..settings };
+    // Better now than after loading.
+    check_size(&gpu, request.size, if request.stereo { 2 } else { 1 }, &settings)?;
     let started = Instant::now();
     let mut scene = load_scene(request.scene, &settings.textures, report)?;
     let load_ms = ms_since(started);
@@ -91,7 +96,7 @@ pub fn render(request: &RenderRequest<'_>, gpu: GpuOptions<'_>, report: &Report)
     let around_metres = if request.stereo { 0.5 * IPD_METRES } else { 0.0 };
     let tangents = [eye.left, eye.right, eye.down, eye.up];
     let viewpoint = Some(Viewpoint::new(eye.position(), around_metres, tangents, request.size));
-    let settings = Settings { viewpoint, output, ..settings };
+    let settings = Settings { viewpoint, ..settings };
     let (shading, count) = (request.look.shading, eyes.len() as u32);
     let mut renderer = Renderer::new(&gpu, &scene, settings, shading, request.size, count, report)?;
     // They are on the GPU now.
@@ -101,7 +106,7 @@ pub fn render(request: &RenderRequest<'_>, gpu: GpuOptions<'_>, report: &Report)
     let (gpu_frames, record_ms) = draw(&gpu, &mut renderer, &eyes, request.frames)?;
     let facts = RenderFacts {
         scene: request.scene.to_owned(),
-        files: write_layers(&gpu, &renderer, output, request)?,
+        files: write_layers(&gpu, &renderer, output, request, report)?,
         size: request.size,
         eyes: eyes.len(),
         gpu: gpu.info().name.clone(),
@@ -174,12 +179,9 @@ fn write_layers(
     renderer: &Renderer,
     output: Output,
     request: &RenderRequest<'_>,
+    report: &Report,
 ) -> Result<Vec<PathBuf>> {
-    let files = if request.stereo {
-        vec![suffixed(request.output, "-left"), suffixed(request.output, "-right")]
-    } else {
-        vec![request.output.to_owned()]
-    };
+    let files = picture_files(request.output, request.stereo);
     for (layer, file) in (0u32..).zip(&files) {
         let bytes = read_image(gpu, renderer.picture(), Part { mip: 0, layer }, output.bytes())?;
         let [width, height] = request.size;
@@ -188,8 +190,20 @@ fn write_layers(
             Output::Linear => Picture::from_radiance("render", width, height, &bytemuck::pod_collect_to_vec(&bytes)),
         };
         picture.write(file)?;
+        let lost = picture.pixels.iter().filter(|pixel| !pixel.iter().all(|v| v.is_finite())).count();
+        if lost > 0 {
+            let file = file.display();
+            report.warn(format!(
+                "{file}: {lost} pixel(s) are infinite or no number; the scene's light is too bright there"
+            ));
+        }
     }
     Ok(files)
+}
+
+/// The files of a render: one, or one for each eye.
+pub fn picture_files(output: &Path, stereo: bool) -> Vec<PathBuf> {
+    if stereo { vec![suffixed(output, "-left"), suffixed(output, "-right")] } else { vec![output.to_owned()] }
 }
 
 fn output_of(path: &Path) -> Result<Output> {

@@ -79,7 +79,7 @@ fn end_in_words_if_the_desktop_dies() {
         }
         let why = panic.payload().downcast_ref::<String>().map_or("it does not say why", String::as_str);
         let error = Error::Window { problem: format!("the window system failed: {why}") };
-        eprintln!("pbr-vr: {error}");
+        crate::complain!("pbr-vr: {error}");
         std::process::exit(error.exit_code().into());
     }));
 }
@@ -125,6 +125,7 @@ impl App<'_> {
         // SAFETY: `exiting` drops the viewer while the event loop still runs.
         let mut viewer = unsafe { Viewer::new(gpu, window, self.request, self.proxy.clone(), session) }?;
         self.opened = true;
+        self.request.no_headset.iter().for_each(|why| say!("pbr-vr: in a window, because {why}"));
         viewer.open_first(scene);
         Ok(viewer)
     }

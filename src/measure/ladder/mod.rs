@@ -99,7 +99,10 @@ pub fn run(request: &MeasureRequest<'_>, gpu: GpuOptions<'_>, report: &Report) -
         })?;
         chart::write(request.output, &ladder)?;
         if let Some(cache) = request.cache {
-            kept::keep(cache, &path, &gpu, &ladder)?;
+            let kept = kept::keep(cache, &path, &gpu, &ladder);
+            kept.unwrap_or_else(|error| {
+                report.warn(format!("{error}; --tolerance and --budget-ms cannot use this ladder"))
+            });
         }
         ladder.verdict().iter().for_each(|line| say!("pbr-vr: {line}"));
         if let Some(limit) = request.limit {

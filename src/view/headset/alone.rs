@@ -107,11 +107,11 @@ impl Alone {
                     self.stage = Some(stage);
                 }
                 Done::Scene(Err(error)) if self.stage.is_none() => return Err(error),
-                Done::Scene(Err(error)) => eprintln!("pbr-vr: {error}"),
+                Done::Scene(Err(error)) => crate::complain!("pbr-vr: {error}"),
                 Done::Panorama { light, .. } => match (light, &mut self.stage) {
                     (Ok(light), Some(stage)) => stage.renderer.set_light(*light)?,
                     (Ok(_), None) => {}
-                    (Err(error), _) => eprintln!("pbr-vr: {error}"),
+                    (Err(error), _) => crate::complain!("pbr-vr: {error}"),
                 },
                 // Nobody asks for one here.
                 Done::Screenshot(_) => {}

@@ -51,7 +51,8 @@ pub struct Hands {
 impl Hands {
     /// Tells the runtime of the actions; without them one can still look around.
     pub fn new(runtime: &Runtime) -> Self {
-        let actions = actions(runtime).inspect_err(|why| eprintln!("pbr-vr: headset: no controllers: {why}")).ok();
+        let actions =
+            actions(runtime).inspect_err(|why| crate::complain!("pbr-vr: headset: no controllers: {why}")).ok();
         let (blink, guides) = (Blink::default(), Guides::default());
         Self { actions, rig: None, settled: false, camera: 0, blink, grab: None, guides }
     }

@@ -30,7 +30,7 @@ pub struct FrameTime {
 /// Facts of one run, as `--report` writes them.
 #[derive(Debug, Default, Serialize)]
 pub struct RunReport {
-    /// `headset` or `window`.
+    /// `headset`, `window` or, where there is neither, `picture`.
     pub on: &'static str,
     pub gpu: String,
     pub driver: String,

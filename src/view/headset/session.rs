@@ -359,7 +359,7 @@ impl Session {
                 *count += 1;
                 if *count == 1 {
                     let lacking = lacking_words(&self.lacking);
-                    eprintln!("pbr-vr: headset: {call}: {words} ({code}); this frame is not seen{lacking}");
+                    crate::complain!("pbr-vr: headset: {call}: {words} ({code}); this frame is not seen{lacking}");
                 }
                 None
             }
@@ -374,7 +374,7 @@ impl Session {
                 self.optics = [left, right];
                 self.report.optics_changes += 1;
             }
-            (Err(error), _) | (_, Err(error)) => eprintln!("pbr-vr: {error}"),
+            (Err(error), _) | (_, Err(error)) => crate::complain!("pbr-vr: {error}"),
         }
     }
 }

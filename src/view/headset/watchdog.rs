@@ -97,7 +97,7 @@ fn watch(shared: &Shared) {
         let Some(watched) = &mut state.0 else { continue };
         match look(watched, Instant::now()) {
             Finding::Nothing => {}
-            Finding::Late => eprintln!(
+            Finding::Late => crate::complain!(
                 "pbr-vr: headset: {} has not come back for {} s; wait, check its cable or link, or restart SteamVR; at {} s \
                  this program ends",
                 watched.what,
@@ -122,7 +122,7 @@ fn look(watched: &mut Watched, now: Instant) -> Finding {
 }
 
 fn give_up(watched: &Watched) -> ! {
-    eprintln!(
+    crate::complain!(
         "pbr-vr: headset: {} never came back; restart SteamVR, then this program, or use `--on window`",
         watched.what
     );

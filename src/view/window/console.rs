@@ -14,7 +14,7 @@ pub fn hold() {
         use std::io::IsTerminal as _;
         own::show(windows_sys::Win32::UI::WindowsAndMessaging::SW_RESTORE);
         if std::io::stdin().is_terminal() && std::io::stderr().is_terminal() {
-            eprintln!("Press Enter to close this window.");
+            crate::complain!("Press Enter to close this window.");
             // Whatever is read, or not: the wait is over.
             let _ = std::io::stdin().read_line(&mut String::new());
         }

@@ -352,7 +352,7 @@ impl Viewer {
 
     /// Tells of something that went wrong and changed nothing.
     fn complain(&mut self, error: &Error) {
-        eprintln!("pbr-vr: {error}");
+        crate::complain!("pbr-vr: {error}");
         self.hud.error(Instant::now(), error.to_string());
     }
 }

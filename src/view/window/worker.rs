@@ -137,7 +137,7 @@ impl<F: Fn()> Drop for WakeAtEnd<F> {
 pub fn report_screenshot(written: &Result<PathBuf>) {
     match written {
         Ok(path) => say!("pbr-vr: wrote {}", path.display()),
-        Err(error) => eprintln!("pbr-vr: {error}"),
+        Err(error) => crate::complain!("pbr-vr: {error}"),
     }
 }
 
@@ -230,7 +230,7 @@ fn write_screenshot(pixels: &[u8], [width, height]: [u32; 2], folder: &Path) -> 
 }
 
 /// Makes an empty file, so that no two programs take the same name.
-fn reserve_name(folder: &Path) -> Result<PathBuf> {
+pub fn reserve_name(folder: &Path) -> Result<PathBuf> {
     let mut number = 1u32;
     loop {
         let path = folder.join(format!("pbr-vr-{number}.png"));

@@ -1,0 +1,140 @@
+//! Where results go: looked at before the work that makes them, so that none is lost, and none lands on what it is made of.
+
+use std::io::{Error as IoError, ErrorKind};
+use std::path::{Path, PathBuf};
+
+use super::file::create_beside;
+use crate::{Error, Result};
+
+/// What a command reads, and what it is to write.
+pub struct Outputs {
+    inputs: Vec<PathBuf>,
+    files: Vec<PathBuf>,
+    /// Folders that are made if they are not there.
+    folders: Vec<PathBuf>,
+}
+
+impl Outputs {
+    /// Of a command that reads these.
+    pub fn of<P: AsRef<Path>>(inputs: impl IntoIterator<Item = P>) -> Self {
+        Self {
+            inputs: inputs.into_iter().map(|path| real(path.as_ref())).collect(),
+            files: Vec::new(),
+            folders: Vec::new(),
+        }
+    }
+
+    /// Adds a file that is to be written.
+    ///
+    /// Errors: [`Error::Usage`] where it is an input or another output, [`Error::Write`] where it cannot be written.
+    pub fn file(&mut self, path: &Path) -> Result<()> {
+        let failed = |error| Err(Error::write(path)(error));
+        match path.metadata() {
+            Ok(data) if data.is_dir() => return failed(ErrorKind::IsADirectory.into()),
+            // Devices and pipes take anything, any number of times.
+            Ok(data) if !data.is_file() => return Ok(()),
+            Err(error) if error.kind() != ErrorKind::NotFound => return failed(error),
+            _ => {}
+        }
+        let place = real(path);
+        if place.parent().is_some_and(|folder| !folder.is_dir() && !self.folders.iter().any(|made| made == folder)) {
+            return failed(ErrorKind::NotFound.into());
+        }
+        check_folder(&place).map_err(Error::write(path))?;
+        self.add(path, place)
+    }
+
+    /// Adds a file where there is a name for it.
+    pub fn file_if(&mut self, path: Option<&Path>) -> Result<()> {
+        path.map_or(Ok(()), |path| self.file(path))
+    }
+
+    /// Adds files in a folder, which is made later if it is not there.
+    pub fn folder(&mut self, folder: &Path, names: &[&str]) -> Result<()> {
+        let place = real(folder);
+        check_folder(&place.join("file")).map_err(Error::write(folder))?;
+        names.iter().try_for_each(|name| self.add(&folder.join(name), real(&place.join(name))))?;
+        self.folders.push(place);
+        Ok(())
+    }
+
+    fn add(&mut self, path: &Path, place: PathBuf) -> Result<()> {
+        let what = if self.inputs.contains(&place) {
+            "is read by this command, and would be overwritten"
+        } else if self.files.contains(&place) {
+            "would be written twice by this command"
+        } else {
+            self.files.push(place);
+            return Ok(());
+        };
+        Err(Error::Usage(format!("{} {what}; choose another name", path.display())))
+    }
+}
+
+/// Where a path leads, links followed as far as it is there.
+fn real(path: &Path) -> PathBuf {
+    let path = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
+    let found = path.ancestors().find_map(|there| Some((there, there.canonicalize().ok()?)));
+    // Joining nothing would add a separator.
+    match found.and_then(|(there, real)| Some((path.strip_prefix(there).ok()?, real))) {
+        Some((rest, real)) if rest.as_os_str().is_empty() => real,
+        Some((rest, real)) => real.join(rest),
+        None => path,
+    }
+}
+
+/// Whether a file can be made in the folder of `place`, or in the nearest above that is there.
+fn check_folder(place: &Path) -> std::io::Result<()> {
+    let there = |folder: &&Path| folder.symlink_metadata().is_ok();
+    let Some(folder) = place.ancestors().skip(1).find(there) else { return Ok(()) };
+    if !folder.is_dir() {
+        return Err(IoError::from(ErrorKind::NotADirectory));
+    }
+    let (probe, file) = create_beside(&folder.join("file"))?;
+    drop(file);
+    std::fs::remove_file(probe)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_read_or_written_already_is_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        std::fs::create_dir(at("sub")).unwrap();
+        std::fs::write(at("in"), "").unwrap();
+        let mut outputs = Outputs::of([at("in"), at("not there")]);
+        let refused = |result: Result<()>| matches!(result, Err(Error::Usage(_)));
+        assert!(refused(outputs.file(&at("sub/../in"))));
+        assert!(refused(outputs.file(&at("sub/../not there"))));
+        assert!(refused(outputs.folder(folder.path(), &["a", "in"])));
+        outputs.file(&at("out")).unwrap();
+        assert!(refused(outputs.file(&at("sub/../out"))));
+        #[cfg(unix)]
+        {
+            std::os::unix::fs::symlink(at("in"), at("link")).unwrap();
+            assert!(refused(outputs.file(&at("link"))));
+            outputs.file(Path::new("/dev/null")).unwrap();
+            outputs.file(Path::new("/dev/null")).unwrap();
+        }
+        outputs.folder(&at("new/folder"), &["x"]).unwrap();
+        assert!(!at("new").exists(), "looked at, not made");
+        assert!(refused(outputs.folder(&at("new/folder"), &["x"])));
+        outputs.file(&at("new/folder/y")).unwrap();
+    }
+
+    #[test]
+    fn what_cannot_be_written_is_told_beforehand() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        std::fs::write(at("file"), "").unwrap();
+        let mut outputs = Outputs::of([] as [&Path; 0]);
+        for name in ["none/a", "file/a", ""] {
+            assert!(matches!(outputs.file(&at(name)), Err(Error::Write { .. })), "{name}");
+        }
+        assert!(matches!(outputs.folder(&at("file/new"), &["a"]), Err(Error::Write { .. })));
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1, "a probe was left behind");
+    }
+}
