@@ -109,7 +109,7 @@ impl Viewer {
         match self.mirror(now) {
             Err(error) if !error.is_device_lost() => {
                 self.mirror_broken = true;
-                eprintln!("pbr-vr: the window shows the headset no more: {error}");
+                crate::complain!("pbr-vr: the window shows the headset no more: {error}");
                 Ok(false)
             }
             mirrored => mirrored,
