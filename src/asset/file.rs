@@ -31,7 +31,9 @@ pub fn write_atomically(path: &Path, bytes: &[u8]) -> Result<()> {
     }
     let written = match std::fs::metadata(path) {
         Ok(data) if data.is_file() && !is_stream(path) => {
-            path.canonicalize().and_then(|place| replace(&place, bytes, Some(data.permissions())))
+            // A plain file's own path will do; not every drive of Windows can tell a longer one.
+            let place = if path.is_symlink() { path.canonicalize() } else { Ok(path.to_owned()) };
+            place.and_then(|place| replace(&place, bytes, Some(data.permissions())))
         }
         Err(_) if !path.is_symlink() => replace(path, bytes, None),
         // What is read from it comes as it is written; nothing of it can be cut off.
