@@ -14,7 +14,7 @@ const WIDTH: u32 = 980;
 /// Of the chart alone; the list beside it may be longer.
 const HEIGHT: u32 = 540;
 /// Of title and caption together.
-const FRAME: u32 = 74;
+const FRAME: u32 = 90;
 /// Width of the list beside the chart.
 const LIST: u32 = 400;
 const LINE: i32 = 14;
@@ -261,16 +261,16 @@ fn caption(area: &Area<'_>, ladder: &Ladder) -> Drawn<()> {
     let style = (FONT, 12).into_font().color(&BLACK.mix(0.75)).pos(Pos::new(HPos::Left, VPos::Center));
     let lines = [
         format!(
-            "{gpu}, {date}, {width}×{height}. Level lines: from the tenth quickest frame of a hundred to the ninetieth. Upright \
-             lines, and ±: what of a FLIP's difference from the default's cannot be told."
+            "{gpu}, {date}, {width}×{height}. Level lines: from the tenth quickest frame of a hundred to the ninetieth."
         ),
+        "Upright lines, and ±: what of a FLIP's difference from the default's cannot be told.".to_owned(),
         format!(
             "Exact picture: {} frames of {1}×{1} times the pixels, display light (after the tone curve) averaged. FLIP as seen \
              with {2} pixels per degree.",
             exact.frames, exact.fineness, exact.pixels_per_degree
         ),
     ];
-    for (y, line) in [8, 24].into_iter().zip(lines) {
+    for (y, line) in [8, 24, 40].into_iter().zip(lines) {
         area.draw(&Text::new(line, (14, y), style.clone()))?;
     }
     Ok(())
