@@ -15,8 +15,8 @@ use crate::{Error, Result};
 const MAX_FILE_BYTES: u64 = 1 << 30;
 /// 1.5 GB of corners. The thesis's largest scene has 262,267.
 const MAX_TRIANGLES: usize = 16 << 20;
-/// Beyond this, products of lengths leave the range of f32.
-const MAX_COORDINATE: f32 = 1e9;
+/// Beyond this, products of lengths leave the range of f32; and so they do below its inverse.
+pub const MAX_COORDINATE: f32 = 1e9;
 /// Beyond this, f32 cannot tell texels apart.
 const MAX_UV: f32 = 1e6;
 

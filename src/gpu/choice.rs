@@ -185,14 +185,15 @@ fn examine(instance: &Instance, physical: vk::PhysicalDevice, goal: Goal<'_>) ->
     let text = |s: std::result::Result<&CStr, _>| s.unwrap_or(c"?").to_string_lossy().into_owned();
     info.driver = format!("{} {}", text(driver.driver_name_as_c_str()), text(driver.driver_info_as_c_str()));
     let features = Features::of(instance, physical);
+    let has_swapchain = has_extension(instance, physical, khr::swapchain::NAME);
     info.options = vec![
         ("anisotropic filtering", features.options.anisotropy),
         ("block-compressed textures (BC5, BC7)", features.options.compressed_textures),
         ("telling how much memory is free", features.options.memory_budget),
-        ("presenting to windows", has_extension(instance, physical, khr::swapchain::NAME)),
+        ("presenting to windows", has_swapchain),
     ];
     let family = graphics_family(instance, physical, goal);
-    let presents = matches!(goal, Goal::Pictures) || has_extension(instance, physical, khr::swapchain::NAME);
+    let presents = matches!(goal, Goal::Pictures) || has_swapchain;
     let shows = |surface: &Surface<'_>| surface.has_formats(physical);
     info.unfit = features.missing().or_else(|| {
         let sampled =

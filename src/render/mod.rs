@@ -253,11 +253,6 @@ impl Renderer {
         self.hidden_area = area;
     }
 
-    /// Whether a hidden area is left out.
-    pub fn has_hidden_area(&self) -> bool {
-        self.hidden_area.is_some()
-    }
-
     /// Shows something else.
     pub fn set_shading(&mut self, shading: Shading) -> Result<()> {
         let (forward, exact) = (self.make_forward(shading)?, self.make_exact(shading, self.size())?);

@@ -7,7 +7,7 @@ use serde::Deserialize;
 use toml::Spanned;
 
 use super::{Camera, PointLight};
-use crate::asset::{file, shipped};
+use crate::asset::{file, obj, shipped};
 use crate::error::shortened;
 use crate::{Error, Result};
 
@@ -15,8 +15,8 @@ const MAX_FILE_BYTES: u64 = 16 << 20;
 /// How names of files in the folder of the large scenes begin; nothing else is expanded, and only there.
 const LARGE_SCENES: &str = "${PBR_VR_SCENES}/";
 const LARGE_SCENES_REMEDY: &str = "; it does not come with the program: set PBR_VR_SCENES to the folder that holds it, or see `tools/fetch-assets --list`";
-/// Beyond this, metres or times, products of lengths leave the range of f32; and so they do below its inverse.
-pub const MAX_LENGTH: f32 = 1e9;
+/// Of places in metres, and of scales.
+pub const MAX_LENGTH: f32 = obj::MAX_COORDINATE;
 /// Stops of exposure, up or down; single floats reach 127.
 const MAX_EXPOSURE: f32 = 100.0;
 const BACKSLASH: &str = "in \"…\" a backslash begins an escape: write / instead, or put the name between '…'";
@@ -234,7 +234,7 @@ impl Check<'_> {
         }
         let [x, y, z] = self.optional("rotation_degrees", keys.rotation_degrees, [0.0; 3])?.map(f32::to_radians);
         let rotation = Quat::from_euler(EulerRot::XYZ, x, y, z);
-        let translation = Vec3::from_array(self.within(MAX_LENGTH, "translation", keys.translation, [0.0; 3])?);
+        let translation = keys.translation.map_or(Ok(Vec3::ZERO), |value| self.place("translation", value))?;
         Ok(ModelFile {
             file: self.file(folder, "file", &keys.file)?,
             world_from_local: Mat4::from_scale_rotation_translation(Vec3::splat(scale), rotation, translation),

@@ -28,7 +28,6 @@ pub use rig::floor_under;
 pub use session::{End, Frame, Session};
 
 use crate::gpu::{Gpu, GpuOptions, Instance};
-use crate::render::Settings;
 use crate::{Error, Result, say};
 use runtime::{Role, Runtime};
 use watchdog::{Patience, Watchdog};
@@ -42,10 +41,10 @@ pub struct Connected {
 
 impl Connected {
     /// Begins a session.
-    pub fn begin(self, settings: Settings, v: HiddenAreaV) -> Result<Session> {
+    pub fn begin(self, v: HiddenAreaV) -> Result<Session> {
         // Should it fail, its arguments go in the right order: the runtime before our share of the GPU.
         let Self { runtime, watchdog, gpu } = self;
-        Session::new(runtime, &gpu, watchdog, settings, v)
+        Session::new(runtime, &gpu, watchdog, v)
     }
 }
 

@@ -136,7 +136,7 @@ impl App<'_> {
         }
         let connected = headset::connect(options).and_then(|connected| {
             let gpu = Arc::clone(&connected.gpu);
-            let session = connected.begin(self.request.settings(&gpu), self.request.hidden_area)?;
+            let session = connected.begin(self.request.hidden_area)?;
             Ok((gpu, Some(session)))
         });
         match connected {

@@ -28,7 +28,7 @@ pub fn run(request: &ViewRequest<'_>, connected: Connected) -> Result<()> {
     let gpu = Arc::clone(&connected.gpu);
     let messages = gpu.messages();
     let settings = request.settings(&gpu);
-    let session = connected.begin(settings.clone(), request.hidden_area)?;
+    let session = connected.begin(request.hidden_area)?;
     let mut alone = Alone {
         playlist: Playlist::new(&scene),
         worker: Worker::new(&gpu, settings, || {})?,

@@ -19,7 +19,7 @@ use super::report::{FrameTime, HeadsetReport, Timeline};
 use super::runtime::{DEVICES, EYES, Runtime};
 use super::watchdog::{Patience, Watchdog};
 use crate::gpu::{Gpu, PassTimes, Recorder};
-use crate::render::{FRAMES_IN_FLIGHT, HiddenArea, Settings};
+use crate::render::FRAMES_IN_FLIGHT;
 use crate::view::picture::ms_since;
 use crate::view::window::worker::Stage;
 use crate::{Result, say};
@@ -65,7 +65,6 @@ pub struct Session {
     optics: [Optics; 2],
     /// Of both eyes, v downwards.
     hidden: [Vec<[f32; 2]>; 2],
-    settings: Settings,
     head: Head,
     poses: Box<[sys::TrackedDevicePose_t; DEVICES]>,
     /// Since when the headset has not been connected.
@@ -84,13 +83,7 @@ pub struct Session {
 
 impl Session {
     /// Begins; `watchdog` has watched the start already.
-    pub fn new(
-        mut runtime: Runtime,
-        gpu: &Arc<Gpu>,
-        watchdog: Watchdog,
-        settings: Settings,
-        v: HiddenAreaV,
-    ) -> Result<Self> {
+    pub fn new(mut runtime: Runtime, gpu: &Arc<Gpu>, watchdog: Watchdog, v: HiddenAreaV) -> Result<Self> {
         runtime.prepare();
         let most = gpu.max_image_size();
         let size = runtime.recommended_size()?.map(|s| s.min(most));
@@ -116,7 +109,6 @@ impl Session {
             warm_up: WARM_UP,
             optics: [runtime.optics(EYES[0])?, runtime.optics(EYES[1])?],
             hidden,
-            settings,
             head: Head::default(),
             poses: Box::new([sys::TrackedDevicePose_t::default(); DEVICES]),
             gone: None,
@@ -296,10 +288,6 @@ impl Session {
         let renderer = &mut stage.renderer;
         renderer.set_eyes(2)?;
         renderer.resize(size)?;
-        // Where loading has not seen to it.
-        if !renderer.has_hidden_area() && self.hidden.iter().any(|corners| !corners.is_empty()) {
-            renderer.set_hidden_area(HiddenArea::new(&self.gpu, &self.settings, &self.hidden)?);
-        }
         let finished = self.recorders[slot].finish()?;
         self.choose_level(&finished);
         self.times = finished;

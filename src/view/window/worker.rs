@@ -197,10 +197,7 @@ fn make_ready_for_headset(
 ) -> Result<()> {
     // None yet, but now there is what draws them.
     renderer.set_guides(0, &Guides::default())?;
-    // One that cannot be drawn is the session's to tell.
-    if let Ok(area) = HiddenArea::new(gpu, settings, hidden) {
-        renderer.set_hidden_area(area);
-    }
+    renderer.set_hidden_area(HiddenArea::new(gpu, settings, hidden)?);
     Ok(())
 }
 
