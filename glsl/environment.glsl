@@ -7,10 +7,10 @@
 #include "levels.glsl"
 #include "table.glsl"
 
-// World direction to the frame that the panorama was stored in.
+// SceneResources direction to the frame that the panorama was stored in.
 vec3 panorama_from_world(vec3 d)
 {
-    return rotate_y(d, vec2(frame.environment_turn.x, -frame.environment_turn.y));
+    return rotate_y(d, vec2(frame.environment_rotation.x, -frame.environment_rotation.y));
 }
 
 // Irradiance of a surface facing n, over pi: what a white Lambertian surface sends out, W/(m^2 sr).
@@ -87,7 +87,7 @@ vec3 reflected_light(LobePart part)
 {
     vec3 d = panorama_from_world(part.towards);
     LevelMix levels = level_mix(part.level);
-    vec3 even = textureLod(even_levels, d, levels.even_mip).rgb, odd = textureLod(odd_levels, d, levels.odd_mip).rgb;
+    vec3 even = textureLod(specular_even, d, levels.even_mip).rgb, odd = textureLod(specular_odd, d, levels.odd_mip).rgb;
     return part.reflectance * mix(even, odd, levels.odd_share) * frame.environment_scale;
 }
 

@@ -21,7 +21,7 @@ const float MIRROR_ALPHA = 1e-4;
 // The BRDF at a surface whose normal is +Z, for light from all around.
 struct Scatter {
     vec3 v;
-    vec3 albedo;
+    vec3 base_color;
     vec3 f0;
     float metallic;
     float roughness;
@@ -37,8 +37,8 @@ Scatter make_scatter(Surface s, mat3 world_from_surface)
     Scatter m;
     vec3 v = s.v * world_from_surface;
     m.v = normalize(vec3(v.xy, max(v.z, MIN_COS)));
-    m.albedo = s.albedo;
-    m.f0 = f0_from_metallic(s.albedo, s.metallic);
+    m.base_color = s.base_color;
+    m.f0 = f0_from_metallic(s.base_color, s.metallic);
     m.metallic = s.metallic;
     m.roughness = s.roughness;
     m.alpha = s.roughness * s.roughness;
@@ -46,7 +46,7 @@ Scatter make_scatter(Surface s, mat3 world_from_surface)
     m.energy = Energy(table_mean(brdf_table, s.roughness), MULTI_SCATTER);
     m.at_v = table_entry(brdf_table, m.v.z, s.roughness);
     vec3 f = f_schlick(m.f0, m.v.z);
-    vec3 diffuse = (1.0 - s.metallic) * s.albedo + multiple_even(m.energy, s.albedo, s.metallic, m.at_v);
+    vec3 diffuse = (1.0 - s.metallic) * s.base_color + multiple_even(m.energy, s.base_color, s.metallic, m.at_v);
     float specular = max(f.r, max(f.g, f.b)), matte = max(diffuse.r, max(diffuse.g, diffuse.b));
     // Never below a tenth: the specular part has peaks that cosine samples do not find.
     m.specular_share = m.mirror ? 0.0 : matte > 0.0 ? clamp(specular / (specular + matte), 0.1, 0.9) : 1.0;
@@ -60,9 +60,9 @@ vec3 scattered(Scatter m, vec3 l)
     float vh = 0.5 * length(h);
     vec3 sum;
     if (GEOMETRY == GEOMETRY_KARIS2013)
-        sum = (1.0 - m.metallic) * diffuse_karis2013(m.albedo, m.f0, vh);
+        sum = (1.0 - m.metallic) * diffuse_karis2013(m.base_color, m.f0, vh);
     else
-        sum = beyond_single(m.energy, m.albedo, m.metallic, table_entry(brdf_table, l.z, m.roughness), m.at_v);
+        sum = beyond_single(m.energy, m.base_color, m.metallic, table_entry(brdf_table, l.z, m.roughness), m.at_v);
     if (!m.mirror)
         sum += f_schlick(m.f0, vh) * (d_ggx(vec3(0.0, 0.0, 1.0), h, m.alpha) * v_environment(l.z, m.v.z, m.roughness, GEOMETRY));
     return sum * l.z;

@@ -15,7 +15,7 @@ layout(location = 0) out vec4 colour;
 // Phong knows neither metals nor mirror images of the surroundings: an ambient term and the lamps are all it has.
 vec3 phong(Surface s)
 {
-    return s.albedo * environment_diffuse(s.n) * s.occlusion + point_lights_phong(s);
+    return s.base_color * environment_diffuse(s.n) * s.occlusion + point_lights_phong(s);
 }
 
 struct Split {
@@ -25,7 +25,7 @@ struct Split {
 
 SpecularLobe lobe_of(Surface s)
 {
-    return specular_lobe(s.n, s.v, s.nv, f0_from_metallic(s.albedo, s.metallic), s.roughness);
+    return specular_lobe(s.n, s.v, s.nv, f0_from_metallic(s.base_color, s.metallic), s.roughness);
 }
 
 // What the environment gives: the split sum, and with the irradiance what is diffuse or scattered more than once. That is
@@ -34,16 +34,16 @@ Split environment(Surface s, SpecularLobe lobe)
 {
     Split split = Split(vec3(0.0), environment_specular(lobe) * s.occlusion);
     bool multiple = MULTI_SCATTER && GEOMETRY == GEOMETRY_SMITH;
-    if (METALS == METALS_ALL && !multiple)
+    if (METALNESS == METALNESS_METAL && !multiple)
         return split;
     vec3 even = environment_diffuse(s.n) * s.occlusion;
     Energy energy = Energy(lobe.mean_entry, multiple);
     if (GEOMETRY == GEOMETRY_KARIS2013) // the thesis's: what the mixed specular part leaves
-        split.diffuse = (1.0 - lobe.reflectance) * (1.0 - s.metallic) * s.albedo * even;
-    else if (METALS != METALS_ALL)
-        split.diffuse = diffuse_even(energy, s.albedo, s.metallic, lobe.entry) * even;
+        split.diffuse = (1.0 - lobe.reflectance) * (1.0 - s.metallic) * s.base_color * even;
+    else if (METALNESS != METALNESS_METAL)
+        split.diffuse = diffuse_even(energy, s.base_color, s.metallic, lobe.entry) * even;
     if (multiple)
-        split.specular += multiple_even(energy, s.albedo, s.metallic, lobe.entry) * even;
+        split.specular += multiple_even(energy, s.base_color, s.metallic, lobe.entry) * even;
     return split;
 }
 
@@ -74,7 +74,7 @@ vec3 term(Surface s)
     float nl = max(dot(s.n, l), 0.0);
     vec3 h = s.v + l;
     if (SHADING == SHADING_F)
-        return f_schlick(f0_from_metallic(s.albedo, s.metallic), 0.5 * length(h));
+        return f_schlick(f0_from_metallic(s.base_color, s.metallic), 0.5 * length(h));
     if (SHADING == SHADING_G)
         return vec3(v_direct(nl, s.nv, s.roughness, GEOMETRY) * 4.0 * nl * s.nv);
     // D has no upper bound: D / (1 + D) shows all of it.
@@ -118,8 +118,8 @@ void main()
 {
     Surface s = read_surface();
     bool shows_light = SHADING <= SHADING_PHONG || SHADING >= SHADING_DIFFUSE;
-    if (SHADING == SHADING_ALBEDO)
-        colour = display_colour(s.albedo);
+    if (SHADING == SHADING_BASE_COLOR)
+        colour = display_colour(s.base_color);
     else if (shows_light)
         colour = display_radiance(light_of(s));
     else

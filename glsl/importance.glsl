@@ -19,12 +19,12 @@ layout(set = 0, binding = 7, scalar) readonly buffer Importance {
 
 vec3 panorama_from_world(vec3 d)
 {
-    return rotate_y(d, vec2(frame.environment_turn.x, -frame.environment_turn.y));
+    return rotate_y(d, vec2(frame.environment_rotation.x, -frame.environment_rotation.y));
 }
 
 vec3 world_from_panorama(vec3 d)
 {
-    return rotate_y(d, frame.environment_turn);
+    return rotate_y(d, frame.environment_rotation);
 }
 
 // Four numbers of 32 random bits each from four counters: Jarzynski and Olano, "Hash Functions for GPU Rendering" (2020),

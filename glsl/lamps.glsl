@@ -18,13 +18,13 @@ vec3 light_irradiance(PointLight light, out vec3 l)
 // The physically based BRDF for light of no size, in 1/sr.
 vec3 brdf(Surface s, vec3 l, Energy energy, vec2 at_v)
 {
-    vec3 f0 = f0_from_metallic(s.albedo, s.metallic);
+    vec3 f0 = f0_from_metallic(s.base_color, s.metallic);
     vec3 sum = specular(s.n, s.v, l, f0, s.roughness, GEOMETRY);
     if (GEOMETRY == GEOMETRY_KARIS2013)
-        sum += (1.0 - s.metallic) * diffuse_karis2013(s.albedo, f0, 0.5 * length(s.v + l));
-    else if (METALS != METALS_ALL || MULTI_SCATTER) {
+        sum += (1.0 - s.metallic) * diffuse_karis2013(s.base_color, f0, 0.5 * length(s.v + l));
+    else if (METALNESS != METALNESS_METAL || MULTI_SCATTER) {
         vec2 at_l = table_entry(brdf_table, dot(s.n, l), s.roughness);
-        sum += beyond_single(energy, s.albedo, s.metallic, at_l, at_v);
+        sum += beyond_single(energy, s.base_color, s.metallic, at_l, at_v);
     }
     return sum;
 }
@@ -47,13 +47,13 @@ vec3 point_lights(Surface s, Energy energy, vec2 at_v)
 // The same by Phong, which has no table.
 vec3 point_lights_phong(Surface s)
 {
-    vec3 sum = vec3(0.0), f0 = f0_from_metallic(s.albedo, s.metallic);
+    vec3 sum = vec3(0.0), f0 = f0_from_metallic(s.base_color, s.metallic);
     uint count = LIGHTS < 0 ? frame.light_count : uint(LIGHTS);
     for (uint i = 0u; i < count; ++i) {
         vec3 l;
         vec3 irradiance = light_irradiance(lights[i], l);
         float nl = max(dot(s.n, l), 0.0);
-        sum += irradiance * nl * (diffuse_lambert(s.albedo) + f0 * phong_specular(s.n, s.v, l, s.roughness));
+        sum += irradiance * nl * (diffuse_lambert(s.base_color) + f0 * phong_specular(s.n, s.v, l, s.roughness));
     }
     return sum;
 }

@@ -20,24 +20,24 @@ layout(constant_id = 0) const uint EYES = 1;
 layout(constant_id = 1) const uint SHADING = 0;
 layout(constant_id = 2) const int GEOMETRY = 0;
 layout(constant_id = 3) const bool LINEAR_OUTPUT = false;
-layout(constant_id = 4) const bool HAS_ALBEDO_MAP = true;
+layout(constant_id = 4) const bool HAS_BASE_COLOR_MAP = true;
 layout(constant_id = 5) const bool HAS_NORMAL_MAP = true;
-layout(constant_id = 6) const bool HAS_SURFACE_MAP = true;
+layout(constant_id = 6) const bool HAS_ORM_MAP = true;
 layout(constant_id = 7) const bool ALPHA_MASK = false;
 layout(constant_id = 8) const int LIGHTS = -1; // below 0: as many as the frame says
-layout(constant_id = 9) const uint METALS = 2;
+layout(constant_id = 9) const uint METALNESS = 2;
 layout(constant_id = 10) const bool MULTI_SCATTER = true; // with GEOMETRY_SMITH alone
 layout(constant_id = 11) const bool SLICES = false; // the table's layers beyond the second are there
 
-// METALS: the order of scene::needs::Metals.
-const uint METALS_NONE = 0;
-const uint METALS_ALL = 1;
-const uint METALS_SOME = 2;
+// METALNESS: the order of scene::needs::Metalness.
+const uint METALNESS_DIELECTRIC = 0;
+const uint METALNESS_METAL = 1;
+const uint METALNESS_MIXED = 2;
 
 // SHADING: the order of render::Shading.
 const uint SHADING_PBR = 0;
 const uint SHADING_PHONG = 1;
-const uint SHADING_ALBEDO = 2;
+const uint SHADING_BASE_COLOR = 2;
 const uint SHADING_NORMAL = 3;
 const uint SHADING_METALLIC = 4;
 const uint SHADING_ROUGHNESS = 5;
@@ -54,7 +54,7 @@ const uint SHADING_REFERENCE = 15;
 
 layout(set = 0, binding = 0, scalar) uniform Frame {
     Eye eyes[MAX_EYES];
-    vec2 environment_turn; // cos, sin
+    vec2 environment_rotation; // cos, sin
     float exposure;
     float environment_scale;
     uint light_count;
@@ -67,8 +67,8 @@ layout(set = 0, binding = 1, scalar) readonly buffer Lights {
 
 layout(set = 0, binding = 2) uniform sampler2D panorama;
 layout(set = 0, binding = 3) uniform samplerCube irradiance_over_pi;
-layout(set = 0, binding = 4) uniform samplerCube even_levels;
-layout(set = 0, binding = 5) uniform samplerCube odd_levels;
+layout(set = 0, binding = 4) uniform samplerCube specular_even;
+layout(set = 0, binding = 5) uniform samplerCube specular_odd;
 layout(set = 0, binding = 6) uniform sampler2DArray brdf_table;
 
 #endif

@@ -6,14 +6,14 @@
 #include "math.glsl"
 
 layout(set = 1, binding = 0, scalar) uniform Material {
-    vec3 albedo;
+    vec3 base_color;
     float metallic;
     float roughness;
     float alpha_cutoff;
 } material;
-layout(set = 1, binding = 1) uniform sampler2D albedo_map;
+layout(set = 1, binding = 1) uniform sampler2D base_color_map;
 layout(set = 1, binding = 2) uniform sampler2D normal_map;
-layout(set = 1, binding = 3) uniform sampler2D surface_map; // occlusion, roughness, metallic
+layout(set = 1, binding = 3) uniform sampler2D orm_map; // occlusion, roughness, metallic
 
 layout(location = 0) centroid in vec3 position_world;
 layout(location = 1) centroid in vec3 normal_world;
@@ -25,7 +25,7 @@ struct Surface {
     vec3 n; // shading normal, towards the eye's side
     vec3 v; // to the eye
     float nv;
-    vec3 albedo;
+    vec3 base_color;
     float metallic;
     float roughness;
     float occlusion;
@@ -52,17 +52,17 @@ void cut_out(float above);
 Surface read_surface()
 {
     Surface s;
-    s.albedo = material.albedo;
-    if (HAS_ALBEDO_MAP) {
-        vec4 texel = texture(albedo_map, uv);
+    s.base_color = material.base_color;
+    if (HAS_BASE_COLOR_MAP) {
+        vec4 texel = texture(base_color_map, uv);
         if (ALPHA_MASK)
             cut_out(texel.a - material.alpha_cutoff);
-        s.albedo *= texel.rgb;
+        s.base_color *= texel.rgb;
     }
-    vec3 maps = HAS_SURFACE_MAP ? texture(surface_map, uv).rgb : vec3(1.0);
+    vec3 maps = HAS_ORM_MAP ? texture(orm_map, uv).rgb : vec3(1.0);
     s.occlusion = maps.r;
     s.roughness = maps.g * material.roughness;
-    s.metallic = METALS == METALS_SOME ? maps.b * material.metallic : float(METALS == METALS_ALL);
+    s.metallic = METALNESS == METALNESS_MIXED ? maps.b * material.metallic : float(METALNESS == METALNESS_METAL);
     vec3 n = mapped_normal();
     // Cloth and leaves are seen from behind, too.
     s.n = gl_FrontFacing ? n : -n;

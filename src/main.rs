@@ -15,7 +15,7 @@ use pbr_vr::precompute::{Cache, Options};
 use pbr_vr::reference::metrics::{PIXELS_PER_DEGREE, PIXELS_PER_DEGREE_RANGE};
 use pbr_vr::scene::load::files as scene_files;
 use pbr_vr::scene::needs::findings::Findings;
-use pbr_vr::view::{self, BakeRequest, HiddenAreaV, Look, Mirror, RenderRequest, ViewRequest, doctor};
+use pbr_vr::view::{self, BakeRequest, HiddenAreaV, Mirror, QualityOptions, RenderRequest, ViewRequest, doctor};
 use pbr_vr::{Error, Result, complain, say};
 
 /// Physically based materials under real light, in a headset, a window or a picture.
@@ -56,7 +56,7 @@ enum Command {
     /// Measure speed against accuracy: tables and charts.
     Measure(Measure),
     /// Say what is modelled for a scene, what is left out, and why.
-    Needs(NeedsArgs),
+    SceneFeatures(NeedsArgs),
     /// Say how different two pictures are.
     Compare(Compare),
     /// Say what this machine has, what is missing, and what to do.
@@ -86,7 +86,7 @@ struct View {
     #[arg(long, value_name = "FILE")]
     report: Option<PathBuf>,
     #[command(flatten)]
-    look: Look,
+    look: QualityOptions,
     #[command(flatten)]
     choice: Choice,
 }
@@ -105,12 +105,18 @@ struct Choice {
 
 /// Every flag of a look: a group of clap's has no members that are flattened in.
 fn look_flags() -> Vec<clap::Id> {
-    Look::augment_args(clap::Command::new("look")).get_arguments().map(|flag| flag.get_id().clone()).collect()
+    QualityOptions::augment_args(clap::Command::new("look")).get_arguments().map(|flag| flag.get_id().clone()).collect()
 }
 
 impl Choice {
     /// The look: as it is, or chosen from the scene's ladder.
-    fn look(&self, look: Look, scene: &std::path::Path, gpu: GpuOptions<'_>, cache: Option<&Cache>) -> Result<Look> {
+    fn look(
+        &self,
+        look: QualityOptions,
+        scene: &std::path::Path,
+        gpu: GpuOptions<'_>,
+        cache: Option<&Cache>,
+    ) -> Result<QualityOptions> {
         limit(self.tolerance, self.budget_ms).map_or(Ok(look), |limit| measure::choose(scene, limit, gpu, cache))
     }
 }
@@ -151,7 +157,7 @@ struct Render {
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
     #[command(flatten)]
-    look: Look,
+    look: QualityOptions,
     #[command(flatten)]
     choice: Choice,
 }
@@ -281,7 +287,7 @@ fn run(cli: &Cli) -> Result<()> {
         Command::Render(render) => run_render(render, gpu, cache),
         Command::Bake(bake) => run_bake(bake, gpu, cache),
         Command::Measure(measure) => run_measure(measure, gpu, cache),
-        Command::Needs(needs) => run_needs(needs),
+        Command::SceneFeatures(needs) => run_needs(needs),
         Command::Compare(compare) => run_compare(compare),
         Command::Doctor => doctor::run(),
         Command::ProbeHeadset => {

@@ -11,7 +11,7 @@ use common::{Workshop, entries, finish, json, program, succeeds, validated};
 use half::f16;
 use pbr_vr::asset::ktx2::{Ktx2, TexelFormat};
 use pbr_vr::asset::{Panorama, Report};
-use pbr_vr::gpu::{Format, Gpu, Image, ImageDesc, ImageUsageFlags, Part, Shape, read_image, write_mips};
+use pbr_vr::gpu::{Format, Gpu, Image, ImageDesc, ImageUsageFlags, Shape, Subresource, read_image, write_mips};
 use pbr_vr::precompute::{BrdfTable, LightMaps, Options, read_texture};
 use pbr_vr::reference::brdf::Geometry;
 use pbr_vr::reference::levels::{LEVELS, alpha_from_level};
@@ -58,7 +58,7 @@ fn check_with_other_reader(path: &Path, ours: &Ktx2) {
 /// Every texel of an image, read back one face of one mip at a time: level after level, face after face.
 fn texels(gpu: &Arc<Gpu>, image: &Image, format: TexelFormat) -> Vec<Vec<u8>> {
     let desc = image.desc();
-    let face = |mip, layer| read_image(gpu, image, Part { mip, layer }, format.bytes().into()).expect("texels");
+    let face = |mip, layer| read_image(gpu, image, Subresource { mip, layer }, format.bytes().into()).expect("texels");
     (0..desc.mips).map(|mip| (0..desc.shape.layers()).flat_map(|layer| face(mip, layer)).collect()).collect()
 }
 

@@ -12,7 +12,7 @@ use pbr_vr::asset::ktx2::Ktx2;
 use pbr_vr::precompute::Cache;
 use pbr_vr::reference::brdf::Geometry;
 use pbr_vr::reference::table::SplitSum;
-use pbr_vr::view::{BakeRequest, Look, RenderFacts, RenderRequest, bake, render};
+use pbr_vr::view::{BakeRequest, QualityOptions, RenderFacts, RenderRequest, bake, render};
 
 /// A rough metal sphere under a coloured sky, and a cache.
 struct Scene {
@@ -48,7 +48,7 @@ impl Scene {
             camera: None,
             stereo: false,
             frames: 1,
-            look: Look { geometry, split_sum, ..Look::default() },
+            look: QualityOptions { geometry, split_sum, ..QualityOptions::default() },
             cache,
         };
         let facts = render(&request, validated(), &Report::silent()).expect("a render without validation messages");

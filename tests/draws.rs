@@ -4,13 +4,13 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use pbr_vr::asset::Report;
-use pbr_vr::gpu::{Gpu, GpuOptions, Part, read_image, run};
-use pbr_vr::render::{Eye, IPD_METRES, Order, Renderer, Savings, Settings, Shading};
+use pbr_vr::gpu::{Gpu, GpuOptions, Subresource, read_image, submit_and_wait};
+use pbr_vr::render::{CullOptions, Eye, IPD_METRES, Order, Renderer, Settings, Shading};
 use pbr_vr::scene::{self, LoadOptions, Scene};
 
 const SIZE: [u32; 2] = [320, 180];
-const ALL: Savings = Savings { frusta: true, backs: true, order: Order::FrontToBack };
-const NONE: Savings = Savings { frusta: false, backs: false, order: Order::Listed };
+const ALL: CullOptions = CullOptions { frusta: true, backs: true, order: Order::FrontToBack };
+const NONE: CullOptions = CullOptions { frusta: false, backs: false, order: Order::Listed };
 
 /// Loads a scene of assets/scenes, or one of the large ones where they are.
 fn load(path: &Path) -> Scene {
@@ -35,14 +35,14 @@ fn renderer(gpu: &Arc<Gpu>, scene: &Scene, eyes: usize, samples: u32) -> Rendere
 }
 
 /// Each eye's pixels, RGBA.
-fn draw(gpu: &Arc<Gpu>, renderer: &mut Renderer, eyes: &[Eye], savings: Savings) -> Vec<[u8; 4]> {
-    *renderer.savings() = savings;
-    run(gpu, |commands| {
+fn draw(gpu: &Arc<Gpu>, renderer: &mut Renderer, eyes: &[Eye], culling: CullOptions) -> Vec<[u8; 4]> {
+    *renderer.culling() = culling;
+    submit_and_wait(gpu, |commands| {
         renderer.record(commands, 0, eyes, None);
         Ok(())
     })
     .expect("a frame");
-    let layer = |layer| read_image(gpu, renderer.picture(), Part { mip: 0, layer }, 4).expect("a picture");
+    let layer = |layer| read_image(gpu, renderer.picture(), Subresource { mip: 0, layer }, 4).expect("a picture");
     (0..eyes.len() as u32).flat_map(|l| bytemuck::pod_collect_to_vec::<u8, [u8; 4]>(&layer(l))).collect()
 }
 
@@ -77,7 +77,7 @@ fn the_picture_does_not_depend_on_the_order_of_draws() {
                 let one = draw(gpu, &mut renderer, &eyes, ALL);
                 assert!(one.iter().any(|p| *p != one[0]), "{name}: nothing is drawn");
                 for order in [Order::Listed, Order::Shuffled(1), Order::Shuffled(2), Order::Shuffled(3)] {
-                    let other = draw(gpu, &mut renderer, &eyes, Savings { order, ..ALL });
+                    let other = draw(gpu, &mut renderer, &eyes, CullOptions { order, ..ALL });
                     let (largest, pixels) = difference(&one, &other);
                     let told = format!("{name}, {order:?}, {samples} samples: {largest} in {pixels} pixels");
                     assert!(largest <= allowed.0 && pixels <= allowed.1, "{told}");
@@ -98,7 +98,7 @@ fn frusta_that_leave_out_draws_leave_the_picture_as_it_is() {
             let position = glam::Vec3::new(0.3, 1.2, 0.4);
             let target = position + glam::Vec3::new(radians.sin(), 0.2 * radians.cos(), radians.cos());
             let eyes = Eye::looking(position, target, 50.0, SIZE[0] as f32 / SIZE[1] as f32).stereo(IPD_METRES);
-            let all = draw(gpu, &mut renderer, &eyes, Savings { frusta: false, ..ALL });
+            let all = draw(gpu, &mut renderer, &eyes, CullOptions { frusta: false, ..ALL });
             let drawn = draw(gpu, &mut renderer, &eyes, ALL);
             assert_eq!(differing(&all, &drawn), 0, "turned by {radians}: pixels");
             let [count, there] = renderer.draw_counts();
@@ -116,7 +116,7 @@ fn backs_of_closed_surfaces_are_seen_from_inside_only() {
     with_gpu(|gpu| {
         let scene = load(&shipped("sphere.toml"));
         let mut renderer = renderer(gpu, &scene, 2, 4);
-        let without = Savings { backs: false, ..ALL };
+        let without = CullOptions { backs: false, ..ALL };
         let pixels = (2 * SIZE[0] * SIZE[1]) as usize;
         for eyes in views(&scene) {
             let (with, all) = (draw(gpu, &mut renderer, &eyes, ALL), draw(gpu, &mut renderer, &eyes, without));

@@ -13,7 +13,7 @@ use pbr_vr::reference::brdf::Geometry;
 use pbr_vr::reference::energy::Scattering;
 use pbr_vr::reference::integrals::{PanoramaView, Surface, reflected};
 use pbr_vr::render::{Shading, StandardError};
-use pbr_vr::view::{Look, RenderRequest, render};
+use pbr_vr::view::{QualityOptions, RenderRequest, render};
 
 const SIDE: u32 = 24;
 const ALBEDO: [f32; 3] = [0.9, 0.5, 0.2];
@@ -59,7 +59,7 @@ fn exact(shop: &Workshop, case: &Case, geometry: Geometry, frames: u64) -> (Pict
         camera: None,
         stereo: false,
         frames,
-        look: Look { shading: Shading::Reference, geometry, ..Look::default() },
+        look: QualityOptions { shading: Shading::Reference, geometry, ..QualityOptions::default() },
         cache: Some(&cache),
     };
     let facts = render(&request, validated(), &Report::silent()).expect("a render without validation messages");

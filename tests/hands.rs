@@ -10,8 +10,8 @@ use glam::{EulerRot, Mat4, Quat, Vec3};
 
 use common::validated;
 use pbr_vr::asset::{Report, Storage, TextureOptions};
-use pbr_vr::gpu::{Gpu, Part, Recorder, read_image};
-use pbr_vr::render::{Eye, FRAMES_IN_FLIGHT, Guides, IPD_METRES, Output, Renderer, Settings, Shading};
+use pbr_vr::gpu::{CommandBuffer, Gpu, Subresource, read_image};
+use pbr_vr::render::{ControllerGizmos, Eye, FRAMES_IN_FLIGHT, IPD_METRES, Output, Renderer, Settings, Shading};
 use pbr_vr::scene::{Scene, load};
 
 const SIZE: [u32; 2] = [480, 400];
@@ -49,27 +49,27 @@ fn with_renderer(output: Output, work: impl FnOnce(&Arc<Gpu>, &mut Renderer, &[E
 
 /// Both eyes' layers after one frame in `slot`.
 fn layers(gpu: &Arc<Gpu>, renderer: &mut Renderer, slot: usize, eyes: &[Eye], bytes: u64) -> [Vec<u8>; 2] {
-    let mut recorder = Recorder::new(gpu).expect("a recorder");
+    let mut recorder = CommandBuffer::new(gpu).expect("a recorder");
     let (mut commands, _) = recorder.begin().expect("commands");
     renderer.record(&mut commands, slot, eyes, None);
     commands.submit(None).expect("a submission");
     recorder.finish().expect("its end");
-    [0, 1].map(|layer| read_image(gpu, renderer.picture(), Part { mip: 0, layer }, bytes).expect("a layer"))
+    [0, 1].map(|layer| read_image(gpu, renderer.picture(), Subresource { mip: 0, layer }, bytes).expect("a layer"))
 }
 
 /// A hand over the floor that points at it, its arc and the ring where the arc ends.
-fn pointing() -> (Guides, Mat4, Vec<Vec3>) {
-    let mut guides = Guides::default();
+fn pointing() -> (ControllerGizmos, Mat4, Vec<Vec3>) {
+    let mut gizmos = ControllerGizmos::default();
     let turn = Quat::from_euler(EulerRot::YXZ, -0.42, 0.1, 0.0);
     let hand = Mat4::from_rotation_translation(turn, Vec3::new(-1.35, 1.25, 1.0));
     let start = hand.w_axis.truncate();
     let bend = Vec3::Y * 0.6;
     let arc = (0..33u8).map(|i| f32::from(i) / 32.0);
     let arc: Vec<Vec3> = arc.map(|t| start.lerp(LANDING, t) + bend * (4.0 * t * (1.0 - t))).collect();
-    guides.wand(&hand, ORANGE);
-    guides.ribbon(&arc, CYAN);
-    guides.ring(LANDING, CYAN);
-    (guides, hand, arc)
+    gizmos.wand(&hand, ORANGE);
+    gizmos.ribbon(&arc, CYAN);
+    gizmos.ring(LANDING, CYAN);
+    (gizmos, hand, arc)
 }
 
 /// Byte offset of the pixel that a point of the world falls on.
@@ -94,8 +94,8 @@ fn on_the_ring() -> [Vec3; 4] {
 #[test]
 fn both_eyes_see_arc_and_ring_where_they_are_and_in_their_colours() {
     with_renderer(Output::Display, |gpu, renderer, eyes| {
-        let (guides, _, arc) = pointing();
-        renderer.set_guides(0, &guides).expect("guides");
+        let (gizmos, _, arc) = pointing();
+        renderer.set_gizmos(0, &gizmos).expect("gizmos");
         *renderer.exposure_ev() = 1.5;
         let pictures = layers(gpu, renderer, 0, eyes, 4);
         for (eye, bytes) in eyes.iter().zip(&pictures) {
@@ -113,8 +113,8 @@ fn both_eyes_see_arc_and_ring_where_they_are_and_in_their_colours() {
 #[test]
 fn linear_pictures_hold_what_the_exposure_turns_into_the_colour() {
     with_renderer(Output::Linear, |gpu, renderer, eyes| {
-        let (guides, ..) = pointing();
-        renderer.set_guides(0, &guides).expect("guides");
+        let (gizmos, ..) = pointing();
+        renderer.set_gizmos(0, &gizmos).expect("gizmos");
         *renderer.exposure_ev() = 1.5;
         for (eye, bytes) in eyes.iter().zip(layers(gpu, renderer, 0, eyes, 16)) {
             let texels: Vec<[f32; 4]> = bytemuck::pod_collect_to_vec(&bytes);
@@ -133,20 +133,20 @@ fn what_stands_in_front_hides_them_and_each_slot_shows_its_own() {
         let plain = layers(gpu, renderer, 0, eyes, 4);
         let (seen, ..) = pointing();
         // Under the floor.
-        let mut hidden = Guides::default();
+        let mut hidden = ControllerGizmos::default();
         hidden.ring(LANDING - 0.2 * Vec3::Y, CYAN);
         hidden.wand(&Mat4::from_translation(LANDING - 0.3 * Vec3::Y), ORANGE);
         assert_eq!(FRAMES_IN_FLIGHT, 2);
-        renderer.set_guides(0, &seen).expect("guides");
-        renderer.set_guides(1, &hidden).expect("guides");
+        renderer.set_gizmos(0, &seen).expect("gizmos");
+        renderer.set_gizmos(1, &hidden).expect("gizmos");
         let shown = layers(gpu, renderer, 0, eyes, 4);
         assert!(shown[0] != plain[0] && shown[1] != plain[1]);
         assert!(layers(gpu, renderer, 1, eyes, 4) == plain, "the floor does not hide what is under it");
-        renderer.set_guides(0, &Guides::default()).expect("guides");
+        renderer.set_gizmos(0, &ControllerGizmos::default()).expect("gizmos");
         assert!(layers(gpu, renderer, 0, eyes, 4) == plain, "an empty list shows something");
-        renderer.set_guides(0, &seen).expect("guides");
+        renderer.set_gizmos(0, &seen).expect("gizmos");
         renderer.reload_shaders().expect("pipelines");
-        renderer.set_guides(0, &seen).expect("guides");
+        renderer.set_gizmos(0, &seen).expect("gizmos");
         assert!(layers(gpu, renderer, 0, eyes, 4) == shown, "new pipelines draw something else");
     });
 }
@@ -154,7 +154,7 @@ fn what_stands_in_front_hides_them_and_each_slot_shows_its_own() {
 #[test]
 fn models_that_move_look_as_from_eyes_that_move_the_other_way() {
     with_renderer(Output::Display, |gpu, renderer, eyes| {
-        renderer.set_shading(Shading::Albedo).expect("pipelines");
+        renderer.set_shading(Shading::BaseColor).expect("pipelines");
         let by = Mat4::from_translation(Vec3::new(0.25, -0.125, 0.5));
         let before = layers(gpu, renderer, 0, eyes, 4);
         *renderer.world_from_models() = by;

@@ -78,7 +78,7 @@ fn check(scene: &Scene) {
         }
     }
     for material in &scene.materials {
-        let maps = [material.albedo_map, material.normal_map, material.surface_map];
+        let maps = [material.base_color_map, material.normal_map, material.orm_map];
         assert!(maps.into_iter().flatten().all(|map| map < scene.textures.len()));
     }
     for texture in &scene.textures {

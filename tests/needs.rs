@@ -5,7 +5,7 @@ mod common;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use common::{Look, Workshop};
+use common::{QualityOptions, Workshop};
 use pbr_vr::asset::picture::Picture;
 use pbr_vr::reference::energy::Scattering;
 use pbr_vr::render::Shading;
@@ -61,7 +61,14 @@ fn what_is_needed_and_everything_give_one_picture() {
     let metals = kinds(&shop, &["metal", "half"]);
     let both = |scene: &Path, shading, scattering| {
         let picture = |model| {
-            let look = Look { file: "a.png", size: [160, 90], shading, scattering, model, ..Look::default() };
+            let look = QualityOptions {
+                file: "a.png",
+                size: [160, 90],
+                shading,
+                scattering,
+                model,
+                ..QualityOptions::default()
+            };
             shop.render(scene, &look).remove(0)
         };
         let [mean, differ, beyond] = apart(&picture(Model::Needed), &picture(Model::Everything));

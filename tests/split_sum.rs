@@ -5,7 +5,7 @@ mod common;
 use std::path::Path;
 
 use common::light::{Errors, open_gpu};
-use common::{Look, Workshop, material, pixel, square};
+use common::{QualityOptions, Workshop, material, pixel, square};
 use glam::{DVec3, Vec3};
 use pbr_vr::asset::{Panorama, Report};
 use pbr_vr::precompute::{BrdfTable, TableTexels};
@@ -146,8 +146,13 @@ fn linear_light_is_reflected_exactly() {
                 let scene = shop.write("scene.toml", &scene);
                 // Scattered more than once, light is looked up as irradiance, not along the lobe.
                 let scattering = Scattering::Single;
-                let look =
-                    Look { size: [17, 17], shading: Shading::Specular, scattering, split_sum, ..Look::default() };
+                let look = QualityOptions {
+                    size: [17, 17],
+                    shading: Shading::Specular,
+                    scattering,
+                    split_sum,
+                    ..QualityOptions::default()
+                };
                 pixel(&shop.render(&scene, &look)[0], 8, 8)[0]
             };
             let [along, across] = table_lobe(nv, roughness, Geometry::Smith).mean(f0, nv);

@@ -94,8 +94,8 @@ fn a_shiny_normal_map_sparkles_no_more_than_with_64_samples_a_pixel() {
     // What the naive forms lack: levels of detail; and their roughness, grown by what the levels lose of the bumps.
     let sharp = without_mips(scene.clone());
     let mut smooth = scene.clone();
-    smooth.materials[0].surface_map = None;
-    assert!(scene.materials[0].surface_map.is_some(), "bumps give the material a map of roughness");
+    smooth.materials[0].orm_map = None;
+    assert!(scene.materials[0].orm_map.is_some(), "bumps give the material a map of roughness");
     let [truth, ours, naive, unwidened] =
         [frames(&sharp, 1, ACROSS), frames(&scene, 4, 1), frames(&sharp, 4, 1), frames(&smooth, 4, 1)]
             .map(|frames| variance(&frames));

@@ -75,7 +75,7 @@ fn a_scene_of_any_scale_looks_the_same_to_eyes_that_scale_along() {
 fn an_eye_inside_of_a_ball_sees_its_inside_in_every_pixel() {
     with_gpu(|gpu| {
         let scene = ball(material([0.25, 0.5, 1.0], 0.0, 0.3));
-        let mut colour = Stage::showing(gpu, &scene, SIZE, 4, Output::Linear, Shading::Albedo);
+        let mut colour = Stage::showing(gpu, &scene, SIZE, 4, Output::Linear, Shading::BaseColor);
         let mut light = Stage::new(gpu, &scene, SIZE, 4, Output::Linear);
         for place in [Vec3::ZERO, Vec3::new(0.0, 0.999, 0.0), Vec3::new(-0.5, 0.3, 0.81)] {
             for target in [Vec3::new(3.0, 1.0, 0.2), Vec3::new(0.0, 9.0, 0.0), Vec3::new(-2.0, -5.0, 1.0)] {
@@ -132,7 +132,7 @@ fn triangles_through_the_near_plane_and_behind_the_eye_cover_what_they_should() 
         if d.y.abs() < 0.06 { None } else { Some(d.y < 0.0 && (t * d).length() < 1990.0) }
     };
     with_gpu(|gpu| {
-        let mut stage = Stage::showing(gpu, &floor(), SIZE, 4, Output::Linear, Shading::Albedo);
+        let mut stage = Stage::showing(gpu, &floor(), SIZE, 4, Output::Linear, Shading::BaseColor);
         let pixels = stage.radiance(&eye);
         let mut seen = [0, 0];
         for (x, y) in (0..SIZE[1]).flat_map(|y| (0..SIZE[0]).map(move |x| (x, y))) {
@@ -166,7 +166,7 @@ fn surfaces_a_hand_apart_are_told_apart_two_kilometres_away() {
                 parts.reverse();
             }
             let scene = world(&parts, "");
-            let mut stage = Stage::showing(gpu, &scene, SIZE, 4, Output::Linear, Shading::Albedo);
+            let mut stage = Stage::showing(gpu, &scene, SIZE, 4, Output::Linear, Shading::BaseColor);
             let eye = Eye { near_metres: NEAR_METRES, ..Eye::looking(Vec3::ZERO, -Vec3::Z, 30.0, ASPECT) };
             let pixels = stage.radiance(&eye);
             assert!(pixels.iter().all(|p| p[..3] == [1.0, 0.0, 0.0]), "the wall behind shows through");

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use pbr_vr::asset::Report;
-use pbr_vr::gpu::{Gpu, GpuOptions, Recorder};
+use pbr_vr::gpu::{CommandBuffer, Gpu, GpuOptions};
 use pbr_vr::render::{Eye, FRAMES_IN_FLIGHT, IPD_METRES, Renderer, Settings, Shading};
 use pbr_vr::scene::{self, LoadOptions};
 
@@ -16,8 +16,8 @@ fn fifty_frames_are_recorded_and_submitted_without_an_allocation() {
     let settings = Settings { samples: 1, ..Settings::default() };
     let mut renderer =
         Renderer::new(&gpu, &scene, settings, Shading::Pbr, [64, 64], 2, &Report::silent()).expect("a renderer");
-    let mut recorders: Vec<Recorder> =
-        (0..FRAMES_IN_FLIGHT).map(|_| Recorder::new(&gpu).expect("a recorder")).collect();
+    let mut recorders: Vec<CommandBuffer> =
+        (0..FRAMES_IN_FLIGHT).map(|_| CommandBuffer::new(&gpu).expect("a recorder")).collect();
     let mut frame = |number: usize| {
         // The eye goes around, so that other draws are seen in another order.
         let turn = number as f32 * 0.3;

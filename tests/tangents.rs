@@ -2,7 +2,7 @@
 
 mod common;
 
-use common::{Look, Workshop, pixel, scenes};
+use common::{QualityOptions, Workshop, pixel, scenes};
 use pbr_vr::asset::picture::Picture;
 use pbr_vr::render::Shading;
 
@@ -19,7 +19,7 @@ fn normal_mapped_cells_look_like_real_geometry() {
             model.display().to_string()
         );
         let scene = shop.write("cells.toml", &text);
-        let look = Look { shading: Shading::Normal, size: [920, 868], ..Look::default() };
+        let look = QualityOptions { shading: Shading::Normal, size: [920, 868], ..QualityOptions::default() };
         let picture = &shop.render(&scene, &look)[0];
         let found = patches(picture);
         assert_eq!(found.len(), bowls, "{name}");

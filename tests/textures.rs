@@ -10,7 +10,7 @@ use pbr_vr::asset::picture::{Picture, compare};
 use pbr_vr::asset::{Report, Storage};
 use pbr_vr::precompute::Cache;
 use pbr_vr::scene::Model;
-use pbr_vr::view::{Look, RenderFacts, RenderRequest, TextureChoice, render};
+use pbr_vr::view::{QualityOptions, RenderFacts, RenderRequest, TextureChoice, render};
 
 /// A floor that recedes, with an albedo, a normal and a roughness map of `side` by `side - 3` texels: no multiple of 4.
 struct Floor {
@@ -60,7 +60,7 @@ impl Floor {
             stereo: false,
             frames: 1,
             // All levels, whatever this camera could do without.
-            look: Look { model: Model::Everything, textures, ..Look::default() },
+            look: QualityOptions { model: Model::Everything, textures, ..QualityOptions::default() },
             cache,
         };
         let facts = render(&request, validated(), &Report::silent()).expect("a render without validation messages");

@@ -3,7 +3,7 @@
 use glam::Vec3;
 use rayon::slice::ParallelSliceMut;
 
-use super::obj::Part;
+use super::obj::Submesh;
 
 /// Faces that meet at a sharper angle than 60° keep their edge.
 const CREASE_COSINE: f32 = 0.5;
@@ -30,7 +30,7 @@ struct Place {
 /// Fills in every zero normal: the mean of the triangles around its position, weighted by their angles there (Thürmer
 /// and Wüthrich, "Computing Vertex Normals from Polygonal Facets", 1998), leaving out those beyond a crease of 60°.
 /// Neighbours count across parts and texture seams.
-pub fn complete(parts: &mut [Part]) {
+pub fn complete(parts: &mut [Submesh]) {
     if parts.iter().all(|part| part.corners.iter().all(|corner| corner.normal != Vec3::ZERO)) {
         return;
     }
@@ -47,7 +47,7 @@ pub fn complete(parts: &mut [Part]) {
     }
 }
 
-fn part_places(parts: &[Part], index: usize) -> impl Iterator<Item = Place> {
+fn part_places(parts: &[Submesh], index: usize) -> impl Iterator<Item = Place> {
     let corners = &parts[index].corners;
     (0..corners.len()).map(move |corner| {
         let first = corner / 3 * 3;
@@ -84,20 +84,20 @@ mod tests {
     use super::*;
     use crate::asset::obj::Corner;
 
-    fn part(triangles: &[[Vec3; 3]]) -> Part {
+    fn part(triangles: &[[Vec3; 3]]) -> Submesh {
         let corner = |position: Vec3| Corner { position, normal: Vec3::ZERO, uv: Vec2::ZERO };
         let corners = triangles.as_flattened().iter().map(|p| corner(*p)).collect();
-        Part { name: "p".into(), material: None, has_uvs: false, corners }
+        Submesh { name: "p".into(), material: None, has_uvs: false, corners }
     }
 
     /// Two triangles that meet at an edge along z, the second turned by some degrees out of the plane of the first.
-    fn fold(degrees: f32) -> Vec<Part> {
+    fn fold(degrees: f32) -> Vec<Submesh> {
         let (sin, cos) = degrees.to_radians().sin_cos();
         let far = Vec3::new(cos, -sin, 0.0);
         vec![part(&[[Vec3::ZERO, Vec3::Z, Vec3::NEG_X]]), part(&[[Vec3::ZERO, far, Vec3::Z]])]
     }
 
-    fn flip_up(mut parts: Vec<Part>) -> Vec<Part> {
+    fn flip_up(mut parts: Vec<Submesh>) -> Vec<Submesh> {
         for part in &mut parts {
             for triangle in part.corners.chunks_exact_mut(3) {
                 let up =

@@ -23,13 +23,13 @@ const MAX_UV: f32 = 1e6;
 /// The triangles and materials of one file.
 #[derive(Clone, Debug)]
 pub struct Model {
-    pub parts: Vec<Part>,
+    pub parts: Vec<Submesh>,
     pub materials: Vec<Mtl>,
 }
 
 /// Triangles of one object with one material.
 #[derive(Clone, Debug)]
-pub struct Part {
+pub struct Submesh {
     pub name: String,
     /// Index into [`Model::materials`]; `None` is a default material.
     pub material: Option<usize>,
@@ -269,7 +269,7 @@ fn index_out_of_range(text: &str) -> Option<String> {
     })
 }
 
-fn part(path: &Path, source: &Source, model: tobj::Model, report: &Report) -> Result<Part> {
+fn part(path: &Path, source: &Source, model: tobj::Model, report: &Report) -> Result<Submesh> {
     let (mesh, name) = (model.mesh, model.name);
     let positions: &[[f32; 3]] = mesh.positions.as_chunks().0;
     let within = |values: &[f32], limit: f32| values.iter().all(|v| v.abs() <= limit);
@@ -304,7 +304,7 @@ fn part(path: &Path, source: &Source, model: tobj::Model, report: &Report) -> Re
         }
     };
     let corners = mesh.indices.iter().map(corner).collect();
-    Ok(Part { name, material: mesh.material_id, has_uvs, corners })
+    Ok(Submesh { name, material: mesh.material_id, has_uvs, corners })
 }
 
 fn bad_position(source: &Source) -> String {

@@ -6,7 +6,7 @@ use ash::vk;
 use gpu_allocator::MemoryLocation;
 use gpu_allocator::vulkan::Allocation;
 
-use super::device::{Gpu, Retired};
+use super::device::{Deferred, Gpu};
 use crate::{Error, Result};
 
 /// What a buffer is for; decides its usage and where it lives.
@@ -109,7 +109,7 @@ impl Buffer {
 impl Drop for Buffer {
     fn drop(&mut self) {
         if let Some(allocation) = self.allocation.take() {
-            self.gpu.retire(Retired::Buffer(self.raw, allocation));
+            self.gpu.defer_destruction(Deferred::Buffer(self.raw, allocation));
         }
     }
 }

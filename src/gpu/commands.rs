@@ -3,13 +3,13 @@
 use ash::vk;
 
 use super::buffer::Buffer;
-use super::descriptor::Set;
-use super::image::{Image, Use};
+use super::command_buffer::CommandBuffer;
+use super::descriptor::DescriptorSet;
+use super::image::{Image, ImageAccess};
 use super::pipeline::Pipeline;
-use super::recorder::Recorder;
 
 /// The images one rendering draws into; all have the same size and layers.
-pub struct Targets<'a> {
+pub struct Attachments<'a> {
     pub colour: &'a Image,
     /// Where a multisampled `colour` is averaged to.
     pub resolve: Option<&'a Image>,
@@ -44,14 +44,14 @@ impl Rect {
 
 /// One layer of one mip.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Part {
+pub struct Subresource {
     pub mip: u32,
     pub layer: u32,
 }
 
 /// A command buffer that is being recorded.
 pub struct Commands<'a> {
-    pub(super) recorder: &'a mut Recorder,
+    pub(super) recorder: &'a mut CommandBuffer,
 }
 
 impl Commands<'_> {
@@ -67,12 +67,12 @@ impl Commands<'_> {
     }
 
     /// Makes an image ready for a use, after whatever used it before.
-    pub fn prepare(&mut self, image: &Image, next: Use) {
+    pub fn prepare(&mut self, image: &Image, next: ImageAccess) {
         self.barrier(image, image.state.get(), next);
     }
 
     /// The same, but gives up the image's content.
-    pub fn prepare_fresh(&mut self, image: &Image, next: Use) {
+    pub fn prepare_fresh(&mut self, image: &Image, next: ImageAccess) {
         let (_, stage, access) = image.state.get().parts();
         let (layout, next_stage, next_access) = next.parts();
         let barrier = vk::ImageMemoryBarrier2::default()
@@ -99,12 +99,12 @@ impl Commands<'_> {
     }
 
     /// Draws into `targets`; they must have been prepared. Sets the viewport to their area, and culls nothing.
-    pub fn render(&mut self, targets: &Targets<'_>, record: impl FnOnce(&mut Self)) {
+    pub fn render(&mut self, targets: &Attachments<'_>, record: impl FnOnce(&mut Self)) {
         let desc = targets.colour.desc();
         let [width, height] = targets.area;
         let area = vk::Rect2D { offset: vk::Offset2D::default(), extent: vk::Extent2D { width, height } };
         let load = if targets.clear.is_some() { vk::AttachmentLoadOp::CLEAR } else { vk::AttachmentLoadOp::LOAD };
-        let (colour_layout, ..) = Use::Colour.parts();
+        let (colour_layout, ..) = ImageAccess::Colour.parts();
         let mut colour = vk::RenderingAttachmentInfo::default()
             .image_view(targets.colour.view)
             .image_layout(colour_layout)
@@ -122,7 +122,7 @@ impl Commands<'_> {
         let depth = targets.depth.map(|image| {
             vk::RenderingAttachmentInfo::default()
                 .image_view(image.view)
-                .image_layout(Use::Depth.parts().0)
+                .image_layout(ImageAccess::Depth.parts().0)
                 .load_op(load)
                 .store_op(vk::AttachmentStoreOp::DONT_CARE)
         });
@@ -147,7 +147,7 @@ impl Commands<'_> {
     }
 
     /// Takes a pipeline and, for each of its sets, a descriptor set.
-    pub fn bind(&mut self, pipeline: &Pipeline, sets: &[&Set]) {
+    pub fn bind(&mut self, pipeline: &Pipeline, sets: &[&DescriptorSet]) {
         // SAFETY: the command buffer is being recorded; the pipeline is alive.
         unsafe { self.device().cmd_bind_pipeline(self.recorder.raw, pipeline.point, pipeline.raw) };
         for (i, set) in (0u32..).zip(sets) {
@@ -156,7 +156,7 @@ impl Commands<'_> {
     }
 
     /// Takes one descriptor set.
-    pub fn bind_set(&mut self, pipeline: &Pipeline, index: u32, set: &Set) {
+    pub fn bind_set(&mut self, pipeline: &Pipeline, index: u32, set: &DescriptorSet) {
         // SAFETY: the command buffer is being recorded; pipeline and set are alive.
         unsafe {
             let device = &self.recorder.gpu.device;
@@ -219,9 +219,9 @@ impl Commands<'_> {
     }
 
     /// Copies tightly packed texels into one layer of one mip; the image must be prepared for `CopyTo`.
-    pub fn copy_to_image(&mut self, from: &Buffer, offset: u64, image: &Image, part: Part) {
+    pub fn copy_to_image(&mut self, from: &Buffer, offset: u64, image: &Image, part: Subresource) {
         let region = self.region(image, part).buffer_offset(offset);
-        let (layout, ..) = Use::CopyTo.parts();
+        let (layout, ..) = ImageAccess::CopyTo.parts();
         // SAFETY: the command buffer is being recorded; buffer and image are alive.
         unsafe { self.device().cmd_copy_buffer_to_image(self.recorder.raw, from.raw, image.raw, layout, &[region]) };
     }
@@ -236,19 +236,19 @@ impl Commands<'_> {
         mip: u32,
         rows: std::ops::Range<u32>,
     ) {
-        let mut region = self.region(image, Part { mip, layer: 0 }).buffer_offset(offset);
+        let mut region = self.region(image, Subresource { mip, layer: 0 }).buffer_offset(offset);
         // An image has at most 2^15 rows on any GPU.
         region.image_offset.y = rows.start as i32;
         region.image_extent.height = rows.end - rows.start;
-        let (layout, ..) = Use::CopyTo.parts();
+        let (layout, ..) = ImageAccess::CopyTo.parts();
         // SAFETY: the command buffer is being recorded; buffer and image are alive.
         unsafe { self.device().cmd_copy_buffer_to_image(self.recorder.raw, from.raw, image.raw, layout, &[region]) };
     }
 
     /// Copies one layer of one mip into a buffer, tightly packed; the image must be prepared for `CopyFrom`.
-    pub fn copy_from_image(&mut self, image: &Image, part: Part, to: &Buffer, offset: u64) {
+    pub fn copy_from_image(&mut self, image: &Image, part: Subresource, to: &Buffer, offset: u64) {
         let region = self.region(image, part).buffer_offset(offset);
-        let (layout, ..) = Use::CopyFrom.parts();
+        let (layout, ..) = ImageAccess::CopyFrom.parts();
         // SAFETY: the command buffer is being recorded; buffer and image are alive.
         unsafe { self.device().cmd_copy_image_to_buffer(self.recorder.raw, image.raw, layout, to.raw, &[region]) };
     }
@@ -266,7 +266,7 @@ impl Commands<'_> {
             .src_subresource(layers(from, layer))
             .dst_subresource(layers(to, 0))
             .extent(vk::Extent3D { width, height, depth: 1 });
-        let (from_layout, to_layout) = (Use::CopyFrom.parts().0, Use::CopyTo.parts().0);
+        let (from_layout, to_layout) = (ImageAccess::CopyFrom.parts().0, ImageAccess::CopyTo.parts().0);
         // SAFETY: the command buffer is being recorded; images are alive and in these layouts.
         unsafe {
             self.device().cmd_copy_image(self.recorder.raw, from.raw, from_layout, to.raw, to_layout, &[region]);
@@ -292,19 +292,19 @@ impl Commands<'_> {
     }
 
     /// Fills mips 1.. of a one-layer or layered image from mip 0 by halving; leaves it `Sampled`.
-    pub fn halve_mips(&mut self, image: &Image) {
-        self.prepare(image, Use::CopyTo);
+    pub fn generate_mips(&mut self, image: &Image) {
+        self.prepare(image, ImageAccess::CopyTo);
         let mips = image.desc().mips;
         for mip in 1..mips {
-            self.mip_barrier(image, mip - 1, Use::CopyTo, Use::CopyFrom);
+            self.mip_barrier(image, mip - 1, ImageAccess::CopyTo, ImageAccess::CopyFrom);
             let parts = [Rect::of(image.mip_size(mip - 1)), Rect::of(image.mip_size(mip))];
             self.blit_raw(image.raw, image.raw, parts, [self.layers(image, mip - 1), self.layers(image, mip)]);
         }
         for mip in 0..mips - 1 {
-            self.mip_barrier(image, mip, Use::CopyFrom, Use::Sampled);
+            self.mip_barrier(image, mip, ImageAccess::CopyFrom, ImageAccess::Sampled);
         }
-        self.mip_barrier(image, mips - 1, Use::CopyTo, Use::Sampled);
-        image.state.set(Use::Sampled);
+        self.mip_barrier(image, mips - 1, ImageAccess::CopyTo, ImageAccess::Sampled);
+        image.state.set(ImageAccess::Sampled);
     }
 
     pub(super) fn blit_raw(
@@ -321,9 +321,9 @@ impl Commands<'_> {
             .dst_offsets(parts[1].offsets())];
         let info = vk::BlitImageInfo2::default()
             .src_image(from)
-            .src_image_layout(Use::CopyFrom.parts().0)
+            .src_image_layout(ImageAccess::CopyFrom.parts().0)
             .dst_image(to)
-            .dst_image_layout(Use::CopyTo.parts().0)
+            .dst_image_layout(ImageAccess::CopyTo.parts().0)
             .regions(&regions)
             .filter(vk::Filter::LINEAR);
         // SAFETY: the command buffer is being recorded; images are alive and in these layouts.
@@ -331,14 +331,14 @@ impl Commands<'_> {
     }
 
     pub(super) fn clear_raw(&mut self, image: vk::Image, range: vk::ImageSubresourceRange) {
-        let (layout, black) = (Use::CopyTo.parts().0, vk::ClearColorValue { float32: [0.0, 0.0, 0.0, 1.0] });
+        let (layout, black) = (ImageAccess::CopyTo.parts().0, vk::ClearColorValue { float32: [0.0, 0.0, 0.0, 1.0] });
         // SAFETY: the command buffer is being recorded; the image is alive and in this layout.
         unsafe { self.device().cmd_clear_color_image(self.recorder.raw, image, layout, &black, &[range]) };
     }
 
     /// What was cleared or copied may be copied over.
     pub(super) fn copied(&mut self) {
-        let (_, stage, access) = Use::CopyTo.parts();
+        let (_, stage, access) = ImageAccess::CopyTo.parts();
         let barrier = [vk::MemoryBarrier2::default()
             .src_stage_mask(stage)
             .src_access_mask(access)
@@ -358,8 +358,8 @@ impl Commands<'_> {
         }
     }
 
-    fn barrier(&mut self, image: &Image, from: Use, to: Use) {
-        let reads = |u| matches!(u, Use::Sampled | Use::CopyFrom);
+    fn barrier(&mut self, image: &Image, from: ImageAccess, to: ImageAccess) {
+        let reads = |u| matches!(u, ImageAccess::Sampled | ImageAccess::CopyFrom);
         if from == to && reads(from) {
             return;
         }
@@ -367,7 +367,7 @@ impl Commands<'_> {
         image.state.set(to);
     }
 
-    fn mip_barrier(&mut self, image: &Image, mip: u32, from: Use, to: Use) {
+    fn mip_barrier(&mut self, image: &Image, mip: u32, from: ImageAccess, to: ImageAccess) {
         let barrier = transition(from, to).image(image.raw).subresource_range(vk::ImageSubresourceRange {
             aspect_mask: image.aspect(),
             base_mip_level: mip,
@@ -397,7 +397,7 @@ impl Commands<'_> {
         unsafe { self.device().cmd_pipeline_barrier2(self.recorder.raw, &info) };
     }
 
-    fn region(&self, image: &Image, part: Part) -> vk::BufferImageCopy {
+    fn region(&self, image: &Image, part: Subresource) -> vk::BufferImageCopy {
         let [width, height] = image.mip_size(part.mip);
         vk::BufferImageCopy::default()
             .image_subresource(vk::ImageSubresourceLayers {
@@ -414,7 +414,7 @@ impl Commands<'_> {
     }
 }
 
-pub(super) fn transition(from: Use, to: Use) -> vk::ImageMemoryBarrier2<'static> {
+pub(super) fn transition(from: ImageAccess, to: ImageAccess) -> vk::ImageMemoryBarrier2<'static> {
     let (old, stage, access) = from.parts();
     let (new, next_stage, next_access) = to.parts();
     vk::ImageMemoryBarrier2::default()

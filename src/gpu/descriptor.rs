@@ -5,13 +5,13 @@ use std::sync::Arc;
 use ash::vk;
 
 use super::buffer::Buffer;
-use super::device::{Gpu, Retired};
-use super::image::{Image, Sampler, Use};
+use super::device::{Deferred, Gpu};
+use super::image::{Image, ImageAccess, Sampler};
 use crate::{Error, Result};
 
 /// The kind of one binding.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Slot {
+pub enum BindingType {
     Uniform,
     Storage,
     /// An image with its sampler.
@@ -20,7 +20,7 @@ pub enum Slot {
     StorageImage,
 }
 
-impl Slot {
+impl BindingType {
     fn raw(self) -> vk::DescriptorType {
         match self {
             Self::Uniform => vk::DescriptorType::UNIFORM_BUFFER,
@@ -32,15 +32,15 @@ impl Slot {
 }
 
 /// The bindings 0, 1, 2 … of one set, seen by every stage.
-pub struct SetLayout {
+pub struct DescriptorSetLayout {
     gpu: Arc<Gpu>,
     pub(super) raw: vk::DescriptorSetLayout,
-    slots: Vec<Slot>,
+    slots: Vec<BindingType>,
 }
 
-impl SetLayout {
+impl DescriptorSetLayout {
     /// Makes a layout whose binding i is `slots[i]`.
-    pub fn new(gpu: &Arc<Gpu>, name: &str, slots: &[Slot]) -> Result<Self> {
+    pub fn new(gpu: &Arc<Gpu>, name: &str, slots: &[BindingType]) -> Result<Self> {
         let bindings: Vec<_> = (0u32..)
             .zip(slots)
             .map(|(i, slot)| {
@@ -60,15 +60,15 @@ impl SetLayout {
     }
 }
 
-impl Drop for SetLayout {
+impl Drop for DescriptorSetLayout {
     fn drop(&mut self) {
-        self.gpu.retire(Retired::SetLayout(self.raw));
+        self.gpu.defer_destruction(Deferred::DescriptorSetLayout(self.raw));
     }
 }
 
 /// What is put into one binding.
 #[derive(Clone, Copy)]
-pub enum Bind<'a> {
+pub enum Binding<'a> {
     Uniform(&'a Buffer),
     Storage(&'a Buffer),
     Sampled(&'a Image, &'a Sampler),
@@ -76,31 +76,31 @@ pub enum Bind<'a> {
     StorageImage(&'a Image, usize),
 }
 
-impl Bind<'_> {
-    fn slot(self) -> Slot {
+impl Binding<'_> {
+    fn slot(self) -> BindingType {
         match self {
-            Self::Uniform(_) => Slot::Uniform,
-            Self::Storage(_) => Slot::Storage,
-            Self::Sampled(..) => Slot::Sampled,
-            Self::StorageImage(..) => Slot::StorageImage,
+            Self::Uniform(_) => BindingType::Uniform,
+            Self::Storage(_) => BindingType::Storage,
+            Self::Sampled(..) => BindingType::Sampled,
+            Self::StorageImage(..) => BindingType::StorageImage,
         }
     }
 }
 
 /// One descriptor set with a pool of its own; written once. It does not keep what it refers to alive.
-pub struct Set {
+pub struct DescriptorSet {
     gpu: Arc<Gpu>,
     pool: vk::DescriptorPool,
     pub(super) raw: vk::DescriptorSet,
 }
 
-impl Set {
+impl DescriptorSet {
     /// Makes and fills a set.
     ///
     /// # Panics
     /// If `binds` do not match the layout: a defect of the caller.
-    pub fn new(gpu: &Arc<Gpu>, name: &str, layout: &SetLayout, binds: &[Bind<'_>]) -> Result<Self> {
-        let kinds: Vec<Slot> = binds.iter().map(|b| b.slot()).collect();
+    pub fn new(gpu: &Arc<Gpu>, name: &str, layout: &DescriptorSetLayout, binds: &[Binding<'_>]) -> Result<Self> {
+        let kinds: Vec<BindingType> = binds.iter().map(|b| b.slot()).collect();
         assert_eq!(kinds, layout.slots, "set {name} does not match its layout");
         let sizes: Vec<_> =
             kinds.iter().map(|k| vk::DescriptorPoolSize::default().ty(k.raw()).descriptor_count(1)).collect();
@@ -122,22 +122,22 @@ impl Set {
         Ok(set)
     }
 
-    fn write(&self, binding: u32, bind: Bind<'_>) {
+    fn write(&self, binding: u32, bind: Binding<'_>) {
         let write =
             vk::WriteDescriptorSet::default().dst_set(self.raw).dst_binding(binding).descriptor_type(bind.slot().raw());
         let (mut buffer, mut image) = ([vk::DescriptorBufferInfo::default()], [vk::DescriptorImageInfo::default()]);
         let write = match bind {
-            Bind::Uniform(b) | Bind::Storage(b) => {
+            Binding::Uniform(b) | Binding::Storage(b) => {
                 buffer[0] = buffer[0].buffer(b.raw).range(vk::WHOLE_SIZE);
                 write.buffer_info(&buffer)
             }
-            Bind::Sampled(i, sampler) => {
-                let (layout, ..) = Use::Sampled.parts();
+            Binding::Sampled(i, sampler) => {
+                let (layout, ..) = ImageAccess::Sampled.parts();
                 image[0] = image[0].image_view(i.view).image_layout(layout).sampler(sampler.raw);
                 write.image_info(&image)
             }
-            Bind::StorageImage(i, mip) => {
-                let (layout, ..) = Use::Storage.parts();
+            Binding::StorageImage(i, mip) => {
+                let (layout, ..) = ImageAccess::Storage.parts();
                 image[0] = image[0].image_view(i.mip_views[mip]).image_layout(layout);
                 write.image_info(&image)
             }
@@ -147,8 +147,8 @@ impl Set {
     }
 }
 
-impl Drop for Set {
+impl Drop for DescriptorSet {
     fn drop(&mut self) {
-        self.gpu.retire(Retired::DescriptorPool(self.pool));
+        self.gpu.defer_destruction(Deferred::DescriptorPool(self.pool));
     }
 }

@@ -41,7 +41,7 @@ pub struct Gpu {
     pub(super) queue: Mutex<Queue>,
     debug: Option<ext::debug_utils::Device>,
     allocator: ManuallyDrop<Mutex<Allocator>>,
-    graveyard: Mutex<VecDeque<(u64, Retired)>>,
+    deferred: Mutex<VecDeque<(u64, Deferred)>>,
     info: GpuInfo,
     /// What a headset's runtime asked for in vain.
     missing: Vec<CString>,
@@ -67,11 +67,11 @@ pub(super) struct Queue {
 }
 
 /// A Vulkan object whose owner is gone but that the GPU may still use.
-pub(super) enum Retired {
+pub(super) enum Deferred {
     Buffer(vk::Buffer, Allocation),
     Image(vk::Image, Vec<vk::ImageView>, Allocation),
     Sampler(vk::Sampler),
-    SetLayout(vk::DescriptorSetLayout),
+    DescriptorSetLayout(vk::DescriptorSetLayout),
     DescriptorPool(vk::DescriptorPool),
     Pipeline(vk::Pipeline, vk::PipelineLayout),
     CommandPool(vk::CommandPool, vk::QueryPool),
@@ -153,7 +153,7 @@ impl Gpu {
             limits: chosen.properties.limits,
             timeline,
             queue: Mutex::new(Queue { raw: queue, submitted: 0 }),
-            graveyard: Mutex::default(),
+            deferred: Mutex::default(),
             info: chosen.info,
             missing,
             device,
@@ -184,7 +184,7 @@ impl Gpu {
     }
 
     /// Calls something that uses the queue itself: a headset's runtime.
-    pub fn lend_queue<R>(&self, call: impl FnOnce() -> R) -> R {
+    pub fn with_queue_locked<R>(&self, call: impl FnOnce() -> R) -> R {
         let _queue = self.queue();
         call()
     }
@@ -238,7 +238,7 @@ impl Gpu {
         let info = vk::SemaphoreWaitInfo::default().semaphores(&semaphores).values(&values);
         // SAFETY: the semaphore is this device's and alive.
         unsafe { self.device.wait_semaphores(&info, u64::MAX) }.map_err(Error::vulkan("waiting for the GPU"))?;
-        self.bury(submission);
+        self.destroy_finished(submission);
         Ok(())
     }
 
@@ -297,43 +297,43 @@ impl Gpu {
 
     /// Takes over an object; it is destroyed once everything submitted up to the next submission has finished. A recording
     /// that uses it must have been submitted by now: the next submission may be another thread's.
-    pub(super) fn retire(&self, object: Retired) {
+    pub(super) fn defer_destruction(&self, object: Deferred) {
         let after = self.queue().submitted + 1;
-        self.graveyard.lock().unwrap_or_else(PoisonError::into_inner).push_back((after, object));
+        self.deferred.lock().unwrap_or_else(PoisonError::into_inner).push_back((after, object));
     }
 
     /// Destroys what was retired for submissions up to `finished`.
-    pub(super) fn bury(&self, finished: u64) {
+    pub(super) fn destroy_finished(&self, finished: u64) {
         loop {
-            let mut graveyard = self.graveyard.lock().unwrap_or_else(PoisonError::into_inner);
-            let due = graveyard.front().is_some_and(|(after, _)| *after <= finished);
-            let Some((_, object)) = due.then(|| graveyard.pop_front()).flatten() else { return };
-            drop(graveyard);
+            let mut deferred = self.deferred.lock().unwrap_or_else(PoisonError::into_inner);
+            let due = deferred.front().is_some_and(|(after, _)| *after <= finished);
+            let Some((_, object)) = due.then(|| deferred.pop_front()).flatten() else { return };
+            drop(deferred);
             self.destroy(object);
         }
     }
 
-    fn destroy(&self, object: Retired) {
+    fn destroy(&self, object: Deferred) {
         // SAFETY: the owner is gone and every submission that could use the object has finished.
         unsafe {
             match object {
-                Retired::Buffer(buffer, allocation) => {
+                Deferred::Buffer(buffer, allocation) => {
                     self.device.destroy_buffer(buffer, None);
                     self.free(allocation);
                 }
-                Retired::Image(image, views, allocation) => {
+                Deferred::Image(image, views, allocation) => {
                     views.into_iter().for_each(|view| self.device.destroy_image_view(view, None));
                     self.device.destroy_image(image, None);
                     self.free(allocation);
                 }
-                Retired::Sampler(sampler) => self.device.destroy_sampler(sampler, None),
-                Retired::SetLayout(layout) => self.device.destroy_descriptor_set_layout(layout, None),
-                Retired::DescriptorPool(pool) => self.device.destroy_descriptor_pool(pool, None),
-                Retired::Pipeline(pipeline, layout) => {
+                Deferred::Sampler(sampler) => self.device.destroy_sampler(sampler, None),
+                Deferred::DescriptorSetLayout(layout) => self.device.destroy_descriptor_set_layout(layout, None),
+                Deferred::DescriptorPool(pool) => self.device.destroy_descriptor_pool(pool, None),
+                Deferred::Pipeline(pipeline, layout) => {
                     self.device.destroy_pipeline(pipeline, None);
                     self.device.destroy_pipeline_layout(layout, None);
                 }
-                Retired::CommandPool(pool, queries) => {
+                Deferred::CommandPool(pool, queries) => {
                     self.device.destroy_command_pool(pool, None);
                     self.device.destroy_query_pool(queries, None);
                 }
@@ -351,7 +351,7 @@ impl Drop for Gpu {
         // SAFETY: nothing else refers to the device: every object holds an Arc of it. A lost device still waits.
         unsafe {
             let _ = self.device.device_wait_idle();
-            self.bury(u64::MAX);
+            self.destroy_finished(u64::MAX);
             ManuallyDrop::drop(&mut self.allocator);
             self.device.destroy_semaphore(self.timeline, None);
             self.device.destroy_device(None);

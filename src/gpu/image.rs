@@ -8,7 +8,7 @@ use ash::vk::Handle as _;
 use gpu_allocator::MemoryLocation;
 use gpu_allocator::vulkan::Allocation;
 
-use super::device::{Gpu, Retired};
+use super::device::{Deferred, Gpu};
 use crate::{Error, Result};
 
 /// How an image's layers are seen by shaders.
@@ -68,7 +68,7 @@ impl ImageDesc {
 
 /// How the GPU uses an image at one moment: decides layout, stage and access of barriers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Use {
+pub enum ImageAccess {
     /// Nothing yet; the content is not kept.
     Fresh,
     /// Colour or resolve attachment.
@@ -85,7 +85,7 @@ pub enum Use {
     Present,
 }
 
-impl Use {
+impl ImageAccess {
     pub(super) fn parts(self) -> (vk::ImageLayout, vk::PipelineStageFlags2, vk::AccessFlags2) {
         use vk::{AccessFlags2 as A, ImageLayout as L, PipelineStageFlags2 as S};
         match self {
@@ -123,7 +123,7 @@ pub struct Image {
     pub(super) mip_views: Vec<vk::ImageView>,
     allocation: Option<Allocation>,
     desc: ImageDesc,
-    pub(super) state: Cell<Use>,
+    pub(super) state: Cell<ImageAccess>,
 }
 
 impl Image {
@@ -158,7 +158,7 @@ impl Image {
             mip_views: Vec::new(),
             allocation: Some(allocation),
             desc,
-            state: Cell::new(Use::Fresh),
+            state: Cell::new(ImageAccess::Fresh),
         };
         // An image that is only copied has no use for views, and Vulkan allows it none.
         let copies = vk::ImageUsageFlags::TRANSFER_SRC | vk::ImageUsageFlags::TRANSFER_DST;
@@ -218,14 +218,14 @@ impl Drop for Image {
         let mut views = std::mem::take(&mut self.mip_views);
         views.push(self.view);
         if let Some(allocation) = self.allocation.take() {
-            self.gpu.retire(Retired::Image(self.raw, views, allocation));
+            self.gpu.defer_destruction(Deferred::Image(self.raw, views, allocation));
         }
     }
 }
 
 /// What lies beyond an image's edge.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Edge {
+pub enum AddressMode {
     Repeat,
     Clamp,
     /// Repeats sideways, clamps up and down: panoramas.
@@ -240,12 +240,12 @@ pub struct Sampler {
 
 impl Sampler {
     /// Makes a sampler that takes up to `anisotropy` samples along a slanted footprint, where the GPU can; 1 for one.
-    pub fn new(gpu: &Arc<Gpu>, name: &str, edge: Edge, anisotropy: u32) -> Result<Self> {
+    pub fn new(gpu: &Arc<Gpu>, name: &str, edge: AddressMode, anisotropy: u32) -> Result<Self> {
         let (repeat, clamp) = (vk::SamplerAddressMode::REPEAT, vk::SamplerAddressMode::CLAMP_TO_EDGE);
         let (u, v) = match edge {
-            Edge::Repeat => (repeat, repeat),
-            Edge::Clamp => (clamp, clamp),
-            Edge::Panorama => (repeat, clamp),
+            AddressMode::Repeat => (repeat, repeat),
+            AddressMode::Clamp => (clamp, clamp),
+            AddressMode::Panorama => (repeat, clamp),
         };
         let most = gpu.max_anisotropy.filter(|_| anisotropy > 1).map(|most| most.min(anisotropy as f32));
         let info = vk::SamplerCreateInfo::default()
@@ -267,6 +267,6 @@ impl Sampler {
 
 impl Drop for Sampler {
     fn drop(&mut self) {
-        self.gpu.retire(Retired::Sampler(self.raw));
+        self.gpu.defer_destruction(Deferred::Sampler(self.raw));
     }
 }

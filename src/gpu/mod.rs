@@ -8,7 +8,7 @@ mod device;
 mod image;
 mod instance;
 mod pipeline;
-mod recorder;
+mod command_buffer;
 mod shader;
 #[cfg(feature = "hot-reload")]
 mod shader_compiler;
@@ -21,13 +21,13 @@ pub use ash::vk::{Format, ImageUsageFlags};
 
 pub use buffer::{Buffer, BufferKind};
 pub use choice::{GpuInfo, survey};
-pub use commands::{Commands, Part, Rect, Targets};
-pub use descriptor::{Bind, Set, SetLayout, Slot};
+pub use command_buffer::{CommandBuffer, PassTime, PassTimes, submit_and_wait};
+pub use commands::{Attachments, Commands, Rect, Subresource};
+pub use descriptor::{Binding, BindingType, DescriptorSet, DescriptorSetLayout};
 pub use device::{Gpu, GpuOptions, Handles};
-pub use image::{Edge, Image, ImageDesc, Sampler, Shape, Use};
+pub use image::{AddressMode, Image, ImageAccess, ImageDesc, Sampler, Shape};
 pub use instance::{Instance, Messages, validation_available};
 pub use pipeline::{Constant, DEPTH_FORMAT, Depth, GraphicsDesc, Pipeline};
-pub use recorder::{PassTime, PassTimes, Recorder, run};
 pub use shader::compute_shaders;
 #[cfg(feature = "hot-reload")]
 pub use shader::on_disk::folder as shader_folder;

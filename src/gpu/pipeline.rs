@@ -4,8 +4,8 @@ use std::sync::Arc;
 
 use ash::vk;
 
-use super::descriptor::SetLayout;
-use super::device::{Gpu, Retired};
+use super::descriptor::DescriptorSetLayout;
+use super::device::{Deferred, Gpu};
 use super::shader;
 use crate::{Error, Result};
 
@@ -20,7 +20,7 @@ pub struct GraphicsDesc<'a> {
     pub vertex: &'a str,
     pub fragment: &'a str,
     pub constants: &'a [Constant],
-    pub sets: &'a [&'a SetLayout],
+    pub sets: &'a [&'a DescriptorSetLayout],
     /// Bytes of push constants, for all stages.
     pub push_bytes: u32,
     /// Bytes per vertex, and for each location its format and offset; empty where the shader needs no vertices.
@@ -61,7 +61,7 @@ impl Pipeline {
         gpu: &Arc<Gpu>,
         shader: &str,
         constants: &[Constant],
-        sets: &[&SetLayout],
+        sets: &[&DescriptorSetLayout],
         push_bytes: u32,
     ) -> Result<Self> {
         let mut pipeline = Self::bare(gpu, vk::PipelineBindPoint::COMPUTE, sets, push_bytes)?;
@@ -137,7 +137,12 @@ impl Pipeline {
         Ok(pipeline)
     }
 
-    fn bare(gpu: &Arc<Gpu>, point: vk::PipelineBindPoint, sets: &[&SetLayout], push_bytes: u32) -> Result<Self> {
+    fn bare(
+        gpu: &Arc<Gpu>,
+        point: vk::PipelineBindPoint,
+        sets: &[&DescriptorSetLayout],
+        push_bytes: u32,
+    ) -> Result<Self> {
         let sets: Vec<_> = sets.iter().map(|s| s.raw).collect();
         let ranges = [vk::PushConstantRange::default().stage_flags(vk::ShaderStageFlags::ALL).size(push_bytes)];
         let info = vk::PipelineLayoutCreateInfo::default()
@@ -163,7 +168,7 @@ impl Pipeline {
 
 impl Drop for Pipeline {
     fn drop(&mut self) {
-        self.gpu.retire(Retired::Pipeline(self.raw, self.layout));
+        self.gpu.defer_destruction(Deferred::Pipeline(self.raw, self.layout));
     }
 }
 

@@ -5,10 +5,10 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use super::buffer::{Buffer, BufferKind};
+use super::command_buffer::CommandBuffer;
 use super::commands::Commands;
 use super::device::Gpu;
-use super::image::{Image, Use};
-use super::recorder::Recorder;
+use super::image::{Image, ImageAccess};
 use crate::Result;
 
 /// Bytes of one part of the ring.
@@ -19,8 +19,8 @@ const PARTS: usize = 4;
 const ALIGNMENT: u64 = 16;
 
 /// One part of the ring, and the copies from it that have not been sent.
-struct Part<'a> {
-    recorder: Recorder,
+struct StagingBlock<'a> {
+    recorder: CommandBuffer,
     buffer: Buffer,
     used: u64,
     copies: Vec<Copy<'a>>,
@@ -48,7 +48,7 @@ enum Copy<'a> {
 /// Takes uploads and sends them part by part; `finish` waits for the last.
 pub struct Upload<'a> {
     gpu: &'a Arc<Gpu>,
-    parts: Vec<Part<'a>>,
+    parts: Vec<StagingBlock<'a>>,
     current: usize,
     part_bytes: u64,
 }
@@ -109,7 +109,7 @@ impl<'a> Upload<'a> {
     }
 
     /// The part of the ring with so much room, at most a part's size, and where in it that begins.
-    fn room(&mut self, bytes: u64) -> Result<(&mut Part<'a>, u64)> {
+    fn room(&mut self, bytes: u64) -> Result<(&mut StagingBlock<'a>, u64)> {
         let full = self.parts.get(self.current).is_some_and(|part| part.used + bytes > self.part_bytes);
         if full {
             self.send()?;
@@ -117,7 +117,12 @@ impl<'a> Upload<'a> {
         }
         if self.current == self.parts.len() {
             let buffer = Buffer::new(self.gpu, "staging", BufferKind::Upload, self.part_bytes)?;
-            self.parts.push(Part { recorder: Recorder::new(self.gpu)?, buffer, used: 0, copies: Vec::new() });
+            self.parts.push(StagingBlock {
+                recorder: CommandBuffer::new(self.gpu)?,
+                buffer,
+                used: 0,
+                copies: Vec::new(),
+            });
         } else if full {
             // The GPU may still be copying from it.
             self.parts[self.current].recorder.finish()?;
@@ -131,7 +136,7 @@ impl<'a> Upload<'a> {
     /// Sends the current part's copies.
     fn send(&mut self) -> Result<()> {
         let Some(part) = self.parts.get_mut(self.current) else { return Ok(()) };
-        let Part { recorder, buffer, copies, used } = part;
+        let StagingBlock { recorder, buffer, copies, used } = part;
         let (mut commands, _) = recorder.begin()?;
         copies.iter().for_each(|copy| record(&mut commands, buffer, copy));
         commands.buffers_written();
@@ -146,12 +151,12 @@ fn record(commands: &mut Commands<'_>, staging: &Buffer, copy: &Copy<'_>) {
     match copy {
         Copy::Buffer { from, to, offset, bytes } => commands.copy_buffer(staging, *from, to, *offset, *bytes),
         Copy::Rows { from, to, mip, rows } => {
-            if to.state.get() != Use::CopyTo {
-                commands.prepare(to, Use::CopyTo);
+            if to.state.get() != ImageAccess::CopyTo {
+                commands.prepare(to, ImageAccess::CopyTo);
             }
             commands.copy_rows_to_image(staging, *from, to, *mip, rows.clone());
         }
-        Copy::Done { image } => commands.prepare(image, Use::Sampled),
+        Copy::Done { image } => commands.prepare(image, ImageAccess::Sampled),
     }
 }
 
@@ -174,8 +179,8 @@ pub fn upload_rows(
         part.copies.push(Copy::Rows { from, to, mip: 0, rows });
     }
     upload.finish()?;
-    super::recorder::run(gpu, |commands| {
-        commands.halve_mips(to);
+    super::command_buffer::submit_and_wait(gpu, |commands| {
+        commands.generate_mips(to);
         Ok(())
     })?;
     Ok(())

@@ -5,9 +5,9 @@ use std::sync::Arc;
 use ash::{khr, vk};
 use raw_window_handle::{RawDisplayHandle, RawWindowHandle};
 
-use super::commands::{Commands, Part, Rect, transition};
+use super::commands::{Commands, Rect, Subresource, transition};
 use super::device::Gpu;
-use super::image::{Image, Use};
+use super::image::{Image, ImageAccess};
 use crate::{Error, Result};
 
 /// How long the window system may keep all images: a hidden window's may never come back, and events wait meanwhile.
@@ -254,14 +254,20 @@ impl Swapchain {
     }
 
     /// Scales one layer of a picture over the whole acquired image; `from` must be prepared for `CopyFrom`.
-    pub fn copy(&self, commands: &mut Commands<'_>, from: &Image, part: Part, to: &Acquired) {
+    pub fn copy(&self, commands: &mut Commands<'_>, from: &Image, part: Subresource, to: &Acquired) {
         let whole = [Rect::of(from.mip_size(part.mip)), Rect::of(self.size)];
         self.copy_parts(commands, from, &[(part, whole)], to);
     }
 
     /// Scales parts of a picture's layers into parts of the acquired image and leaves the rest black; `from` must be
     /// prepared for `CopyFrom`.
-    pub fn copy_parts(&self, commands: &mut Commands<'_>, from: &Image, parts: &[(Part, [Rect; 2])], to: &Acquired) {
+    pub fn copy_parts(
+        &self,
+        commands: &mut Commands<'_>,
+        from: &Image,
+        parts: &[(Subresource, [Rect; 2])],
+        to: &Acquired,
+    ) {
         let image = self.images[to.index as usize];
         let range = vk::ImageSubresourceRange {
             aspect_mask: vk::ImageAspectFlags::COLOR,
@@ -271,7 +277,7 @@ impl Swapchain {
         };
         // The acquisition is waited for at these stages, and this barrier begins at the same ones: so the layout changes
         // after the window system has read the image. Clear and blits, all that writes to it, come after the change.
-        let start = transition(Use::Fresh, Use::CopyTo).src_stage_mask(FIRST_TOUCH);
+        let start = transition(ImageAccess::Fresh, ImageAccess::CopyTo).src_stage_mask(FIRST_TOUCH);
         commands.raw_image_barrier(start.image(image).subresource_range(range));
         let layers = |mip, layer| vk::ImageSubresourceLayers {
             aspect_mask: vk::ImageAspectFlags::COLOR,
@@ -287,7 +293,9 @@ impl Swapchain {
         for (part, rects) in parts {
             commands.blit_raw(from.raw, image, *rects, [layers(part.mip, part.layer), layers(0, 0)]);
         }
-        commands.raw_image_barrier(transition(Use::CopyTo, Use::Present).image(image).subresource_range(range));
+        commands.raw_image_barrier(
+            transition(ImageAccess::CopyTo, ImageAccess::Present).image(image).subresource_range(range),
+        );
     }
 
     /// Shows a drawn image.

@@ -3,16 +3,16 @@
 use std::sync::Arc;
 
 use super::buffer::{Buffer, BufferKind};
-use super::commands::Part;
+use super::command_buffer::{PassTime, submit_and_wait};
+use super::commands::Subresource;
 use super::device::Gpu;
-use super::image::{Image, Use};
-use super::recorder::{PassTime, run};
+use super::image::{Image, ImageAccess};
 use crate::Result;
 
 /// Copies a buffer back to the CPU.
 pub fn read_buffer(gpu: &Arc<Gpu>, from: &Buffer) -> Result<Vec<u8>> {
     let to = Buffer::new(gpu, "readback", BufferKind::Readback, from.size())?;
-    run(gpu, |commands| {
+    submit_and_wait(gpu, |commands| {
         commands.buffers_written();
         commands.copy_buffer(from, 0, &to, 0, from.size());
         commands.copies_to_host();
@@ -22,13 +22,13 @@ pub fn read_buffer(gpu: &Arc<Gpu>, from: &Buffer) -> Result<Vec<u8>> {
 }
 
 /// Copies one layer of one mip back to the CPU, tightly packed rows from the top.
-pub fn read_image(gpu: &Arc<Gpu>, from: &Image, part: Part, bytes_per_texel: u64) -> Result<Vec<u8>> {
+pub fn read_image(gpu: &Arc<Gpu>, from: &Image, part: Subresource, bytes_per_texel: u64) -> Result<Vec<u8>> {
     let [width, height] = from.mip_size(part.mip);
     let size = u64::from(width) * u64::from(height) * bytes_per_texel;
     let to = Buffer::new(gpu, "readback", BufferKind::Readback, size)?;
     let before = from.state.get();
-    run(gpu, |commands| {
-        commands.prepare(from, Use::CopyFrom);
+    submit_and_wait(gpu, |commands| {
+        commands.prepare(from, ImageAccess::CopyFrom);
         commands.copy_from_image(from, part, &to, 0);
         commands.copies_to_host();
         commands.prepare(from, before);
@@ -43,8 +43,8 @@ pub fn read_mips(gpu: &Arc<Gpu>, from: &Image, bytes_per_texel: u64) -> Result<V
     let size = parts.iter().map(|(_, bytes)| bytes).sum();
     let to = Buffer::new(gpu, "readback", BufferKind::Readback, size)?;
     let before = from.state.get();
-    run(gpu, |commands| {
-        commands.prepare(from, Use::CopyFrom);
+    submit_and_wait(gpu, |commands| {
+        commands.prepare(from, ImageAccess::CopyFrom);
         let mut offset = 0;
         for (part, bytes) in &parts {
             commands.copy_from_image(from, *part, &to, offset);
@@ -77,16 +77,16 @@ pub fn write_mips(gpu: &Arc<Gpu>, pass: &'static str, images: &[(&Image, &[Vec<u
         Ok((Buffer::with_bytes(gpu, "staging", BufferKind::Upload, &bytes)?, parts(image, bytes_per_texel)))
     };
     let staged: Vec<_> = images.iter().map(stage).collect::<Result<_>>()?;
-    run(gpu, |commands| {
+    submit_and_wait(gpu, |commands| {
         commands.pass(pass, |commands| {
             for ((to, _), (staging, parts)) in images.iter().zip(&staged) {
-                commands.prepare_fresh(to, Use::CopyTo);
+                commands.prepare_fresh(to, ImageAccess::CopyTo);
                 let mut offset = 0;
                 for (part, bytes) in parts {
                     commands.copy_to_image(staging, offset, to, *part);
                     offset += bytes;
                 }
-                commands.prepare(to, Use::Sampled);
+                commands.prepare(to, ImageAccess::Sampled);
             }
         });
         Ok(())
@@ -94,8 +94,10 @@ pub fn write_mips(gpu: &Arc<Gpu>, pass: &'static str, images: &[(&Image, &[Vec<u
 }
 
 /// All layers of all mips with their sizes, mip 0 first.
-fn parts(image: &Image, bytes_per_texel: u64) -> Vec<(Part, u64)> {
+fn parts(image: &Image, bytes_per_texel: u64) -> Vec<(Subresource, u64)> {
     let bytes = |mip| image.mip_size(mip).map(u64::from).iter().product::<u64>() * bytes_per_texel;
     let layers = image.desc().shape.layers();
-    (0..image.desc().mips).flat_map(|mip| (0..layers).map(move |layer| (Part { mip, layer }, bytes(mip)))).collect()
+    (0..image.desc().mips)
+        .flat_map(|mip| (0..layers).map(move |layer| (Subresource { mip, layer }, bytes(mip))))
+        .collect()
 }

@@ -13,9 +13,9 @@ use super::turns::{Cost, Limits, Way, take_turns};
 use crate::asset::Report;
 use crate::asset::file::write_atomically;
 use crate::gpu::{Gpu, GpuOptions};
-use crate::render::{Eye, IPD_METRES, Order, Renderer, Savings, Settings, Shading};
+use crate::render::{CullOptions, Eye, IPD_METRES, Order, Renderer, Settings, Shading};
 use crate::scene::Scene;
-use crate::view::Look;
+use crate::view::QualityOptions;
 use crate::{Error, Result, say};
 
 /// The picture's side. Sponza's is smaller in a quick run: recording costs the same at any size.
@@ -44,25 +44,25 @@ pub fn run(folder: &Path, full: bool, gpu: GpuOptions<'_>, report: &Report) -> R
     let gpu = Gpu::open(gpu)?;
     let (sponza_side, seconds) = if full { (SIDE, 30) } else { (QUICK_SIDE, 6) };
     let limits = Limits { least: 5, most: 200, time: Duration::from_secs(seconds) };
-    let all = Savings::default();
+    let all = CullOptions::default();
     let ball = gold_ball(0.3);
     let ways = [
         ("default", all),
-        ("back faces drawn", Savings { backs: false, ..all }),
-        ("back faces drawn, order as listed", Savings { backs: false, order: Order::Listed, ..all }),
+        ("back faces drawn", CullOptions { backs: false, ..all }),
+        ("back faces drawn, order as listed", CullOptions { backs: false, order: Order::Listed, ..all }),
     ];
     let mut rows = measure(&gpu, "metal ball", &ball, [SIDE, 1, 1], &ways, limits)?;
     write(folder, &rows)?;
     rows.extend(measure(&gpu, "metal ball", &ball, [SIDE, 1, 4], &ways[..1], limits)?);
     if let Some(known) = scenes::there(report)?.iter().find(|known| known.name == "crytek-sponza") {
-        let textures = Look::default().settings(&gpu, None, report).textures;
+        let textures = QualityOptions::default().settings(&gpu, None, report).textures;
         let sponza = known.load(&textures, report)?;
         let ways = [
             ("default", all),
-            ("order as listed", Savings { order: Order::Listed, ..all }),
-            ("no frustum culling", Savings { frusta: false, ..all }),
-            ("back faces drawn", Savings { backs: false, ..all }),
-            ("nothing saved", Savings { frusta: false, backs: false, order: Order::Listed }),
+            ("order as listed", CullOptions { order: Order::Listed, ..all }),
+            ("no frustum culling", CullOptions { frusta: false, ..all }),
+            ("back faces drawn", CullOptions { backs: false, ..all }),
+            ("nothing saved", CullOptions { frusta: false, backs: false, order: Order::Listed }),
         ];
         write(folder, &rows)?;
         rows.extend(measure(&gpu, known.name, &sponza, [sponza_side, 1, 1], &ways, limits)?);
@@ -79,18 +79,18 @@ fn measure(
     name: &str,
     scene: &Scene,
     [side, eye_count, samples]: [u32; 3],
-    savings: &[(&str, Savings)],
+    culling: &[(&str, CullOptions)],
     limits: Limits,
 ) -> Result<Vec<FrameRow>> {
     let report = Report::silent();
-    let settings = Settings { samples, ..Look::default().settings(gpu, None, &report) };
+    let settings = Settings { samples, ..QualityOptions::default().settings(gpu, None, &report) };
     let eye = Eye::of_camera(&scene.cameras[0], 1.0);
     let eyes = if eye_count == 2 { eye.stereo(IPD_METRES).to_vec() } else { vec![eye] };
     let mut ways = Vec::new();
-    for (_, savings) in savings {
+    for (_, culling) in culling {
         let size = [side; 2];
         let mut renderer = Renderer::new(gpu, scene, settings.clone(), Shading::Pbr, size, eye_count, &report)?;
-        *renderer.savings() = *savings;
+        *renderer.culling() = *culling;
         ways.push(Way { renderer, pictures: vec![eyes.clone()] });
     }
     let costs = take_turns(gpu, &mut ways, limits)?;
@@ -103,7 +103,7 @@ fn measure(
         draws: way.renderer.draw_counts()[0],
         cost,
     };
-    let named = savings.iter().map(|(what, savings)| (what, savings));
+    let named = culling.iter().map(|(what, culling)| (what, culling));
     let rows: Vec<FrameRow> = named.zip(costs).zip(&ways).map(row).collect();
     rows.iter().for_each(|row| say!("{}", line(row)));
     Ok(rows)

@@ -18,11 +18,11 @@ use super::turns::{Cost, Limits, Way, take_turns};
 use super::{furnace_picture, scenes};
 use crate::asset::file::write_atomically;
 use crate::asset::{Panorama, Report};
-use crate::gpu::{Gpu, GpuOptions, Part, Recorder, read_image};
+use crate::gpu::{CommandBuffer, Gpu, GpuOptions, Subresource, read_image};
 use crate::reference::energy::Scattering;
 use crate::render::{Eye, FRAMES_IN_FLIGHT, Output, Renderer, Settings, Shading};
 use crate::scene::{Bounds, Environment, Instance, Material, Mesh, Scene, Vertex};
-use crate::view::Look;
+use crate::view::QualityOptions;
 use crate::{Error, Result, say};
 
 const ROUGHNESSES: usize = 21;
@@ -234,14 +234,14 @@ pub fn draw_frames(
     let eye = Eye::looking(middle + away * Vec3::Z, middle, fov, size[0] as f32 / size[1] as f32);
     let settings = Settings { output: Output::Linear, ..settings };
     let mut renderer = Renderer::new(gpu, scene, settings, shading, size, 1, &Report::silent())?;
-    let mut recorder = Recorder::new(gpu)?;
+    let mut recorder = CommandBuffer::new(gpu)?;
     for frame in frames {
         let (mut commands, _) = recorder.begin()?;
         renderer.record(&mut commands, frame % FRAMES_IN_FLIGHT, &[eye], None);
         commands.submit(None)?;
         recorder.finish()?;
     }
-    let bytes = read_image(gpu, renderer.picture(), Part { mip: 0, layer: 0 }, Output::Linear.bytes())?;
+    let bytes = read_image(gpu, renderer.picture(), Subresource { mip: 0, layer: 0 }, Output::Linear.bytes())?;
     Ok(bytemuck::pod_collect_to_vec(&bytes))
 }
 
@@ -250,7 +250,7 @@ fn costs(gpu: &Arc<Gpu>, full: bool, report: &Report) -> Result<Vec<CostRow>> {
     let limits = Limits { least: 5, most: 200, time: Duration::from_secs(if full { 20 } else { 6 }) };
     let mut rows = vec![cost(gpu, "gold ball", &gold_ball(0.6), limits)?];
     if let Some(known) = scenes::there(report)?.iter().find(|known| known.name == "crytek-sponza") {
-        let scene = known.load(&Look::default().settings(gpu, None, report).textures, report)?;
+        let scene = known.load(&QualityOptions::default().settings(gpu, None, report).textures, report)?;
         rows.push(cost(gpu, known.name, &scene, limits)?);
     }
     Ok(rows)
@@ -261,7 +261,7 @@ fn cost(gpu: &Arc<Gpu>, name: &str, scene: &Scene, limits: Limits) -> Result<Cos
     let eye = Eye::of_camera(&scene.cameras[0], 1.0);
     let mut ways = Vec::new();
     for scattering in WAYS {
-        let settings = Look { scattering, ..Look::default() }.settings(gpu, None, &report);
+        let settings = QualityOptions { scattering, ..QualityOptions::default() }.settings(gpu, None, &report);
         let renderer = Renderer::new(gpu, scene, settings, Shading::Pbr, [256; 2], 1, &report)?;
         ways.push(Way { renderer, pictures: vec![vec![eye]] });
     }

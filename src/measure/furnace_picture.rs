@@ -30,7 +30,7 @@ pub fn make(gpu: &Arc<Gpu>) -> Result<Picture> {
     let scene = balls();
     let grid = [COLUMNS * CELL, LINES * CELL];
     let size = [2 * (grid[0] + MARGIN) + 4, grid[1] + 2 * MARGIN];
-    let mut canvas = Canvas { size, values: vec![PAPER; size[0] * size[1]] };
+    let mut canvas = WindowPresenter { size, values: vec![PAPER; size[0] * size[1]] };
     for (i, (scattering, title)) in WAYS.into_iter().zip(["scattered once", "scattered as often as needed"]).enumerate()
     {
         let radiance = draw(gpu, &scene, grid.map(|s| s as u32), 4, scattering)?;
@@ -70,12 +70,12 @@ fn balls() -> Scene {
 }
 
 /// Grey values, rows from the top.
-struct Canvas {
+struct WindowPresenter {
     size: [usize; 2],
     values: Vec<f32>,
 }
 
-impl Canvas {
+impl WindowPresenter {
     /// Writes ASCII with its first letter's upper left corner at `at`; what does not fit is cut.
     fn text(&mut self, at: [usize; 2], text: &str) {
         for (i, character) in text.bytes().enumerate() {

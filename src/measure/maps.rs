@@ -6,7 +6,7 @@ use half::f16;
 
 use super::texels::Texel;
 use crate::Result;
-use crate::gpu::{Gpu, Image, Part, PassTime, read_image};
+use crate::gpu::{Gpu, Image, PassTime, Subresource, read_image};
 use crate::precompute::LightMaps;
 use crate::precompute::alternatives::{Quantity, Target};
 use crate::reference::levels::{LEVELS, alpha_from_level};
@@ -30,7 +30,7 @@ impl Map {
 pub fn read_cube(gpu: &Arc<Gpu>, image: &Image, mip: u32, scale: f32) -> Result<Vec<[f32; 3]>> {
     let mut texels = Vec::new();
     for layer in 0..6 {
-        let bytes = read_image(gpu, image, Part { mip, layer }, 8)?;
+        let bytes = read_image(gpu, image, Subresource { mip, layer }, 8)?;
         let value = |b: &[u8]| f16::from_le_bytes([b[0], b[1]]).to_f32() * scale;
         texels.extend(bytes.chunks_exact(8).map(|t| [value(&t[..2]), value(&t[2..4]), value(&t[4..6])]));
     }

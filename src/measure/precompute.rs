@@ -14,7 +14,7 @@ use super::{MeasureRequest, chart, judge, synthetic};
 use crate::asset::file::write_atomically;
 use crate::asset::{Panorama, Report, shipped};
 use crate::gpu::{Gpu, GpuOptions, PassTime};
-use crate::precompute::alternatives::{Environment, Job, Method, Quantity, Target};
+use crate::precompute::alternatives::{AlternativePass, Environment, Method, Quantity, Target};
 use crate::precompute::{LightMaps, Options};
 use crate::{Error, Result};
 
@@ -208,7 +208,7 @@ fn alternative(gpu: &Arc<Gpu>, environment: &Fastest<Environment>, size: u32, me
         Quantity::Irradiance => vec![(0, IRRADIANCE)],
     };
     let only: Vec<Target> = targets.iter().map(|(_, target)| *target).collect();
-    let job = Job::new(gpu, &environment.made, method, &only)?;
+    let job = AlternativePass::new(gpu, &environment.made, method, &only)?;
     let own = fastest(|| Ok(((), total(&job.run(gpu)?))))?;
     let map = |(cube, (level, target)): (&_, &(u32, Target))| {
         let texels = read_cube(gpu, cube, 0, environment.made.scale)?;

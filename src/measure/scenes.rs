@@ -12,13 +12,13 @@ use super::clock::{peak_ram_mib, reset_peak_ram, today};
 use super::turns::{Cost, Limits, Way, take_turns};
 use super::{scenes_chart, scenes_table};
 use crate::asset::{Report, TextureOptions, shipped};
-use crate::gpu::{Gpu, GpuOptions, Part, Recorder, read_image};
+use crate::gpu::{CommandBuffer, Gpu, GpuOptions, Subresource, read_image};
 use crate::precompute::{self, Cache};
 use crate::reference::metrics::{PIXELS_PER_DEGREE, flip};
 use crate::render::{Eye, IPD_METRES, Output, Renderer, Settings, Shading};
-use crate::scene::needs::Needs;
+use crate::scene::needs::SceneFeatures;
 use crate::scene::{Model, Scene};
-use crate::view::{Look, load_scene};
+use crate::view::{QualityOptions, load_scene};
 use crate::{Error, Result, say};
 
 /// Samples per pixel of every picture.
@@ -75,13 +75,13 @@ pub fn there(report: &Report) -> Result<Vec<Known>> {
 }
 
 /// Sizes of pictures, and how long each is measured.
-pub struct Stage {
+pub struct BenchConfig {
     pub desktop_size: [u32; 2],
     pub eye_size: [u32; 2],
     pub limits: Limits,
 }
 
-impl Stage {
+impl BenchConfig {
     pub fn new(full: bool) -> Self {
         let limits = |seconds| Limits { least: 3, most: 200, time: Duration::from_secs(seconds) };
         if full {
@@ -93,7 +93,7 @@ impl Stage {
 
     /// As `pbr-vr view` has them on this GPU.
     pub fn settings(&self, gpu: &Gpu, cache: Option<&Cache>, report: &Report) -> Settings {
-        Settings { samples: SAMPLES, ..Look::default().settings(gpu, cache, report) }
+        Settings { samples: SAMPLES, ..QualityOptions::default().settings(gpu, cache, report) }
     }
 }
 
@@ -157,7 +157,7 @@ pub struct Results {
 pub fn run(folder: &Path, full: bool, gpu: GpuOptions<'_>, report: &Report) -> Result<()> {
     let gpu = Gpu::open(gpu)?;
     let messages = gpu.messages();
-    let stage = Stage::new(full);
+    let stage = BenchConfig::new(full);
     let (name, driver) = (gpu.info().name.clone(), gpu.info().driver.clone());
     let known = there(report)?;
     let warnings = report.warnings();
@@ -179,7 +179,7 @@ pub fn run(folder: &Path, full: bool, gpu: GpuOptions<'_>, report: &Report) -> R
 }
 
 /// Starts with an empty cache, then with the one that this made; returns what the second loaded.
-fn start(gpu: &Arc<Gpu>, known: &Known, stage: &Stage) -> Result<(Scene, StartRow, Settings)> {
+fn start(gpu: &Arc<Gpu>, known: &Known, stage: &BenchConfig) -> Result<(Scene, StartRow, Settings)> {
     let folder = std::env::temp_dir().join(format!("pbr-vr-measure-{}-{}", std::process::id(), known.name));
     let cache = Cache::in_folder(folder.clone());
     let settings = stage.settings(gpu, Some(&cache), &Report::silent());
@@ -211,7 +211,7 @@ fn start(gpu: &Arc<Gpu>, known: &Known, stage: &Stage) -> Result<(Scene, StartRo
 /// What objects of this process take on the GPU once those given back are gone.
 fn settled_mib(gpu: &Arc<Gpu>) -> Result<f64> {
     // An empty submission: what was given back lives until the next one has finished.
-    let mut recorder = Recorder::new(gpu)?;
+    let mut recorder = CommandBuffer::new(gpu)?;
     let (commands, _) = recorder.begin()?;
     commands.submit(None)?;
     recorder.finish()?;
@@ -228,11 +228,11 @@ struct View {
 }
 
 impl View {
-    fn desktop(stage: &Stage) -> Self {
+    fn desktop(stage: &BenchConfig) -> Self {
         Self { name: "desktop", size: stage.desktop_size, eyes: 1 }
     }
 
-    fn stereo(stage: &Stage) -> Self {
+    fn stereo(stage: &BenchConfig) -> Self {
         Self { name: "stereo", size: stage.eye_size, eyes: 2 }
     }
 
@@ -256,7 +256,7 @@ fn measure(
     known: &Known,
     scene: &Scene,
     settings: &Settings,
-    stage: &Stage,
+    stage: &BenchConfig,
     view: View,
 ) -> Result<Vec<SceneRow>> {
     let (mut ways, mut mib) = (Vec::new(), Vec::new());
@@ -279,7 +279,7 @@ fn measure(
             size: view.size,
             shading,
             model,
-            pipelines: Needs::of(scene, kind, None).pipelines(),
+            pipelines: SceneFeatures::of(scene, kind, None).pipelines(),
             cost,
             fps: 1e3 / cost.gpu_ms.median.max(cost.record_ms.median),
             thesis_fps: known.thesis_fps[view.eyes as usize - 1],
@@ -296,7 +296,7 @@ fn measure(
 fn picture(gpu: &Arc<Gpu>, way: &Way, view: View) -> Result<Vec<[u8; 3]>> {
     let mut pixels = Vec::new();
     for layer in 0..view.eyes {
-        let bytes = read_image(gpu, way.renderer.picture(), Part { mip: 0, layer }, Output::Display.bytes())?;
+        let bytes = read_image(gpu, way.renderer.picture(), Subresource { mip: 0, layer }, Output::Display.bytes())?;
         pixels.extend(bytes.as_chunks::<4>().0.iter().map(|[r, g, b, _]| [*r, *g, *b]));
     }
     Ok(pixels)

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use serde::Serialize;
 
 use super::clock::today;
-use super::scenes::{self, Stage};
+use super::scenes::{self, BenchConfig};
 use super::turns::{Cost, Limits, Way, take_turns};
 use crate::asset::Report;
 use crate::asset::file::write_atomically;
@@ -43,7 +43,7 @@ const HEADER: &str = "scene,way,width,height,frames,gpu_ms,gpu_ms_low,gpu_ms_hig
 pub fn run(folder: &Path, full: bool, gpu: GpuOptions<'_>, report: &Report) -> Result<()> {
     let gpu = Gpu::open(gpu)?;
     let messages = gpu.messages();
-    let stage = Stage::new(full);
+    let stage = BenchConfig::new(full);
     let all = scenes::there(report)?;
     let mut rows = Vec::new();
     for known in [all.first(), all.last()].into_iter().flatten() {
@@ -55,7 +55,7 @@ pub fn run(folder: &Path, full: bool, gpu: GpuOptions<'_>, report: &Report) -> R
     messages.check()
 }
 
-fn measure(gpu: &Arc<Gpu>, known: &scenes::Known, stage: &Stage) -> Result<Vec<StereoRow>> {
+fn measure(gpu: &Arc<Gpu>, known: &scenes::Known, stage: &BenchConfig) -> Result<Vec<StereoRow>> {
     let report = Report::silent();
     let settings = stage.settings(gpu, None, &report);
     let scene = known.load(&settings.textures, &report)?;

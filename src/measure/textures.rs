@@ -13,7 +13,7 @@ use super::widening::{self, WideningRow};
 use super::{MeasureRequest, texture_chart};
 use crate::asset::file::write_atomically;
 use crate::asset::{Cache, MipChain, Report, Storage, TextureOptions, shipped};
-use crate::gpu::{Gpu, GpuOptions, Part, read_image};
+use crate::gpu::{Gpu, GpuOptions, Subresource, read_image};
 use crate::precompute;
 use crate::reference::metrics::{PIXELS_PER_DEGREE, flip};
 use crate::render::{Eye, Output, Renderer, Settings, Shading};
@@ -310,7 +310,7 @@ impl Stand<'_> {
         let limits = Limits { least: frames, most: frames, time: Duration::ZERO };
         let cost = take_turns(self.gpu, &mut way, limits)?.pop();
         let bytes =
-            read_image(self.gpu, way[0].renderer.picture(), Part { mip: 0, layer: 0 }, Output::Display.bytes())?;
+            read_image(self.gpu, way[0].renderer.picture(), Subresource { mip: 0, layer: 0 }, Output::Display.bytes())?;
         let pixels = bytes.as_chunks::<4>().0.iter().map(|[r, g, b, _]| [*r, *g, *b]).collect();
         Ok(Drawn { pixels, cost })
     }

@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use super::clock::cpu_ms;
 use crate::Result;
-use crate::gpu::{Gpu, Recorder};
+use crate::gpu::{CommandBuffer, Gpu};
 use crate::render::{Eye, Renderer};
 
 /// Frames before time is taken: pipelines are finished with the first.
@@ -83,7 +83,7 @@ pub fn compare_in_turns(gpu: &Arc<Gpu>, ways: [&mut Way; 2], limits: Limits) -> 
 }
 
 fn rounds(gpu: &Arc<Gpu>, ways: &mut [&mut Way], limits: Limits) -> Result<Vec<Vec<Sample>>> {
-    let mut recorder = Recorder::new(gpu)?;
+    let mut recorder = CommandBuffer::new(gpu)?;
     // Who wants one frame wants its picture.
     let warm_up = if limits.most > 1 { WARM_UP } else { 0 };
     for way in ways.iter_mut() {
@@ -111,7 +111,7 @@ struct Sample {
     record_ms: f64,
 }
 
-fn frame(recorder: &mut Recorder, way: &mut Way) -> Result<Sample> {
+fn frame(recorder: &mut CommandBuffer, way: &mut Way) -> Result<Sample> {
     let (before, started) = (cpu_ms(), ThreadTime::now());
     let (mut commands, _) = recorder.begin()?;
     for (slot, eyes) in way.pictures.iter().enumerate() {

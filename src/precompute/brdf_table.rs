@@ -6,8 +6,8 @@ use super::Cache;
 use super::cache::cached;
 use crate::Result;
 use crate::gpu::{
-    Bind, Buffer, BufferKind, Format, Gpu, Image, ImageDesc, ImageUsageFlags, PassTime, Pipeline, Set, SetLayout,
-    Shape, Slot, Use, run,
+    Binding, BindingType, Buffer, BufferKind, DescriptorSet, DescriptorSetLayout, Format, Gpu, Image, ImageAccess,
+    ImageDesc, ImageUsageFlags, PassTime, Pipeline, Shape, submit_and_wait,
 };
 use crate::reference::brdf::Geometry;
 use crate::reference::lobe::kernel_spread;
@@ -54,19 +54,24 @@ fn compute(gpu: &Arc<Gpu>, image: &Image, choices: [u32; 2]) -> Result<Vec<PassT
     let spreads: Vec<f32> = (0..SIZE[1]).map(|row| classic_spread(row) as f32).collect();
     let spreads = storage(gpu, "kernel spreads", &spreads)?;
     let weights = storage(gpu, "mean weights", &mean_weights())?;
-    let [storage, storage_image] = [Slot::Storage, Slot::StorageImage];
-    let layout = SetLayout::new(gpu, "BRDF table", &[storage, storage, storage, storage_image])?;
-    let binds = [Bind::Storage(&nodes), Bind::Storage(&spreads), Bind::Storage(&weights), Bind::StorageImage(image, 0)];
-    let set = Set::new(gpu, "BRDF table", &layout, &binds)?;
+    let [storage, storage_image] = [BindingType::Storage, BindingType::StorageImage];
+    let layout = DescriptorSetLayout::new(gpu, "BRDF table", &[storage, storage, storage, storage_image])?;
+    let binds = [
+        Binding::Storage(&nodes),
+        Binding::Storage(&spreads),
+        Binding::Storage(&weights),
+        Binding::StorageImage(image, 0),
+    ];
+    let set = DescriptorSet::new(gpu, "BRDF table", &layout, &binds)?;
     let constants = [(0, choices[0]), (1, choices[1])];
     let pipeline = Pipeline::compute(gpu, "brdf_table.comp", &constants, &[&layout], 0)?;
-    run(gpu, |commands| {
-        commands.prepare(image, Use::Storage);
+    submit_and_wait(gpu, |commands| {
+        commands.prepare(image, ImageAccess::Storage);
         commands.pass("BRDF table", |commands| {
             commands.bind(&pipeline, &[&set]);
             commands.dispatch([1, SIZE[1], 1]);
         });
-        commands.prepare(image, Use::Sampled);
+        commands.prepare(image, ImageAccess::Sampled);
         Ok(())
     })
 }

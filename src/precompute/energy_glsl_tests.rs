@@ -6,7 +6,7 @@ use glam::{DVec3, Vec3};
 use super::BrdfTable;
 use super::brdf_table::SIZE;
 use super::harness_tests::{Judge, Random, evaluate, with_gpu};
-use crate::gpu::{Part, read_image};
+use crate::gpu::{Subresource, read_image};
 use crate::reference::brdf::Geometry;
 use crate::reference::energy::{Energy, Scattering};
 use crate::reference::table::{Entry, SplitSum, table_arguments, table_entry};
@@ -100,7 +100,7 @@ fn what_comes_beside_single_scattering_agrees() {
 fn the_table_holds_the_mean_of_its_rows() {
     let texels: Vec<[f32; 4]> = with_gpu(|gpu| {
         let table = BrdfTable::new(gpu, Geometry::Smith, SplitSum::Moment, None).unwrap();
-        let layer = |layer| read_image(gpu, &table.image, Part { mip: 0, layer }, 16).unwrap();
+        let layer = |layer| read_image(gpu, &table.image, Subresource { mip: 0, layer }, 16).unwrap();
         bytemuck::pod_collect_to_vec(&[layer(0), layer(1)].concat())
     });
     let [width, height] = SIZE.map(|s| s as usize);

@@ -9,8 +9,8 @@ use glam::DVec3;
 use half::f16;
 
 use crate::gpu::{
-    Bind, Buffer, BufferKind, Format, Gpu, GpuOptions, Image, Part, Pipeline, Set, SetLayout, Slot, read_buffer,
-    read_image, run,
+    Binding, BindingType, Buffer, BufferKind, DescriptorSet, DescriptorSetLayout, Format, Gpu, GpuOptions, Image,
+    Pipeline, Subresource, read_buffer, read_image, submit_and_wait,
 };
 
 /// Opens a GPU for `work`; any validation message fails, those of closing it too.
@@ -27,10 +27,10 @@ pub fn with_gpu<R>(work: impl FnOnce(&Arc<Gpu>) -> R) -> R {
 pub fn evaluate<I: Pod, O: Pod>(gpu: &Arc<Gpu>, shader: &str, inputs: &[I]) -> Vec<O> {
     let from = Buffer::with_bytes(gpu, "inputs", BufferKind::StorageFromCpu, bytemuck::cast_slice(inputs)).unwrap();
     let to = Buffer::new(gpu, "outputs", BufferKind::Storage, (size_of::<O>() * inputs.len()) as u64).unwrap();
-    let layout = SetLayout::new(gpu, shader, &[Slot::Storage, Slot::Storage]).unwrap();
-    let set = Set::new(gpu, shader, &layout, &[Bind::Storage(&from), Bind::Storage(&to)]).unwrap();
+    let layout = DescriptorSetLayout::new(gpu, shader, &[BindingType::Storage, BindingType::Storage]).unwrap();
+    let set = DescriptorSet::new(gpu, shader, &layout, &[Binding::Storage(&from), Binding::Storage(&to)]).unwrap();
     let pipeline = Pipeline::compute(gpu, shader, &[], &[&layout], 0).unwrap();
-    run(gpu, |commands| {
+    submit_and_wait(gpu, |commands| {
         commands.bind(&pipeline, &[&set]);
         commands.dispatch([inputs.len().div_ceil(64) as u32, 1, 1]);
         Ok(())
@@ -40,7 +40,7 @@ pub fn evaluate<I: Pod, O: Pod>(gpu: &Arc<Gpu>, shader: &str, inputs: &[I]) -> V
 }
 
 /// One layer of one mip of an RGBA image in halves or floats, rows from the top.
-pub fn texels(gpu: &Arc<Gpu>, image: &Image, part: Part) -> Vec<DVec3> {
+pub fn texels(gpu: &Arc<Gpu>, image: &Image, part: Subresource) -> Vec<DVec3> {
     if image.desc().format == Format::R16G16B16A16_SFLOAT {
         let halves: Vec<[f16; 4]> = bytemuck::pod_collect_to_vec(&read_image(gpu, image, part, 8).unwrap());
         return halves.iter().map(|t| DVec3::new(t[0].to_f64(), t[1].to_f64(), t[2].to_f64())).collect();

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use super::Options;
 use super::cache::cached;
-use super::kernel_sum::KernelSum;
+use super::hierarchical_convolution::HierarchicalConvolution;
 use crate::asset::Panorama;
 use crate::gpu::{Format, Gpu, Image, ImageDesc, ImageUsageFlags, PassTime, Shape, upload_rows};
 use crate::reference::levels::{LEVELS, alpha_from_level};
@@ -45,7 +45,7 @@ impl LightMaps {
         let irradiance_over_pi = cube(gpu, "irradiance", options.irradiance_size, 1)?;
         let mips = (LEVELS / 2) as u32;
         let specular = [cube(gpu, "even specular levels", size, mips)?, cube(gpu, "odd specular levels", size, mips)?];
-        let compute = || KernelSum::new(gpu, &image, &specular, &irradiance_over_pi)?.run(gpu, scale);
+        let compute = || HierarchicalConvolution::new(gpu, &image, &specular, &irradiance_over_pi)?.run(gpu, scale);
         // The irradiance map depends on the face size too, though its own size does not.
         let sides = [panorama.width, panorama.height, size];
         let source = [bytemuck::cast_slice(&sides), bytemuck::cast_slice(&panorama.texels)];

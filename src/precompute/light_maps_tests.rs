@@ -6,7 +6,7 @@ use glam::{DVec2, DVec3, Vec3};
 use rayon::prelude::*;
 
 use super::*;
-use crate::gpu::Part;
+use crate::gpu::Subresource;
 use crate::precompute::harness_tests::{Random, texels, with_gpu};
 use crate::reference::cube::{cube_direction, cube_face, cube_texel_solid_angle, panorama_texel_solid_angle};
 use crate::reference::integrals::{PanoramaView, irradiance, prefiltered};
@@ -23,7 +23,8 @@ struct Level {
 
 impl Level {
     fn read(gpu: &Arc<Gpu>, image: &Image, mip: u32, scale: f32) -> Self {
-        let face = |layer| texels(gpu, image, Part { mip, layer }).iter().map(|t| *t * f64::from(scale)).collect();
+        let face =
+            |layer| texels(gpu, image, Subresource { mip, layer }).iter().map(|t| *t * f64::from(scale)).collect();
         Self { size: image.mip_size(mip)[0], faces: (0..6).map(face).collect() }
     }
 

@@ -4,9 +4,9 @@
 pub mod alternatives;
 mod brdf_table;
 mod cache;
-mod kernel_sum;
+mod hierarchical_convolution;
 mod light_maps;
-mod node_lists;
+mod interaction_lists;
 mod table_texels;
 mod texture;
 

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use super::BrdfTable;
 use crate::Result;
-use crate::gpu::{Gpu, Part, read_image};
+use crate::gpu::{Gpu, Subresource, read_image};
 use crate::reference::table::{Entry, Lobe, LobePart, table_place};
 
 /// What the table says at n·v and a roughness.
@@ -26,8 +26,9 @@ pub struct TableTexels {
 impl TableTexels {
     /// Reads it back.
     pub fn read(gpu: &Arc<Gpu>, table: &BrdfTable) -> Result<Self> {
-        let layer =
-            |layer| Ok(bytemuck::pod_collect_to_vec(&read_image(gpu, &table.image, Part { mip: 0, layer }, 16)?));
+        let layer = |layer| {
+            Ok(bytemuck::pod_collect_to_vec(&read_image(gpu, &table.image, Subresource { mip: 0, layer }, 16)?))
+        };
         let layers = (0..table.image.desc().shape.layers()).map(layer).collect::<Result<_>>()?;
         Ok(Self { layers, size: table.image.desc().size.map(|side| side as usize) })
     }

@@ -4,7 +4,7 @@ use glam::Mat4;
 
 use super::culling::Frusta;
 use super::eye::Eye;
-use super::world::MeshRange;
+use super::scene_resources::MeshRange;
 use crate::scene::Bounds;
 use crate::scene::cluster::Cluster;
 
@@ -49,7 +49,7 @@ pub enum Order {
 
 /// What is done so that a frame costs less. None of it changes the picture; each can be left out, to measure it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Savings {
+pub struct CullOptions {
     /// Leave out ranges outside of every eye's frustum.
     pub frusta: bool,
     /// Leave out the back faces of closed surfaces.
@@ -57,7 +57,7 @@ pub struct Savings {
     pub order: Order,
 }
 
-impl Default for Savings {
+impl Default for CullOptions {
     fn default() -> Self {
         Self { frusta: true, backs: true, order: Order::FrontToBack }
     }
@@ -79,20 +79,20 @@ pub struct Listed {
 
 impl DrawList {
     /// Lists what some eyes may see. Allocates only where there are more draws than ever before.
-    pub fn fill(&mut self, draws: &[Draw], eyes: &[Eye], savings: Savings) {
+    pub fn fill(&mut self, draws: &[Draw], eyes: &[Eye], culling: CullOptions) {
         let frusta = Frusta::of(eyes);
         self.0.clear();
         self.0.reserve(draws.len());
-        let seen = (0u32..).zip(draws).filter(|(_, draw)| !savings.frusta || frusta.may_see(&draw.bounds));
+        let seen = (0u32..).zip(draws).filter(|(_, draw)| !culling.frusta || frusta.may_see(&draw.bounds));
         self.0.extend(seen.map(|(index, draw)| Listed {
             draw: index,
-            cull_back: savings.backs && draw.shell.is_some_and(|shell| frusta.all_outside(&shell)),
+            cull_back: culling.backs && draw.shell.is_some_and(|shell| frusta.all_outside(&shell)),
             masked: draw.masked,
             distance: frusta.distance(&draw.bounds),
         }));
         // The index decides between equals, so that the order never depends on the sort.
         let far = |a: &Listed, b: &Listed| a.distance.total_cmp(&b.distance).then(a.draw.cmp(&b.draw));
-        match savings.order {
+        match culling.order {
             Order::FrontToBack => self.0.sort_unstable_by(|a, b| a.masked.cmp(&b.masked).then(far(a, b))),
             Order::Listed => {}
             // Odd, so that no two draws share a key (Knuth, "The Art of Computer Programming" 3, section 6.4).
@@ -125,10 +125,10 @@ mod tests {
         Draw::new(&cluster, MeshRange { indices: 0..0, first_vertex: 0 }, Mat4::IDENTITY, masked)
     }
 
-    fn listed(draws: &[Draw], savings: Savings) -> Vec<(u32, bool)> {
+    fn listed(draws: &[Draw], culling: CullOptions) -> Vec<(u32, bool)> {
         let mut list = DrawList::default();
         let eyes = Eye::symmetric(Mat4::IDENTITY, 60.0, 1.0, 1.0).stereo(0.06);
-        list.fill(draws, &eyes, savings);
+        list.fill(draws, &eyes, culling);
         list.iter().map(|l| (l.draw, l.cull_back)).collect()
     }
 
@@ -141,10 +141,10 @@ mod tests {
             draw(0.0, 5.0, false, false),
             draw(0.0, 0.0, false, true),
         ];
-        assert_eq!(listed(&draws, Savings::default()), [(4, false), (2, false), (0, true), (1, false)]);
-        let all = Savings { frusta: false, backs: false, order: Order::Listed };
+        assert_eq!(listed(&draws, CullOptions::default()), [(4, false), (2, false), (0, true), (1, false)]);
+        let all = CullOptions { frusta: false, backs: false, order: Order::Listed };
         assert_eq!(listed(&draws, all), [0, 1, 2, 3, 4].map(|i| (i, false)));
-        let shuffled = Savings { order: Order::Shuffled(3), ..Savings::default() };
+        let shuffled = CullOptions { order: Order::Shuffled(3), ..CullOptions::default() };
         let mut order: Vec<u32> = listed(&draws, shuffled).iter().map(|l| l.0).collect();
         assert_ne!(order, [4, 2, 0, 1]);
         order.sort_unstable();
@@ -165,6 +165,6 @@ mod tests {
         };
         let mirror = Mat4::from_scale(Vec3::new(-1.0, 1.0, 1.0));
         draws[1] = Draw::new(&cluster, draws[0].range.clone(), mirror, false);
-        assert_eq!(listed(&draws, Savings::default()), [(0, true), (1, false)]);
+        assert_eq!(listed(&draws, CullOptions::default()), [(0, true), (1, false)]);
     }
 }

@@ -6,17 +6,17 @@ use std::sync::Arc;
 use glam::Mat4;
 
 use super::draws::DrawList;
+use super::scene_resources::{ATTRIBUTES, PackedVertex, SceneResources};
 use super::shared::{DrawBlock, constant};
-use super::world::{ATTRIBUTES, PackedVertex, World};
-use super::{Settings, Shading, exact};
+use super::{Settings, Shading, reference_accumulator};
 use crate::Result;
-use crate::gpu::{Commands, Constant, Depth, Format, Gpu, GraphicsDesc, Pipeline, Set, SetLayout};
+use crate::gpu::{Commands, Constant, Depth, DescriptorSet, DescriptorSetLayout, Format, Gpu, GraphicsDesc, Pipeline};
 use crate::reference::energy::Scattering;
 use crate::reference::table::SplitSum;
-use crate::scene::MaterialNeeds;
+use crate::scene::MaterialFeatures;
 
 /// The fragment stages and what they draw into: the picture itself, or samples for the exact one.
-struct Stage {
+struct ShaderSet {
     surface: &'static str,
     cutout: &'static str,
     sky: &'static str,
@@ -24,14 +24,14 @@ struct Stage {
     samples: u32,
 }
 
-impl Stage {
+impl ShaderSet {
     fn new(settings: &Settings, shading: Shading) -> Self {
         if shading == Shading::Reference {
             return Self {
                 surface: "exact.frag",
                 cutout: "exact.frag",
                 sky: "exact_sky.frag",
-                colour: exact::FORMAT,
+                colour: reference_accumulator::FORMAT,
                 samples: 1,
             };
         }
@@ -43,7 +43,7 @@ impl Stage {
 
 /// Pipelines for one world and one group of settings.
 pub struct Forward {
-    materials: HashMap<MaterialNeeds, Pipeline>,
+    materials: HashMap<MaterialFeatures, Pipeline>,
     sky: Pipeline,
     eyes: u32,
 }
@@ -52,13 +52,13 @@ impl Forward {
     /// Makes every pipeline that the world needs, and no other.
     pub fn new(
         gpu: &Arc<Gpu>,
-        frame_layout: &SetLayout,
-        world: &World,
+        frame_layout: &DescriptorSetLayout,
+        world: &SceneResources,
         settings: &Settings,
         shading: Shading,
         eyes: u32,
     ) -> Result<Self> {
-        let stage = Stage::new(settings, shading);
+        let stage = ShaderSet::new(settings, shading);
         let common: [Constant; 6] = [
             (constant::EYES, eyes),
             (constant::SHADING, shading as u32),
@@ -97,7 +97,14 @@ impl Forward {
     }
 
     /// Draws what is listed for all eyes, moved together by a rigid `models`, setting only what changes from draw to draw.
-    pub fn draw(&self, commands: &mut Commands<'_>, world: &World, models: Mat4, list: &DrawList, frame: &Set) {
+    pub fn draw(
+        &self,
+        commands: &mut Commands<'_>,
+        world: &SceneResources,
+        models: Mat4,
+        list: &DrawList,
+        frame: &DescriptorSet,
+    ) {
         commands.bind_mesh(&world.geometry.vertices, &world.geometry.indices);
         let (mut pipeline, mut needs, mut material, mut placed) = (None, None, None, None);
         let mut cull_back = false;
@@ -130,7 +137,7 @@ impl Forward {
     }
 
     /// Draws the panorama wherever nothing else is.
-    pub fn draw_sky(&self, commands: &mut Commands<'_>, frame: &Set) {
+    pub fn draw_sky(&self, commands: &mut Commands<'_>, frame: &DescriptorSet) {
         commands.bind(&self.sky, &[frame]);
         commands.draw(3, self.eyes);
     }
@@ -138,19 +145,19 @@ impl Forward {
 
 fn material_pipeline(
     gpu: &Arc<Gpu>,
-    sets: &[&SetLayout],
-    needs: MaterialNeeds,
+    sets: &[&DescriptorSetLayout],
+    needs: MaterialFeatures,
     multiple: bool,
     common: &[Constant],
-    stage: &Stage,
+    stage: &ShaderSet,
 ) -> Result<Pipeline> {
     let mut constants = common.to_vec();
     constants.extend([
-        (constant::HAS_ALBEDO_MAP, u32::from(needs.albedo_map)),
+        (constant::HAS_BASE_COLOR_MAP, u32::from(needs.base_color_map)),
         (constant::HAS_NORMAL_MAP, u32::from(needs.normal_map)),
-        (constant::HAS_SURFACE_MAP, u32::from(needs.surface_map)),
+        (constant::HAS_ORM_MAP, u32::from(needs.orm_map)),
         (constant::ALPHA_MASK, u32::from(needs.alpha_mask)),
-        (constant::METALS, needs.metals as u32),
+        (constant::METALNESS, needs.metals as u32),
         (constant::MULTI_SCATTER, u32::from(multiple && needs.multi_scatter)),
     ]);
     Pipeline::graphics(

@@ -2,10 +2,10 @@
 
 mod culling;
 mod draws;
-mod exact;
+mod reference_accumulator;
 mod eye;
 mod forward;
-mod guides;
+mod gizmos;
 mod hidden_area;
 mod overlay;
 #[cfg(test)]
@@ -16,39 +16,42 @@ mod shared;
 #[cfg(test)]
 mod shared_tests;
 mod targets;
-mod world;
+mod scene_resources;
 
 use std::sync::Arc;
 
 use clap::ValueEnum;
 use glam::Mat4;
 
-pub use draws::{Order, Savings};
-pub use exact::StandardError;
+pub use draws::{CullOptions, Order};
 pub use eye::{Eye, IPD_METRES, NEAR_METRES};
-pub use guides::{GuideVertex, Guides, MAX_GUIDE_VERTICES};
+pub use gizmos::{ControllerGizmos, GizmoVertex, MAX_GIZMO_VERTICES};
 pub use hidden_area::HiddenArea;
 pub use overlay::Overlay;
+pub use reference_accumulator::StandardError;
+pub use scene_resources::TextureFacts;
 pub use shared::MAX_EYES;
 pub use targets::Output;
-pub use world::TextureFacts;
 
 use crate::Result;
 use crate::asset::{Report, TextureOptions};
-use crate::gpu::{Bind, Buffer, BufferKind, Commands, Edge, Gpu, Image, PassTime, Sampler, Set, SetLayout, Slot};
+use crate::gpu::{
+    AddressMode, Binding, BindingType, Buffer, BufferKind, Commands, DescriptorSet, DescriptorSetLayout, Gpu, Image,
+    PassTime, Sampler,
+};
 use crate::precompute::{self, BrdfTable, LightMaps};
 use crate::reference::brdf::Geometry;
 use crate::reference::energy::Scattering;
 use crate::reference::table::SplitSum;
 use crate::scene::needs::resolution::Viewpoint;
-use crate::scene::{Model, Needs, Scene};
+use crate::scene::{Model, Scene, SceneFeatures};
 use draws::DrawList;
-use exact::{Exact, Shown};
 use forward::Forward;
-use guides::GuidesPass;
+use gizmos::GizmosPass;
+use reference_accumulator::{ReferenceAccumulator, Shown};
+use scene_resources::SceneResources;
 use shared::{EyeBlock, FrameBlock};
-use targets::{Detail, Targets};
-use world::World;
+use targets::{Detail, ViewTargets};
 
 /// Frames that the CPU may be ahead of the GPU.
 pub const FRAMES_IN_FLIGHT: usize = 2;
@@ -62,7 +65,8 @@ pub enum Shading {
     /// Phong: ambient light and lamps only.
     Phong,
     /// Base colour.
-    Albedo,
+    #[value(alias = "albedo")]
+    BaseColor,
     /// Shading normal in world space, n/2 + 1/2.
     Normal,
     Metallic,
@@ -91,7 +95,7 @@ pub enum Shading {
 impl Shading {
     /// Frames that a still picture takes if nobody says how many.
     pub fn default_frames(self) -> u64 {
-        if self == Self::Reference { exact::DEFAULT_FRAMES } else { 1 }
+        if self == Self::Reference { reference_accumulator::DEFAULT_FRAMES } else { 1 }
     }
 }
 
@@ -139,27 +143,27 @@ pub struct Renderer {
     shading: Shading,
     eyes: u32,
     exposure_ev: f32,
-    environment_turn: f32,
-    world: World,
-    savings: Savings,
+    environment_rotation: f32,
+    world: SceneResources,
+    culling: CullOptions,
     draws: DrawList,
     light: LightMaps,
     table: BrdfTable,
     samplers: [Sampler; 2],
-    frame_layout: SetLayout,
-    frames: Vec<(Buffer, Set)>,
+    frame_layout: DescriptorSetLayout,
+    frames: Vec<(Buffer, DescriptorSet)>,
     forward: Forward,
     /// Only where shading is [`Shading::Reference`].
-    exact: Option<Exact>,
+    exact: Option<ReferenceAccumulator>,
     importance: Buffer,
     hidden_area: Option<HiddenArea>,
-    /// Made for the first guides.
-    guides: Option<GuidesPass>,
-    targets: Targets,
+    /// Made for the first gizmos.
+    gizmos: Option<GizmosPass>,
+    targets: ViewTargets,
     /// Where the scene's models stand, as a whole.
     world_from_models: Mat4,
     /// 0: as it is, 1: all dark.
-    darkness: f32,
+    fade: f32,
 }
 
 impl Renderer {
@@ -173,31 +177,38 @@ impl Renderer {
         eyes: u32,
         report: &Report,
     ) -> Result<Self> {
-        let world =
-            World::new(gpu, scene, &Needs::of(scene, settings.model, settings.viewpoint), &settings.textures, report)?;
+        let world = SceneResources::new(
+            gpu,
+            scene,
+            &SceneFeatures::of(scene, settings.model, settings.viewpoint),
+            &settings.textures,
+            report,
+        )?;
         let panorama = &scene.environment.panorama;
         let light = report.time("precompute", || LightMaps::new(gpu, panorama, &settings.precompute))?;
         let cache = settings.precompute.cache.as_ref();
         let table = BrdfTable::new(gpu, settings.geometry, settings.split_sum, cache)?;
-        let [uniform, storage, sampled] = [Slot::Uniform, Slot::Storage, Slot::Sampled];
+        let [uniform, storage, sampled] = [BindingType::Uniform, BindingType::Storage, BindingType::Sampled];
         let slots = [uniform, storage, sampled, sampled, sampled, sampled, sampled, storage];
-        let frame_layout = SetLayout::new(gpu, "frame", &slots)?;
-        let samplers =
-            [Sampler::new(gpu, "panorama", Edge::Panorama, 1)?, Sampler::new(gpu, "clamped", Edge::Clamp, 1)?];
-        let importance = exact::importance_buffer(gpu, &light.panorama, shading)?;
+        let frame_layout = DescriptorSetLayout::new(gpu, "frame", &slots)?;
+        let samplers = [
+            Sampler::new(gpu, "panorama", AddressMode::Panorama, 1)?,
+            Sampler::new(gpu, "clamped", AddressMode::Clamp, 1)?,
+        ];
+        let importance = reference_accumulator::importance_buffer(gpu, &light.panorama, shading)?;
         let frames = make_frames(gpu, &frame_layout, &world, &light, &table, &samplers, &importance)?;
         let forward = Forward::new(gpu, &frame_layout, &world, &settings, shading, eyes)?;
-        let targets = Targets::new(gpu, size, eyes, Detail::of(&settings))?;
-        let exact = Exact::of_shading(shading, gpu, &frame_layout, size, eyes, settings.output)?;
+        let targets = ViewTargets::new(gpu, size, eyes, Detail::of(&settings))?;
+        let exact = ReferenceAccumulator::of_shading(shading, gpu, &frame_layout, size, eyes, settings.output)?;
         Ok(Self {
             gpu: Arc::clone(gpu),
             settings,
             shading,
             eyes,
             exposure_ev: scene.exposure_ev,
-            environment_turn: scene.environment.rotation_degrees.to_radians(),
+            environment_rotation: scene.environment.rotation_degrees.to_radians(),
             world,
-            savings: Savings::default(),
+            culling: CullOptions::default(),
             draws: DrawList::default(),
             light,
             table,
@@ -208,17 +219,17 @@ impl Renderer {
             exact,
             importance,
             hidden_area: None,
-            guides: None,
+            gizmos: None,
             targets,
             world_from_models: Mat4::IDENTITY,
-            darkness: 0.0,
+            fade: 0.0,
         })
     }
 
     /// New targets; the old ones are given back once the GPU is done with them.
     pub fn resize(&mut self, size: [u32; 2]) -> Result<()> {
         if self.targets.picture.desc().size != size {
-            let targets = Targets::new(&self.gpu, size, self.eyes, Detail::of(&self.settings))?;
+            let targets = ViewTargets::new(&self.gpu, size, self.eyes, Detail::of(&self.settings))?;
             self.exact = self.make_exact(self.shading, size)?;
             self.targets = targets;
         }
@@ -230,14 +241,14 @@ impl Renderer {
         if self.eyes != eyes {
             let (before, size) = (std::mem::replace(&mut self.eyes, eyes), self.targets.picture.desc().size);
             let made = self.make_forward(self.shading).and_then(|forward| {
-                let targets = Targets::new(&self.gpu, size, eyes, Detail::of(&self.settings))?;
+                let targets = ViewTargets::new(&self.gpu, size, eyes, Detail::of(&self.settings))?;
                 Ok((forward, self.make_exact(self.shading, size)?, targets))
             });
             if made.is_err() {
                 self.eyes = before;
             }
             (self.forward, self.exact, self.targets) = made?;
-            (self.hidden_area, self.guides) = (None, None);
+            (self.hidden_area, self.gizmos) = (None, None);
         }
         Ok(())
     }
@@ -257,7 +268,7 @@ impl Renderer {
     pub fn set_shading(&mut self, shading: Shading) -> Result<()> {
         let (forward, exact) = (self.make_forward(shading)?, self.make_exact(shading, self.size())?);
         if exact.is_some() != self.exact.is_some() {
-            let importance = exact::importance_buffer(&self.gpu, &self.light.panorama, shading)?;
+            let importance = reference_accumulator::importance_buffer(&self.gpu, &self.light.panorama, shading)?;
             self.frames = self.make_frames(&self.light, &importance)?;
             self.importance = importance;
         }
@@ -268,17 +279,17 @@ impl Renderer {
     /// Makes all pipelines anew from the shaders as they are now; on an error the old ones stay.
     pub fn reload_shaders(&mut self) -> Result<()> {
         let (forward, exact) = (self.make_forward(self.shading)?, self.make_exact(self.shading, self.size())?);
-        (self.forward, self.exact, self.guides) = (forward, exact, None);
+        (self.forward, self.exact, self.gizmos) = (forward, exact, None);
         Ok(())
     }
 
     /// Puts the scene under another panorama's light, unturned.
     pub fn set_light(&mut self, light: LightMaps) -> Result<()> {
-        let importance = exact::importance_buffer(&self.gpu, &light.panorama, self.shading)?;
+        let importance = reference_accumulator::importance_buffer(&self.gpu, &light.panorama, self.shading)?;
         let exact = self.make_exact(self.shading, self.size())?;
         self.frames = self.make_frames(&light, &importance)?;
         (self.light, self.importance, self.exact) = (light, importance, exact);
-        self.environment_turn = 0.0;
+        self.environment_rotation = 0.0;
         Ok(())
     }
 
@@ -288,8 +299,8 @@ impl Renderer {
     }
 
     /// Darkens scene and sky: 0 not at all, 1 to black.
-    pub fn darken(&mut self, darkness: f32) {
-        self.darkness = darkness.clamp(0.0, 1.0);
+    pub fn set_fade(&mut self, fade: f32) {
+        self.fade = fade.clamp(0.0, 1.0);
     }
 
     /// Stops of exposure; the picture's radiance is multiplied by 2^ev.
@@ -298,13 +309,13 @@ impl Renderer {
     }
 
     /// The panorama's turn about +Y, radians.
-    pub fn environment_turn(&mut self) -> &mut f32 {
-        &mut self.environment_turn
+    pub fn environment_rotation(&mut self) -> &mut f32 {
+        &mut self.environment_rotation
     }
 
     /// What is done so that a frame costs less.
-    pub fn savings(&mut self) -> &mut Savings {
-        &mut self.savings
+    pub fn culling(&mut self) -> &mut CullOptions {
+        &mut self.culling
     }
 
     /// How many draws the last recorded frame has, of how many there are.
@@ -332,14 +343,14 @@ impl Renderer {
         self.light.times.iter().chain(&self.table.times)
     }
 
-    /// Sets the guides that the next frame recorded in `slot` shows; an empty list shows none. They stay until set anew.
+    /// Sets the gizmos that the next frame recorded in `slot` shows; an empty list shows none. They stay until set anew.
     /// Called when the frame that used the slot before has finished.
-    pub fn set_guides(&mut self, slot: usize, guides: &Guides) -> Result<()> {
-        let pass = match &mut self.guides {
+    pub fn set_gizmos(&mut self, slot: usize, gizmos: &ControllerGizmos) -> Result<()> {
+        let pass = match &mut self.gizmos {
             Some(pass) => pass,
-            None => self.guides.insert(GuidesPass::new(&self.gpu, &self.frame_layout, &self.settings, self.eyes)?),
+            None => self.gizmos.insert(GizmosPass::new(&self.gpu, &self.frame_layout, &self.settings, self.eyes)?),
         };
-        pass.set(slot, guides);
+        pass.set(slot, gizmos);
         Ok(())
     }
 
@@ -357,7 +368,7 @@ impl Renderer {
         if let Some(exact) = &mut self.exact {
             let area = self.targets.area;
             let index = exact.next_index(Shown { block, models: self.world_from_models, area });
-            let jittered = each(eyes, |eye| exact::jittered(eye, index, area));
+            let jittered = each(eyes, |eye| reference_accumulator::jittered(eye, index, area));
             block = FrameBlock { sample_index: index, ..self.frame_block(&jittered[..eyes.len()]) };
         }
         let (buffer, set) = &mut self.frames[slot];
@@ -366,9 +377,9 @@ impl Renderer {
         let models_from_world = models.inverse();
         // As they stand to models that were moved: what is culled is listed where it was before.
         let moved = each(eyes, |eye| Eye { world_from_view: models_from_world * eye.world_from_view, ..*eye });
-        self.draws.fill(&self.world.draws, &moved[..eyes.len()], self.savings);
-        let (forward, world, draws, guides, targets) =
-            (&self.forward, &self.world, &self.draws, &self.guides, &self.targets);
+        self.draws.fill(&self.world.draws, &moved[..eyes.len()], self.culling);
+        let (forward, world, draws, gizmos, targets) =
+            (&self.forward, &self.world, &self.draws, &self.gizmos, &self.targets);
         if let Some(exact) = &mut self.exact {
             let draw = |commands: &mut Commands<'_>| {
                 forward.draw(commands, world, models, draws, set);
@@ -382,8 +393,8 @@ impl Renderer {
                     hidden.draw(commands);
                 }
                 forward.draw(commands, world, models, draws, set);
-                if let Some(guides) = guides {
-                    guides.draw(commands, slot, set);
+                if let Some(gizmos) = gizmos {
+                    gizmos.draw(commands, slot, set);
                 }
                 forward.draw_sky(commands, set);
             });
@@ -397,8 +408,8 @@ impl Renderer {
 
     fn frame_block(&self, eyes: &[Eye]) -> FrameBlock {
         let mut block = FrameBlock {
-            environment_turn: [self.environment_turn.cos(), self.environment_turn.sin()],
-            exposure: self.exposure_ev.exp2() * (1.0 - self.darkness),
+            environment_rotation: [self.environment_rotation.cos(), self.environment_rotation.sin()],
+            exposure: self.exposure_ev.exp2() * (1.0 - self.fade),
             environment_scale: self.light.scale,
             light_count: self.world.light_count,
             ..Default::default()
@@ -423,11 +434,11 @@ impl Renderer {
         self.targets.picture.desc().size
     }
 
-    fn make_exact(&self, shading: Shading, size: [u32; 2]) -> Result<Option<Exact>> {
-        Exact::of_shading(shading, &self.gpu, &self.frame_layout, size, self.eyes, self.settings.output)
+    fn make_exact(&self, shading: Shading, size: [u32; 2]) -> Result<Option<ReferenceAccumulator>> {
+        ReferenceAccumulator::of_shading(shading, &self.gpu, &self.frame_layout, size, self.eyes, self.settings.output)
     }
 
-    fn make_frames(&self, light: &LightMaps, importance: &Buffer) -> Result<Vec<(Buffer, Set)>> {
+    fn make_frames(&self, light: &LightMaps, importance: &Buffer) -> Result<Vec<(Buffer, DescriptorSet)>> {
         make_frames(&self.gpu, &self.frame_layout, &self.world, light, &self.table, &self.samplers, importance)
     }
 
@@ -446,31 +457,31 @@ fn each(eyes: &[Eye], change: impl Fn(&Eye) -> Eye) -> [Eye; MAX_EYES] {
 /// # Errors
 /// Sides beyond what images may have; more bytes than the GPU's memory has.
 pub fn check_size(gpu: &Gpu, size: [u32; 2], eyes: u32, settings: &Settings) -> Result<()> {
-    Targets::check(gpu, size, eyes, Detail::of(settings))
+    ViewTargets::check(gpu, size, eyes, Detail::of(settings))
 }
 
 fn make_frames(
     gpu: &Arc<Gpu>,
-    layout: &SetLayout,
-    world: &World,
+    layout: &DescriptorSetLayout,
+    world: &SceneResources,
     light: &LightMaps,
     table: &BrdfTable,
     [panorama, clamped]: &[Sampler; 2],
     importance: &Buffer,
-) -> Result<Vec<(Buffer, Set)>> {
+) -> Result<Vec<(Buffer, DescriptorSet)>> {
     let frame = |_| {
         let buffer = Buffer::new(gpu, "frame", BufferKind::Uniform, size_of::<FrameBlock>() as u64)?;
         let binds = [
-            Bind::Uniform(&buffer),
-            Bind::Storage(&world.lights),
-            Bind::Sampled(&light.panorama, panorama),
-            Bind::Sampled(&light.irradiance_over_pi, clamped),
-            Bind::Sampled(&light.specular[0], clamped),
-            Bind::Sampled(&light.specular[1], clamped),
-            Bind::Sampled(&table.image, clamped),
-            Bind::Storage(importance),
+            Binding::Uniform(&buffer),
+            Binding::Storage(&world.lights),
+            Binding::Sampled(&light.panorama, panorama),
+            Binding::Sampled(&light.irradiance_over_pi, clamped),
+            Binding::Sampled(&light.specular[0], clamped),
+            Binding::Sampled(&light.specular[1], clamped),
+            Binding::Sampled(&table.image, clamped),
+            Binding::Storage(importance),
         ];
-        let set = Set::new(gpu, "frame", layout, &binds)?;
+        let set = DescriptorSet::new(gpu, "frame", layout, &binds)?;
         Ok((buffer, set))
     };
     (0..FRAMES_IN_FLIGHT).map(frame).collect()

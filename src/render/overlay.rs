@@ -6,7 +6,10 @@ use font8x8::legacy::BASIC_LEGACY;
 
 use super::{FRAMES_IN_FLIGHT, Output};
 use crate::Result;
-use crate::gpu::{Bind, Buffer, BufferKind, Commands, Depth, Gpu, GraphicsDesc, Pipeline, Set, SetLayout, Slot};
+use crate::gpu::{
+    Binding, BindingType, Buffer, BufferKind, Commands, Depth, DescriptorSet, DescriptorSetLayout, Gpu, GraphicsDesc,
+    Pipeline,
+};
 
 /// Characters that fit on the screen's grid at most; more are cut.
 const MAX_CHARACTERS: usize = 4096;
@@ -17,7 +20,7 @@ const MARGIN: f32 = 6.0;
 /// Text in the picture's upper left corner.
 pub struct Overlay {
     pipeline: Pipeline,
-    frames: Vec<(Buffer, Set)>,
+    frames: Vec<(Buffer, DescriptorSet)>,
     // The sets refer to it.
     _font: Buffer,
     eyes: u32,
@@ -29,12 +32,12 @@ pub struct Overlay {
 impl Overlay {
     /// Makes an empty overlay for display pictures with `eyes` eyes.
     pub fn new(gpu: &Arc<Gpu>, eyes: u32) -> Result<Self> {
-        let layout = SetLayout::new(gpu, "text", &[Slot::Storage, Slot::Storage])?;
+        let layout = DescriptorSetLayout::new(gpu, "text", &[BindingType::Storage, BindingType::Storage])?;
         let glyphs: Vec<u8> = BASIC_LEGACY.iter().flatten().copied().collect();
         let font = Buffer::with_bytes(gpu, "font", BufferKind::StorageFromCpu, &glyphs)?;
         let frame = |_| {
             let cells = Buffer::new(gpu, "text", BufferKind::StorageFromCpu, 4 * MAX_CHARACTERS as u64)?;
-            let set = Set::new(gpu, "text", &layout, &[Bind::Storage(&cells), Bind::Storage(&font)])?;
+            let set = DescriptorSet::new(gpu, "text", &layout, &[Binding::Storage(&cells), Binding::Storage(&font)])?;
             Ok((cells, set))
         };
         let frames = (0..FRAMES_IN_FLIGHT).map(frame).collect::<Result<_>>()?;

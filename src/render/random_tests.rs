@@ -5,14 +5,14 @@ use std::sync::Arc;
 use bytemuck::{Pod, Zeroable};
 use glam::{Mat4, Vec3};
 
-use super::world::World;
+use super::scene_resources::SceneResources;
 use super::*;
 use crate::asset::ktx2::TexelFormat;
 use crate::asset::mips::{level_count, level_size};
 use crate::asset::{MipChain, Panorama};
 use crate::gpu::{
-    Constant, Depth, Format, GraphicsDesc, ImageDesc, ImageUsageFlags, Part, Pipeline, Targets as Rendering, Use,
-    read_image, run,
+    Attachments, Constant, Depth, Format, GraphicsDesc, ImageAccess, ImageDesc, ImageUsageFlags, Pipeline, Subresource,
+    read_image, submit_and_wait,
 };
 use crate::precompute::harness_tests::{Random, with_gpu};
 use crate::render::shared::constant;
@@ -58,12 +58,12 @@ fn scene() -> Scene {
     let factors = [0.0, 1e-30, 0.04, 0.5, 1.0];
     let materials = (0..MATERIALS).map(|i| Material {
         name: format!("material {i}"),
-        albedo_factor: Vec3::from_array([(); 3].map(|()| factors[random.below(5) as usize])),
+        base_color_factor: Vec3::from_array([(); 3].map(|()| factors[random.below(5) as usize])),
         metallic_factor: factors[(i % 5) as usize],
         roughness_factor: factors[(i / 3) as usize % 5],
-        albedo_map: Some(0),
+        base_color_map: Some(0),
         normal_map: Some(1),
-        surface_map: Some(2),
+        orm_map: Some(2),
         metallic_range: [0.0, 1.0],
         roughness_range: [0.0, 1.0],
         occludes: true,
@@ -112,7 +112,7 @@ struct Case {
 }
 
 /// Radiance of every pixel.
-fn shade(gpu: &Arc<Gpu>, renderer: &Renderer, world: &World, case: Case) -> Vec<[f32; 4]> {
+fn shade(gpu: &Arc<Gpu>, renderer: &Renderer, world: &SceneResources, case: Case) -> Vec<[f32; 4]> {
     let usage = ImageUsageFlags::COLOR_ATTACHMENT | ImageUsageFlags::TRANSFER_SRC;
     let picture = Image::new(gpu, "random", ImageDesc::flat(Format::R32G32B32A32_SFLOAT, SIZE, usage)).unwrap();
     let constants: [Constant; 5] = [
@@ -120,7 +120,7 @@ fn shade(gpu: &Arc<Gpu>, renderer: &Renderer, world: &World, case: Case) -> Vec<
         (constant::GEOMETRY, case.geometry as u32),
         (constant::LINEAR_OUTPUT, 1),
         (constant::LIGHTS, if case.lamps { u32::MAX } else { 0 }),
-        (constant::METALS, 2),
+        (constant::METALNESS, 2),
     ];
     let desc = GraphicsDesc {
         name: "random",
@@ -139,10 +139,10 @@ fn shade(gpu: &Arc<Gpu>, renderer: &Renderer, world: &World, case: Case) -> Vec<
     let pipeline = Pipeline::graphics(gpu, &desc).unwrap();
     let (_, set) = &renderer.frames[0];
     let count = SIZE[0] * SIZE[1] / MATERIALS;
-    run(gpu, |commands| {
-        commands.prepare_fresh(&picture, Use::Colour);
+    submit_and_wait(gpu, |commands| {
+        commands.prepare_fresh(&picture, ImageAccess::Colour);
         let clear = Some([f32::NEG_INFINITY; 4]); // what is not drawn would be found
-        commands.render(&Rendering { colour: &picture, resolve: None, depth: None, clear, area: SIZE }, |commands| {
+        commands.render(&Attachments { colour: &picture, resolve: None, depth: None, clear, area: SIZE }, |commands| {
             commands.bind(&pipeline, &[set]);
             for (i, material) in (0..).zip(&world.materials) {
                 commands.bind_set(&pipeline, 1, &material.set);
@@ -155,7 +155,7 @@ fn shade(gpu: &Arc<Gpu>, renderer: &Renderer, world: &World, case: Case) -> Vec<
         Ok(())
     })
     .unwrap();
-    bytemuck::pod_collect_to_vec(&read_image(gpu, &picture, Part { mip: 0, layer: 0 }, 16).unwrap())
+    bytemuck::pod_collect_to_vec(&read_image(gpu, &picture, Subresource { mip: 0, layer: 0 }, 16).unwrap())
 }
 
 /// Pixels outside of 0 to what `most` says of each, the first of them, and the greatest share of that within.
@@ -168,7 +168,7 @@ fn wrong(radiance: &[[f32; 4]], most: &[[f32; 4]]) -> (usize, Option<(usize, [f3
 
 /// What each fragment may send at most: of the surroundings what they are, as nothing reflects more than it gets; of lamps, what
 /// each one's irradiance there times the BRDF's peak is (test_bound.frag).
-fn most(gpu: &Arc<Gpu>, renderer: &Renderer, world: &World, case: Case) -> Vec<[f32; 4]> {
+fn most(gpu: &Arc<Gpu>, renderer: &Renderer, world: &SceneResources, case: Case) -> Vec<[f32; 4]> {
     let mut most = vec![[0.0; 4]; (SIZE[0] * SIZE[1]) as usize];
     if case.lamps {
         most = shade(gpu, renderer, world, Case { fragment: "test_bound.frag", ..case });

@@ -8,7 +8,8 @@ use super::shared::constant;
 use super::*;
 use crate::asset::Panorama;
 use crate::gpu::{
-    Depth, Format, GraphicsDesc, ImageDesc, ImageUsageFlags, Part, Pipeline, Targets as Rendering, Use, read_image, run,
+    Attachments, Depth, Format, GraphicsDesc, ImageAccess, ImageDesc, ImageUsageFlags, Pipeline, Subresource,
+    read_image, submit_and_wait,
 };
 use crate::precompute::harness_tests::with_gpu;
 use crate::scene::Environment;
@@ -50,9 +51,9 @@ fn sky(gpu: &Arc<Gpu>, renderer: &Renderer, fragment: &str) -> Vec<f32> {
         blend: false,
     };
     let pipeline = Pipeline::graphics(gpu, &desc).unwrap();
-    run(gpu, |commands| {
-        commands.prepare_fresh(&picture, Use::Colour);
-        let target = Rendering { colour: &picture, resolve: None, depth: None, clear: Some([0.0; 4]), area: SIZE };
+    submit_and_wait(gpu, |commands| {
+        commands.prepare_fresh(&picture, ImageAccess::Colour);
+        let target = Attachments { colour: &picture, resolve: None, depth: None, clear: Some([0.0; 4]), area: SIZE };
         commands.render(&target, |commands| {
             commands.bind(&pipeline, &[&renderer.frames[0].1]);
             commands.draw(3, 1);
@@ -61,7 +62,7 @@ fn sky(gpu: &Arc<Gpu>, renderer: &Renderer, fragment: &str) -> Vec<f32> {
     })
     .unwrap();
     let texels: Vec<[f32; 4]> =
-        bytemuck::pod_collect_to_vec(&read_image(gpu, &picture, Part { mip: 0, layer: 0 }, 16).unwrap());
+        bytemuck::pod_collect_to_vec(&read_image(gpu, &picture, Subresource { mip: 0, layer: 0 }, 16).unwrap());
     texels.iter().map(|t| t[0]).collect()
 }
 

@@ -25,7 +25,7 @@ pub struct EyeBlock {
 pub struct FrameBlock {
     pub eyes: [EyeBlock; MAX_EYES],
     /// cos and sin of the panorama's turn about +Y.
-    pub environment_turn: [f32; 2],
+    pub environment_rotation: [f32; 2],
     /// Multiplies radiance before the tone curve.
     pub exposure: f32,
     /// Multiplies what the environment's maps hold.
@@ -39,7 +39,7 @@ pub struct FrameBlock {
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 pub struct MaterialBlock {
-    pub albedo: [f32; 3],
+    pub base_color: [f32; 3],
     pub metallic: f32,
     pub roughness: f32,
     pub alpha_cutoff: f32,
@@ -72,7 +72,7 @@ impl DrawBlock {
 // Scalar layout packs exactly as repr(C) does with these members; this proves it where a member is added.
 const _: () = {
     assert!(size_of::<EyeBlock>() == 144);
-    assert!(offset_of!(FrameBlock, environment_turn) == 144 * MAX_EYES);
+    assert!(offset_of!(FrameBlock, environment_rotation) == 144 * MAX_EYES);
     assert!(offset_of!(FrameBlock, exposure) == 144 * MAX_EYES + 8);
     assert!(offset_of!(FrameBlock, light_count) == 144 * MAX_EYES + 16);
     assert!(offset_of!(FrameBlock, sample_index) == 144 * MAX_EYES + 20);
@@ -88,12 +88,12 @@ pub mod constant {
     pub const SHADING: u32 = 1;
     pub const GEOMETRY: u32 = 2;
     pub const LINEAR_OUTPUT: u32 = 3;
-    pub const HAS_ALBEDO_MAP: u32 = 4;
+    pub const HAS_BASE_COLOR_MAP: u32 = 4;
     pub const HAS_NORMAL_MAP: u32 = 5;
-    pub const HAS_SURFACE_MAP: u32 = 6;
+    pub const HAS_ORM_MAP: u32 = 6;
     pub const ALPHA_MASK: u32 = 7;
     pub const LIGHTS: u32 = 8;
-    pub const METALS: u32 = 9;
+    pub const METALNESS: u32 = 9;
     pub const MULTI_SCATTER: u32 = 10;
     pub const SLICES: u32 = 11;
 }

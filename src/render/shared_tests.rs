@@ -4,7 +4,10 @@ use clap::ValueEnum;
 
 use super::shared::{EyeBlock, FrameBlock, LightBlock, MAX_EYES, constant};
 use super::{Geometry, Shading};
-use crate::gpu::{Bind, Buffer, BufferKind, Pipeline, Set, SetLayout, Slot, read_buffer, run};
+use crate::gpu::{
+    Binding, BindingType, Buffer, BufferKind, DescriptorSet, DescriptorSetLayout, Pipeline, read_buffer,
+    submit_and_wait,
+};
 use crate::precompute::harness_tests::with_gpu;
 
 const SHARED: &str = include_str!("../../glsl/shared.glsl");
@@ -33,7 +36,7 @@ fn blocks() -> (FrameBlock, [LightBlock; 3]) {
     });
     let frame = FrameBlock {
         eyes,
-        environment_turn: counter.list(),
+        environment_rotation: counter.list(),
         exposure: counter.next(),
         environment_scale: counter.next(),
         light_count: counter.next() as u32,
@@ -51,7 +54,7 @@ fn by_name(frame: &FrameBlock, lights: &[LightBlock]) -> Vec<f32> {
         numbers.extend(eye.world_from_view.as_flattened());
         numbers.extend(eye.tangents);
     }
-    numbers.extend(frame.environment_turn);
+    numbers.extend(frame.environment_rotation);
     numbers.extend([frame.exposure, frame.environment_scale, frame.light_count as f32, frame.sample_index as f32]);
     for light in lights {
         numbers.extend(light.position.iter().chain(&[0.0]).chain(&light.intensity).chain(&[0.0]));
@@ -69,15 +72,15 @@ fn shaders_find_every_member_where_rust_put_it() {
             Buffer::with_bytes(gpu, "lights", BufferKind::StorageFromCpu, bytemuck::cast_slice(&lights)).unwrap();
         let out = Buffer::new(gpu, "numbers", BufferKind::Storage, 4 * want.len() as u64).unwrap();
         let layouts = [
-            SetLayout::new(gpu, "in", &[Slot::Uniform, Slot::Storage]).unwrap(),
-            SetLayout::new(gpu, "out", &[Slot::Storage]).unwrap(),
+            DescriptorSetLayout::new(gpu, "in", &[BindingType::Uniform, BindingType::Storage]).unwrap(),
+            DescriptorSetLayout::new(gpu, "out", &[BindingType::Storage]).unwrap(),
         ];
         let sets = [
-            Set::new(gpu, "in", &layouts[0], &[Bind::Uniform(&frame), Bind::Storage(&lights)]).unwrap(),
-            Set::new(gpu, "out", &layouts[1], &[Bind::Storage(&out)]).unwrap(),
+            DescriptorSet::new(gpu, "in", &layouts[0], &[Binding::Uniform(&frame), Binding::Storage(&lights)]).unwrap(),
+            DescriptorSet::new(gpu, "out", &layouts[1], &[Binding::Storage(&out)]).unwrap(),
         ];
         let pipeline = Pipeline::compute(gpu, "test_shared.comp", &[], &layouts.each_ref(), 0).unwrap();
-        run(gpu, |commands| {
+        submit_and_wait(gpu, |commands| {
             commands.bind(&pipeline, &sets.each_ref());
             commands.dispatch([1, 1, 1]);
             Ok(())
@@ -116,12 +119,12 @@ fn specialization_constants_have_their_ids() {
         ("SHADING", constant::SHADING),
         ("GEOMETRY", constant::GEOMETRY),
         ("LINEAR_OUTPUT", constant::LINEAR_OUTPUT),
-        ("HAS_ALBEDO_MAP", constant::HAS_ALBEDO_MAP),
+        ("HAS_BASE_COLOR_MAP", constant::HAS_BASE_COLOR_MAP),
         ("HAS_NORMAL_MAP", constant::HAS_NORMAL_MAP),
-        ("HAS_SURFACE_MAP", constant::HAS_SURFACE_MAP),
+        ("HAS_ORM_MAP", constant::HAS_ORM_MAP),
         ("ALPHA_MASK", constant::ALPHA_MASK),
         ("LIGHTS", constant::LIGHTS),
-        ("METALS", constant::METALS),
+        ("METALNESS", constant::METALNESS),
         ("MULTI_SCATTER", constant::MULTI_SCATTER),
         ("SLICES", constant::SLICES),
     ];

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use super::Settings;
 use crate::gpu::{
-    Commands, DEPTH_FORMAT, Format, Gpu, Image, ImageDesc, ImageUsageFlags, Rect, Shape, Targets as Rendering, Use,
+    Attachments, Commands, DEPTH_FORMAT, Format, Gpu, Image, ImageAccess, ImageDesc, ImageUsageFlags, Rect, Shape,
 };
 use crate::{Error, Result};
 
@@ -58,7 +58,7 @@ impl Detail {
 }
 
 /// One layer per eye in each image.
-pub struct Targets {
+pub struct ViewTargets {
     detail: Detail,
     samples: Option<Image>,
     depth: Image,
@@ -69,7 +69,7 @@ pub struct Targets {
     pub area: [u32; 2],
 }
 
-impl Targets {
+impl ViewTargets {
     /// Makes targets for pictures of `size` pixels for `eyes` eyes.
     pub fn new(gpu: &Arc<Gpu>, size: [u32; 2], eyes: u32, detail: Detail) -> Result<Self> {
         Self::check(gpu, size, eyes, detail)?;
@@ -123,31 +123,31 @@ impl Targets {
     /// Clears and draws all eyes at once.
     pub fn render(&self, commands: &mut Commands<'_>, record: impl FnOnce(&mut Commands<'_>)) {
         let drawn = self.small.as_ref().unwrap_or(&self.picture);
-        commands.prepare_fresh(&self.depth, Use::Depth);
-        commands.prepare_fresh(drawn, Use::Colour);
+        commands.prepare_fresh(&self.depth, ImageAccess::Depth);
+        commands.prepare_fresh(drawn, ImageAccess::Colour);
         let (clear, area, depth) = (Some([0.0; 4]), self.detail.drawn(self.area), Some(&self.depth));
         match &self.samples {
             Some(samples) => {
-                commands.prepare_fresh(samples, Use::Colour);
+                commands.prepare_fresh(samples, ImageAccess::Colour);
                 let resolve = Some(drawn);
-                commands.render(&Rendering { colour: samples, resolve, depth, clear, area }, record);
+                commands.render(&Attachments { colour: samples, resolve, depth, clear, area }, record);
             }
             None => {
-                commands.render(&Rendering { colour: drawn, resolve: None, depth, clear, area }, record);
+                commands.render(&Attachments { colour: drawn, resolve: None, depth, clear, area }, record);
             }
         }
         if let Some(small) = &self.small {
-            commands.prepare(small, Use::CopyFrom);
-            commands.prepare_fresh(&self.picture, Use::CopyTo);
+            commands.prepare(small, ImageAccess::CopyFrom);
+            commands.prepare_fresh(&self.picture, ImageAccess::CopyTo);
             commands.scale(small, &self.picture, [Rect::of(area), Rect::of(self.area)]);
         }
     }
 
     /// Draws over the finished picture, without depth or multisampling.
     pub fn draw_over(&self, commands: &mut Commands<'_>, record: impl FnOnce(&mut Commands<'_>)) {
-        commands.prepare(&self.picture, Use::Colour);
+        commands.prepare(&self.picture, ImageAccess::Colour);
         let area = self.area;
-        commands.render(&Rendering { colour: &self.picture, resolve: None, depth: None, clear: None, area }, record);
+        commands.render(&Attachments { colour: &self.picture, resolve: None, depth: None, clear: None, area }, record);
     }
 }
 
@@ -161,7 +161,7 @@ mod tests {
         assert_eq!(detail(1.0).drawn([1281, 721]), [1281, 721]);
         assert_eq!(detail(0.5).drawn([1281, 721]), [641, 361]);
         assert_eq!(detail(0.25).drawn([1, 2]), [1, 1]);
-        let bytes = |scale| Targets::bytes([1000, 1000], 2, detail(scale));
+        let bytes = |scale| ViewTargets::bytes([1000, 1000], 2, detail(scale));
         assert_eq!(bytes(1.0), 2_000_000 * (4 * 4 + 4 * 4 + 4));
         assert_eq!(bytes(0.5), 500_000 * (4 * 4 + 4 * 4 + 4) + 2_000_000 * 4);
     }

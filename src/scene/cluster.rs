@@ -29,7 +29,7 @@ pub struct Cluster {
     pub bounds: Bounds,
     /// Where these are closed surfaces: what encloses them, in local space. From outside of it no back face is seen.
     pub shell: Option<Bounds>,
-    /// World from local.
+    /// SceneResources from local.
     pub placements: Vec<Mat4>,
 }
 

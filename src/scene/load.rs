@@ -11,7 +11,7 @@ use super::description::{Description, MAX_LENGTH, ModelFile};
 use super::mesh::{Bounds, Mesh};
 use super::{Camera, Environment, Instance, Scene, material, tangent};
 use crate::asset::mtl::Mtl;
-use crate::asset::obj::{self, Part};
+use crate::asset::obj::{self, Submesh};
 use crate::asset::{Panorama, Report, TextureOptions, file};
 use crate::{Error, Result};
 
@@ -108,7 +108,7 @@ impl Models {
     fn load(files: &[ModelFile], report: &Report) -> Result<Self> {
         let progress = report.stage("models", files.len() as u64);
         let mut all_mtls = Vec::new();
-        let mut parts: Vec<Part> = Vec::new();
+        let mut parts: Vec<Submesh> = Vec::new();
         let mut known: HashMap<&Path, Range<usize>> = HashMap::new();
         let mut instances = Vec::new();
         for model in files {
@@ -121,7 +121,7 @@ impl Models {
                         loaded
                             .parts
                             .into_iter()
-                            .map(|part| Part { material: part.material.map(|m| m + first), ..part }),
+                            .map(|part| Submesh { material: part.material.map(|m| m + first), ..part }),
                     );
                     all_mtls.extend(loaded.materials);
                     known.insert(&model.file, start..parts.len());
@@ -140,7 +140,7 @@ impl Models {
 }
 
 /// Leaves out materials that no part has, so that nobody reads their textures.
-fn keep_used(parts: &mut [Part], mtls: Vec<Mtl>) -> Vec<Mtl> {
+fn keep_used(parts: &mut [Submesh], mtls: Vec<Mtl>) -> Vec<Mtl> {
     let used: BTreeSet<usize> = parts.iter().filter_map(|part| part.material).collect();
     let new_index: HashMap<usize, usize> = used.iter().enumerate().map(|(new, old)| (*old, new)).collect();
     for part in parts {

@@ -41,7 +41,7 @@ fn a_description_with_everything() {
     assert_eq!(names, ["red", "default"]);
     assert_eq!(scene.meshes.iter().map(|mesh| mesh.material).collect::<Vec<_>>(), [0, 1]);
     assert_eq!(warnings.len(), 1, "only the material that is gone, not the unused one's texture: {warnings:?}");
-    assert_eq!(scene.materials[0].albedo_factor, Vec3::X);
+    assert_eq!(scene.materials[0].base_color_factor, Vec3::X);
 }
 
 #[test]

@@ -36,7 +36,7 @@ pub enum Normals {
 
 /// A texture of the scene that is to be made; equal jobs are done once.
 #[derive(Clone, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
-pub enum Job {
+pub enum TextureTask {
     Albedo {
         colour: Option<PathBuf>,
         mask: Option<PathBuf>,
@@ -102,7 +102,7 @@ pub struct Pictures<'a> {
 
 impl<'a> Pictures<'a> {
     /// Reads and hashes every file, if there is a cache to be asked.
-    pub fn new(jobs: &BTreeSet<Job>, options: &'a TextureOptions, report: &'a Report) -> Self {
+    pub fn new(jobs: &BTreeSet<TextureTask>, options: &'a TextureOptions, report: &'a Report) -> Self {
         // What is not compressed is made as fast as it is read.
         let cache = options.cache.as_ref().filter(|_| options.storage == Storage::Bc);
         let mut uses: BTreeMap<(PathBuf, Kind), u32> = BTreeMap::new();
@@ -121,7 +121,7 @@ impl<'a> Pictures<'a> {
     }
 
     /// Does a job, or finds it in the cache.
-    pub fn make(&self, job: &Job) -> Made {
+    pub fn make(&self, job: &TextureTask) -> Made {
         let key = self.cache.and_then(|_| self.key(job));
         let Some((cache, key)) = self.cache.zip(key) else { return self.work(job) };
         let found = self.report.time("cache", || cache.load(&key, MAX_ENTRY_BYTES, |texture| facts(texture).is_some()));
@@ -137,7 +137,7 @@ impl<'a> Pictures<'a> {
     }
 
     /// All that a job depends on; `None` where a file cannot be read.
-    fn key(&self, job: &Job) -> Option<String> {
+    fn key(&self, job: &TextureTask) -> Option<String> {
         let mut key = Key::default();
         program().iter().for_each(|text| key.add(text.as_bytes()));
         let mut add = |path: Option<&PathBuf>| -> Option<()> {
@@ -148,16 +148,16 @@ impl<'a> Pictures<'a> {
             Some(())
         };
         let kind = match job {
-            Job::Albedo { colour, mask } => {
+            TextureTask::Albedo { colour, mask } => {
                 add(colour.as_ref())?;
                 add(mask.as_ref())?;
                 "albedo".into()
             }
-            Job::Normal(normals) => {
+            TextureTask::Normal(normals) => {
                 add(Some(normals.path()))?;
                 format!("normal {:?}", normals.strength())
             }
-            Job::Surface { maps, normals, roughness } => {
+            TextureTask::Surface { maps, normals, roughness } => {
                 maps.iter().try_for_each(|map| add(map.as_ref()))?;
                 add(normals.as_ref().map(Normals::path))?;
                 format!("surface {:?} {roughness:?}", normals.as_ref().map(Normals::strength))
@@ -167,17 +167,17 @@ impl<'a> Pictures<'a> {
         Some(key.text())
     }
 
-    fn work(&self, job: &Job) -> Made {
+    fn work(&self, job: &TextureTask) -> Made {
         match job {
-            Job::Albedo { colour, mask } => self.albedo(colour.as_deref(), mask.as_deref()),
-            Job::Normal(normals) => match self.normal_map(normals) {
+            TextureTask::Albedo { colour, mask } => self.albedo(colour.as_deref(), mask.as_deref()),
+            TextureTask::Normal(normals) => match self.normal_map(normals) {
                 Ok(texture) => {
                     let texture = texture.map(|t| MipChain::normal(&t, self.options.storage, self.report));
                     Made { texture, read: [true; 3], ..Made::nothing() }
                 }
                 Err(problem) => Made { problems: vec![(normals.path().clone(), problem)], ..Made::nothing() },
             },
-            Job::Surface { maps, normals, roughness } => {
+            TextureTask::Surface { maps, normals, roughness } => {
                 self.surface(maps, normals.as_ref(), roughness.map(f32::from_bits))
             }
         }
@@ -334,21 +334,21 @@ fn plain(like: &Texture) -> Texture {
     Texture { name: "roughness".into(), encoding: Encoding::Linear, pixels, ..*like }
 }
 
-fn files(job: &Job) -> Vec<&PathBuf> {
+fn files(job: &TextureTask) -> Vec<&PathBuf> {
     match job {
-        Job::Albedo { colour, mask } => colour.iter().chain(mask).collect(),
-        Job::Normal(normals) => vec![normals.path()],
-        Job::Surface { maps, normals, .. } => {
+        TextureTask::Albedo { colour, mask } => colour.iter().chain(mask).collect(),
+        TextureTask::Normal(normals) => vec![normals.path()],
+        TextureTask::Surface { maps, normals, .. } => {
             maps.iter().flatten().chain(normals.as_ref().map(Normals::path)).collect()
         }
     }
 }
 
-fn scalars(job: &Job) -> Vec<(PathBuf, Kind)> {
+fn scalars(job: &TextureTask) -> Vec<(PathBuf, Kind)> {
     match job {
-        Job::Albedo { mask, .. } => mask.iter().map(|path| (path.clone(), Kind::Mask)).collect(),
-        Job::Normal(_) => Vec::new(),
-        Job::Surface { maps, .. } => maps.iter().flatten().map(|path| (path.clone(), Kind::Red)).collect(),
+        TextureTask::Albedo { mask, .. } => mask.iter().map(|path| (path.clone(), Kind::Mask)).collect(),
+        TextureTask::Normal(_) => Vec::new(),
+        TextureTask::Surface { maps, .. } => maps.iter().flatten().map(|path| (path.clone(), Kind::Red)).collect(),
     }
 }
 
@@ -378,13 +378,13 @@ fn facts(entry: &Ktx2) -> Option<Facts> {
 }
 
 /// What was stored for a job whose files could all be read.
-fn from_entry(entry: Ktx2, job: &Job) -> Option<Made> {
+fn from_entry(entry: Ktx2, job: &TextureTask) -> Option<Made> {
     let (factor, [cutout, holds_roughness, has_texture], ranges) = facts(&entry)?;
     let texture = if has_texture { Some(MipChain::from_ktx2(entry)?) } else { None };
     let read = match job {
-        Job::Albedo { colour, .. } => [colour.is_some(); 3],
-        Job::Normal(_) => [true; 3],
-        Job::Surface { maps, .. } => maps.each_ref().map(Option::is_some),
+        TextureTask::Albedo { colour, .. } => [colour.is_some(); 3],
+        TextureTask::Normal(_) => [true; 3],
+        TextureTask::Surface { maps, .. } => maps.each_ref().map(Option::is_some),
     };
     Some(Made { texture, factor: factor.into(), ranges, cutout, holds_roughness, read, problems: Vec::new() })
 }

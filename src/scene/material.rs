@@ -7,7 +7,7 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use super::Material;
-use super::maps::{ALPHA_CUTOFF, Job, Made, Normals, Pictures};
+use super::maps::{ALPHA_CUTOFF, Made, Normals, Pictures, TextureTask};
 use crate::asset::mtl::{Map, Mtl};
 use crate::asset::{MipChain, Report, TextureOptions, file};
 
@@ -23,12 +23,12 @@ impl Material {
     pub fn plain(name: &str, albedo: Vec3, metallic: f32, roughness: f32) -> Self {
         Self {
             name: name.into(),
-            albedo_factor: albedo,
+            base_color_factor: albedo,
             metallic_factor: metallic,
             roughness_factor: roughness,
-            albedo_map: None,
+            base_color_map: None,
             normal_map: None,
-            surface_map: None,
+            orm_map: None,
             metallic_range: [metallic; 2],
             roughness_range: [roughness; 2],
             occludes: false,
@@ -60,7 +60,7 @@ pub fn build(mtls: &[Mtl], options: &TextureOptions, report: &Report) -> (Vec<Ma
         .collect();
     progress.finish_and_clear();
     let mut textures = Vec::new();
-    let results: HashMap<Job, Ready> =
+    let results: HashMap<TextureTask, Ready> =
         made.into_iter().map(|(job, made)| (job, Ready::new(made, &mut textures))).collect();
     (plans.iter().map(|plan| plan.material(&results, report)).collect(), textures)
 }
@@ -117,9 +117,9 @@ impl<'a> Plan<'a> {
         }
     }
 
-    fn albedo_job(&self) -> Option<Job> {
+    fn albedo_job(&self) -> Option<TextureTask> {
         let (colour, mask) = (path(&self.albedo), path(&self.mask));
-        (colour.is_some() || mask.is_some()).then_some(Job::Albedo { colour, mask })
+        (colour.is_some() || mask.is_some()).then_some(TextureTask::Albedo { colour, mask })
     }
 
     fn normals(&self) -> Option<Normals> {
@@ -129,21 +129,25 @@ impl<'a> Plan<'a> {
     }
 
     /// The roughness that the map is multiplied by, and what stands for it where it is absent or broken, are a part of it.
-    fn surface_job(&self) -> Option<Job> {
+    fn surface_job(&self) -> Option<TextureTask> {
         let maps = self.surface.each_ref().map(path);
         let normals = self.normals();
         let roughness = [true, false].map(|has_map| roughness_factor(self.mtl, has_map).to_bits());
-        (maps.iter().any(Option::is_some) || normals.is_some()).then_some(Job::Surface { maps, normals, roughness })
+        (maps.iter().any(Option::is_some) || normals.is_some()).then_some(TextureTask::Surface {
+            maps,
+            normals,
+            roughness,
+        })
     }
 
-    fn jobs(&self) -> impl Iterator<Item = Job> {
-        [self.albedo_job(), self.normals().map(Job::Normal), self.surface_job()].into_iter().flatten()
+    fn jobs(&self) -> impl Iterator<Item = TextureTask> {
+        [self.albedo_job(), self.normals().map(TextureTask::Normal), self.surface_job()].into_iter().flatten()
     }
 
-    fn material(&self, results: &HashMap<Job, Ready>, report: &Report) -> Material {
-        let ready = |job: Option<Job>| results.get(&job?);
+    fn material(&self, results: &HashMap<TextureTask, Ready>, report: &Report) -> Material {
+        let ready = |job: Option<TextureTask>| results.get(&job?);
         let albedo = ready(self.albedo_job());
-        let normal = ready(self.normals().map(Job::Normal));
+        let normal = ready(self.normals().map(TextureTask::Normal));
         let surface = ready(self.surface_job());
         let normal_source = if self.norm.is_some() { &self.norm } else { &self.bump };
         for (ready, sources) in [(albedo, [&self.albedo, &self.mask].as_slice()), (normal, &[normal_source])] {
@@ -161,13 +165,13 @@ impl<'a> Plan<'a> {
         let metallic = metallic_factor(self.mtl, is_read(2));
         Material {
             name: self.mtl.name.clone(),
-            albedo_factor: albedo_factor(self.mtl, has_colour, report) * factor(albedo),
+            base_color_factor: base_color_factor(self.mtl, has_colour, report) * factor(albedo),
             metallic_factor: metallic * factor(surface).z,
             // A map that is widened where normals lose detail holds all of the roughness.
             roughness_factor: if surface.is_some_and(|s| s.made.holds_roughness) { 1.0 } else { roughness },
-            albedo_map: albedo.and_then(|albedo| albedo.texture),
+            base_color_map: albedo.and_then(|albedo| albedo.texture),
             normal_map: normal.and_then(|normal| normal.texture),
-            surface_map: surface.and_then(|surface| surface.texture),
+            orm_map: surface.and_then(|surface| surface.texture),
             metallic_range: ranges[2].map(|value| value * metallic),
             roughness_range: ranges[1].map(|value| value * own_roughness),
             occludes: ranges[0][0] < 1.0,
@@ -223,9 +227,9 @@ fn warn_of_the_unmodelled(mtl: &Mtl, report: &Report) {
     }
 }
 
-fn albedo_factor(mtl: &Mtl, has_map: bool, report: &Report) -> Vec3 {
+fn base_color_factor(mtl: &Mtl, has_map: bool, report: &Report) -> Vec3 {
     let Some(kd) = mtl.kd.map(Vec3::from_array) else {
-        return if has_map { Vec3::ONE } else { default_material().albedo_factor };
+        return if has_map { Vec3::ONE } else { default_material().base_color_factor };
     };
     let place = format!("{}: material {}", file::short_name(&mtl.path), mtl.name);
     // Some exporters write 0 beside a map, meaning "the map"; a product would be black.

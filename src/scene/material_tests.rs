@@ -69,13 +69,16 @@ fn factors_and_their_defaults() {
     let folder = Folder::new();
     let material = |keys: &str| only(&folder, keys).0;
     let plain = material("");
-    assert_eq!((plain.albedo_factor, plain.metallic_factor, plain.roughness_factor), (Vec3::splat(0.8), 0.0, 0.5));
+    assert_eq!((plain.base_color_factor, plain.metallic_factor, plain.roughness_factor), (Vec3::splat(0.8), 0.0, 0.5));
     let pbr = material("Kd 1 0.5 0\nPm 0.75\nPr 0.25\nNs 1000");
-    assert_eq!((pbr.albedo_factor, pbr.metallic_factor, pbr.roughness_factor), (Vec3::new(1.0, 0.5, 0.0), 0.75, 0.25));
+    assert_eq!(
+        (pbr.base_color_factor, pbr.metallic_factor, pbr.roughness_factor),
+        (Vec3::new(1.0, 0.5, 0.0), 0.75, 0.25)
+    );
     assert_eq!(material("Ks 0 0 0\nNs 50").roughness_factor, 1.0, "no highlight at all");
     assert!((material("Ks 1 1 1\nNs 30").roughness_factor - 0.5).abs() < 1e-6, "alpha² = 2/32");
     let clamped = only(&folder, "Kd 2 -1 0\nPr 7");
-    assert_eq!((clamped.0.albedo_factor, clamped.0.roughness_factor, clamped.2.len()), (Vec3::X, 1.0, 1));
+    assert_eq!((clamped.0.base_color_factor, clamped.0.roughness_factor, clamped.2.len()), (Vec3::X, 1.0, 1));
 }
 
 #[test]
@@ -85,10 +88,10 @@ fn constant_maps_become_factors() {
         "Kd 0.5 1 1\nmap_Kd red.png\nnorm flat.png\nPr 0.5\nmap_Pr grey51.png\nmap_Pm grey255.png\nmap_Ka grey255.png";
     let (material, textures, warnings) = only(&folder, keys);
     assert_eq!((textures.len(), warnings.len()), (0, 0));
-    assert_eq!((material.albedo_map, material.normal_map, material.surface_map), (None, None, None));
-    assert_eq!((material.albedo_factor, material.metallic_factor), (Vec3::new(0.5, 0.0, 0.0), 1.0));
+    assert_eq!((material.base_color_map, material.normal_map, material.orm_map), (None, None, None));
+    assert_eq!((material.base_color_factor, material.metallic_factor), (Vec3::new(0.5, 0.0, 0.0), 1.0));
     assert!((material.roughness_factor - 0.1).abs() < 1e-6, "{}", material.roughness_factor);
-    let grey = only(&folder, "map_Kd grey51.png").0.albedo_factor.x;
+    let grey = only(&folder, "map_Kd grey51.png").0.base_color_factor.x;
     assert!((grey - 0.033_105).abs() < 1e-5, "sRGB 0.2 is linear 0.0331: {grey}");
 }
 
@@ -98,12 +101,12 @@ fn varying_maps_are_packed() {
     let (material, textures, _) =
         only(&folder, "map_Kd coloured.png\nnorm bumpy.png\nmap_Pr vary.png\nmap_Pm grey51.png");
     let map = |index: Option<usize>| &textures[index.unwrap()];
-    assert_eq!(first_texel(map(material.albedo_map)), [255, 0, 0, 255]);
-    assert_eq!(map(material.albedo_map).format, TexelFormat::Rgba8Srgb);
+    assert_eq!(first_texel(map(material.base_color_map)), [255, 0, 0, 255]);
+    assert_eq!(map(material.base_color_map).format, TexelFormat::Rgba8Srgb);
     assert_eq!(first_texel(map(material.normal_map)), [140, 128, 254, 255], "normalised");
     assert_eq!(map(material.normal_map).format, TexelFormat::Rgba8);
-    assert_eq!(first_texel(map(material.surface_map)), [255, 0, 255, 255], "absent or constant channels are 1");
-    assert_eq!(map(material.surface_map).format, TexelFormat::Rgba8);
+    assert_eq!(first_texel(map(material.orm_map)), [255, 0, 255, 255], "absent or constant channels are 1");
+    assert_eq!(map(material.orm_map).format, TexelFormat::Rgba8);
     assert_eq!(material.roughness_factor, 1.0);
     assert!((material.metallic_factor - 0.2).abs() < 1e-6);
     let dark = only(&folder, "map_ao grey51.png");
@@ -129,10 +132,10 @@ fn ranges_are_what_factors_and_maps_come_to() {
 #[test]
 fn ambient_maps_are_occlusion_unless_they_repeat_the_colour() {
     let folder = Folder::new();
-    assert!(only(&folder, "map_Kd coloured.png\nmap_Ka vary.png").0.surface_map.is_some());
-    assert!(only(&folder, "map_Kd coloured.png\nmap_Ka COLOURED.png").0.surface_map.is_none());
+    assert!(only(&folder, "map_Kd coloured.png\nmap_Ka vary.png").0.orm_map.is_some());
+    assert!(only(&folder, "map_Kd coloured.png\nmap_Ka COLOURED.png").0.orm_map.is_none());
     let both = only(&folder, "map_Ka vary.png\nmap_ao grey255.png");
-    assert!(both.0.surface_map.is_none(), "map_ao is the clearer word");
+    assert!(both.0.orm_map.is_none(), "map_ao is the clearer word");
 }
 
 #[test]
@@ -150,12 +153,12 @@ fn bumps_become_normals_and_norm_wins() {
 fn cutouts() {
     let folder = Folder::new();
     let (material, textures, _) = only(&folder, "map_Kd coloured.png\nmap_d vary.png");
-    let albedo = &textures[material.albedo_map.unwrap()];
+    let albedo = &textures[material.base_color_map.unwrap()];
     assert_eq!((material.alpha_cutoff, first_texel(albedo), albedo.levels[0][15]), (Some(0.5), [255, 0, 0, 0], 200));
     let (material, textures, _) = only(&folder, "map_Kd leaf.png");
     assert_eq!((material.alpha_cutoff, first_texel(&textures[0])), (Some(0.5), [9, 99, 9, 0]));
     let (material, textures, _) = only(&folder, "map_Kd red.png\nmap_d leaf.png");
-    assert_eq!((material.albedo_factor, first_texel(&textures[0])), (Vec3::X, [255, 255, 255, 0]));
+    assert_eq!((material.base_color_factor, first_texel(&textures[0])), (Vec3::X, [255, 255, 255, 0]));
     for keys in ["map_Kd coloured.png\nmap_d grey255.png", "map_Kd coloured.png\nmap_d grey0.png", "map_d grey255.png"]
     {
         assert_eq!(only(&folder, keys).0.alpha_cutoff, None, "{keys}: a mask that cuts nothing out, or all");
@@ -170,10 +173,10 @@ fn textures_are_shared() {
         folder.build(&format!("newmtl a\n{keys}Kd 1 1 1\nnewmtl b\n{keys}Kd 0.5 1 1\nnewmtl c\nmap_Kd ./coloured.png"));
     assert_eq!(textures.len(), 3);
     assert_eq!(
-        (materials[0].albedo_map, materials[0].surface_map),
-        (materials[1].albedo_map, materials[1].surface_map)
+        (materials[0].base_color_map, materials[0].orm_map),
+        (materials[1].base_color_map, materials[1].orm_map)
     );
-    assert_eq!(materials[0].albedo_map, materials[2].albedo_map);
+    assert_eq!(materials[0].base_color_map, materials[2].base_color_map);
 }
 
 #[test]
@@ -185,7 +188,10 @@ fn missing_and_broken_textures_are_told_and_left_out() {
     assert_eq!(warnings.iter().filter(|w| w.starts_with("m.mtl:4: norm broken.png: ")).count(), 1, "{warnings:?}");
     assert_eq!(warnings.iter().filter(|w| w.starts_with("m.mtl:5: map_Pr broken.png: ")).count(), 1, "{warnings:?}");
     assert_eq!(warnings.len(), 4);
-    assert_eq!((material.albedo_factor, material.albedo_map, material.normal_map), (Vec3::splat(0.5), None, None));
+    assert_eq!(
+        (material.base_color_factor, material.base_color_map, material.normal_map),
+        (Vec3::splat(0.5), None, None)
+    );
     assert_eq!((material.roughness_factor, textures.len()), (0.5, 1), "the metallic map is still there");
 }
 
@@ -193,7 +199,7 @@ fn missing_and_broken_textures_are_told_and_left_out() {
 fn other_letter_case_is_found_and_told() {
     let folder = Folder::new();
     let (material, _, warnings) = only(&folder, "map_Kd COLOURED.PNG\nmap_ao COLOURED.PNG");
-    assert!(material.albedo_map.is_some());
+    assert!(material.base_color_map.is_some());
     if !folder.path("COLOURED.PNG").is_file() {
         assert_eq!(warnings, ["m.mtl:2: map_Kd COLOURED.PNG: found as coloured.png"]);
     }
@@ -209,12 +215,12 @@ fn what_is_not_modelled_is_told() {
 fn roughness_without_a_map_gets_one_where_normals_lose_detail() {
     let folder = Folder::new();
     let (material, textures, _) = only(&folder, "norm bumpy.png\nPr 0.4");
-    let surface = &textures[material.surface_map.unwrap()];
+    let surface = &textures[material.orm_map.unwrap()];
     assert_eq!((material.roughness_factor, first_texel(surface)), (1.0, [255, 102, 255, 255]));
     assert!(surface.levels[2][1] > 102, "the last level is rougher: {:?}", surface.levels[2]);
     // A factor goes into the map with it: 200 · 0.5.
     let (material, textures, _) = only(&folder, "norm bumpy.png\nPr 0.5\nPm 0.3\nmap_Pr vary.png");
-    let surface = &textures[material.surface_map.unwrap()];
+    let surface = &textures[material.orm_map.unwrap()];
     assert_eq!((material.roughness_factor, material.metallic_factor, surface.levels[0][13]), (1.0, 0.3, 100));
     // The same surface with other normals, or with none, is another texture.
     let keys = "map_Pr vary.png\n";

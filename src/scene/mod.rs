@@ -15,7 +15,7 @@ use glam::{Mat4, Vec3};
 use crate::asset::{MipChain, Panorama};
 pub use load::{LoadOptions, load};
 pub use mesh::{Bounds, Mesh, Vertex};
-pub use needs::{MaterialNeeds, Model, Needs};
+pub use needs::{MaterialFeatures, Model, SceneFeatures};
 
 /// Everything one frame needs to know about the world. Right-handed, +Y up, metres.
 #[derive(Clone, Debug)]
@@ -58,19 +58,19 @@ pub struct Instance {
 pub struct Material {
     pub name: String,
     /// Linear RGB.
-    pub albedo_factor: Vec3,
+    pub base_color_factor: Vec3,
     pub metallic_factor: f32,
     /// What a roughness texture holds: alpha = roughness².
     pub roughness_factor: f32,
     /// Indices into [`Scene::textures`].
-    pub albedo_map: Option<usize>,
+    pub base_color_map: Option<usize>,
     pub normal_map: Option<usize>,
     /// Occlusion, roughness, metallic in R, G, B.
-    pub surface_map: Option<usize>,
+    pub orm_map: Option<usize>,
     /// Least and most of what factor and map together say; smaller levels of a map may be rougher, where normals vary.
     pub metallic_range: [f32; 2],
     pub roughness_range: [f32; 2],
-    /// Does the surface map darken crevices?
+    /// Does the surface map set_fade crevices?
     pub occludes: bool,
     /// With `Some(a)`, fragments whose albedo map has alpha < a are not there.
     pub alpha_cutoff: Option<f32>,

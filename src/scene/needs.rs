@@ -23,48 +23,48 @@ pub enum Model {
 /// Which share of a material's surface is metal; the same order as in `glsl/shared.glsl`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize)]
 #[serde(rename_all = "lowercase")]
-pub enum Metals {
+pub enum Metalness {
     /// Dielectric all over: reflects 4 % head on, without colour.
-    None,
+    Dielectric,
     /// Metal all over: no diffuse light.
-    All,
-    /// Some of it, or partly so.
-    Some,
+    Metal,
+    /// Both: a map or a factor between 0 and 1.
+    Mixed,
 }
 
 /// What a material needs of its pipeline.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize)]
-pub struct MaterialNeeds {
-    pub albedo_map: bool,
+pub struct MaterialFeatures {
+    pub base_color_map: bool,
     pub normal_map: bool,
     /// Occlusion, roughness, metallic.
-    pub surface_map: bool,
+    pub orm_map: bool,
     pub alpha_mask: bool,
-    pub metals: Metals,
+    pub metals: Metalness,
     /// Light that bounces more than once between microfacets; without it a rough metal is too dark.
     pub multi_scatter: bool,
 }
 
-impl MaterialNeeds {
+impl MaterialFeatures {
     const EVERYTHING: Self = Self {
-        albedo_map: true,
+        base_color_map: true,
         normal_map: true,
-        surface_map: true,
+        orm_map: true,
         alpha_mask: true,
-        metals: Metals::Some,
+        metals: Metalness::Mixed,
         multi_scatter: true,
     };
 
     fn of(material: &Material) -> Self {
         Self {
-            albedo_map: material.albedo_map.is_some(),
+            base_color_map: material.base_color_map.is_some(),
             normal_map: material.normal_map.is_some(),
-            surface_map: material.surface_map.is_some(),
+            orm_map: material.orm_map.is_some(),
             alpha_mask: material.alpha_cutoff.is_some(),
             metals: match material.metallic_range {
-                [_, most] if most <= 0.0 => Metals::None,
-                [least, _] if least >= 1.0 => Metals::All,
-                _ => Metals::Some,
+                [_, most] if most <= 0.0 => Metalness::Dielectric,
+                [least, _] if least >= 1.0 => Metalness::Metal,
+                _ => Metalness::Mixed,
             },
             multi_scatter: multi_scatter(material),
         }
@@ -74,32 +74,32 @@ impl MaterialNeeds {
 /// Whether any part of a material could show more than one bounce. Maps multiply the albedo by at most 1.
 fn multi_scatter(material: &Material) -> bool {
     let [roughness, metallic] = [material.roughness_range, material.metallic_range].map(|[_, most]| f64::from(most));
-    is_multi_scatter_visible(roughness, metallic, material.albedo_factor.max_element().into())
+    is_multi_scatter_visible(roughness, metallic, material.base_color_factor.max_element().into())
 }
 
 /// What the renderer builds for a scene.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Needs {
+pub struct SceneFeatures {
     /// One for each of the scene's materials.
-    pub materials: Vec<MaterialNeeds>,
+    pub materials: Vec<MaterialFeatures>,
     /// The number of point lights that shaders are made for; `None` for any number.
     pub lights: Option<u32>,
     /// The finest level of each texture that is ever read.
     pub first_levels: Vec<u32>,
 }
 
-impl Needs {
+impl SceneFeatures {
     /// Reads a scene that is seen from one place alone, or from anywhere.
     pub fn of(scene: &Scene, model: Model, viewpoint: Option<Viewpoint>) -> Self {
         let whole = vec![0; scene.textures.len()];
         match model {
             Model::Needed => Self {
-                materials: scene.materials.iter().map(MaterialNeeds::of).collect(),
+                materials: scene.materials.iter().map(MaterialFeatures::of).collect(),
                 lights: u32::try_from(scene.lights.len()).ok(),
                 first_levels: viewpoint.map_or(whole, |viewpoint| first_levels(scene, viewpoint)),
             },
             Model::Everything => Self {
-                materials: vec![MaterialNeeds::EVERYTHING; scene.materials.len()],
+                materials: vec![MaterialFeatures::EVERYTHING; scene.materials.len()],
                 lights: None,
                 first_levels: whole,
             },
@@ -138,21 +138,21 @@ mod tests {
     #[test]
     fn maps_that_are_not_there_are_not_needed() {
         let all = Material {
-            albedo_map: Some(0),
+            base_color_map: Some(0),
             normal_map: Some(1),
-            surface_map: Some(2),
+            orm_map: Some(2),
             alpha_cutoff: Some(0.5),
             metallic_range: [0.0, 1.0],
             ..default_material()
         };
-        let needs = Needs::of(&scene(vec![default_material(), all], 0), Model::Needed, None);
-        assert_eq!(needs.materials[1], MaterialNeeds::EVERYTHING);
-        let plain = MaterialNeeds {
-            albedo_map: false,
+        let needs = SceneFeatures::of(&scene(vec![default_material(), all], 0), Model::Needed, None);
+        assert_eq!(needs.materials[1], MaterialFeatures::EVERYTHING);
+        let plain = MaterialFeatures {
+            base_color_map: false,
             normal_map: false,
-            surface_map: false,
+            orm_map: false,
             alpha_mask: false,
-            metals: Metals::None,
+            metals: Metalness::Dielectric,
             multi_scatter: false,
         };
         assert_eq!(needs.materials[0], plain);
@@ -163,12 +163,12 @@ mod tests {
     fn metal_is_told_from_what_its_map_and_factor_come_to() {
         let metals = |metallic_range| {
             let material = Material { metallic_range, ..default_material() };
-            Needs::of(&scene(vec![material], 0), Model::Needed, None).materials[0].metals
+            SceneFeatures::of(&scene(vec![material], 0), Model::Needed, None).materials[0].metals
         };
-        assert_eq!(metals([0.0, 0.0]), Metals::None);
-        assert_eq!(metals([1.0, 1.0]), Metals::All);
+        assert_eq!(metals([0.0, 0.0]), Metalness::Dielectric);
+        assert_eq!(metals([1.0, 1.0]), Metalness::Metal);
         for range in [[0.0, 0.004], [0.996, 1.0], [0.0, 1.0], [0.5, 0.5]] {
-            assert_eq!(metals(range), Metals::Some, "{range:?}");
+            assert_eq!(metals(range), Metalness::Mixed, "{range:?}");
         }
     }
 
@@ -178,7 +178,7 @@ mod tests {
             [(0.9, 1.0, 0.6, true), (0.9, 1.0, 0.02, false), (0.9, 0.0, 1.0, false), (0.05, 1.0, 0.5, false)]
         {
             let material = Material::plain("plain", Vec3::splat(albedo), metallic, roughness);
-            let needs = Needs::of(&scene(vec![material], 0), Model::Needed, None);
+            let needs = SceneFeatures::of(&scene(vec![material], 0), Model::Needed, None);
             assert_eq!(needs.materials[0].multi_scatter, needed, "{albedo}, {metallic}, {roughness}");
         }
     }
@@ -186,15 +186,15 @@ mod tests {
     #[test]
     fn lights_are_counted() {
         for count in [0, 1, 7] {
-            assert_eq!(Needs::of(&scene(vec![], count), Model::Needed, None).lights, Some(count as u32));
-            assert_eq!(Needs::of(&scene(vec![], count), Model::Everything, None).lights, None);
+            assert_eq!(SceneFeatures::of(&scene(vec![], count), Model::Needed, None).lights, Some(count as u32));
+            assert_eq!(SceneFeatures::of(&scene(vec![], count), Model::Everything, None).lights, None);
         }
     }
 
     #[test]
     fn everything_is_everything() {
-        let needs = Needs::of(&scene(vec![default_material(); 3], 1), Model::Everything, None);
-        assert_eq!(needs.materials, [MaterialNeeds::EVERYTHING; 3]);
+        let needs = SceneFeatures::of(&scene(vec![default_material(); 3], 1), Model::Everything, None);
+        assert_eq!(needs.materials, [MaterialFeatures::EVERYTHING; 3]);
         assert_eq!(needs.pipelines(), 1);
     }
 }

@@ -6,13 +6,13 @@ use bevy_mikktspace::{Geometry, TangentSpace};
 use glam::{Vec3, Vec4};
 
 use super::mesh::{Bounds, Mesh, Vertex};
-use crate::asset::obj::{Corner, Part};
+use crate::asset::obj::{Corner, Submesh};
 
 /// A mesh of `part`'s triangles, in their order; corners that agree in everything share a vertex.
 ///
 /// Tangents are MikkTSpace's, computed with v upwards, so that w · cross(normal, tangent) points to the picture's top;
 /// where there are no texture coordinates, or none of any area, some tangent at right angles to the normal.
-pub fn mesh(part: &Part, material: usize) -> Mesh {
+pub fn mesh(part: &Submesh, material: usize) -> Mesh {
     let tangents = tangents(part);
     let mut vertices: Vec<Vertex> = Vec::new();
     let mut known: HashMap<[u32; 12], u32> = HashMap::with_capacity(part.corners.len() / 3);
@@ -37,7 +37,7 @@ fn vertex(corner: &Corner, tangent: Vec4) -> Vertex {
     }
 }
 
-fn tangents(part: &Part) -> Vec<Vec4> {
+fn tangents(part: &Submesh) -> Vec<Vec4> {
     let mut corners = Corners { corners: &part.corners, tangents: vec![Vec4::ZERO; part.corners.len()] };
     if part.has_uvs {
         let done = bevy_mikktspace::generate_tangents(&mut corners);
@@ -98,11 +98,11 @@ mod tests {
     use super::*;
 
     /// A unit square in the xy plane, towards +z, with texture coordinates `uv(x, y)`.
-    fn square(uv: impl Fn(Vec2) -> Vec2) -> Part {
+    fn square(uv: impl Fn(Vec2) -> Vec2) -> Submesh {
         let corner =
             |x: f32, y: f32| Corner { position: Vec3::new(x, y, 0.0), normal: Vec3::Z, uv: uv(Vec2::new(x, y)) };
         let [a, b, c, d] = [corner(0.0, 0.0), corner(1.0, 0.0), corner(1.0, 1.0), corner(0.0, 1.0)];
-        Part { name: "square".into(), material: None, has_uvs: true, corners: vec![a, b, c, a, c, d] }
+        Submesh { name: "square".into(), material: None, has_uvs: true, corners: vec![a, b, c, a, c, d] }
     }
 
     fn bitangent(vertex: &Vertex) -> Vec3 {
@@ -147,7 +147,7 @@ mod tests {
     #[test]
     fn coordinates_without_area_give_some_frame() {
         let degenerate =
-            [square(|_| Vec2::ZERO), square(|p| Vec2::splat(p.x)), Part { has_uvs: false, ..square(|p| p) }];
+            [square(|_| Vec2::ZERO), square(|p| Vec2::splat(p.x)), Submesh { has_uvs: false, ..square(|p| p) }];
         for part in degenerate {
             for v in mesh(&part, 0).vertices {
                 let (t, n) = (Vec4::from_array(v.tangent), Vec3::from_array(v.normal));

@@ -42,7 +42,7 @@ pub struct BakeFacts {
     pub driver: String,
     pub files: Vec<BakedFile>,
     /// In order; reading the panorama, opening the GPU and writing files are among them.
-    pub stages: Vec<Stage>,
+    pub stages: Vec<StageTime>,
     pub warnings: Vec<String>,
 }
 
@@ -63,7 +63,7 @@ pub struct BakedFile {
 
 /// One step: how long it took on the clock, and its passes' times on the GPU.
 #[derive(Serialize)]
-pub struct Stage {
+pub struct StageTime {
     pub name: &'static str,
     pub wall_ms: f64,
     pub gpu: Vec<PassTime>,
@@ -113,7 +113,7 @@ pub fn bake(request: &BakeRequest<'_>, gpu: GpuOptions<'_>, report: &Report) -> 
     Ok(facts)
 }
 
-struct Stages(Vec<Stage>);
+struct Stages(Vec<StageTime>);
 
 impl Stages {
     fn run<T>(
@@ -124,7 +124,7 @@ impl Stages {
     ) -> Result<T> {
         let started = Instant::now();
         let done = step()?;
-        self.0.push(Stage { name, wall_ms: ms_since(started), gpu: gpu(&done).to_vec() });
+        self.0.push(StageTime { name, wall_ms: ms_since(started), gpu: gpu(&done).to_vec() });
         Ok(done)
     }
 }

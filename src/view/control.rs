@@ -146,7 +146,7 @@ impl Control {
         Eye::symmetric(world_from_view, self.vertical_fov_degrees, aspect, self.distance)
     }
 
-    /// World position, metres.
+    /// SceneResources position, metres.
     pub fn position(&self) -> Vec3 {
         self.target + self.axes().z_axis * self.distance
     }

@@ -1,7 +1,7 @@
 //! The headset: whether one answers, connecting to it in OpenVR's order, and showing a scene in it without a window.
 
 mod actions;
-mod alone;
+mod app;
 mod codes;
 mod events;
 mod eye_images;
@@ -20,7 +20,7 @@ mod watchdog;
 
 use std::sync::Arc;
 
-pub use alone::run as run_alone;
+pub use app::run as run_alone;
 pub use hidden_area::HiddenAreaV;
 pub use probe::{SUBCOMMAND as PROBE_SUBCOMMAND, answer as answer_probe, probe, registry};
 pub use report::{HeadsetReport, RunReport};

@@ -25,7 +25,7 @@ pub fn next_shading(shading: Shading, steps: usize, holds_still: bool) -> Shadin
 
 /// What windows, headsets and pictures have in common.
 #[derive(Args, Clone, Copy, Debug, Default, PartialEq)]
-pub struct Look {
+pub struct QualityOptions {
     /// How surfaces are shaded, or which of their inputs and terms is shown.
     #[arg(long, value_enum, default_value_t)]
     pub shading: Shading,
@@ -57,7 +57,7 @@ pub struct Look {
     pub textures: TextureChoice,
 }
 
-impl Look {
+impl QualityOptions {
     /// The same for a renderer on this GPU, which keeps what it makes in `cache`.
     pub fn settings(&self, gpu: &Gpu, cache: Option<&Cache>, report: &Report) -> Settings {
         let plain = Settings::default();

@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 
 pub use bake::{BAKED, BakeFacts, BakeRequest, bake};
 pub use headset::{HiddenAreaV, PROBE_SUBCOMMAND, answer_probe};
-pub use look::{Look, TextureChoice};
+pub use look::{QualityOptions, TextureChoice};
 pub use picture::{RenderFacts, RenderRequest, load_scene, picture_files, render};
 pub use window::console;
 
@@ -34,7 +34,7 @@ pub struct ViewRequest<'a> {
     pub scene: Option<&'a Path>,
     /// Stop after this many.
     pub frames: Option<u64>,
-    pub look: Look,
+    pub look: QualityOptions,
     /// Where precomputed light and compressed textures are kept.
     pub cache: Option<&'a Cache>,
     /// Which way up the headset's runtime gives the hidden area.
@@ -138,7 +138,7 @@ pub fn auto(request: &ViewRequest<'_>, gpu: GpuOptions<'_>) -> Result<()> {
 fn reserve_fallback() -> Result<PathBuf> {
     match std::fs::File::create_new(FALLBACK) {
         Ok(_) => Ok(FALLBACK.into()),
-        Err(error) if error.kind() == std::io::ErrorKind::AlreadyExists => window::worker::reserve_name(Path::new("")),
+        Err(error) if error.kind() == std::io::ErrorKind::AlreadyExists => window::loader::reserve_name(Path::new("")),
         Err(error) => Err(Error::write(FALLBACK)(error)),
     }
 }

@@ -8,10 +8,10 @@ use std::time::Instant;
 use cpu_time::ThreadTime;
 use serde::Serialize;
 
-use super::Look;
+use super::QualityOptions;
 use crate::asset::picture::Picture;
 use crate::asset::{Report, TextureOptions, shipped};
-use crate::gpu::{Gpu, GpuOptions, Part, PassTime, Recorder, read_image};
+use crate::gpu::{CommandBuffer, Gpu, GpuOptions, PassTime, Subresource, read_image};
 use crate::precompute::Cache;
 use crate::render::{
     Eye, FRAMES_IN_FLIGHT, IPD_METRES, Output, Renderer, Settings, StandardError, TextureFacts, check_size,
@@ -31,7 +31,7 @@ pub struct RenderRequest<'a> {
     pub camera: Option<&'a str>,
     pub stereo: bool,
     pub frames: u64,
-    pub look: Look,
+    pub look: QualityOptions,
     /// Where precomputed light and compressed textures are kept.
     pub cache: Option<&'a Cache>,
 }
@@ -149,7 +149,7 @@ pub fn find_camera<'a>(scene: &'a Scene, name: Option<&str>) -> Result<&'a Camer
 
 /// Draws frames; returns the GPU times of each and what recording each took.
 fn draw(gpu: &Arc<Gpu>, renderer: &mut Renderer, eyes: &[Eye], frames: u64) -> Result<(Vec<Vec<PassTime>>, Vec<f64>)> {
-    let mut recorders = (0..FRAMES_IN_FLIGHT).map(|_| Recorder::new(gpu)).collect::<Result<Vec<_>>>()?;
+    let mut recorders = (0..FRAMES_IN_FLIGHT).map(|_| CommandBuffer::new(gpu)).collect::<Result<Vec<_>>>()?;
     let (mut times, mut record_ms) = (Vec::new(), Vec::new());
     for slot in (0..FRAMES_IN_FLIGHT).cycle().take(usize::try_from(frames).unwrap_or(usize::MAX)) {
         times.push(recorders[slot].finish()?.to_vec());
@@ -183,7 +183,7 @@ fn write_layers(
 ) -> Result<Vec<PathBuf>> {
     let files = picture_files(request.output, request.stereo);
     for (layer, file) in (0u32..).zip(&files) {
-        let bytes = read_image(gpu, renderer.picture(), Part { mip: 0, layer }, output.bytes())?;
+        let bytes = read_image(gpu, renderer.picture(), Subresource { mip: 0, layer }, output.bytes())?;
         let [width, height] = request.size;
         let picture = match output {
             Output::Display => Picture::from_srgb8("render", width, height, &bytes),

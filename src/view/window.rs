@@ -1,6 +1,6 @@
 //! The desktop window: event loop, and when the window, the GPU and what is drawn come and go.
 
-mod canvas;
+mod presenter;
 pub mod console;
 mod fit;
 #[cfg(feature = "hot-reload")]
@@ -8,7 +8,7 @@ mod hot_reload;
 mod hud;
 mod keys;
 mod viewer;
-pub(super) mod worker;
+pub(super) mod loader;
 
 use std::sync::Arc;
 

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use glam::{DVec2, DVec3, Vec3};
 use half::f16;
 use pbr_vr::asset::Panorama;
-use pbr_vr::gpu::{Gpu, GpuOptions, Image, Messages, Part, read_image};
+use pbr_vr::gpu::{Gpu, GpuOptions, Image, Messages, Subresource, read_image};
 use pbr_vr::reference::cube::{cube_direction, cube_face};
 use pbr_vr::reference::panorama_sums::prefiltered_around;
 
@@ -52,7 +52,7 @@ pub fn panorama(width: u32, sun: bool) -> Panorama {
 /// All faces of one mip of a cube map of halves, rows from the top.
 pub fn read_cube(gpu: &Arc<Gpu>, image: &Image, mip: u32) -> Vec<DVec3> {
     let face = |layer| {
-        let bytes = read_image(gpu, image, Part { mip, layer }, 8).expect("a face");
+        let bytes = read_image(gpu, image, Subresource { mip, layer }, 8).expect("a face");
         let halves: Vec<[f16; 4]> = bytemuck::pod_collect_to_vec(&bytes);
         halves.into_iter().map(|[r, g, b, _]| DVec3::new(r.to_f64(), g.to_f64(), b.to_f64()))
     };

@@ -64,7 +64,7 @@ impl Workshop {
     }
 
     /// Renders with validation on; any message fails the test.
-    pub fn render(&self, scene: &Path, look: &Look<'_>) -> Vec<Picture> {
+    pub fn render(&self, scene: &Path, look: &QualityOptions<'_>) -> Vec<Picture> {
         let output = self.path(look.file);
         let request = RenderRequest {
             scene,
@@ -73,7 +73,7 @@ impl Workshop {
             camera: look.camera,
             stereo: look.stereo,
             frames: 1,
-            look: view::Look {
+            look: view::QualityOptions {
                 shading: look.shading,
                 geometry: look.geometry,
                 scattering: look.scattering,
@@ -90,7 +90,7 @@ impl Workshop {
 
 /// How a test looks at its scene.
 #[derive(Clone, Copy)]
-pub struct Look<'a> {
+pub struct QualityOptions<'a> {
     pub file: &'a str,
     pub size: [u32; 2],
     pub camera: Option<&'a str>,
@@ -102,7 +102,7 @@ pub struct Look<'a> {
     pub model: Model,
 }
 
-impl Default for Look<'_> {
+impl Default for QualityOptions<'_> {
     fn default() -> Self {
         Self {
             file: "out.exr",

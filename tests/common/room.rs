@@ -6,7 +6,7 @@ use glam::{Affine3A, EulerRot, Mat4, Quat, Vec3};
 use headset_runtime::script::{EyeOptics, Script, Waypoint};
 use pbr_vr::asset::Report;
 use pbr_vr::asset::picture::{Picture, compare};
-use pbr_vr::gpu::{Gpu, Part, Recorder, read_image};
+use pbr_vr::gpu::{CommandBuffer, Gpu, Subresource, read_image};
 use pbr_vr::render::{Eye, NEAR_METRES, Output, Renderer, Settings, Shading};
 use pbr_vr::scene::load::{LoadOptions, load};
 use pbr_vr::view::TextureChoice;
@@ -153,13 +153,13 @@ fn draw(scene: &Path, eyes: &[Eye; 2], size: [u32; 2]) -> [Picture; 2] {
     let scene = load(scene, &options, &report).expect("a scene");
     let settings = Settings { output: Output::Display, textures, ..Settings::default() };
     let mut renderer = Renderer::new(&gpu, &scene, settings, Shading::Pbr, size, 2, &report).expect("a renderer");
-    let mut recorder = Recorder::new(&gpu).expect("a recorder");
+    let mut recorder = CommandBuffer::new(&gpu).expect("a recorder");
     let (mut commands, _) = recorder.begin().expect("a frame");
     renderer.record(&mut commands, 0, eyes, None);
     commands.submit(None).expect("a frame");
     recorder.finish().expect("a frame");
     let pictures = [0, 1].map(|layer| {
-        let bytes = read_image(&gpu, renderer.picture(), Part { mip: 0, layer }, 4).expect("a picture");
+        let bytes = read_image(&gpu, renderer.picture(), Subresource { mip: 0, layer }, 4).expect("a picture");
         Picture::from_srgb8("drawn", size[0], size[1], &bytes)
     });
     drop((recorder, renderer, gpu));

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use glam::Mat4;
 use pbr_vr::asset::picture::Picture;
 use pbr_vr::asset::{MipChain, Report, Storage, TextureOptions};
-use pbr_vr::gpu::{Gpu, Part, read_image, run};
+use pbr_vr::gpu::{Gpu, Subresource, read_image, submit_and_wait};
 use pbr_vr::precompute::Options;
 use pbr_vr::render::{Eye, Output, Renderer, Settings, Shading};
 use pbr_vr::scene::{LoadOptions, Scene, load};
@@ -74,12 +74,13 @@ impl Stage {
 
     /// Bytes of one frame.
     fn draw(&mut self, eye: &Eye, output: Output) -> Vec<u8> {
-        run(&self.gpu, |commands| {
+        submit_and_wait(&self.gpu, |commands| {
             self.renderer.record(commands, 0, &[*eye], None);
             Ok(())
         })
         .expect("a frame");
-        read_image(&self.gpu, self.renderer.picture(), Part { mip: 0, layer: 0 }, output.bytes()).expect("a picture")
+        read_image(&self.gpu, self.renderer.picture(), Subresource { mip: 0, layer: 0 }, output.bytes())
+            .expect("a picture")
     }
 
     /// Radiance, RGBA, rows from the top; for [`Output::Linear`].

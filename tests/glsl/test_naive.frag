@@ -19,8 +19,8 @@ float masking(float cosine, float roughness)
 
 void main()
 {
-    vec3 albedo = material.albedo * texture(albedo_map, uv).rgb;
-    vec3 maps = texture(surface_map, uv).rgb;
+    vec3 albedo = material.base_color * texture(base_color_map, uv).rgb;
+    vec3 maps = texture(orm_map, uv).rgb;
     float roughness = maps.g * material.roughness, metallic = maps.b * material.metallic;
     vec3 m = 2.0 * texture(normal_map, uv).xyz - 1.0;
     vec3 normal = normalize(normal_world), tangent = normalize(tangent_world.xyz);

@@ -18,8 +18,8 @@ void main()
         put(frame.eyes[i].world_from_view);
         put(frame.eyes[i].tangents);
     }
-    put(frame.environment_turn.x);
-    put(frame.environment_turn.y);
+    put(frame.environment_rotation.x);
+    put(frame.environment_rotation.y);
     put(frame.exposure);
     put(frame.environment_scale);
     put(float(frame.light_count));

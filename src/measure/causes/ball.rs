@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use glam::DVec3;
 
-use super::chain::{Cause, Point, Set, Way, radiance};
+use super::chain::{Cause, CauseSet, Point, Way, radiance};
 use super::stored::Stored;
 use super::sums::Sums;
 use super::{Change, Row, Swap};
@@ -105,13 +105,13 @@ impl<'a> Ball<'a> {
     pub fn rows(&mut self, grid: &Grid) -> Result<Vec<Row>> {
         let mut rows = Vec::new();
         let default = Way::default();
-        let seen = self.values(Set::ALL, default, None);
+        let seen = self.values(CauseSet::ALL, default, None);
         let truth = self.truth();
         for (i, cause) in Cause::ALL.into_iter().enumerate() {
-            let exact = self.values(Set::without(cause), default, None);
-            let [before, after] = [i, i + 1].map(|count| self.values(Set::first(count), default, None));
+            let exact = self.values(CauseSet::without(cause), default, None);
+            let [before, after] = [i, i + 1].map(|count| self.values(CauseSet::first(count), default, None));
             let words = cause.words();
-            rows.extend(self.each(&truth, Swap::Exact, words, &exact, &seen));
+            rows.extend(self.each(&truth, Swap::ReferenceAccumulator, words, &exact, &seen));
             rows.extend(self.each(&truth, Swap::Chain, words, &before, &after));
         }
         let classic = Way { split_sum: SplitSum::Classic, ..default };
@@ -124,13 +124,13 @@ impl<'a> Ball<'a> {
             (slices, ["slices", "the whole lobe", "two halves, each matched"]),
             (single, ["scattering", "as often as it takes", "once"]),
         ] {
-            let other = self.values(Set::ALL, way, None);
+            let other = self.values(CauseSet::ALL, way, None);
             rows.extend(self.each(&truth, Swap::Other, words, &other, &seen));
         }
         let own = self.stored.levels[0].size;
         for size in grid.cubes.iter().filter(|size| **size != own) {
             let maps = maps(self.gpu, self.panorama, *size, self.cache)?;
-            let other = self.values(Set::ALL, default, Some(&maps));
+            let other = self.values(CauseSet::ALL, default, Some(&maps));
             let words = ["cube resolution", &format!("{own}²"), &format!("{size}²")];
             rows.extend(self.each(&truth, Swap::Other, words, &other, &seen));
         }
@@ -150,7 +150,7 @@ impl<'a> Ball<'a> {
     }
 
     /// What all points show, by material.
-    fn values(&mut self, set: Set, way: Way, maps: Option<&Stored>) -> [Vec<DVec3>; MATERIALS.len()] {
+    fn values(&mut self, set: CauseSet, way: Way, maps: Option<&Stored>) -> [Vec<DVec3>; MATERIALS.len()] {
         let (points, sums, stored) = (&self.points, &mut self.sums, maps.unwrap_or(&self.stored));
         loop {
             let values = std::array::from_fn(|material| {

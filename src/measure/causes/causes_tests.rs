@@ -15,8 +15,8 @@ pub fn rows() -> Vec<Row> {
         for (swap, cause, size) in [
             (Swap::Whole, "all", 0.05),
             (Swap::Floor, "floor", 0.0004),
-            (Swap::Exact, "small", 0.001),
-            (Swap::Exact, "large", 0.04),
+            (Swap::ReferenceAccumulator, "small", 0.001),
+            (Swap::ReferenceAccumulator, "large", 0.04),
             (Swap::Chain, "large", 0.04),
             (Swap::Other, "large", 0.07),
         ] {
@@ -56,7 +56,7 @@ fn assert_chain_adds_up(rows: &[Row]) {
 fn under_even_light_nothing_has_a_cause_but_the_table_and_rounding() {
     let rows = measured(&Panorama::from_fn(64, 32, |_| Vec3::splat(1.1)), 64);
     assert_chain_adds_up(&rows);
-    for row in rows.iter().filter(|row| matches!(row.swap, Swap::Exact | Swap::Chain)) {
+    for row in rows.iter().filter(|row| matches!(row.swap, Swap::ReferenceAccumulator | Swap::Chain)) {
         // A half float has ten digits, the table is good to 1e-3, and integrals to the floor.
         let most = match row.cause.as_str() {
             "half float" => 0.5f64.powi(11),
@@ -85,11 +85,11 @@ fn under_linear_light_matching_the_mean_is_right_and_the_classic_way_is_not() {
     let rows = measured(&Panorama::from_fn(128, 64, |d| Vec3::splat(1.0 + 0.9 * to_light.dot(d))), 64);
     assert_chain_adds_up(&rows);
     let floor: Vec<f64> = find(&rows, Swap::Floor, "floor").map(|(_, change)| change.error).collect();
-    for ((subject, matched), floor) in find(&rows, Swap::Exact, "n = v (matched)").zip(floor) {
+    for ((subject, matched), floor) in find(&rows, Swap::ReferenceAccumulator, "n = v (matched)").zip(floor) {
         // Gold's channels have lobes of their own.
         assert!(matched.change < 4e-3 + 2.0 * floor, "{subject}: {matched:?}, floor {floor}");
     }
-    let mixing = find(&rows, Swap::Exact, "level interpolation");
+    let mixing = find(&rows, Swap::ReferenceAccumulator, "level interpolation");
     mixing.for_each(|(subject, change)| assert!(change.change < 3e-3, "{subject}: {change:?}"));
     for (subject, classic) in find(&rows, Swap::Other, "n = v") {
         assert!(classic.falls_by < -0.002 && classic.error_swapped > 1.5 * classic.error, "{subject}: {classic:?}");
@@ -104,7 +104,7 @@ fn coarse_cubes_are_worse_and_what_was_swapped_adds_up_where_light_varies() {
         assert!(coarse.error_swapped > coarse.error && coarse.change > 0.0, "{subject}: {coarse:?}");
     }
     for cause in chain::Cause::ALL {
-        let found: Vec<(&str, Change)> = find(&rows, Swap::Exact, cause.words()[0]).collect();
+        let found: Vec<(&str, Change)> = find(&rows, Swap::ReferenceAccumulator, cause.words()[0]).collect();
         assert_eq!(found.len(), 3, "{cause:?}");
         found.iter().for_each(|(_, change)| {
             assert!(

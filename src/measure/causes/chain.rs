@@ -58,9 +58,9 @@ impl Cause {
 
 /// Which approximations are there.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Set([bool; Cause::ALL.len()]);
+pub struct CauseSet([bool; Cause::ALL.len()]);
 
-impl Set {
+impl CauseSet {
     pub const NONE: Self = Self([false; Cause::ALL.len()]);
     pub const ALL: Self = Self([true; Cause::ALL.len()]);
 
@@ -156,7 +156,7 @@ impl Default for Way {
 }
 
 /// Radiance of a point with some approximations; to be asked again after `sums` has answered. None of them is the truth.
-pub fn radiance(point: &Point, set: Set, way: Way, stored: &Stored, sums: &mut Sums<'_>) -> DVec3 {
+pub fn radiance(point: &Point, set: CauseSet, way: Way, stored: &Stored, sums: &mut Sums<'_>) -> DVec3 {
     let Surface { n, albedo, metallic, .. } = point.surface;
     let at = if set.has(Cause::Table) { &point.stored } else { &point.exact };
     let mut maps = Maps { stored, sums };
@@ -164,12 +164,12 @@ pub fn radiance(point: &Point, set: Set, way: Way, stored: &Stored, sums: &mut S
     let mut mirrored = maps.mirrored(point, at, way, set);
     if !set.has(Cause::Lobe) {
         // What follows from the approximated lobe is carried over to the own one.
-        let round = maps.mirrored(point, &point.exact, way, Set::NONE);
+        let round = maps.mirrored(point, &point.exact, way, CauseSet::NONE);
         mirrored += reflectance(&at.lobe, f0) * (point.own - round / reflectance(&point.exact.lobe, f0));
     }
     let mut beyond = point.even(at, way.scattering) * maps.irradiance(n, set);
     if !set.has(Cause::Diffuse) {
-        beyond += point.beyond - point.even(&point.exact, Scattering::Multiple) * maps.irradiance(n, Set::NONE);
+        beyond += point.beyond - point.even(&point.exact, Scattering::Multiple) * maps.irradiance(n, CauseSet::NONE);
     }
     mirrored + beyond
 }
@@ -193,7 +193,7 @@ struct Maps<'a, 'p> {
 
 impl Maps<'_, '_> {
     /// What is mirrored once.
-    fn mirrored(&mut self, point: &Point, at: &TableAt, way: Way, set: Set) -> DVec3 {
+    fn mirrored(&mut self, point: &Point, at: &TableAt, way: Way, set: CauseSet) -> DVec3 {
         let Surface { n, v, albedo, metallic, roughness } = point.surface;
         let mut f0 = f0_from_metallic(albedo, metallic);
         if way.fresnel_twice {
@@ -214,7 +214,7 @@ impl Maps<'_, '_> {
     }
 
     /// Mean radiance under a lobe.
-    fn specular(&mut self, d: DVec3, spread: f64, set: Set) -> DVec3 {
+    fn specular(&mut self, d: DVec3, spread: f64, set: CauseSet) -> DVec3 {
         let ideal = self.ideal(d, spread, set);
         if !set.has(Cause::Sums) {
             return ideal;
@@ -223,10 +223,10 @@ impl Maps<'_, '_> {
         let (low, share) = mixed(spread);
         let high = self.stored.levels[(low + 1).min(LEVELS - 1)].look_up(d);
         let seen = self.stored.levels[low].look_up(d).lerp(high, share);
-        ideal + seen - self.ideal(d, spread, Set::ALL)
+        ideal + seen - self.ideal(d, spread, CauseSet::ALL)
     }
 
-    fn ideal(&mut self, d: DVec3, spread: f64, set: Set) -> DVec3 {
+    fn ideal(&mut self, d: DVec3, spread: f64, set: CauseSet) -> DVec3 {
         let last = spread_from_level(LEVELS - 1);
         let spread = if set.has(Cause::Range) { spread.min(last) } else { spread };
         let (low, share) = mixed(spread);
@@ -238,7 +238,7 @@ impl Maps<'_, '_> {
     }
 
     /// One lobe, in cubes of this size where cubes are.
-    fn one(&mut self, d: DVec3, alpha: f64, size: u32, set: Set) -> DVec3 {
+    fn one(&mut self, d: DVec3, alpha: f64, size: u32, set: CauseSet) -> DVec3 {
         if !set.has(Cause::Cube) {
             let mean = self.sums.around(d, alpha);
             return self.rounded(mean, set);
@@ -251,19 +251,19 @@ impl Maps<'_, '_> {
         light
     }
 
-    fn rounded(&self, radiance: DVec3, set: Set) -> DVec3 {
+    fn rounded(&self, radiance: DVec3, set: CauseSet) -> DVec3 {
         let scale = self.stored.scale;
         if set.has(Cause::Half) { scale * round_to_half(radiance / scale) } else { radiance }
     }
 
     /// Irradiance / π.
-    fn irradiance(&mut self, n: DVec3, set: Set) -> DVec3 {
+    fn irradiance(&mut self, n: DVec3, set: CauseSet) -> DVec3 {
         let size = self.stored.irradiance.size;
         let ideal = self.one(n, 1.0, size, set);
         if !set.has(Cause::Sums) {
             return ideal;
         }
-        ideal + self.stored.irradiance.look_up(n) - self.one(n, 1.0, size, Set::ALL)
+        ideal + self.stored.irradiance.look_up(n) - self.one(n, 1.0, size, CauseSet::ALL)
     }
 }
 

@@ -55,7 +55,8 @@ impl Panel {
         }
         series.truncate(COLOURS.len());
         let mut lines: Vec<Line> = Vec::new();
-        for row in rows.iter().filter(|row| matches!(row.swap, Swap::Whole | Swap::Exact | Swap::Other)) {
+        for row in rows.iter().filter(|row| matches!(row.swap, Swap::Whole | Swap::ReferenceAccumulator | Swap::Other))
+        {
             let name = name_of(row);
             if !lines.iter().any(|line| line.name == name) {
                 let mean = |series: &String| {
@@ -70,7 +71,9 @@ impl Panel {
         }
         lines.retain(|line| line.values.iter().any(Option::is_some));
         let most = |line: &Line| line.values.iter().flatten().copied().fold(0.0, f64::max);
-        let order = |line: &Line| [Swap::Whole, Swap::Exact, Swap::Other].iter().position(|swap| *swap == line.swap);
+        let order = |line: &Line| {
+            [Swap::Whole, Swap::ReferenceAccumulator, Swap::Other].iter().position(|swap| *swap == line.swap)
+        };
         lines.sort_by(|a, b| order(a).cmp(&order(b)).then(most(b).total_cmp(&most(a))));
         let floors = rows.iter().filter(|row| row.swap == Swap::Floor).filter_map(|row| row.main);
         Self { series, lines, floor: unit * floors.map(|main| main.change).fold(0.0, f64::max) }
@@ -205,7 +208,7 @@ fn caption(area: &Area<'_>, results: &Results) -> Drawn<()> {
          pictures: all together, split sum) is itself good to."
             .to_owned(),
         format!(
-            "{}, {}. Exact pictures: radiance averaged, then the tone curve. FLIP as seen with {PIXELS_PER_DEGREE} pixels per \
+            "{}, {}. ReferenceAccumulator pictures: radiance averaged, then the tone curve. FLIP as seen with {PIXELS_PER_DEGREE} pixels per \
              degree.",
             results.gpu, results.date
         ),

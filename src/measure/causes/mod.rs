@@ -30,8 +30,8 @@ const SCENES: [&str; 2] = ["teapot", "sphere"];
 #[serde(rename_all = "lowercase")]
 enum Swap {
     /// As it is, but for one cause, which is exact.
-    Exact,
-    /// Exact but for the causes up to this one: the differences of these errors add up to the whole.
+    ReferenceAccumulator,
+    /// ReferenceAccumulator but for the causes up to this one: the differences of these errors add up to the whole.
     Chain,
     /// As it is, but for one setting, which is another.
     Other,

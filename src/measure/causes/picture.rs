@@ -9,7 +9,7 @@ use super::super::MeasureRequest;
 use super::super::noise::Parts;
 use super::{Change, Kind, Row, Swap};
 use crate::asset::{Report, Storage, TextureOptions};
-use crate::gpu::{Gpu, Part, Recorder, read_image};
+use crate::gpu::{CommandBuffer, Gpu, Subresource, read_image};
 use crate::precompute::Options;
 use crate::reference::brdf::Geometry;
 use crate::reference::energy::Scattering;
@@ -108,25 +108,28 @@ impl<'a> Bench<'a> {
         let bytes = rounded(&many.display);
         let places = format!("{} places", self.extent.places.pow(2));
         keep(vec![
-            judge.row(Swap::Exact, ["MSAA", "4 samples, shaded once", &places], &seen, &bytes)?,
+            judge.row(Swap::ReferenceAccumulator, ["MSAA", "4 samples, shaded once", &places], &seen, &bytes)?,
             judge.row(
-                Swap::Exact,
+                Swap::ReferenceAccumulator,
                 ["averaging after the tone curve", "display light", "radiance"],
                 &many.display,
                 &many.radiance,
             )?,
-            Row { main: None, ..judge.row(Swap::Exact, ["8 bits", "sRGB bytes", "f32"], &bytes, &many.display)? },
+            Row {
+                main: None,
+                ..judge.row(Swap::ReferenceAccumulator, ["8 bits", "sRGB bytes", "f32"], &bytes, &many.display)?
+            },
         ])?;
         let unfiltered = self.averaged(&bare)?;
         bar.inc(1);
         let words = ["mips", "mips and anisotropy, then all places", "all places, finest level"];
-        keep(vec![judge.row(Swap::Exact, words, &many.display, &unfiltered.display)?])?;
+        keep(vec![judge.row(Swap::ReferenceAccumulator, words, &many.display, &unfiltered.display)?])?;
         drop((bare, raw_bare));
         let filtered = self.exact(&self.raw)?.all;
         let blocks = self.exact(&self.compressed)?.all;
         bar.inc(2);
         let light = ["split sum, maps and table", "looked up", "integrated"];
-        keep(vec![judge.row(Swap::Exact, light, &many.radiance, &blocks)?])?;
+        keep(vec![judge.row(Swap::ReferenceAccumulator, light, &many.radiance, &blocks)?])?;
         let chain = [
             (["mips", "mips and anisotropy", "finest level"], &filtered),
             (["compression", "BC7 and BC5", "raw"], &blocks),
@@ -156,21 +159,21 @@ impl<'a> Bench<'a> {
         let squared = |size: u32| format!("{size}²");
         let samples = |count: u32| if count == 1 { "1 sample".to_owned() } else { format!("{count} samples") };
         let mut all = vec![
-            (Swap::Exact, words("compression", "BC7 and BC5", "raw"), &self.raw, now.clone()),
+            (Swap::ReferenceAccumulator, words("compression", "BC7 and BC5", "raw"), &self.raw, now.clone()),
             (
-                Swap::Exact,
+                Swap::ReferenceAccumulator,
                 words("cube resolution", &squared(cube), &squared(self.extent.cube)),
                 &self.compressed,
                 with(&|s| s.precompute.face_size = self.extent.cube),
             ),
             (
-                Swap::Exact,
+                Swap::ReferenceAccumulator,
                 words("irradiance resolution", &squared(even), &squared(128)),
                 &self.compressed,
                 with(&|s| s.precompute.irradiance_size = 128),
             ),
             (
-                Swap::Exact,
+                Swap::ReferenceAccumulator,
                 words("anisotropy", &samples(slanted), &samples(MOST_ANISOTROPY)),
                 &self.compressed,
                 with(&|s| s.textures.anisotropy = MOST_ANISOTROPY),
@@ -279,14 +282,14 @@ impl<'a> Bench<'a> {
 
     /// Draws a frame and reads the picture.
     fn frame(&self, renderer: &mut Renderer, slot: usize, eye: &Eye) -> Result<Vec<u8>> {
-        let mut recorder = Recorder::new(self.gpu)?;
+        let mut recorder = CommandBuffer::new(self.gpu)?;
         let (mut commands, _) = recorder.begin()?;
         renderer.record(&mut commands, slot, std::slice::from_ref(eye), None);
         commands.submit(None)?;
         recorder.finish()?;
         let picture = renderer.picture();
         let bytes = if picture.desc().format == Output::Linear.format() { Output::Linear } else { Output::Display };
-        read_image(self.gpu, picture, Part { mip: 0, layer: 0 }, bytes.bytes())
+        read_image(self.gpu, picture, Subresource { mip: 0, layer: 0 }, bytes.bytes())
     }
 }
 
@@ -389,7 +392,7 @@ mod tests {
         let exact: Picture = (0..32 * 16).map(|i| [(i % 32) as f32 / 32.0; 3]).collect();
         let other: Picture = exact.iter().map(|p| p.map(|c| (c + 0.1).min(1.0))).collect();
         let judge = Judge { name: "s", size: [32, 16], exact: &exact };
-        let same = judge.row(Swap::Exact, ["a", "b", "c"], &other, &other).unwrap();
+        let same = judge.row(Swap::ReferenceAccumulator, ["a", "b", "c"], &other, &other).unwrap();
         for change in [same.main.unwrap(), same.relative_mse.unwrap()] {
             assert!(change.change == 0.0 && change.falls_by == 0.0 && change.error > 0.0, "{change:?}");
         }

@@ -24,7 +24,7 @@ pub fn write(folder: &Path, results: &Results) -> Result<()> {
 fn line(row: &Row) -> String {
     let kind = if row.kind == Kind::Ball { "ball" } else { "picture" };
     let swap = match row.swap {
-        Swap::Exact => "exact",
+        Swap::ReferenceAccumulator => "exact",
         Swap::Chain => "chain",
         Swap::Other => "other",
         Swap::Whole => "whole",
@@ -45,7 +45,7 @@ fn line(row: &Row) -> String {
 /// What tables are of, and what the rows of each are.
 const PARTS: [(Swap, &str, &str); 3] = [
     (
-        Swap::Exact,
+        Swap::ReferenceAccumulator,
         "One cause exact, all others as they are",
         "`change`: how far the result moves; `falls by`: how much of the error goes (below 0: it had cancelled another).",
     ),
@@ -62,7 +62,7 @@ fn markdown(results: &Results) -> String {
     let mut text = format!(
         "# Errors by cause\n\n{gpu} ({driver}), {date}; pictures of {width}×{height}. Balls: mean over roughnesses, angles and \
          normals of the difference over the exact radiance, in %. Pictures: FLIP (as seen with {PIXELS_PER_DEGREE} pixels \
-         per degree), and relative MSE of display light. Exact: each pixel's radiance averaged, then the tone curve (the \
+         per degree), and relative MSE of display light. ReferenceAccumulator: each pixel's radiance averaged, then the tone curve (the \
          ladder averages after it).\n"
     );
     let mut subjects: Vec<&str> = Vec::new();
@@ -84,7 +84,7 @@ fn markdown(results: &Results) -> String {
                 "\n### {title}\n\n{meaning}\n\n| cause | is | swapped for | change | falls by |\n|---|---|---|---|---|\n"
             );
             let mut rows: Vec<&Row> = own(*swap).collect();
-            if *swap == Swap::Exact {
+            if *swap == Swap::ReferenceAccumulator {
                 rows.sort_by(|a, b| size_of_change(b).total_cmp(&size_of_change(a)));
             }
             for row in rows {
@@ -115,8 +115,10 @@ pub fn largest(rows: &[Row]) -> Vec<String> {
     let whole = rows.iter().filter(|row| row.swap == Swap::Whole);
     whole
         .map(|whole| {
-            let mut own: Vec<&Row> =
-                rows.iter().filter(|row| row.subject == whole.subject && row.swap == Swap::Exact).collect();
+            let mut own: Vec<&Row> = rows
+                .iter()
+                .filter(|row| row.subject == whole.subject && row.swap == Swap::ReferenceAccumulator)
+                .collect();
             own.sort_by(|a, b| size_of_change(b).total_cmp(&size_of_change(a)));
             let most: Vec<String> = own
                 .iter()

@@ -6,16 +6,16 @@ use std::time::Duration;
 
 use super::super::MeasureRequest;
 use super::super::turns::{Limits, Way, compare_in_turns};
-use super::exact::{Exact, Stand, textures};
+use super::exact::{ReferenceAccumulator, Stand, textures};
 use super::{Rung, rungs};
 use crate::Result;
 use crate::asset::{Report, Storage, TextureOptions};
-use crate::gpu::{Gpu, Part, Recorder, read_image};
+use crate::gpu::{CommandBuffer, Gpu, Subresource, read_image};
 use crate::precompute::Cache;
 use crate::render::{Eye, Output, Renderer, Settings, Shading};
 use crate::scene::Scene;
 use crate::scene::needs::resolution::Viewpoint;
-use crate::view::{Look, load_scene};
+use crate::view::{QualityOptions, load_scene};
 
 /// A scene, its default way of drawing, and its exact picture.
 pub struct Bench<'a> {
@@ -27,7 +27,7 @@ pub struct Bench<'a> {
     scenes: Vec<(Storage, Scene)>,
     default: Way,
     default_settings: (Shading, Settings),
-    pub exact: Exact,
+    pub exact: ReferenceAccumulator,
 }
 
 /// Sizes, and how long is taken.
@@ -56,9 +56,9 @@ impl<'a> Bench<'a> {
         let eye = Eye::of_camera(&plain.cameras[0], size[0] as f32 / size[1] as f32);
         let pixels_per_degree = request.pixels_per_degree;
         let stand = Stand { gpu, eye, size, exposure_ev: plain.exposure_ev, pixels_per_degree };
-        let look = Look::default();
+        let look = QualityOptions::default();
         let settings = settings(&stand, look, request.cache);
-        let exact = Exact::new(&stand, &plain, &settings, quarter, report)?;
+        let exact = ReferenceAccumulator::new(&stand, &plain, &settings, quarter, report)?;
         let mut scenes = vec![(Storage::Raw, plain)];
         let scene = stored(&mut scenes, path, &settings.textures)?;
         let default = way(&stand, scene, settings.clone(), look.shading)?;
@@ -112,7 +112,7 @@ impl<'a> Bench<'a> {
 }
 
 /// A look's settings for this one picture.
-fn settings(stand: &Stand<'_>, look: Look, cache: Option<&Cache>) -> Settings {
+fn settings(stand: &Stand<'_>, look: QualityOptions, cache: Option<&Cache>) -> Settings {
     let Stand { gpu, eye, size, .. } = stand;
     let viewpoint = Viewpoint::new(eye.position(), 0.0, [eye.left, eye.right, eye.down, eye.up], *size);
     // What this GPU cannot do is the default then, and not measured.
@@ -138,12 +138,12 @@ fn way(stand: &Stand<'_>, scene: &Scene, settings: Settings, shading: Shading) -
 }
 
 fn pixels(gpu: &Arc<Gpu>, renderer: &Renderer, output: Output) -> Result<Vec<u8>> {
-    read_image(gpu, renderer.picture(), Part { mip: 0, layer: 0 }, output.bytes())
+    read_image(gpu, renderer.picture(), Subresource { mip: 0, layer: 0 }, output.bytes())
 }
 
 /// One frame's linear picture.
 fn draw(stand: &Stand<'_>, renderer: &mut Renderer) -> Result<Vec<u8>> {
-    let mut recorder = Recorder::new(stand.gpu)?;
+    let mut recorder = CommandBuffer::new(stand.gpu)?;
     let (mut commands, _) = recorder.begin()?;
     renderer.record(&mut commands, 0, &[stand.eye], None);
     commands.submit(None)?;

@@ -265,7 +265,7 @@ fn caption(area: &Area<'_>, ladder: &Ladder) -> Drawn<()> {
         ),
         "Upright lines, and ±: what of a FLIP's difference from the default's cannot be told.".to_owned(),
         format!(
-            "Exact picture: {} frames of {1}×{1} times the pixels, display light (after the tone curve) averaged. FLIP as seen \
+            "ReferenceAccumulator picture: {} frames of {1}×{1} times the pixels, display light (after the tone curve) averaged. FLIP as seen \
              with {2} pixels per degree.",
             exact.frames, exact.fineness, exact.pixels_per_degree
         ),

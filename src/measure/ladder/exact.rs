@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use super::super::noise::{Halves, Parts, blocks};
 use crate::asset::{Report, Storage, TextureOptions};
-use crate::gpu::{Gpu, Part, Recorder, read_image};
+use crate::gpu::{CommandBuffer, Gpu, Subresource, read_image};
 use crate::reference::metrics::{Flip, flip, relative_mse};
 use crate::reference::tone;
 use crate::render::{Eye, FRAMES_IN_FLIGHT, Output, Renderer, Settings, Shading};
@@ -32,7 +32,7 @@ pub struct PictureError {
 
 /// The exact picture: of each pixel's square, the mean radiance; and what a viewer sees, the mean of its light once it is
 /// exposed and tone-mapped, as eyes average a finer screen (and multisampling its samples).
-pub struct Exact {
+pub struct ReferenceAccumulator {
     all: Shown,
     halves: [Shown; 2],
     pub facts: ExactFacts,
@@ -77,14 +77,14 @@ pub fn textures(gpu: &Gpu) -> TextureOptions {
     TextureOptions { storage: Storage::Raw, anisotropy, ..TextureOptions::default() }
 }
 
-impl Exact {
+impl ReferenceAccumulator {
     /// Draws four times `quarter` frames of `scene`, which has been loaded with [`textures`].
     pub fn new(stand: &Stand<'_>, scene: &Scene, settings: &Settings, quarter: u32, report: &Report) -> Result<Self> {
         let size = stand.size.map(|side| side * FINENESS);
         let (textures, output) = (textures(stand.gpu), Output::Linear);
         let settings = Settings { textures, output, viewpoint: None, ..settings.clone() };
         let mut renderer = Renderer::new(stand.gpu, scene, settings, Shading::Reference, size, 1, &Report::silent())?;
-        let mut recorder = Recorder::new(stand.gpu)?;
+        let mut recorder = CommandBuffer::new(stand.gpu)?;
         let bar = report.stage("exact", 4 * u64::from(quarter));
         let mut gpu_ms = 0.0;
         let draw = || {
@@ -95,7 +95,8 @@ impl Exact {
                 gpu_ms += recorder.finish()?.total_ms();
                 bar.inc(1);
             }
-            let bytes = read_image(stand.gpu, renderer.picture(), Part { mip: 0, layer: 0 }, Output::Linear.bytes())?;
+            let bytes =
+                read_image(stand.gpu, renderer.picture(), Subresource { mip: 0, layer: 0 }, Output::Linear.bytes())?;
             Ok::<Vec<[f32; 4]>, Error>(bytemuck::pod_collect_to_vec(&bytes))
         };
         let parts = Parts::new(draw, |pixels| Ok(stand.shown(pixels)))?;

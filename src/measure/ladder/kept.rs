@@ -7,7 +7,7 @@ use crate::asset::cache::Key;
 use crate::asset::file;
 use crate::gpu::{Gpu, GpuOptions};
 use crate::precompute::Cache;
-use crate::view::Look;
+use crate::view::QualityOptions;
 use crate::{Error, Result, say};
 
 /// Bytes of a ladder, or of a scene's own file, that are read at most: a gigabyte, as of models.
@@ -26,7 +26,7 @@ pub fn keep(cache: &Cache, scene: &Path, gpu: &Gpu, ladder: &Ladder) -> Result<(
 ///
 /// # Errors
 /// No ladder has been measured; nothing in it holds the limit; a file that cannot be read.
-pub fn choose(scene: &Path, limit: Limit, gpu: GpuOptions<'_>, cache: Option<&Cache>) -> Result<Look> {
+pub fn choose(scene: &Path, limit: Limit, gpu: GpuOptions<'_>, cache: Option<&Cache>) -> Result<QualityOptions> {
     let Some(cache) = cache else {
         let problem = "--tolerance and --budget-ms choose from what `measure ladder` left in the cache";
         return Err(Error::Usage(format!("{problem}; leave out --no-cache")));

@@ -3,7 +3,7 @@
 use clap::Parser;
 
 use super::front::Mark;
-use crate::view::Look;
+use crate::view::QualityOptions;
 use crate::{Error, Result};
 
 /// What can be set, and to what other than the default; a setting that is the default here is not measured twice.
@@ -42,14 +42,14 @@ pub const NOT_FOR_SOFTWARE: &[&str] = &["--anisotropy 4", "--anisotropy 16"];
 #[command(no_binary_name = true)]
 struct Flags {
     #[command(flatten)]
-    look: Look,
+    look: QualityOptions,
 }
 
 /// The look that flags, parted by spaces, stand for.
 ///
 /// # Errors
 /// Flags that this program does not know, such as those of another version's ladder.
-pub fn look(flags: &str) -> Result<Look> {
+pub fn look(flags: &str) -> Result<QualityOptions> {
     let parsed = Flags::try_parse_from(flags.split_whitespace());
     parsed.map(|flags| flags.look).map_err(|_| Error::Usage(format!("`{flags}` are no settings of this program")))
 }
@@ -106,9 +106,9 @@ mod tests {
     #[test]
     fn every_flag_is_one_of_the_program_s() {
         for flags in DIMENSIONS.iter().flat_map(|(_, all)| *all).chain(KNOWN.iter().map(|(_, flags)| flags)) {
-            assert_ne!(look(flags).unwrap(), Look::default(), "{flags}");
+            assert_ne!(look(flags).unwrap(), QualityOptions::default(), "{flags}");
         }
-        assert_eq!(look("").unwrap(), Look::default());
+        assert_eq!(look("").unwrap(), QualityOptions::default());
         assert!(matches!(look("--antialiasing 4"), Err(Error::Usage(_))));
         assert!(NOT_FOR_SOFTWARE.iter().all(|flags| DIMENSIONS.iter().any(|(_, all)| all.contains(flags))));
     }

@@ -4,8 +4,8 @@ use std::sync::Arc;
 
 use crate::Result;
 use crate::gpu::{
-    Bind, Edge, Format, Gpu, Image, ImageDesc, ImageUsageFlags, PassTime, Pipeline, Sampler, Set, SetLayout, Shape,
-    Slot, Use, run,
+    AddressMode, Binding, BindingType, DescriptorSet, DescriptorSetLayout, Format, Gpu, Image, ImageAccess, ImageDesc,
+    ImageUsageFlags, PassTime, Pipeline, Sampler, Shape, submit_and_wait,
 };
 
 /// A panorama as a cube map with all mips, in half floats: radiance / `scale`.
@@ -19,23 +19,26 @@ impl Environment {
     /// Computes the cube, `size` texels along a face (a power of two), from a panorama in f32.
     pub fn new(gpu: &Arc<Gpu>, panorama: &Image, scale: f32, size: u32) -> Result<Self> {
         let cube = cube(gpu, "environment", size, size.ilog2() + 1)?;
-        let sampler = Sampler::new(gpu, "panorama", Edge::Panorama, 1)?;
-        let set = |layout: &SetLayout, binds: &[Bind<'_>]| Set::new(gpu, "environment", layout, binds);
+        let sampler = Sampler::new(gpu, "panorama", AddressMode::Panorama, 1)?;
+        let set =
+            |layout: &DescriptorSetLayout, binds: &[Binding<'_>]| DescriptorSet::new(gpu, "environment", layout, binds);
 
         // Two taps for each panorama texel that a cube texel spans at the equator.
         let taps = (panorama.desc().size[0].div_ceil(4 * size) * 2).clamp(2, 16);
-        let layout = SetLayout::new(gpu, "panorama to cube", &[Slot::Sampled, Slot::StorageImage])?;
+        let layout =
+            DescriptorSetLayout::new(gpu, "panorama to cube", &[BindingType::Sampled, BindingType::StorageImage])?;
         let to_cube = Pipeline::compute(gpu, "alternative_cube.comp", &[(0, taps)], &[&layout], 4)?;
-        let to_cube_set = set(&layout, &[Bind::Sampled(panorama, &sampler), Bind::StorageImage(&cube, 0)])?;
+        let to_cube_set = set(&layout, &[Binding::Sampled(panorama, &sampler), Binding::StorageImage(&cube, 0)])?;
 
-        let layout = SetLayout::new(gpu, "cube mips", &[Slot::StorageImage, Slot::StorageImage])?;
+        let layout =
+            DescriptorSetLayout::new(gpu, "cube mips", &[BindingType::StorageImage, BindingType::StorageImage])?;
         let halve = Pipeline::compute(gpu, "alternative_mip.comp", &[], &[&layout], 0)?;
         let mips = (0..size.ilog2() as usize)
-            .map(|mip| set(&layout, &[Bind::StorageImage(&cube, mip), Bind::StorageImage(&cube, mip + 1)]))
+            .map(|mip| set(&layout, &[Binding::StorageImage(&cube, mip), Binding::StorageImage(&cube, mip + 1)]))
             .collect::<Result<Vec<_>>>()?;
 
-        let times = run(gpu, |commands| {
-            commands.prepare(&cube, Use::Storage);
+        let times = submit_and_wait(gpu, |commands| {
+            commands.prepare(&cube, ImageAccess::Storage);
             commands.pass("panorama to cube", |commands| {
                 commands.bind(&to_cube, &[&to_cube_set]);
                 commands.push(&to_cube, bytemuck::bytes_of(&scale.recip()));
@@ -43,7 +46,7 @@ impl Environment {
             });
             commands.pass("cube mips", |commands| {
                 for (mip, set) in (1u32..).zip(&mips) {
-                    commands.prepare(&cube, Use::Storage);
+                    commands.prepare(&cube, ImageAccess::Storage);
                     commands.bind(&halve, &[set]);
                     let groups = (size >> mip).div_ceil(8);
                     commands.dispatch([groups, groups, 6]);

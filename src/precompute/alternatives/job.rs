@@ -6,17 +6,18 @@ use super::environment::{Environment, cube};
 use super::{Method, Target};
 use crate::Result;
 use crate::gpu::{
-    Bind, Buffer, BufferKind, Edge, Gpu, Image, PassTime, Pipeline, Sampler, Set, SetLayout, Slot, Use, run,
+    AddressMode, Binding, BindingType, Buffer, BufferKind, DescriptorSet, DescriptorSetLayout, Gpu, Image, ImageAccess,
+    PassTime, Pipeline, Sampler, submit_and_wait,
 };
 
 /// Faces of the mip that harmonics are projected from: fine enough that a texel's size costs degree 8 less than 0.2 %.
 const PROJECTED_SIZE: u32 = 64;
 
 /// A method, ready to run; fills one cube per target.
-pub struct Job<'a> {
+pub struct AlternativePass<'a> {
     environment: &'a Environment,
     /// How the steps read the environment.
-    reads: Use,
+    reads: ImageAccess,
     pipelines: Vec<Pipeline>,
     steps: Vec<Step>,
     /// One map per target, radiance or irradiance over π, both / the environment's scale.
@@ -29,20 +30,21 @@ pub struct Job<'a> {
 /// One dispatch.
 struct Step {
     pipeline: usize,
-    set: Set,
+    set: DescriptorSet,
     push: Vec<u8>,
     groups: [u32; 3],
     /// Reads a buffer that the step before wrote.
     waits: bool,
 }
 
-impl<'a> Job<'a> {
+impl<'a> AlternativePass<'a> {
     /// Makes everything that `method` needs to fill `targets` from `environment`.
     pub fn new(gpu: &Arc<Gpu>, environment: &'a Environment, method: Method, targets: &[Target]) -> Result<Self> {
         let cubes =
             targets.iter().map(|target| cube(gpu, method.name(), target.size, 1)).collect::<Result<Vec<_>>>()?;
-        let sampler = Sampler::new(gpu, "cube", Edge::Clamp, 1)?;
-        let reads = if matches!(method, Method::Harmonics { .. }) { Use::Storage } else { Use::Sampled };
+        let sampler = Sampler::new(gpu, "cube", AddressMode::Clamp, 1)?;
+        let reads =
+            if matches!(method, Method::Harmonics { .. }) { ImageAccess::Storage } else { ImageAccess::Sampled };
         let mut job =
             Self { environment, reads, pipelines: Vec::new(), steps: Vec::new(), cubes, sampler, _coefficients: None };
         match method {
@@ -56,9 +58,9 @@ impl<'a> Job<'a> {
 
     /// Fills the maps and waits; returns the pass's time.
     pub fn run(&self, gpu: &Arc<Gpu>) -> Result<Vec<PassTime>> {
-        run(gpu, |commands| {
+        submit_and_wait(gpu, |commands| {
             commands.prepare(&self.environment.cube, self.reads);
-            self.cubes.iter().for_each(|cube| commands.prepare(cube, Use::Storage));
+            self.cubes.iter().for_each(|cube| commands.prepare(cube, ImageAccess::Storage));
             commands.pass("alternative", |commands| {
                 for step in &self.steps {
                     if step.waits {
@@ -72,18 +74,18 @@ impl<'a> Job<'a> {
                     commands.dispatch(step.groups);
                 }
             });
-            self.cubes.iter().for_each(|cube| commands.prepare(cube, Use::Sampled));
+            self.cubes.iter().for_each(|cube| commands.prepare(cube, ImageAccess::Sampled));
             Ok(())
         })
     }
 
     fn sample_lobes(&mut self, gpu: &Arc<Gpu>, log2_samples: u32, filtered: bool, targets: &[Target]) -> Result<()> {
-        let layout = SetLayout::new(gpu, "lobe samples", &[Slot::Sampled, Slot::StorageImage])?;
+        let layout = DescriptorSetLayout::new(gpu, "lobe samples", &[BindingType::Sampled, BindingType::StorageImage])?;
         let constants = [(0, log2_samples), (1, u32::from(filtered))];
         self.pipelines.push(Pipeline::compute(gpu, "alternative_specular.comp", &constants, &[&layout], 4)?);
         for (cube, target) in self.cubes.iter().zip(targets) {
-            let binds = [Bind::Sampled(&self.environment.cube, &self.sampler), Bind::StorageImage(cube, 0)];
-            let set = Set::new(gpu, "lobe samples", &layout, &binds)?;
+            let binds = [Binding::Sampled(&self.environment.cube, &self.sampler), Binding::StorageImage(cube, 0)];
+            let set = DescriptorSet::new(gpu, "lobe samples", &layout, &binds)?;
             let push = (target.alpha as f32).to_ne_bytes().to_vec();
             self.steps.push(Step { pipeline: 0, set, push, groups: groups(cube), waits: false });
         }
@@ -91,15 +93,15 @@ impl<'a> Job<'a> {
     }
 
     fn step_over_angles(&mut self, gpu: &Arc<Gpu>, step_radians: f32, with_sine: bool) -> Result<()> {
-        let layout = SetLayout::new(gpu, "fixed step", &[Slot::Sampled, Slot::StorageImage])?;
+        let layout = DescriptorSetLayout::new(gpu, "fixed step", &[BindingType::Sampled, BindingType::StorageImage])?;
         let constants = [(0, u32::from(with_sine))];
         self.pipelines.push(Pipeline::compute(gpu, "alternative_fixed_step.comp", &constants, &[&layout], 12)?);
         let count = |range: f64| (range / f64::from(step_radians)).ceil().max(1.0) as u32;
         let (thetas, phis) = (count(std::f64::consts::FRAC_PI_2), count(std::f64::consts::TAU));
         let push = [step_radians.to_ne_bytes(), thetas.to_ne_bytes(), phis.to_ne_bytes()].concat();
         for cube in &self.cubes {
-            let binds = [Bind::Sampled(&self.environment.cube, &self.sampler), Bind::StorageImage(cube, 0)];
-            let set = Set::new(gpu, "fixed step", &layout, &binds)?;
+            let binds = [Binding::Sampled(&self.environment.cube, &self.sampler), Binding::StorageImage(cube, 0)];
+            let set = DescriptorSet::new(gpu, "fixed step", &layout, &binds)?;
             self.steps.push(Step { pipeline: 0, set, push: push.clone(), groups: groups(cube), waits: false });
         }
         Ok(())
@@ -110,17 +112,17 @@ impl<'a> Job<'a> {
         let coefficients = Buffer::new(gpu, "harmonics", BufferKind::Storage, 16 * u64::from(count))?;
         let size = self.environment.cube.desc().size[0];
         let mip = size.ilog2().saturating_sub(PROJECTED_SIZE.ilog2()) as usize;
-        let layout = SetLayout::new(gpu, "projection", &[Slot::StorageImage, Slot::Storage])?;
+        let layout = DescriptorSetLayout::new(gpu, "projection", &[BindingType::StorageImage, BindingType::Storage])?;
         self.pipelines.push(Pipeline::compute(gpu, "alternative_project.comp", &[], &[&layout], 0)?);
-        let binds = [Bind::StorageImage(&self.environment.cube, mip), Bind::Storage(&coefficients)];
-        let set = Set::new(gpu, "projection", &layout, &binds)?;
+        let binds = [Binding::StorageImage(&self.environment.cube, mip), Binding::Storage(&coefficients)];
+        let set = DescriptorSet::new(gpu, "projection", &layout, &binds)?;
         self.steps.push(Step { pipeline: 0, set, push: Vec::new(), groups: [count, 1, 1], waits: false });
 
-        let layout = SetLayout::new(gpu, "harmonics", &[Slot::Storage, Slot::StorageImage])?;
+        let layout = DescriptorSetLayout::new(gpu, "harmonics", &[BindingType::Storage, BindingType::StorageImage])?;
         self.pipelines.push(Pipeline::compute(gpu, "alternative_harmonics.comp", &[(0, order)], &[&layout], 0)?);
         for cube in &self.cubes {
-            let binds = [Bind::Storage(&coefficients), Bind::StorageImage(cube, 0)];
-            let set = Set::new(gpu, "harmonics", &layout, &binds)?;
+            let binds = [Binding::Storage(&coefficients), Binding::StorageImage(cube, 0)];
+            let set = DescriptorSet::new(gpu, "harmonics", &layout, &binds)?;
             self.steps.push(Step { pipeline: 1, set, push: Vec::new(), groups: groups(cube), waits: true });
         }
         self._coefficients = Some(coefficients);

@@ -2,9 +2,9 @@
 
 use glam::{DVec2, DVec3, Vec3};
 
-use super::{Environment, Job, Method, Target};
+use super::{AlternativePass, Environment, Method, Target};
 use crate::asset::Panorama;
-use crate::gpu::Part;
+use crate::gpu::Subresource;
 use crate::precompute::harness_tests::{texels, with_gpu};
 use crate::precompute::{LightMaps, Options};
 use crate::reference::cube::{cube_direction, panorama_texel_solid_angle, panorama_uv};
@@ -25,10 +25,10 @@ fn fill(panorama: &Panorama, size: u32, method: Method, targets: &[Target]) -> V
     with_gpu(|gpu| {
         let light = LightMaps::new(gpu, panorama, &Options { face_size: 16, ..Options::default() }).unwrap();
         let environment = Environment::new(gpu, &light.panorama, light.scale, size).unwrap();
-        let job = Job::new(gpu, &environment, method, targets).unwrap();
+        let job = AlternativePass::new(gpu, &environment, method, targets).unwrap();
         assert!(job.run(gpu).unwrap()[0].ms > 0.0);
         let cube = |(image, target): (&_, &Target)| {
-            let faces = (0..6).flat_map(|layer| texels(gpu, image, Part { mip: 0, layer }));
+            let faces = (0..6).flat_map(|layer| texels(gpu, image, Subresource { mip: 0, layer }));
             let value = |(i, value)| (direction(i, target.size), value * f64::from(environment.scale));
             faces.enumerate().map(value).collect()
         };

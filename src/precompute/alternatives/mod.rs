@@ -9,7 +9,7 @@ mod job;
 mod job_tests;
 
 pub use environment::Environment;
-pub use job::Job;
+pub use job::AlternativePass;
 
 /// One way, with its parameter.
 #[derive(Clone, Copy, Debug, PartialEq)]

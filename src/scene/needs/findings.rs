@@ -6,7 +6,7 @@ use glam::Vec3;
 use rayon::prelude::*;
 use serde::Serialize;
 
-use super::{MaterialNeeds, Metals, Model, Needs};
+use super::{MaterialFeatures, Metalness, Model, SceneFeatures};
 use crate::asset::Panorama;
 use crate::reference::energy::VISIBLE;
 use crate::scene::{Material, Scene};
@@ -25,14 +25,14 @@ pub struct Findings {
     pub triangles: usize,
     pub findings: Vec<Finding>,
     pub materials: Vec<MaterialFinding>,
-    pub needs: Needs,
+    pub needs: SceneFeatures,
 }
 
 /// One material's needs, by name.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct MaterialFinding {
     pub name: String,
-    pub needs: MaterialNeeds,
+    pub needs: MaterialFeatures,
     pub roughness: [f32; 2],
     pub metallic: [f32; 2],
     pub occludes: bool,
@@ -55,8 +55,8 @@ const SUN_SHARE: f32 = 0.1;
 impl Findings {
     /// Reads a scene.
     pub fn of(scene: &Scene) -> Self {
-        let needs = Needs::of(scene, Model::Needed, None);
-        let material = |(material, needs): (&Material, &MaterialNeeds)| MaterialFinding {
+        let needs = SceneFeatures::of(scene, Model::Needed, None);
+        let material = |(material, needs): (&Material, &MaterialFeatures)| MaterialFinding {
             name: material.name.clone(),
             needs: *needs,
             roughness: material.roughness_range,
@@ -89,11 +89,11 @@ fn maps(materials: &[MaterialFinding]) -> Vec<Finding> {
         Finding { subject, modelled: count > 0, why }
     };
     vec![
-        finding("albedo maps", &|m| m.needs.albedo_map, "no material has one that varies: factors"),
+        finding("albedo maps", &|m| m.needs.base_color_map, "no material has one that varies: factors"),
         finding("normal maps", &|m| m.needs.normal_map, "no material has one that bends anything"),
         finding(
             "roughness, metal maps",
-            &|m| m.needs.surface_map,
+            &|m| m.needs.orm_map,
             "no material's roughness, metalness or occlusion varies: factors",
         ),
         finding("occlusion", &|m| m.occludes, "no map darkens anything"),
@@ -103,7 +103,7 @@ fn maps(materials: &[MaterialFinding]) -> Vec<Finding> {
 
 fn metals(materials: &[MaterialFinding]) -> Finding {
     let count = |kind| materials.iter().filter(|m| m.needs.metals == kind).count();
-    let (dielectric, metal, mixed) = (count(Metals::None), count(Metals::All), count(Metals::Some));
+    let (dielectric, metal, mixed) = (count(Metalness::Dielectric), count(Metalness::Metal), count(Metalness::Mixed));
     let why = match (dielectric, metal, mixed) {
         (_, 0, 0) => "nothing is metallic: reflects 4 % head on".to_owned(),
         (0, _, 0) => "metal all over: no diffuse light is looked up".to_owned(),

@@ -9,7 +9,7 @@ use crate::scene::{Mesh, Scene};
 /// Where a picture is taken from, and how fine it is.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Viewpoint {
-    /// World, metres.
+    /// SceneResources, metres.
     pub position: Vec3,
     /// Eyes may be this far from it, metres.
     pub around_metres: f32,
@@ -41,7 +41,7 @@ pub fn first_levels(scene: &Scene, viewpoint: Viewpoint) -> Vec<u32> {
     let nearest = scene.instances.par_iter().map(|instance| {
         let mesh = &scene.meshes[instance.mesh];
         let material = &scene.materials[mesh.material];
-        let maps = [material.albedo_map, material.normal_map, material.surface_map];
+        let maps = [material.base_color_map, material.normal_map, material.orm_map];
         let sizes = maps.map(|map| map.map_or(Vec2::ZERO, |map| side(&scene.textures[map])));
         let footprints = footprints(mesh, instance.world_from_local, sizes, viewpoint);
         (maps, footprints)

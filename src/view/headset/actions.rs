@@ -39,7 +39,7 @@ pub enum Hand {
 
 /// What the user wishes in this frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Wishes {
+pub struct InputActions {
     /// The hand that aims a teleport now: show its arc.
     pub aim: Option<Hand>,
     /// The hand that let go of an aim in this frame: go where its arc lands.
@@ -66,16 +66,16 @@ impl Held {
         self.0[button as usize][hand as usize] == Some(true)
     }
 
-    /// Wishes that follow from the buttons before and now. What becomes unknown lets go of nothing: a teleport that a
+    /// InputActions that follow from the buttons before and now. What becomes unknown lets go of nothing: a teleport that a
     /// dashboard interrupts does not happen. What was unknown is not pressed anew either.
-    fn wishes(before: &Self, now: &Self, hands: [Option<Mat4>; 2]) -> Wishes {
+    fn wishes(before: &Self, now: &Self, hands: [Option<Mat4>; 2]) -> InputActions {
         let both = [Hand::Left, Hand::Right];
         let changed = |button: Button, hand: Hand, to: bool| {
             let at = |held: &Self| held.0[button as usize][hand as usize];
             at(before) == Some(!to) && at(now) == Some(to)
         };
         let pressed = |button: Button| both.iter().any(|hand| changed(button, *hand, true));
-        Wishes {
+        InputActions {
             aim: both.into_iter().rev().find(|hand| now.is(Button::Teleport, *hand)),
             teleport: both.into_iter().rev().find(|hand| changed(Button::Teleport, *hand, false)),
             turn: i32::from(pressed(Button::TurnRight)) - i32::from(pressed(Button::TurnLeft)),
@@ -150,7 +150,7 @@ impl Actions {
 
     /// This frame's wishes; call once a frame, after waiting for poses. None while the runtime gives no input, as with the
     /// dashboard up.
-    pub fn read(&mut self) -> Wishes {
+    pub fn read(&mut self) -> InputActions {
         let (held, hands) = if self.update() { (self.held(), self.poses()) } else { Default::default() };
         let wishes = Held::wishes(&self.before, &held, hands);
         self.before = held;

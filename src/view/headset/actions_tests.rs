@@ -131,7 +131,7 @@ fn held(button: Button, hand: Hand, state: Option<bool>) -> Held {
     held
 }
 
-fn wishes(before: Held, now: Held) -> Wishes {
+fn wishes(before: Held, now: Held) -> InputActions {
     Held::wishes(&before, &now, [None; 2])
 }
 
@@ -147,13 +147,13 @@ fn a_press_counts_once_and_a_teleport_goes_when_it_is_let_go() {
     let let_go = wishes(aiming, idle);
     assert_eq!((let_go.aim, let_go.teleport), (None, Some(Hand::Left)));
     assert_eq!(wishes(idle, held(Button::Grab, Hand::Right, Some(true))).grab, [false, true]);
-    assert_eq!(wishes(idle, idle), Wishes::default());
+    assert_eq!(wishes(idle, idle), InputActions::default());
 }
 
 #[test]
 fn what_becomes_unknown_neither_presses_nor_lets_go() {
     let aiming = held(Button::Teleport, Hand::Right, Some(true));
-    assert_eq!(wishes(aiming, Held::default()), Wishes::default());
+    assert_eq!(wishes(aiming, Held::default()), InputActions::default());
     // The dashboard closes while the button of the next scene is down.
     let pressed = held(Button::NextScene, Hand::Right, Some(true));
     assert!(!wishes(Held::default(), pressed).next_scene);
@@ -287,7 +287,7 @@ fn input_that_stops_while_aiming_teleports_nobody() {
         runtime().pressed = vec![("teleport", "right")];
         assert_eq!(actions.read().aim, Some(Hand::Right));
         runtime().available = false;
-        assert_eq!(actions.read(), Wishes::default());
+        assert_eq!(actions.read(), InputActions::default());
         runtime().pressed.clear();
         runtime().available = true;
         assert_eq!(actions.read().teleport, None);
@@ -304,7 +304,7 @@ fn missing_entries_are_survived() {
         with_runtime(table, |table| assert_eq!(Actions::new(table, &assets()).err().as_deref(), Some(why)));
     }
     let read = |table: VR_IVRInput_FnTable| {
-        let mut wishes = Wishes::default();
+        let mut wishes = InputActions::default();
         with_runtime(table, |table| {
             let mut actions = Actions::new(table, &assets()).unwrap();
             runtime().pressed = vec![("grab", "")];
@@ -313,7 +313,7 @@ fn missing_entries_are_survived() {
         });
         wishes
     };
-    assert_eq!(read(VR_IVRInput_FnTable { UpdateActionState: None, ..table() }), Wishes::default());
+    assert_eq!(read(VR_IVRInput_FnTable { UpdateActionState: None, ..table() }), InputActions::default());
     let no_buttons = read(VR_IVRInput_FnTable { GetDigitalActionData: None, ..table() });
     assert!(no_buttons.grab == [false; 2] && no_buttons.hands[0].is_some());
     let no_poses = read(VR_IVRInput_FnTable { GetPoseActionDataForNextFrame: None, ..table() });

@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 use super::runtime::EyePicture;
 use crate::Result;
-use crate::gpu::{Commands, Gpu, Handles, Image, ImageDesc, ImageUsageFlags, Use};
+use crate::gpu::{Commands, Gpu, Handles, Image, ImageAccess, ImageDesc, ImageUsageFlags};
 use crate::render::{FRAMES_IN_FLIGHT, Output};
 
 /// Left and right, for each frame in flight.
@@ -33,11 +33,11 @@ impl EyeImages {
     /// TRANSFER_SRC_OPTIMAL, as OpenVR demands.
     pub fn fill(&self, commands: &mut Commands<'_>, slot: usize, picture: &Image, area: [u32; 2]) {
         commands.pass("eyes", |commands| {
-            commands.prepare(picture, Use::CopyFrom);
+            commands.prepare(picture, ImageAccess::CopyFrom);
             for (layer, image) in (0u32..).zip(&self.pairs[slot]) {
-                commands.prepare_fresh(image, Use::CopyTo);
+                commands.prepare_fresh(image, ImageAccess::CopyTo);
                 commands.copy_layer(picture, layer, image, area);
-                commands.prepare(image, Use::CopyFrom);
+                commands.prepare(image, ImageAccess::CopyFrom);
             }
         });
     }

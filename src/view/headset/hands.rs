@@ -3,13 +3,13 @@
 
 use glam::{Mat4, Vec3};
 
-use super::actions::{Actions, Hand, Wishes, input_table};
+use super::actions::{Actions, Hand, InputActions, input_table};
 use super::optics::Head;
-use super::rig::{Arc, Blink, Grab, Rig, SNAP_DEGREES, is_object, teleport_arc, turned_models};
+use super::rig::{Arc, Grab, Rig, SNAP_DEGREES, TeleportFade, is_object, teleport_arc, turned_models};
 use super::runtime::Runtime;
 use crate::asset::shipped;
-use crate::render::Guides;
-use crate::view::window::worker::Stage;
+use crate::render::ControllerGizmos;
+use crate::view::window::loader::LoadedScene;
 
 /// Linear display colours: wands and rays, and arcs that lead nowhere.
 const LIGHT: Vec3 = Vec3::new(0.75, 0.8, 0.85);
@@ -43,9 +43,9 @@ pub struct Hands {
     /// Whether the place was found from a real pose of the head.
     settled: bool,
     camera: usize,
-    blink: Blink,
+    blink: TeleportFade,
     grab: Option<(Hand, Grab)>,
-    guides: Guides,
+    gizmos: ControllerGizmos,
 }
 
 impl Hands {
@@ -53,23 +53,23 @@ impl Hands {
     pub fn new(runtime: &Runtime) -> Self {
         let actions =
             actions(runtime).inspect_err(|why| crate::complain!("pbr-vr: headset: no controllers: {why}")).ok();
-        let (blink, guides) = (Blink::default(), Guides::default());
-        Self { actions, rig: None, settled: false, camera: 0, blink, grab: None, guides }
+        let (blink, gizmos) = (TeleportFade::default(), ControllerGizmos::default());
+        Self { actions, rig: None, settled: false, camera: 0, blink, grab: None, gizmos }
     }
 
     /// Stands at one of the scene's cameras from the next frame on; also for a new scene.
     pub fn go_to(&mut self, camera: usize) {
         (self.rig, self.settled, self.camera, self.grab) = (None, false, camera, None);
-        self.blink = Blink::default();
+        self.blink = TeleportFade::default();
     }
 
     /// What is to be drawn of the hands.
-    pub fn guides(&self) -> &Guides {
-        &self.guides
+    pub fn gizmos(&self) -> &ControllerGizmos {
+        &self.gizmos
     }
 
     /// Goes on by a frame: moves user and models as asked.
-    pub fn step(&mut self, stage: &mut Stage, head: &Head, seconds: f32) -> Step {
+    pub fn step(&mut self, stage: &mut LoadedScene, head: &Head, seconds: f32) -> Step {
         let wishes = self.actions.as_mut().map(Actions::read).unwrap_or_default();
         let play_from_head = head.space_from_head;
         let stays = self.rig.filter(|_| self.settled || !head.is_known);
@@ -87,27 +87,27 @@ impl Hands {
             self.blink.begin(landing);
             self.actions.iter().for_each(|actions| actions.tick(hand));
         }
-        let (darkness, arrived) = self.blink.step(seconds);
+        let (fade, arrived) = self.blink.step(seconds);
         if let Some(landing) = arrived {
             rig.teleport(landing, &play_from_head);
         }
-        stage.renderer.darken(darkness);
+        stage.renderer.set_fade(fade);
         // Nothing but the above moves it.
         let jumped = stays != Some(rig);
         self.rig = Some(rig);
         self.hold(stage, &rig, &wishes);
         self.draw(&rig, &wishes);
-        let Wishes { next_scene, next_panorama, next_shading, .. } = wishes;
+        let InputActions { next_scene, next_panorama, next_shading, .. } = wishes;
         let requests = Requests { next_scene, next_panorama, next_shading };
         Step { world_from_play: rig.world_from_play(), jumped, requests }
     }
 
-    fn start(&self, stage: &Stage, play_from_head: &Mat4) -> Rig {
+    fn start(&self, stage: &LoadedScene, play_from_head: &Mat4) -> Rig {
         Rig::start(&stage.cameras[self.camera], stage.floors[self.camera], play_from_head)
     }
 
     /// Grabbed models follow the hand; a snap turn then turns them on the spot instead of the user.
-    fn hold(&mut self, stage: &mut Stage, rig: &Rig, wishes: &Wishes) {
+    fn hold(&mut self, stage: &mut LoadedScene, rig: &Rig, wishes: &InputActions) {
         let world_from_hand =
             |hand: Hand| wishes.hands[hand as usize].map(|play_from_hand| rig.world_from_play() * play_from_hand);
         let holds = |hand: Hand| wishes.grab[hand as usize];
@@ -132,22 +132,22 @@ impl Hands {
         }
     }
 
-    fn draw(&mut self, rig: &Rig, wishes: &Wishes) {
-        self.guides.clear();
+    fn draw(&mut self, rig: &Rig, wishes: &InputActions) {
+        self.gizmos.clear();
         for play_from_hand in wishes.hands.into_iter().flatten() {
             let world_from_hand = rig.world_from_play() * play_from_hand;
-            self.guides.wand(&world_from_hand, LIGHT);
-            self.guides.ray(&world_from_hand, RAY_METRES, LIGHT);
+            self.gizmos.wand(&world_from_hand, LIGHT);
+            self.gizmos.ray(&world_from_hand, RAY_METRES, LIGHT);
         }
         if let Some(arc) = wishes.aim.and_then(|hand| arc(rig, wishes, hand)) {
             let colour = if arc.landing.is_some() { GO } else { NO_GO };
-            self.guides.ribbon(&arc.points, colour);
-            arc.landing.into_iter().for_each(|landing| self.guides.ring(landing, colour));
+            self.gizmos.ribbon(&arc.points, colour);
+            arc.landing.into_iter().for_each(|landing| self.gizmos.ring(landing, colour));
         }
     }
 }
 
-fn arc(rig: &Rig, wishes: &Wishes, hand: Hand) -> Option<Arc> {
+fn arc(rig: &Rig, wishes: &InputActions, hand: Hand) -> Option<Arc> {
     let play_from_hand = wishes.hands[hand as usize]?;
     Some(teleport_arc(&(rig.world_from_play() * play_from_hand), rig.floor()))
 }

@@ -112,7 +112,7 @@ fn height_at([a, b, c]: [Vec3; 3], point: Vec3) -> Option<f32> {
 /// The way a teleport would take.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Arc {
-    /// World, from the hand on.
+    /// SceneResources, from the hand on.
     pub points: [Vec3; ARC_POINTS],
     /// Where it meets the floor, if one may go there.
     pub landing: Option<Vec3>,
@@ -135,15 +135,15 @@ pub fn teleport_arc(world_from_hand: &Mat4, floor: f32) -> Arc {
     Arc { points, landing: (meets && near && flat).then_some(landing) }
 }
 
-/// The short darkness in which a teleport happens.
+/// The short fade in which a teleport happens.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Blink {
+pub struct TeleportFade {
     target: Option<Vec3>,
     /// Since the user let go; beyond the end, sight is free.
     seconds: Option<f32>,
 }
 
-impl Blink {
+impl TeleportFade {
     /// Closes the eyes; they open at `landing_world`. One that has not arrived yet is forgotten.
     pub fn begin(&mut self, landing_world: Vec3) {
         let seconds = self.seconds.filter(|s| *s < BLINK_SECONDS).unwrap_or(0.0);
@@ -157,8 +157,8 @@ impl Blink {
         // However long the frame was, the one in which the user is moved is dark.
         let seconds = if arrived.is_some() { BLINK_SECONDS } else { seconds };
         self.seconds = (seconds < 2.0 * BLINK_SECONDS).then_some(seconds);
-        let darkness = 1.0 - (seconds - BLINK_SECONDS).abs() / BLINK_SECONDS;
-        (darkness.max(0.0), arrived)
+        let fade = 1.0 - (seconds - BLINK_SECONDS).abs() / BLINK_SECONDS;
+        (fade.max(0.0), arrived)
     }
 }
 

@@ -132,20 +132,20 @@ fn steep_far_and_hopeless_arcs_land_nowhere() {
 #[test]
 fn a_blink_is_dark_when_it_moves_and_moves_once() {
     for frame in [1.0 / 90.0, 1.0 / 45.0, 0.5] {
-        let mut blink = Blink::default();
+        let mut blink = TeleportFade::default();
         assert_eq!(blink.step(frame), (0.0, None), "nobody asked");
         blink.begin(Vec3::X);
         let steps: Vec<_> = (0..40).map(|_| blink.step(frame)).collect();
         let moves: Vec<_> = steps.iter().filter(|(_, to)| to.is_some()).collect();
         assert_eq!(moves, [&(1.0, Some(Vec3::X))], "{frame}");
         assert_eq!(steps[39], (0.0, None));
-        assert!(steps.iter().all(|(darkness, _)| (0.0..=1.0).contains(darkness)));
+        assert!(steps.iter().all(|(fade, _)| (0.0..=1.0).contains(fade)));
     }
 }
 
 #[test]
 fn a_second_teleport_while_dark_replaces_the_first() {
-    let mut blink = Blink::default();
+    let mut blink = TeleportFade::default();
     blink.begin(Vec3::X);
     assert_eq!(blink.step(0.05).1, None);
     blink.begin(Vec3::Z);

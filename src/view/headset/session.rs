@@ -18,10 +18,10 @@ use super::quality::{Finished, Level, Quality};
 use super::report::{FrameTime, HeadsetReport, Timeline};
 use super::runtime::{DEVICES, EYES, Runtime};
 use super::watchdog::{Patience, Watchdog};
-use crate::gpu::{Gpu, PassTimes, Recorder};
+use crate::gpu::{CommandBuffer, Gpu, PassTimes};
 use crate::render::FRAMES_IN_FLIGHT;
 use crate::view::picture::ms_since;
-use crate::view::window::worker::Stage;
+use crate::view::window::loader::LoadedScene;
 use crate::{Result, say};
 
 /// The budget of a frame where the runtime does not tell the display's rate.
@@ -54,7 +54,7 @@ pub struct Session {
     runtime: ManuallyDrop<Runtime>,
     watchdog: Watchdog,
     images: EyeImages,
-    recorders: Vec<Recorder>,
+    recorders: Vec<CommandBuffer>,
     /// Which recorder and pair of images is next.
     slot: usize,
     /// The quality that each slot was drawn with last, and the last frame of all.
@@ -102,7 +102,7 @@ impl Session {
         Ok(Self {
             hands: Hands::new(&runtime),
             images: EyeImages::new(gpu, size)?,
-            recorders: (0..FRAMES_IN_FLIGHT).map(|_| Recorder::new(gpu)).collect::<Result<_>>()?,
+            recorders: (0..FRAMES_IN_FLIGHT).map(|_| CommandBuffer::new(gpu)).collect::<Result<_>>()?,
             slot: 0,
             levels: [0; FRAMES_IN_FLIGHT],
             level: quality.level(),
@@ -200,7 +200,7 @@ impl Session {
     }
 
     /// Shows both eyes the scene from where the head will be.
-    pub fn frame(&mut self, stage: &mut Stage) -> Result<Frame> {
+    pub fn frame(&mut self, stage: &mut LoadedScene) -> Result<Frame> {
         if let Some(end) = self.follow_events()? {
             return Ok(self.over(end));
         }
@@ -264,7 +264,7 @@ impl Session {
             if runtime.has_explicit_timing() {
                 runtime.wait_get_poses(poses)
             } else {
-                gpu.lend_queue(|| runtime.wait_get_poses(poses))
+                gpu.with_queue_locked(|| runtime.wait_get_poses(poses))
             }
         })?;
         if code == sys::EVRCompositorError_VRCompositorError_None {
@@ -281,7 +281,7 @@ impl Session {
         Ok(self.judge("WaitGetPoses", code))
     }
 
-    fn draw(&mut self, stage: &mut Stage, world_from_play: Mat4) -> Result<()> {
+    fn draw(&mut self, stage: &mut LoadedScene, world_from_play: Mat4) -> Result<()> {
         let (size, slot) = (self.size(), self.slot);
         let world_from_head = world_from_play * self.head.space_from_head;
         let eyes = self.optics.map(|optics| optics.eye(world_from_head));
@@ -293,10 +293,10 @@ impl Session {
         self.times = finished;
         renderer.set_area(self.level.size);
         let (mut commands, _) = self.recorders[slot].begin()?;
-        renderer.set_guides(slot, self.hands.guides())?;
+        renderer.set_gizmos(slot, self.hands.gizmos())?;
         renderer.record_scene(&mut commands, slot, &eyes);
         self.images.fill(&mut commands, slot, renderer.picture(), self.level.size);
-        self.gpu.lend_queue(|| self.runtime.submit_timing());
+        self.gpu.with_queue_locked(|| self.runtime.submit_timing());
         commands.submit(None)
     }
 
@@ -317,7 +317,7 @@ impl Session {
     fn submit(&mut self, jumped: bool) -> Result<Option<End>> {
         let bounds = self.level.bounds;
         for (eye, picture) in EYES.into_iter().zip(self.images.pictures(self.slot)) {
-            let submit = || self.gpu.lend_queue(|| self.runtime.submit(eye, &picture, bounds, jumped));
+            let submit = || self.gpu.with_queue_locked(|| self.runtime.submit(eye, &picture, bounds, jumped));
             let code = self.watchdog.watch("Submit", Patience::FRAME, submit)?;
             if code == sys::EVRCompositorError_VRCompositorError_None {
                 self.lacking = None;
@@ -326,7 +326,7 @@ impl Session {
                 return Ok(Some(end));
             }
         }
-        let handoff = || self.gpu.lend_queue(|| self.runtime.post_present_handoff());
+        let handoff = || self.gpu.with_queue_locked(|| self.runtime.post_present_handoff());
         self.watchdog.watch("PostPresentHandoff", Patience::FRAME, handoff);
         // The frame before: its numbers are whole.
         if let Some(timing) = self.runtime.frame_timing(1) {
@@ -381,9 +381,9 @@ impl Drop for Session {
         // A lost device has nothing left to wait for.
         let _ = self.gpu.wait_idle();
         let (runtime, gpu) = (&mut self.runtime, &self.gpu);
-        // The runtime may wait for the device, which nobody may submit to meanwhile: the worker still loads.
+        // The runtime may wait for the device, which nobody may submit to meanwhile: the loader still loads.
         // SAFETY: nothing uses it after this.
-        let shut_down = || gpu.lend_queue(|| unsafe { ManuallyDrop::drop(runtime) });
+        let shut_down = || gpu.with_queue_locked(|| unsafe { ManuallyDrop::drop(runtime) });
         self.watchdog.watch("VR_Shutdown", Patience::FRAME, shut_down);
     }
 }

@@ -19,12 +19,12 @@ use super::super::frame_clock::FrameClock;
 use super::super::headset::playlist::Playlist;
 use super::super::headset::{HeadsetReport, Session};
 use super::super::{Mirror, ViewRequest};
-use super::canvas::Canvas;
 #[cfg(feature = "hot-reload")]
 use super::hot_reload::ShaderWatch;
 use super::hud::{Hud, Status, title};
 use super::keys::Held;
-use super::worker::{Done, Job, Stage, Worker, file_name, report_screenshot};
+use super::loader::{LoadRequest, LoadResult, LoadedScene, Loader, file_name, report_screenshot};
+use super::presenter::WindowPresenter;
 use crate::gpu::Gpu;
 use crate::precompute::LightMaps;
 use crate::render::{Overlay, Shading};
@@ -53,20 +53,20 @@ pub struct Viewer {
     /// It failed once, and is left alone.
     mirror_broken: bool,
     playlist: Playlist,
-    worker: Worker,
+    loader: Loader,
     #[cfg(feature = "hot-reload")]
     shader_watch: ShaderWatch,
-    canvas: Canvas,
+    canvas: WindowPresenter,
     overlay: Overlay,
     /// Nothing before the first scene is loaded.
-    stage: Option<(Box<Stage>, Control)>,
+    stage: Option<(Box<LoadedScene>, Control)>,
     /// Index of the last chosen camera.
     camera: usize,
     shading: Shading,
     clock: FrameClock,
     titled: Option<Instant>,
     hud: Hud,
-    /// Files with the worker, in order.
+    /// Files with the loader, in order.
     loading: VecDeque<String>,
     held: Held,
     modifiers: ModifiersState,
@@ -99,7 +99,7 @@ impl Viewer {
             let _ = wake.send_event(());
         };
         // SAFETY: the window becomes a field that is dropped after the canvas; the caller keeps the event loop.
-        let mut canvas = unsafe { Canvas::new(&gpu, &window) }?;
+        let mut canvas = unsafe { WindowPresenter::new(&gpu, &window) }?;
         if session.is_some() {
             canvas.choose_free_mode();
         }
@@ -109,7 +109,7 @@ impl Viewer {
             mirror: request.mirror,
             mirror_broken: false,
             playlist: Playlist::default(),
-            worker: Worker::new(&gpu, request.settings(&gpu), wake)?,
+            loader: Loader::new(&gpu, request.settings(&gpu), wake)?,
             #[cfg(feature = "hot-reload")]
             shader_watch: ShaderWatch::new(&crate::gpu::shader_folder())?,
             canvas,
@@ -193,7 +193,7 @@ impl Viewer {
         let recording = self.canvas.show(acquired, &mut stage.renderer, eye, overlay, &self.window)?;
         self.clock.add_recording(recording);
         if std::mem::take(&mut self.screenshot) {
-            self.worker.start(Job::Screenshot { pixels: self.canvas.read(&stage.renderer)?, size });
+            self.loader.start(LoadRequest::Screenshot { pixels: self.canvas.read(&stage.renderer)?, size });
         }
         self.frames += 1;
         if self.frames == 1 {
@@ -209,7 +209,7 @@ impl Viewer {
         let path: PathBuf = path.into();
         let name = file_name(&path);
         let job = match extension.as_str() {
-            "hdr" | "exr" => Job::Panorama { path },
+            "hdr" | "exr" => LoadRequest::Panorama { path },
             "toml" | "obj" => self.scene_job(path),
             _ => {
                 let remedy = "drop a scene (.toml, .obj) or a panorama (.hdr, .exr)";
@@ -228,11 +228,11 @@ impl Viewer {
         self.start(name, job);
     }
 
-    /// Takes what the worker has finished.
+    /// Takes what the loader has finished.
     pub fn collect(&mut self) -> Result<()> {
-        while let Some(done) = self.worker.take()? {
+        while let Some(done) = self.loader.take()? {
             match done {
-                Done::Scene(stage) => {
+                LoadResult::Scene(stage) => {
                     self.loading.pop_front();
                     match stage {
                         Ok(stage) => self.enter(stage)?,
@@ -240,14 +240,14 @@ impl Viewer {
                         Err(error) => self.complain(&error),
                     }
                 }
-                Done::Panorama { name, light } => {
+                LoadResult::Panorama { name, light } => {
                     self.loading.pop_front();
                     match light {
                         Ok(light) => self.light_with(&name, *light)?,
                         Err(error) => self.complain(&error),
                     }
                 }
-                Done::Screenshot(written) => {
+                LoadResult::Screenshot(written) => {
                     report_screenshot(&written);
                     match written {
                         Ok(path) => self.note(format!("wrote {}", path.display())),
@@ -270,18 +270,18 @@ impl Viewer {
         self.canvas.window_changed();
     }
 
-    fn scene_job(&self, path: PathBuf) -> Job {
+    fn scene_job(&self, path: PathBuf) -> LoadRequest {
         let in_headset = |session: &Session| (session.size(), 2, session.hidden_area());
         let (size, eyes, hidden) = self.session.as_ref().map_or((self.size, 1, Default::default()), in_headset);
-        Job::Scene { path, shading: self.shading, size: size.map(|s| s.max(1)), eyes, hidden }
+        LoadRequest::Scene { path, shading: self.shading, size: size.map(|s| s.max(1)), eyes, hidden }
     }
 
-    fn start(&mut self, name: String, job: Job) {
+    fn start(&mut self, name: String, job: LoadRequest) {
         self.loading.push_back(name);
-        self.worker.start(job);
+        self.loader.start(job);
     }
 
-    fn enter(&mut self, mut stage: Box<Stage>) -> Result<()> {
+    fn enter(&mut self, mut stage: Box<LoadedScene>) -> Result<()> {
         // These may have been changed while the scene was loading.
         match &mut self.session {
             Some(session) => session.go_to(0),
@@ -358,7 +358,7 @@ impl Viewer {
 }
 
 /// The settings in words.
-fn settings(stage: &mut Stage, control: &Control, camera: usize, present_mode: &str) -> [String; 6] {
+fn settings(stage: &mut LoadedScene, control: &Control, camera: usize, present_mode: &str) -> [String; 6] {
     let shading = stage.renderer.shading().to_possible_value().map_or_else(String::new, |v| v.get_name().to_owned());
     let mode = match control.mode() {
         Mode::Orbit => "orbit",
@@ -367,7 +367,7 @@ fn settings(stage: &mut Stage, control: &Control, camera: usize, present_mode: &
     [
         shading,
         format!("{:+.1} EV", *stage.renderer.exposure_ev()),
-        format!("panorama {:.0} deg", stage.renderer.environment_turn().to_degrees()),
+        format!("panorama {:.0} deg", stage.renderer.environment_rotation().to_degrees()),
         format!("camera {}", stage.cameras[camera].name),
         mode.to_owned(),
         present_mode.to_owned(),

@@ -24,7 +24,7 @@ pub struct Copy {
 }
 
 /// Memory of one copy with what is under way in it.
-struct Slot {
+struct BindingType {
     commands: vk::CommandBuffer,
     fence: vk::Fence,
     buffer: vk::Buffer,
@@ -40,7 +40,7 @@ pub struct Copier {
     pool: vk::CommandPool,
     memory: vk::PhysicalDeviceMemoryProperties,
     /// `eye · DEPTH + frame % DEPTH`.
-    slots: Vec<Slot>,
+    slots: Vec<BindingType>,
 }
 
 /// What cannot go on without a result: the runtime dies like any other whose Vulkan calls fail.
@@ -71,7 +71,7 @@ impl Copier {
         let info = vk::CommandBufferAllocateInfo::default().command_pool(pool).command_buffer_count(count);
         // SAFETY: as above.
         let all = must("command buffers", unsafe { device.allocate_command_buffers(&info) });
-        let slot = |commands| Slot {
+        let slot = |commands| BindingType {
             commands,
             // SAFETY: as above.
             fence: must("a fence", unsafe { device.create_fence(&vk::FenceCreateInfo::default(), None) }),

@@ -124,7 +124,7 @@ impl Viewer {
             }
             Action::Turn(steps) => {
                 if let Some((stage, _)) = &mut self.stage {
-                    let turn = stage.renderer.environment_turn();
+                    let turn = stage.renderer.environment_rotation();
                     *turn = (*turn + f32::from(steps) * TURN_STEP).rem_euclid(TAU);
                 }
             }
@@ -144,7 +144,7 @@ impl Viewer {
         self.choose_camera(self.camera);
         if let Some((stage, _)) = &mut self.stage {
             *stage.renderer.exposure_ev() = stage.exposure_ev;
-            *stage.renderer.environment_turn() = stage.rotation_degrees.to_radians();
+            *stage.renderer.environment_rotation() = stage.rotation_degrees.to_radians();
             *stage.renderer.world_from_models() = Mat4::IDENTITY;
         }
     }

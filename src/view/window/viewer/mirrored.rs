@@ -8,9 +8,9 @@ use super::super::super::Mirror;
 use super::super::super::headset::{End, Frame, RunReport};
 use super::super::super::picture::ms_since;
 use super::super::hud::Status;
-use super::super::worker::Job;
+use super::super::loader::LoadRequest;
 use super::{TEXT_SCALE, Viewer, settings};
-use crate::gpu::{Part, Rect};
+use crate::gpu::{Rect, Subresource};
 use crate::render::Overlay;
 use crate::{Error, Result, say};
 
@@ -88,7 +88,7 @@ impl Viewer {
         self.session = None;
         if let Some((stage, _)) = &mut self.stage {
             stage.renderer.set_eyes(1)?;
-            stage.renderer.darken(0.0);
+            stage.renderer.set_fade(0.0);
         }
         // The window paces itself again, and if the mirror broke, tries anew.
         self.canvas.choose_vsync();
@@ -123,7 +123,7 @@ impl Viewer {
         if std::mem::take(&mut self.screenshot) {
             let pixels = self.canvas.read(&stage.renderer)?;
             let pixels = crop(&pixels, stage.renderer.picture().desc().size[0], picture);
-            self.worker.start(Job::Screenshot { pixels, size: picture });
+            self.loader.start(LoadRequest::Screenshot { pixels, size: picture });
         }
         let Some(acquired) = self.canvas.poll(self.size, now)? else { return Ok(false) };
         let parts = parts(self.mirror, picture, self.canvas.size());
@@ -143,7 +143,7 @@ impl Viewer {
 }
 
 /// Which layers go where: as large as they fit, undistorted, in the window's middle.
-fn parts(mirror: Mirror, picture: [u32; 2], window: [u32; 2]) -> Vec<(Part, [Rect; 2])> {
+fn parts(mirror: Mirror, picture: [u32; 2], window: [u32; 2]) -> Vec<(Subresource, [Rect; 2])> {
     let layers: &[u32] = match mirror {
         Mirror::Both => &[0, 1],
         Mirror::Left => &[0],
@@ -156,9 +156,9 @@ fn parts(mirror: Mirror, picture: [u32; 2], window: [u32; 2]) -> Vec<(Part, [Rec
     let left = window[0].saturating_sub(count * size[0]) / 2;
     let top = window[1].saturating_sub(size[1]) / 2;
     let onto = |i: u32| Rect { corner: [left + i * size[0], top], size };
-    let place = |(i, layer): (u32, &u32)| (Part { mip: 0, layer: *layer }, [Rect::of(picture), onto(i)]);
+    let place = |(i, layer): (u32, &u32)| (Subresource { mip: 0, layer: *layer }, [Rect::of(picture), onto(i)]);
     // A window of a few pixels has no room for two pictures.
-    let fits = |(_, [_, onto]): &(Part, [Rect; 2])| (0..2).all(|i| onto.corner[i] + onto.size[i] <= window[i]);
+    let fits = |(_, [_, onto]): &(Subresource, [Rect; 2])| (0..2).all(|i| onto.corner[i] + onto.size[i] <= window[i]);
     (0..).zip(layers).map(place).filter(fits).collect()
 }
 

@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use crate::reference::cube::cube_direction;
 use crate::reference::lobe::kernel_integral;
 
-/// Texels along a tile's side; `glsl/kernel_sum.comp` knows it, too.
+/// Texels along a tile's side; `glsl/hierarchical_convolution.comp` knows it, too.
 pub const TILE: u32 = 8;
 
 /// A cube map to be summed: texels along its faces, and its lobe's alpha.
@@ -20,7 +20,7 @@ pub struct Target {
 
 /// Node numbers, tile after tile.
 #[derive(Default)]
-pub struct NodeLists {
+pub struct InteractionLists {
     pub entries: Vec<u32>,
     /// For each tile, faces first, then rows: its first entry and their number.
     pub tiles: Vec<[u32; 2]>,
@@ -53,7 +53,7 @@ struct Cell {
     y: u32,
 }
 
-impl NodeLists {
+impl InteractionLists {
     /// Lists for all targets; the finest nodes are texels of faces of `finest`, a power of two.
     pub fn new(finest: u32, targets: &[Target]) -> Self {
         let shapes = Shapes::new(finest);
@@ -248,7 +248,7 @@ mod tests {
     fn lists_cover_what_the_tile_sees_once() {
         let finest = 16;
         for target in [Target { size: 32, alpha: 1.0 / 8.0 }, Target { size: 4, alpha: 1.0 }] {
-            let lists = NodeLists::new(finest, &[target]);
+            let lists = InteractionLists::new(finest, &[target]);
             let across = tiles_across(target.size);
             assert_eq!(lists.tiles.len() as u32, 6 * across * across);
             for [first, count] in &lists.tiles {

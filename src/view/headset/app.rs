@@ -12,7 +12,7 @@ use crate::gpu::Gpu;
 use crate::render::Shading;
 use crate::view::ViewRequest;
 use crate::view::look::next_shading;
-use crate::view::window::worker::{Done, Job, Stage, Worker};
+use crate::view::window::loader::{LoadRequest, LoadResult, LoadedScene, Loader};
 use crate::{Error, Result, say};
 
 /// How often the runtime's events are looked at while the first scene is loading.
@@ -29,9 +29,9 @@ pub fn run(request: &ViewRequest<'_>, connected: Connected) -> Result<()> {
     let messages = gpu.messages();
     let settings = request.settings(&gpu);
     let session = connected.begin(request.hidden_area)?;
-    let mut alone = Alone {
+    let mut alone = HeadsetApp {
         playlist: Playlist::new(&scene),
-        worker: Worker::new(&gpu, settings, || {})?,
+        loader: Loader::new(&gpu, settings, || {})?,
         session,
         stage: None,
         shading: request.look.shading,
@@ -51,16 +51,16 @@ pub fn run(request: &ViewRequest<'_>, connected: Connected) -> Result<()> {
 }
 
 /// What is shown. The session goes first, and with it the runtime.
-struct Alone {
+struct HeadsetApp {
     session: Session,
-    worker: Worker,
-    stage: Option<Box<Stage>>,
+    loader: Loader,
+    stage: Option<Box<LoadedScene>>,
     shading: Shading,
     playlist: Playlist,
     gpu: Arc<Gpu>,
 }
 
-impl Alone {
+impl HeadsetApp {
     fn play(&mut self, scene: &Path, frames: Option<u64>) -> Result<Option<End>> {
         self.load(scene.to_owned());
         loop {
@@ -92,13 +92,19 @@ impl Alone {
 
     fn load(&self, path: PathBuf) {
         let hidden = self.session.hidden_area();
-        self.worker.start(Job::Scene { path, shading: self.shading, size: self.session.size(), eyes: 2, hidden });
+        self.loader.start(LoadRequest::Scene {
+            path,
+            shading: self.shading,
+            size: self.session.size(),
+            eyes: 2,
+            hidden,
+        });
     }
 
     fn collect(&mut self) -> Result<()> {
-        while let Some(done) = self.worker.take()? {
+        while let Some(done) = self.loader.take()? {
             match done {
-                Done::Scene(Ok(mut stage)) => {
+                LoadResult::Scene(Ok(mut stage)) => {
                     // It may have been changed while the scene was loading.
                     if stage.renderer.shading() != self.shading {
                         stage.renderer.set_shading(self.shading)?;
@@ -106,15 +112,15 @@ impl Alone {
                     self.session.go_to(0);
                     self.stage = Some(stage);
                 }
-                Done::Scene(Err(error)) if self.stage.is_none() => return Err(error),
-                Done::Scene(Err(error)) => crate::complain!("pbr-vr: {error}"),
-                Done::Panorama { light, .. } => match (light, &mut self.stage) {
+                LoadResult::Scene(Err(error)) if self.stage.is_none() => return Err(error),
+                LoadResult::Scene(Err(error)) => crate::complain!("pbr-vr: {error}"),
+                LoadResult::Panorama { light, .. } => match (light, &mut self.stage) {
                     (Ok(light), Some(stage)) => stage.renderer.set_light(*light)?,
                     (Ok(_), None) => {}
                     (Err(error), _) => crate::complain!("pbr-vr: {error}"),
                 },
                 // Nobody asks for one here.
-                Done::Screenshot(_) => {}
+                LoadResult::Screenshot(_) => {}
             }
         }
         Ok(())
@@ -125,7 +131,7 @@ impl Alone {
             self.load(path);
         }
         if let Some(path) = requests.next_panorama.then(|| self.playlist.next_panorama()).flatten() {
-            self.worker.start(Job::Panorama { path });
+            self.loader.start(LoadRequest::Panorama { path });
         }
         if let Some(stage) = self.stage.as_mut().filter(|_| requests.next_shading) {
             self.shading = next_shading(self.shading, 1, false);

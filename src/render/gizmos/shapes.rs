@@ -1,10 +1,10 @@
-//! The guides' shapes as triangles.
+//! The gizmos' shapes as triangles.
 
 use std::f32::consts::TAU;
 
 use glam::{Mat4, Vec3};
 
-use super::Guides;
+use super::ControllerGizmos;
 
 /// Metres.
 const WAND_LENGTH: f32 = 0.12;
@@ -19,7 +19,7 @@ const WAND_SIDES: u16 = 12;
 const RAY_SIDES: u16 = 4;
 const RING_SIDES: u16 = 48;
 
-impl Guides {
+impl ControllerGizmos {
     /// A cone in the hand that points along the pose's −Z, its tip at the pose's origin; its sides are shaded a little, so
     /// that its shape is seen.
     pub fn wand(&mut self, world_from_hand: &Mat4, colour: Vec3) {
@@ -91,10 +91,10 @@ fn around(sides: u16) -> impl Iterator<Item = (Vec3, Vec3, f32)> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::render::guides::MAX_GUIDE_VERTICES;
+    use crate::render::gizmos::MAX_GIZMO_VERTICES;
 
-    fn points(guides: &Guides) -> Vec<Vec3> {
-        guides.triangles().iter().map(|v| Vec3::from(v.position)).collect()
+    fn points(gizmos: &ControllerGizmos) -> Vec<Vec3> {
+        gizmos.triangles().iter().map(|v| Vec3::from(v.position)).collect()
     }
 
     #[test]
@@ -102,10 +102,10 @@ mod tests {
         let line: Vec<Vec3> = (0..20u8)
             .map(|i| Vec3::new(0.1 * f32::from(i), 1.0 - 0.003 * f32::from(i).powi(2), 0.2 * f32::from(i)))
             .collect();
-        let mut guides = Guides::default();
-        guides.ribbon(&line, Vec3::ONE);
-        assert_eq!(guides.triangles().len(), 19 * 6);
-        for p in points(&guides) {
+        let mut gizmos = ControllerGizmos::default();
+        gizmos.ribbon(&line, Vec3::ONE);
+        assert_eq!(gizmos.triangles().len(), 19 * 6);
+        for p in points(&gizmos) {
             let nearest = line.iter().min_by(|a, b| a.distance(p).total_cmp(&b.distance(p))).unwrap();
             assert!((nearest.distance(p) - 0.5 * RIBBON_WIDTH).abs() < 1e-5 && (nearest.y - p.y).abs() < 1e-6);
         }
@@ -114,19 +114,19 @@ mod tests {
     #[test]
     fn a_ribbon_that_falls_straight_down_or_has_no_length_is_finite() {
         for line in [vec![], vec![Vec3::ONE], vec![Vec3::ONE; 5], vec![Vec3::Y, Vec3::ZERO, -Vec3::Y]] {
-            let mut guides = Guides::default();
-            guides.ribbon(&line, Vec3::ONE);
-            assert_eq!(guides.triangles().len(), 6 * line.len().saturating_sub(1));
-            assert!(points(&guides).iter().all(|p| p.is_finite()));
+            let mut gizmos = ControllerGizmos::default();
+            gizmos.ribbon(&line, Vec3::ONE);
+            assert_eq!(gizmos.triangles().len(), 6 * line.len().saturating_sub(1));
+            assert!(points(&gizmos).iter().all(|p| p.is_finite()));
         }
     }
 
     #[test]
     fn a_ring_lies_flat_around_its_centre() {
-        let mut guides = Guides::default();
+        let mut gizmos = ControllerGizmos::default();
         let centre = Vec3::new(3.0, 0.5, -2.0);
-        guides.ring(centre, Vec3::ONE);
-        for p in points(&guides) {
+        gizmos.ring(centre, Vec3::ONE);
+        for p in points(&gizmos) {
             let from = p - centre;
             let radius = from.with_y(0.0).length();
             assert!((from.y - RING_LIFT).abs() < 1e-6);
@@ -136,26 +136,26 @@ mod tests {
 
     #[test]
     fn a_wand_has_its_tip_at_the_hand_and_its_body_behind() {
-        let mut guides = Guides::default();
+        let mut gizmos = ControllerGizmos::default();
         let hand = Mat4::from_translation(Vec3::new(1.0, 2.0, 3.0));
-        guides.wand(&hand, Vec3::ONE);
-        let z: Vec<f32> = points(&guides).iter().map(|p| p.z).collect();
+        gizmos.wand(&hand, Vec3::ONE);
+        let z: Vec<f32> = points(&gizmos).iter().map(|p| p.z).collect();
         assert!(z.iter().all(|z| (3.0..3.0 + WAND_LENGTH + 1e-5).contains(z)));
-        assert!(points(&guides).contains(&Vec3::new(1.0, 2.0, 3.0)));
-        let before = guides.triangles().len();
-        guides.ray(&hand, 2.0, Vec3::ONE);
-        let ray = &points(&guides)[before..];
+        assert!(points(&gizmos).contains(&Vec3::new(1.0, 2.0, 3.0)));
+        let before = gizmos.triangles().len();
+        gizmos.ray(&hand, 2.0, Vec3::ONE);
+        let ray = &points(&gizmos)[before..];
         assert!(ray.iter().all(|p| (1.0 - 1e-5..3.0 + 1e-5).contains(&p.z)) && ray.iter().any(|p| p.z < 1.01));
     }
 
     #[test]
     fn too_many_triangles_are_left_out_without_growing() {
-        let mut guides = Guides::default();
-        let room = guides.triangles.capacity();
-        (0..100).for_each(|_| guides.ring(Vec3::ZERO, Vec3::ONE));
-        assert_eq!(guides.triangles().len(), MAX_GUIDE_VERTICES);
-        assert_eq!(guides.triangles.capacity(), room);
-        guides.clear();
-        assert!(guides.triangles().is_empty() && guides.triangles.capacity() == room);
+        let mut gizmos = ControllerGizmos::default();
+        let room = gizmos.triangles.capacity();
+        (0..100).for_each(|_| gizmos.ring(Vec3::ZERO, Vec3::ONE));
+        assert_eq!(gizmos.triangles().len(), MAX_GIZMO_VERTICES);
+        assert_eq!(gizmos.triangles.capacity(), room);
+        gizmos.clear();
+        assert!(gizmos.triangles().is_empty() && gizmos.triangles.capacity() == room);
     }
 }

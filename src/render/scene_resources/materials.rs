@@ -4,19 +4,20 @@ use std::sync::Arc;
 
 use crate::Result;
 use crate::gpu::{
-    Bind, Buffer, BufferKind, Format, Gpu, Image, ImageDesc, ImageUsageFlags, Sampler, Set, SetLayout, Slot,
-    upload_rows,
+    Binding, BindingType, Buffer, BufferKind, DescriptorSet, DescriptorSetLayout, Format, Gpu, Image, ImageDesc,
+    ImageUsageFlags, Sampler, upload_rows,
 };
 use crate::render::shared::MaterialBlock;
-use crate::scene::{Material, MaterialNeeds};
+use crate::scene::{Material, MaterialFeatures};
 
 /// The descriptor slots of set 1.
-pub const SLOTS: [Slot; 4] = [Slot::Uniform, Slot::Sampled, Slot::Sampled, Slot::Sampled];
+pub const SLOTS: [BindingType; 4] =
+    [BindingType::Uniform, BindingType::Sampled, BindingType::Sampled, BindingType::Sampled];
 
 /// One material, ready to be bound.
 pub struct GpuMaterial {
-    pub needs: MaterialNeeds,
-    pub set: Set,
+    pub needs: MaterialFeatures,
+    pub set: DescriptorSet,
     // The set refers to it.
     _block: Buffer,
 }
@@ -46,25 +47,25 @@ impl StandIns {
 /// Uploads one material, whose pipeline is made for `needs`.
 pub fn upload(
     gpu: &Arc<Gpu>,
-    layout: &SetLayout,
-    (material, needs): (&Material, MaterialNeeds),
+    layout: &DescriptorSetLayout,
+    (material, needs): (&Material, MaterialFeatures),
     (textures, stand_ins): (&[Image], &StandIns),
     sampler: &Sampler,
 ) -> Result<GpuMaterial> {
     let block = MaterialBlock {
-        albedo: material.albedo_factor.into(),
+        base_color: material.base_color_factor.into(),
         metallic: material.metallic_factor,
         roughness: material.roughness_factor,
         alpha_cutoff: material.alpha_cutoff.unwrap_or(0.0),
     };
     let block = Buffer::with_bytes(gpu, &material.name, BufferKind::Uniform, bytemuck::bytes_of(&block))?;
-    let map = |index: Option<usize>, absent| Bind::Sampled(index.map_or(absent, |index| &textures[index]), sampler);
+    let map = |index: Option<usize>, absent| Binding::Sampled(index.map_or(absent, |index| &textures[index]), sampler);
     let StandIns { white, flat } = stand_ins;
     let binds = [
-        Bind::Uniform(&block),
-        map(material.albedo_map, white),
+        Binding::Uniform(&block),
+        map(material.base_color_map, white),
         map(material.normal_map, flat),
-        map(material.surface_map, white),
+        map(material.orm_map, white),
     ];
-    Ok(GpuMaterial { needs, set: Set::new(gpu, &material.name, layout, &binds)?, _block: block })
+    Ok(GpuMaterial { needs, set: DescriptorSet::new(gpu, &material.name, layout, &binds)?, _block: block })
 }

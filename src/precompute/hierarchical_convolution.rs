@@ -4,11 +4,11 @@ use std::sync::Arc;
 
 use bytemuck::{Pod, Zeroable};
 
-use super::node_lists::{NodeLists, Target, first_node, node_count, tiles_across};
+use super::interaction_lists::{InteractionLists, Target, first_node, node_count, tiles_across};
 use crate::Result;
 use crate::gpu::{
-    Bind, Buffer, BufferKind, Commands, Edge, Gpu, Image, PassTime, Pipeline, Sampler, Set, SetLayout, Slot, Upload,
-    Use, run,
+    AddressMode, Binding, BindingType, Buffer, BufferKind, Commands, DescriptorSet, DescriptorSetLayout, Gpu, Image,
+    ImageAccess, PassTime, Pipeline, Sampler, Upload, submit_and_wait,
 };
 use crate::reference::levels::{LEVELS, alpha_from_level};
 
@@ -24,7 +24,7 @@ struct MergeBlock {
     size: u32,
 }
 
-/// Push constants of `glsl/kernel_sum.comp`.
+/// Push constants of `glsl/hierarchical_convolution.comp`.
 #[repr(C)]
 #[derive(Clone, Copy, Pod, Zeroable)]
 struct SumBlock {
@@ -36,7 +36,7 @@ struct SumBlock {
 
 /// One specular level, or irradiance.
 struct Sum {
-    set: Set,
+    set: DescriptorSet,
     block: SumBlock,
     /// Tiles along a face's side.
     across: u32,
@@ -44,13 +44,13 @@ struct Sum {
 
 /// Everything the passes need, for one panorama and its maps. Each pipeline in two variants: for light, and for the
 /// white light that norms are the sums of.
-pub struct KernelSum<'a> {
+pub struct HierarchicalConvolution<'a> {
     specular: &'a [Image; 2],
     irradiance: &'a Image,
     to_cube: [Pipeline; 2],
-    to_cube_set: Set,
+    to_cube_set: DescriptorSet,
     merge: Pipeline,
-    merge_set: Set,
+    merge_set: DescriptorSet,
     sum: [Pipeline; 2],
     /// Specular levels 1.., then irradiance.
     sums: Vec<Sum>,
@@ -63,7 +63,7 @@ pub struct KernelSum<'a> {
 const LIGHT: usize = 0;
 const WHITE: usize = 1;
 
-impl<'a> KernelSum<'a> {
+impl<'a> HierarchicalConvolution<'a> {
     /// Makes pipelines and lists; the levels' faces are a power of two, at least 2, texels wide.
     pub fn new(gpu: &Arc<Gpu>, panorama: &Image, specular: &'a [Image; 2], irradiance: &'a Image) -> Result<Self> {
         let size = specular[0].desc().size[0];
@@ -71,7 +71,7 @@ impl<'a> KernelSum<'a> {
             .map(|level| Target { size: size >> (level / 2), alpha: alpha_from_level(level) })
             .chain([Target { size: irradiance.desc().size[0], alpha: 1.0 }])
             .collect();
-        let lists = NodeLists::new(size / 2, &targets);
+        let lists = InteractionLists::new(size / 2, &targets);
         let norms: u32 = targets.iter().map(|target| target.size * target.size).sum();
         let buffers = [
             Buffer::new(gpu, "nodes", BufferKind::Storage, u64::from(node_count(size / 2)) * NODE_BYTES)?,
@@ -80,9 +80,10 @@ impl<'a> KernelSum<'a> {
             Buffer::new(gpu, "norms", BufferKind::Storage, u64::from(norms) * size_of::<f32>() as u64)?,
         ];
         let [nodes, entries, tiles, norms] = &buffers;
-        let sampler = Sampler::new(gpu, "panorama", Edge::Panorama, 1)?;
-        let set = |layout: &SetLayout, binds: &[Bind<'_>]| Set::new(gpu, "kernel sum", layout, binds);
-        let variants = |shader, constant, taps: Option<u32>, layout: &SetLayout, push_bytes: usize| {
+        let sampler = Sampler::new(gpu, "panorama", AddressMode::Panorama, 1)?;
+        let set =
+            |layout: &DescriptorSetLayout, binds: &[Binding<'_>]| DescriptorSet::new(gpu, "kernel sum", layout, binds);
+        let variants = |shader, constant, taps: Option<u32>, layout: &DescriptorSetLayout, push_bytes: usize| {
             let variant = |white: usize| {
                 // White light needs few taps: it is the same all over a texel.
                 let taps = taps.map(|taps| (0, if white == WHITE { 2 } else { taps }));
@@ -92,30 +93,41 @@ impl<'a> KernelSum<'a> {
             Ok::<_, crate::Error>([variant(LIGHT)?, variant(WHITE)?])
         };
 
-        let layout = SetLayout::new(gpu, "panorama to cube", &[Slot::Sampled, Slot::StorageImage, Slot::Storage])?;
-        let binds = [Bind::Sampled(panorama, &sampler), Bind::StorageImage(&specular[0], 0), Bind::Storage(nodes)];
+        let layout = DescriptorSetLayout::new(
+            gpu,
+            "panorama to cube",
+            &[BindingType::Sampled, BindingType::StorageImage, BindingType::Storage],
+        )?;
+        let binds =
+            [Binding::Sampled(panorama, &sampler), Binding::StorageImage(&specular[0], 0), Binding::Storage(nodes)];
         // Two taps or more for each panorama texel that a cube texel spans, at the equator and from pole to pole.
         let [width, height] = panorama.desc().size;
         let taps = width.max(2 * height).div_ceil(2 * size).clamp(2, 16);
         let to_cube = variants("cube_and_nodes.comp", 1, Some(taps), &layout, size_of::<f32>())?;
         let to_cube_set = set(&layout, &binds)?;
 
-        let layout = SetLayout::new(gpu, "node merge", &[Slot::Storage])?;
+        let layout = DescriptorSetLayout::new(gpu, "node merge", &[BindingType::Storage])?;
         let merge = Pipeline::compute(gpu, "node_merge.comp", &[], &[&layout], size_of::<MergeBlock>() as u32)?;
-        let merge_set = set(&layout, &[Bind::Storage(nodes)])?;
+        let merge_set = set(&layout, &[Binding::Storage(nodes)])?;
 
-        let slots = [Slot::Storage, Slot::Storage, Slot::Storage, Slot::Storage, Slot::StorageImage];
-        let layout = SetLayout::new(gpu, "kernel sum", &slots)?;
-        let sum = variants("kernel_sum.comp", 0, None, &layout, size_of::<SumBlock>())?;
+        let slots = [
+            BindingType::Storage,
+            BindingType::Storage,
+            BindingType::Storage,
+            BindingType::Storage,
+            BindingType::StorageImage,
+        ];
+        let layout = DescriptorSetLayout::new(gpu, "kernel sum", &slots)?;
+        let sum = variants("hierarchical_convolution.comp", 0, None, &layout, size_of::<SumBlock>())?;
         let outputs = (1..LEVELS).map(|level| (&specular[level % 2], level / 2)).chain([(irradiance, 0)]);
         let mut first_norm = 0;
         let mut sums = Vec::new();
         for ((image, mip), (target, first_tile)) in outputs.zip(targets.iter().zip(&lists.first_tile)) {
-            let [nodes, entries, tiles, norms] = [nodes, entries, tiles, norms].map(Bind::Storage);
+            let [nodes, entries, tiles, norms] = [nodes, entries, tiles, norms].map(Binding::Storage);
             let alpha2 = target.alpha * target.alpha;
             let k = 0.5 * (1.0 - alpha2);
             sums.push(Sum {
-                set: set(&layout, &[nodes, entries, tiles, norms, Bind::StorageImage(image, mip)])?,
+                set: set(&layout, &[nodes, entries, tiles, norms, Binding::StorageImage(image, mip)])?,
                 block: SumBlock { alpha2: alpha2 as f32, k: k as f32, first_tile: *first_tile, first_norm },
                 across: tiles_across(target.size),
             });
@@ -137,9 +149,9 @@ impl<'a> KernelSum<'a> {
 
     /// Fills the maps with radiance / `scale` and waits.
     pub fn run(&self, gpu: &Arc<Gpu>, scale: f32) -> Result<Vec<PassTime>> {
-        run(gpu, |commands| {
+        submit_and_wait(gpu, |commands| {
             let maps = [&self.specular[0], &self.specular[1], self.irradiance];
-            maps.iter().for_each(|map| commands.prepare(map, Use::Storage));
+            maps.iter().for_each(|map| commands.prepare(map, ImageAccess::Storage));
             commands.pass("norms", |commands| {
                 self.nodes(commands, WHITE, 1.0);
                 self.sums.iter().for_each(|sum| self.sum(commands, WHITE, sum));
@@ -150,7 +162,7 @@ impl<'a> KernelSum<'a> {
             let (irradiance, levels) = (irradiance.into_iter(), levels.into_iter().flatten());
             commands.pass("specular levels", |commands| levels.for_each(|sum| self.sum(commands, LIGHT, sum)));
             commands.pass("irradiance", |commands| irradiance.for_each(|sum| self.sum(commands, LIGHT, sum)));
-            maps.iter().for_each(|map| commands.prepare(map, Use::Sampled));
+            maps.iter().for_each(|map| commands.prepare(map, ImageAccess::Sampled));
             Ok(())
         })
     }

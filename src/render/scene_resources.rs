@@ -11,9 +11,9 @@ use super::draws::Draw;
 use super::shared::LightBlock;
 use crate::Result;
 use crate::asset::{Report, TextureOptions};
-use crate::gpu::{Buffer, BufferKind, Edge, Gpu, Image, Sampler, SetLayout};
+use crate::gpu::{AddressMode, Buffer, BufferKind, DescriptorSetLayout, Gpu, Image, Sampler};
 use crate::scene::cluster::clusters;
-use crate::scene::{Needs, Scene};
+use crate::scene::{Scene, SceneFeatures};
 use geometry::Geometry;
 pub use geometry::MeshRange;
 use materials::{GpuMaterial, StandIns};
@@ -21,7 +21,7 @@ pub use textures::TextureFacts;
 pub use vertex::{ATTRIBUTES, PackedVertex};
 
 /// Everything of a scene but its environment.
-pub struct World {
+pub struct SceneResources {
     pub geometry: Geometry,
     pub materials: Vec<GpuMaterial>,
     pub draws: Vec<Draw>,
@@ -29,7 +29,7 @@ pub struct World {
     pub light_count: u32,
     /// The number that shaders are made for; `None` for any.
     pub lights_needed: Option<u32>,
-    pub material_layout: SetLayout,
+    pub material_layout: DescriptorSetLayout,
     pub texture_facts: TextureFacts,
     // The materials' sets refer to them.
     _textures: Vec<Image>,
@@ -37,20 +37,20 @@ pub struct World {
     _sampler: Sampler,
 }
 
-impl World {
+impl SceneResources {
     /// Uploads what a scene needs.
     pub fn new(
         gpu: &Arc<Gpu>,
         scene: &Scene,
-        needs: &Needs,
+        needs: &SceneFeatures,
         options: &TextureOptions,
         report: &Report,
     ) -> Result<Self> {
         let clusters = clusters(&scene.meshes, &scene.instances);
         let geometry = Geometry::new(gpu, &clusters)?;
         let (textures, texture_facts) = textures::upload(gpu, &scene.textures, &needs.first_levels, options, report)?;
-        let sampler = Sampler::new(gpu, "material", Edge::Repeat, options.anisotropy)?;
-        let layout = SetLayout::new(gpu, "material", &materials::SLOTS)?;
+        let sampler = Sampler::new(gpu, "material", AddressMode::Repeat, options.anisotropy)?;
+        let layout = DescriptorSetLayout::new(gpu, "material", &materials::SLOTS)?;
         let stand_ins = StandIns::new(gpu)?;
         let material = |material| materials::upload(gpu, &layout, material, (&textures, &stand_ins), &sampler);
         let each = scene.materials.iter().zip(needs.materials.iter().copied());

@@ -8,7 +8,9 @@ use winit::raw_window_handle::{HasDisplayHandle, HasWindowHandle};
 use winit::window::Window;
 
 use super::fit::Fit;
-use crate::gpu::{Acquired, Gpu, Part, PassTimes, Polled, PresentMode, Recorder, Rect, Swapchain, Use, read_image};
+use crate::gpu::{
+    Acquired, CommandBuffer, Gpu, ImageAccess, PassTimes, Polled, PresentMode, Rect, Subresource, Swapchain, read_image,
+};
 use crate::render::{Eye, FRAMES_IN_FLIGHT, Overlay, Renderer};
 use crate::{Error, Result};
 
@@ -19,10 +21,10 @@ const RETRY: Duration = Duration::from_millis(20);
 const MIRROR_RETRY: Duration = Duration::from_millis(250);
 
 /// Where frames go.
-pub struct Canvas {
+pub struct WindowPresenter {
     gpu: Arc<Gpu>,
     swapchain: Swapchain,
-    recorders: Vec<Recorder>,
+    recorders: Vec<CommandBuffer>,
     /// Which recorder is next.
     slot: usize,
     mode: PresentMode,
@@ -30,7 +32,7 @@ pub struct Canvas {
     retry_at: Option<Instant>,
 }
 
-impl Canvas {
+impl WindowPresenter {
     /// For a window on the display that the GPU was opened for.
     ///
     /// # Safety
@@ -41,7 +43,7 @@ impl Canvas {
         let handle = window.window_handle().map_err(no_handle)?.as_raw();
         // SAFETY: the caller keeps the window and the event loop alive for as long.
         let swapchain = unsafe { Swapchain::new(gpu, display, handle) }?;
-        let recorders = (0..FRAMES_IN_FLIGHT).map(|_| Recorder::new(gpu)).collect::<Result<_>>()?;
+        let recorders = (0..FRAMES_IN_FLIGHT).map(|_| CommandBuffer::new(gpu)).collect::<Result<_>>()?;
         let gpu = Arc::clone(gpu);
         Ok(Self { gpu, swapchain, recorders, slot: 0, mode: PresentMode::Vsync, fit: Fit::none(), retry_at: None })
     }
@@ -149,14 +151,14 @@ impl Canvas {
         acquired: Acquired,
         renderer: &Renderer,
         overlay: Option<&Overlay>,
-        parts: &[(Part, [Rect; 2])],
+        parts: &[(Subresource, [Rect; 2])],
         window: &Window,
     ) -> Result<()> {
         let (mut commands, _) = self.recorders[self.slot].begin()?;
         if let Some(overlay) = overlay {
             renderer.record_text(&mut commands, self.slot, overlay);
         }
-        commands.prepare(renderer.picture(), Use::CopyFrom);
+        commands.prepare(renderer.picture(), ImageAccess::CopyFrom);
         self.swapchain.copy_parts(&mut commands, renderer.picture(), parts, &acquired);
         commands.submit(Some(&acquired))?;
         self.present(acquired, window)
@@ -174,8 +176,8 @@ impl Canvas {
         let started = ThreadTime::now();
         let (mut commands, _) = self.recorders[self.slot].begin()?;
         renderer.record(&mut commands, self.slot, &[eye], overlay);
-        commands.prepare(renderer.picture(), Use::CopyFrom);
-        self.swapchain.copy(&mut commands, renderer.picture(), Part { mip: 0, layer: 0 }, &acquired);
+        commands.prepare(renderer.picture(), ImageAccess::CopyFrom);
+        self.swapchain.copy(&mut commands, renderer.picture(), Subresource { mip: 0, layer: 0 }, &acquired);
         commands.submit(Some(&acquired))?;
         let recording = started.elapsed();
         self.present(acquired, window)?;
@@ -192,6 +194,6 @@ impl Canvas {
 
     /// The picture last shown: RGBA, 8 bits a channel, rows from the top.
     pub fn read(&self, renderer: &Renderer) -> Result<Vec<u8>> {
-        read_image(&self.gpu, renderer.picture(), Part { mip: 0, layer: 0 }, 4)
+        read_image(&self.gpu, renderer.picture(), Subresource { mip: 0, layer: 0 }, 4)
     }
 }

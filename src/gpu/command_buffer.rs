@@ -6,7 +6,7 @@ use std::sync::Arc;
 use ash::vk;
 
 use super::commands::Commands;
-use super::device::{Gpu, Retired};
+use super::device::{Deferred, Gpu};
 use super::swapchain::{Acquired, FIRST_TOUCH};
 use crate::{Error, Result};
 
@@ -46,7 +46,7 @@ impl Deref for PassTimes {
 }
 
 /// A command buffer with its timers.
-pub struct Recorder {
+pub struct CommandBuffer {
     pub(super) gpu: Arc<Gpu>,
     pub(super) raw: vk::CommandBuffer,
     pool: vk::CommandPool,
@@ -58,7 +58,7 @@ pub struct Recorder {
     submission: u64,
 }
 
-impl Recorder {
+impl CommandBuffer {
     /// Makes one.
     pub fn new(gpu: &Arc<Gpu>) -> Result<Self> {
         let info = vk::CommandPoolCreateInfo::default()
@@ -161,9 +161,9 @@ fn whole(ticks: &[[u64; 2]]) -> u64 {
     last.saturating_sub(first)
 }
 
-impl Drop for Recorder {
+impl Drop for CommandBuffer {
     fn drop(&mut self) {
-        self.gpu.retire(Retired::CommandPool(self.pool, self.queries));
+        self.gpu.defer_destruction(Deferred::CommandPool(self.pool, self.queries));
     }
 }
 
@@ -196,8 +196,8 @@ impl Commands<'_> {
 }
 
 /// Records, submits and waits: for uploads, precomputation and single pictures. Returns the pass times.
-pub fn run(gpu: &Arc<Gpu>, record: impl FnOnce(&mut Commands<'_>) -> Result<()>) -> Result<Vec<PassTime>> {
-    let mut recorder = Recorder::new(gpu)?;
+pub fn submit_and_wait(gpu: &Arc<Gpu>, record: impl FnOnce(&mut Commands<'_>) -> Result<()>) -> Result<Vec<PassTime>> {
+    let mut recorder = CommandBuffer::new(gpu)?;
     let (mut commands, _) = recorder.begin()?;
     record(&mut commands)?;
     commands.submit(None)?;

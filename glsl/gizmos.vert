@@ -4,7 +4,7 @@
 #extension GL_ARB_shader_viewport_layer_array : require
 #include "shared.glsl"
 
-// render::GuideVertex.
+// render::GizmoVertex.
 struct Vertex {
     vec3 position; // metres, world
     vec3 colour;   // linear display RGB

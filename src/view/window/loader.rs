@@ -14,12 +14,12 @@ use crate::asset::picture::Picture;
 use crate::asset::{Panorama, Report, folders};
 use crate::gpu::Gpu;
 use crate::precompute::LightMaps;
-use crate::render::{Guides, HiddenArea, Renderer, Settings, Shading};
+use crate::render::{ControllerGizmos, HiddenArea, Renderer, Settings, Shading};
 use crate::scene::{Bounds, Camera};
 use crate::{Error, Result, say};
 
 /// A scene that is ready to be drawn.
-pub struct Stage {
+pub struct LoadedScene {
     /// The file's name.
     pub name: String,
     pub renderer: Renderer,
@@ -33,7 +33,7 @@ pub struct Stage {
 }
 
 /// What can be asked for.
-pub enum Job {
+pub enum LoadRequest {
     Scene {
         path: PathBuf,
         shading: Shading,
@@ -53,21 +53,21 @@ pub enum Job {
 }
 
 /// What came of it.
-pub enum Done {
-    Scene(Result<Box<Stage>>),
+pub enum LoadResult {
+    Scene(Result<Box<LoadedScene>>),
     Panorama { name: String, light: Result<Box<LightMaps>> },
     Screenshot(Result<PathBuf>),
 }
 
 /// The thread. When dropped, it finishes what it is at, writes what is still to be written, and ends.
-pub struct Worker {
-    jobs: Option<Sender<Job>>,
-    done: Receiver<Done>,
+pub struct Loader {
+    jobs: Option<Sender<LoadRequest>>,
+    done: Receiver<LoadResult>,
     closing: Arc<AtomicBool>,
     thread: Option<JoinHandle<()>>,
 }
 
-impl Worker {
+impl Loader {
     /// Starts it; `wake` is called from its thread whenever there is something to take.
     pub fn new(gpu: &Arc<Gpu>, settings: Settings, wake: impl Fn() + Clone + Send + 'static) -> Result<Self> {
         let (jobs, to_do) = channel();
@@ -77,7 +77,7 @@ impl Worker {
         let work = move || {
             let _wake = WakeAtEnd(wake.clone());
             for job in to_do {
-                if stop.load(Ordering::Relaxed) && !matches!(job, Job::Screenshot { .. }) {
+                if stop.load(Ordering::Relaxed) && !matches!(job, LoadRequest::Screenshot { .. }) {
                     continue;
                 }
                 // Its owner is there until this thread has ended.
@@ -93,13 +93,13 @@ impl Worker {
     }
 
     /// Puts a job at the queue's end.
-    pub fn start(&self, job: Job) {
+    pub fn start(&self, job: LoadRequest) {
         // It fails only if the thread has died, which `take` reports.
         let _ = self.jobs.as_ref().map(|jobs| jobs.send(job));
     }
 
     /// The oldest result not yet taken.
-    pub fn take(&self) -> Result<Option<Done>> {
+    pub fn take(&self) -> Result<Option<LoadResult>> {
         match self.done.try_recv() {
             Ok(done) => Ok(Some(done)),
             Err(std::sync::mpsc::TryRecvError::Empty) => Ok(None),
@@ -110,14 +110,14 @@ impl Worker {
     }
 }
 
-impl Drop for Worker {
+impl Drop for Loader {
     fn drop(&mut self) {
         self.closing.store(true, Ordering::Relaxed);
         self.jobs = None;
         // A panic of its has been printed, and `take` has made an error of it.
         let _ = self.thread.take().map(JoinHandle::join);
         for done in self.done.try_iter() {
-            if let Done::Screenshot(written) = done {
+            if let LoadResult::Screenshot(written) = done {
                 report_screenshot(&written);
             }
         }
@@ -141,27 +141,27 @@ pub fn report_screenshot(written: &Result<PathBuf>) {
     }
 }
 
-fn perform(gpu: &Arc<Gpu>, settings: &Settings, job: Job) -> Done {
+fn perform(gpu: &Arc<Gpu>, settings: &Settings, job: LoadRequest) -> LoadResult {
     let report = Report::to_terminal();
     match job {
-        Job::Scene { path, shading, size, eyes, hidden } => {
+        LoadRequest::Scene { path, shading, size, eyes, hidden } => {
             let pictures = (shading, size, eyes);
             let stage = load_stage(gpu, settings, &path, pictures, &report);
-            Done::Scene(stage.and_then(|mut stage| {
+            LoadResult::Scene(stage.and_then(|mut stage| {
                 if eyes > 1 {
                     make_ready_for_headset(gpu, settings, &mut stage.renderer, &hidden)?;
                 }
                 Ok(stage)
             }))
         }
-        Job::Panorama { path } => {
+        LoadRequest::Panorama { path } => {
             let light = Panorama::load(&path, &report)
                 .and_then(|panorama| LightMaps::new(gpu, &panorama, &settings.precompute))
                 .map(Box::new);
-            Done::Panorama { name: file_name(&path), light }
+            LoadResult::Panorama { name: file_name(&path), light }
         }
-        Job::Screenshot { pixels, size } => {
-            Done::Screenshot(keep_screenshot(&pixels, size, Path::new(""), folders::pictures()))
+        LoadRequest::Screenshot { pixels, size } => {
+            LoadResult::Screenshot(keep_screenshot(&pixels, size, Path::new(""), folders::pictures()))
         }
     }
 }
@@ -172,12 +172,12 @@ fn load_stage(
     path: &Path,
     (shading, size, eyes): (Shading, [u32; 2], u32),
     report: &Report,
-) -> Result<Box<Stage>> {
+) -> Result<Box<LoadedScene>> {
     let scene = load_scene(path, &settings.textures, report)?;
     let renderer = Renderer::new(gpu, &scene, settings.clone(), shading, size, eyes, report)?;
     let bounds = scene.bounds();
     let floors = scene.cameras.iter().map(|camera| floor_under(&scene, camera.position)).collect();
-    Ok(Box::new(Stage {
+    Ok(Box::new(LoadedScene {
         name: file_name(path),
         renderer,
         cameras: scene.cameras,
@@ -196,7 +196,7 @@ fn make_ready_for_headset(
     hidden: &[Vec<[f32; 2]>; 2],
 ) -> Result<()> {
     // None yet, but now there is what draws them.
-    renderer.set_guides(0, &Guides::default())?;
+    renderer.set_gizmos(0, &ControllerGizmos::default())?;
     renderer.set_hidden_area(HiddenArea::new(gpu, settings, hidden)?);
     Ok(())
 }

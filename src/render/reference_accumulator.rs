@@ -8,12 +8,13 @@ use glam::{Mat4, UVec4};
 use serde::Serialize;
 
 use super::shared::{FrameBlock, constant};
-use super::targets::Targets;
+use super::targets::ViewTargets;
 use super::{Eye, FRAMES_IN_FLIGHT, Output, Shading};
 use crate::Result;
 use crate::gpu::{
-    Bind, Buffer, BufferKind, Commands, DEPTH_FORMAT, Depth, Edge, Format, Gpu, GraphicsDesc, Image, ImageDesc,
-    ImageUsageFlags, Part, Pipeline, Sampler, Set, SetLayout, Shape, Slot, Targets as Rendering, Use, read_image,
+    AddressMode, Attachments, Binding, BindingType, Buffer, BufferKind, Commands, DEPTH_FORMAT, Depth, DescriptorSet,
+    DescriptorSetLayout, Format, Gpu, GraphicsDesc, Image, ImageAccess, ImageDesc, ImageUsageFlags, Pipeline, Sampler,
+    Shape, Subresource, read_image,
 };
 use crate::reference::importance::{Cell, alias_table};
 
@@ -74,7 +75,7 @@ struct Count {
 }
 
 /// Images that outlive a frame, and the passes that fill them.
-pub struct Exact {
+pub struct ReferenceAccumulator {
     latest: Image,
     depth: Image,
     mean: Image,
@@ -82,8 +83,8 @@ pub struct Exact {
     errors: Buffer,
     /// For each slot, and how many frames its errors are of.
     readbacks: Vec<(Buffer, u32)>,
-    accumulate: (Pipeline, Set),
-    show: (Pipeline, Set),
+    accumulate: (Pipeline, DescriptorSet),
+    show: (Pipeline, DescriptorSet),
     _sampler: Sampler,
     groups: [u32; 3],
     frames: u32,
@@ -91,12 +92,12 @@ pub struct Exact {
     shown: Option<Shown>,
 }
 
-impl Exact {
+impl ReferenceAccumulator {
     /// For [`Shading::Reference`]; others need none.
     pub fn of_shading(
         shading: Shading,
         gpu: &Arc<Gpu>,
-        frame_layout: &SetLayout,
+        frame_layout: &DescriptorSetLayout,
         size: [u32; 2],
         eyes: u32,
         output: Output,
@@ -105,7 +106,13 @@ impl Exact {
     }
 
     /// For pictures of `size` pixels of `eyes` eyes.
-    fn new(gpu: &Arc<Gpu>, frame_layout: &SetLayout, size: [u32; 2], eyes: u32, output: Output) -> Result<Self> {
+    fn new(
+        gpu: &Arc<Gpu>,
+        frame_layout: &DescriptorSetLayout,
+        size: [u32; 2],
+        eyes: u32,
+        output: Output,
+    ) -> Result<Self> {
         let make = |name: &str, format, usage| {
             let flat = ImageDesc::flat(format, size, usage);
             Image::new(gpu, name, ImageDesc { shape: Shape::Layers(eyes), ..flat })
@@ -119,16 +126,16 @@ impl Exact {
         let errors = Buffer::new(gpu, "errors", BufferKind::Storage, bytes)?;
         let readback = |_| Ok((Buffer::new(gpu, "errors", BufferKind::Readback, bytes)?, 0));
         let readbacks = (0..FRAMES_IN_FLIGHT).map(readback).collect::<Result<_>>()?;
-        let sampler = Sampler::new(gpu, "exact", Edge::Clamp, 1)?;
-        let slots = [Slot::Sampled, Slot::StorageImage, Slot::StorageImage, Slot::Storage];
-        let layout = SetLayout::new(gpu, "accumulate", &slots)?;
+        let sampler = Sampler::new(gpu, "exact", AddressMode::Clamp, 1)?;
+        let slots = [BindingType::Sampled, BindingType::StorageImage, BindingType::StorageImage, BindingType::Storage];
+        let layout = DescriptorSetLayout::new(gpu, "accumulate", &slots)?;
         let binds = [
-            Bind::Sampled(&latest, &sampler),
-            Bind::StorageImage(&mean, 0),
-            Bind::StorageImage(&deviations, 0),
-            Bind::Storage(&errors),
+            Binding::Sampled(&latest, &sampler),
+            Binding::StorageImage(&mean, 0),
+            Binding::StorageImage(&deviations, 0),
+            Binding::Storage(&errors),
         ];
-        let set = Set::new(gpu, "accumulate", &layout, &binds)?;
+        let set = DescriptorSet::new(gpu, "accumulate", &layout, &binds)?;
         let accumulate =
             (Pipeline::compute(gpu, "exact_accumulate.comp", &[], &[&layout], size_of::<Count>() as u32)?, set);
         let show = show_pass(gpu, frame_layout, &mean, &sampler, eyes, output)?;
@@ -163,20 +170,20 @@ impl Exact {
         commands: &mut Commands<'_>,
         slot: usize,
         draw: impl FnOnce(&mut Commands<'_>),
-        frame: &Set,
-        targets: &Targets,
+        frame: &DescriptorSet,
+        targets: &ViewTargets,
     ) {
         self.frames += 1;
         commands.pass("samples", |commands| {
-            commands.prepare_fresh(&self.depth, Use::Depth);
-            commands.prepare_fresh(&self.latest, Use::Colour);
+            commands.prepare_fresh(&self.depth, ImageAccess::Depth);
+            commands.prepare_fresh(&self.latest, ImageAccess::Colour);
             let (colour, depth, area) = (&self.latest, Some(&self.depth), targets.area);
-            commands.render(&Rendering { colour, resolve: None, depth, clear: Some([0.0; 4]), area }, draw);
+            commands.render(&Attachments { colour, resolve: None, depth, clear: Some([0.0; 4]), area }, draw);
         });
         commands.pass("accumulate", |commands| {
-            commands.prepare(&self.latest, Use::Sampled);
-            commands.prepare(&self.mean, Use::Storage);
-            commands.prepare(&self.deviations, Use::Storage);
+            commands.prepare(&self.latest, ImageAccess::Sampled);
+            commands.prepare(&self.mean, ImageAccess::Storage);
+            commands.prepare(&self.deviations, ImageAccess::Storage);
             // The last frame's errors are copied before they are overwritten.
             commands.buffers_written();
             let (pipeline, set) = &self.accumulate;
@@ -190,8 +197,8 @@ impl Exact {
             *frames = self.frames;
         });
         commands.pass("show", |commands| {
-            commands.prepare(&self.mean, Use::Sampled);
-            commands.prepare_fresh(&targets.picture, Use::Colour);
+            commands.prepare(&self.mean, ImageAccess::Sampled);
+            commands.prepare_fresh(&targets.picture, ImageAccess::Colour);
             let (pipeline, set) = &self.show;
             targets.draw_over(commands, |commands| {
                 commands.bind(pipeline, &[frame, set]);
@@ -245,7 +252,7 @@ pub fn importance_buffer(gpu: &Arc<Gpu>, panorama: &Image, shading: Shading) -> 
     let mips = panorama.desc().mips;
     let mip = (0..mips).find(|mip| panorama.mip_size(*mip)[0] <= MOST_CELLS).unwrap_or(mips - 1);
     let size = panorama.mip_size(mip);
-    let texels = read_image(gpu, panorama, Part { mip, layer: 0 }, size_of::<[f32; 4]>() as u64)?;
+    let texels = read_image(gpu, panorama, Subresource { mip, layer: 0 }, size_of::<[f32; 4]>() as u64)?;
     let cells = alias_table(size, &bytemuck::pod_collect_to_vec(&texels));
     let mut buffer =
         Buffer::new(gpu, "importance", BufferKind::StorageFromCpu, 8 + size_of_val(cells.as_slice()) as u64)?;
@@ -256,14 +263,14 @@ pub fn importance_buffer(gpu: &Arc<Gpu>, panorama: &Image, shading: Shading) -> 
 
 fn show_pass(
     gpu: &Arc<Gpu>,
-    frame_layout: &SetLayout,
+    frame_layout: &DescriptorSetLayout,
     mean: &Image,
     sampler: &Sampler,
     eyes: u32,
     output: Output,
-) -> Result<(Pipeline, Set)> {
-    let layout = SetLayout::new(gpu, "show", &[Slot::Sampled])?;
-    let set = Set::new(gpu, "show", &layout, &[Bind::Sampled(mean, sampler)])?;
+) -> Result<(Pipeline, DescriptorSet)> {
+    let layout = DescriptorSetLayout::new(gpu, "show", &[BindingType::Sampled])?;
+    let set = DescriptorSet::new(gpu, "show", &layout, &[Binding::Sampled(mean, sampler)])?;
     let desc = GraphicsDesc {
         name: "show",
         vertex: "exact_show.vert",
@@ -296,7 +303,7 @@ mod tests {
             shown.is_like(&other)
         };
         assert!(with(|s| s.block.exposure = 3.0));
-        assert!(!with(|s| s.block.environment_turn[0] = 0.5));
+        assert!(!with(|s| s.block.environment_rotation[0] = 0.5));
         assert!(!with(|s| s.block.eyes[0].world_from_view[3][0] = 1e-3));
         assert!(!with(|s| s.block.light_count = 1));
         assert!(!with(|s| s.models = Mat4::from_translation(Vec3::X)));

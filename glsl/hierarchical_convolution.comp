@@ -1,6 +1,6 @@
 // One specular level, or irradiance over pi: radiance around each direction r averaged by the lobe K (lobe.glsl),
 //   E(r) = ∫ L(l) K(r.l) dl / ∫ K dl  ≈  Σ flux · mean of K over the node / the same sum where radiance is 1,
-// the sum over nodes that cover all of the sphere above the horizon once. Which nodes, precompute::node_lists has decided
+// the sum over nodes that cover all of the sphere above the horizon once. Which nodes, precompute::interaction_lists has decided
 // for each tile of 8x8 texels: smaller than the lobe is where they lie, so K hardly bends over one, and the bend that is
 // left enters by the light's second moment in the node. No sample and no random number: the same light gives the same
 // bits. The sums for radiance 1 (NORMS) are the same on every face, and divide out most of what is left of the error.
