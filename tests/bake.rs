@@ -108,8 +108,8 @@ fn a_sun_beyond_halves_is_written_in_floats_and_keeps_its_radiance() {
     let panorama = Panorama::load(&panorama, &Report::silent()).expect("the panorama");
     let light = LightMaps::new(&gpu, &panorama, &Options { face_size: 16, ..Options::default() }).expect("maps");
     assert!(light.scale > 1.0);
-    let maps =
-        [("irradiance.ktx2", vec![&light.irradiance_over_pi]), ("specular.ktx2", light.specular.iter().collect())];
+    let specular: Vec<&Image> = light.specular.iter().map(|map| &**map).collect();
+    let maps = [("irradiance.ktx2", vec![&*light.irradiance_over_pi]), ("specular.ktx2", specular)];
     for (name, map) in maps {
         let file = read(&shop, name);
         check_with_other_reader(&shop.path("new/folder").join(name), &file);
@@ -146,7 +146,8 @@ fn images_become_textures_and_several_an_array() {
     let cubes = [make(Shape::Cube, 3), make(Shape::Cube, 3)];
     let layers = make(Shape::Layers(2), 2);
     let contents = [content(&cubes[0], 0), content(&cubes[1], 20_000), content(&layers, 7)];
-    let images = [(&cubes[0], &contents[0][..]), (&cubes[1], &contents[1][..]), (&layers, &contents[2][..])];
+    let images: [(&Image, &[Vec<u8>]); 3] =
+        [(&cubes[0], &contents[0][..]), (&cubes[1], &contents[1][..]), (&layers, &contents[2][..])];
     let times = write_mips(&gpu, "filling", &images).expect("filled images");
     assert_eq!(times.iter().map(|pass| pass.name).collect::<Vec<_>>(), ["filling"]);
     let array = read_texture(&gpu, &[&cubes[0], &cubes[1]]).expect("an array of cubes");

@@ -1,13 +1,11 @@
-//! One command buffer's life: record, submit, wait, read its timers, again.
+//! A command buffer and its timers: reset, begun, waited for. Submission: `submit`.
 
 use std::ops::Deref;
 use std::sync::Arc;
 
 use ash::vk;
 
-use super::commands::Commands;
 use super::device::{Deferred, Gpu};
-use super::swapchain::{Acquired, FIRST_TOUCH};
 use crate::{Error, Result};
 
 /// Passes that one recording can time; later ones go untimed.
@@ -54,8 +52,8 @@ pub struct CommandBuffer {
     /// Of the passes being timed.
     names: [&'static str; MAX_TIMERS],
     timers: usize,
-    /// The number of its last submission; 0 before the first.
-    submission: u64,
+    /// The number of the submission whose times have not been read yet.
+    pending: Option<u64>,
 }
 
 impl CommandBuffer {
@@ -74,7 +72,7 @@ impl CommandBuffer {
             queries: vk::QueryPool::null(),
             names: [""; MAX_TIMERS],
             timers: 0,
-            submission: 0,
+            pending: None,
         };
         let info = vk::CommandBufferAllocateInfo::default().command_pool(pool).command_buffer_count(1);
         // SAFETY: the pool was just made.
@@ -88,9 +86,11 @@ impl CommandBuffer {
         Ok(recorder)
     }
 
-    /// Waits for the last submission and starts anew; also returns that submission's pass times.
-    pub fn begin(&mut self) -> Result<(Commands<'_>, PassTimes)> {
+    /// Waits for the last submission and starts recording; returns that submission's pass times.
+    pub(super) fn start(&mut self) -> Result<PassTimes> {
         let times = self.finish()?;
+        // A recording that was never submitted has set timers, too, but nothing writes their queries.
+        self.timers = 0;
         let info = vk::CommandBufferBeginInfo::default().flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
         // SAFETY: the last submission has finished, so pool, queries and buffer are free to be reused.
         unsafe {
@@ -101,16 +101,20 @@ impl CommandBuffer {
             device.reset_query_pool(self.queries, 0, MAX_QUERIES);
             device.begin_command_buffer(self.raw, &info).map_err(Error::vulkan("starting to record"))?;
         }
-        Ok((Commands { recorder: self }, times))
+        Ok(times)
     }
 
-    /// Waits for the last submission and returns its pass times.
+    /// Remembers that what is recorded was submitted under this number.
+    pub(super) fn submitted(&mut self, submission: u64) {
+        self.pending = Some(submission);
+    }
+
+    /// Waits for the last submission and returns its pass times; nothing to wait for gives none.
     pub fn finish(&mut self) -> Result<PassTimes> {
         let mut finished = PassTimes::default();
-        if self.submission == 0 {
-            return Ok(finished);
-        }
-        self.gpu.wait_for(self.submission)?;
+        let Some(submission) = self.pending else { return Ok(finished) };
+        self.gpu.wait_for(submission)?;
+        self.pending = None;
         finished.count = std::mem::take(&mut self.timers);
         let mut ticks = [[0u64; 2]; MAX_TIMERS];
         let ticks = &mut ticks[..finished.count];
@@ -165,43 +169,6 @@ impl Drop for CommandBuffer {
     fn drop(&mut self) {
         self.gpu.defer_destruction(Deferred::CommandPool(self.pool, self.queries));
     }
-}
-
-impl Commands<'_> {
-    /// Ends recording and hands it to the GPU; with an acquired window image, waits for that and announces its end.
-    pub fn submit(self, window: Option<&Acquired>) -> Result<()> {
-        let recorder = self.recorder;
-        let gpu = &recorder.gpu;
-        // SAFETY: the command buffer is being recorded, outside of rendering.
-        unsafe { gpu.device.end_command_buffer(recorder.raw) }.map_err(Error::vulkan("ending a recording"))?;
-        let commands = [vk::CommandBufferSubmitInfo::default().command_buffer(recorder.raw)];
-        let all = vk::PipelineStageFlags2::ALL_COMMANDS;
-        let semaphore = |raw| vk::SemaphoreSubmitInfo::default().semaphore(raw).stage_mask(all);
-        // Only the copy into the window image waits for it, not the drawing before (see `copy_parts`).
-        let waits = window.and_then(|w| w.ready).map(|ready| semaphore(ready).stage_mask(FIRST_TOUCH));
-        let mut queue = gpu.queue();
-        let finished = semaphore(gpu.timeline).value(queue.submitted + 1);
-        let signals = [finished, window.map_or(finished, |w| semaphore(w.done))];
-        let submit = vk::SubmitInfo2::default()
-            .command_buffer_infos(&commands)
-            .wait_semaphore_infos(waits.as_slice())
-            .signal_semaphore_infos(&signals[..1 + usize::from(window.is_some())]);
-        // SAFETY: the queue is locked; all handles are alive and stay so until the timeline says it is finished.
-        unsafe { gpu.device.queue_submit2(queue.raw, &[submit], vk::Fence::null()) }
-            .map_err(Error::vulkan("submitting work"))?;
-        queue.submitted += 1;
-        recorder.submission = queue.submitted;
-        Ok(())
-    }
-}
-
-/// Records, submits and waits: for uploads, precomputation and single pictures. Returns the pass times.
-pub fn submit_and_wait(gpu: &Arc<Gpu>, record: impl FnOnce(&mut Commands<'_>) -> Result<()>) -> Result<Vec<PassTime>> {
-    let mut recorder = CommandBuffer::new(gpu)?;
-    let (mut commands, _) = recorder.begin()?;
-    record(&mut commands)?;
-    commands.submit(None)?;
-    Ok(recorder.finish()?.to_vec())
 }
 
 #[cfg(test)]

@@ -13,7 +13,11 @@ use crate::{Error, Result};
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BindingType {
     Uniform,
+    /// A uniform buffer whose offset is given when the set is bound.
+    UniformDynamic,
     Storage,
+    /// A storage buffer whose offset is given when the set is bound.
+    StorageDynamic,
     /// An image with its sampler.
     Sampled,
     /// One mip of an image, all layers, `image2DArray`.
@@ -24,7 +28,9 @@ impl BindingType {
     fn raw(self) -> vk::DescriptorType {
         match self {
             Self::Uniform => vk::DescriptorType::UNIFORM_BUFFER,
+            Self::UniformDynamic => vk::DescriptorType::UNIFORM_BUFFER_DYNAMIC,
             Self::Storage => vk::DescriptorType::STORAGE_BUFFER,
+            Self::StorageDynamic => vk::DescriptorType::STORAGE_BUFFER_DYNAMIC,
             Self::Sampled => vk::DescriptorType::COMBINED_IMAGE_SAMPLER,
             Self::StorageImage => vk::DescriptorType::STORAGE_IMAGE,
         }
@@ -35,18 +41,18 @@ impl BindingType {
 pub struct DescriptorSetLayout {
     gpu: Arc<Gpu>,
     pub(super) raw: vk::DescriptorSetLayout,
-    slots: Vec<BindingType>,
+    kinds: Vec<BindingType>,
 }
 
 impl DescriptorSetLayout {
-    /// Makes a layout whose binding i is `slots[i]`.
-    pub fn new(gpu: &Arc<Gpu>, name: &str, slots: &[BindingType]) -> Result<Self> {
+    /// Creates a layout whose binding i is `kinds[i]`.
+    pub fn new(gpu: &Arc<Gpu>, name: &str, kinds: &[BindingType]) -> Result<Self> {
         let bindings: Vec<_> = (0u32..)
-            .zip(slots)
-            .map(|(i, slot)| {
+            .zip(kinds)
+            .map(|(i, kind)| {
                 vk::DescriptorSetLayoutBinding::default()
                     .binding(i)
-                    .descriptor_type(slot.raw())
+                    .descriptor_type(kind.raw())
                     .descriptor_count(1)
                     .stage_flags(vk::ShaderStageFlags::ALL)
             })
@@ -54,9 +60,9 @@ impl DescriptorSetLayout {
         let info = vk::DescriptorSetLayoutCreateInfo::default().bindings(&bindings);
         // SAFETY: the device is alive, `info` is complete.
         let raw = unsafe { gpu.device.create_descriptor_set_layout(&info, None) }
-            .map_err(Error::vulkan("making a set layout"))?;
+            .map_err(Error::vulkan("creating a descriptor set layout"))?;
         gpu.name(raw, name);
-        Ok(Self { gpu: Arc::clone(gpu), raw, slots: slots.to_vec() })
+        Ok(Self { gpu: Arc::clone(gpu), raw, kinds: kinds.to_vec() })
     }
 }
 
@@ -66,73 +72,134 @@ impl Drop for DescriptorSetLayout {
     }
 }
 
-/// What is put into one binding.
+/// The resource put into one binding.
 #[derive(Clone, Copy)]
 pub enum Binding<'a> {
-    Uniform(&'a Buffer),
-    Storage(&'a Buffer),
-    Sampled(&'a Image, &'a Sampler),
-    /// An image and which of its mips.
-    StorageImage(&'a Image, usize),
+    Uniform(&'a Arc<Buffer>),
+    /// A buffer, and the bytes that shaders see from the dynamic offset on.
+    UniformDynamic(&'a Arc<Buffer>, u64),
+    Storage(&'a Arc<Buffer>),
+    /// A buffer, and the bytes that shaders see from the dynamic offset on.
+    StorageDynamic(&'a Arc<Buffer>, u64),
+    /// When used, a colour image must be prepared for [`ImageAccess::Sampled`], a depth image for
+    /// [`ImageAccess::DepthSampled`].
+    Sampled(&'a Arc<Image>, &'a Arc<Sampler>),
+    /// An image and one of its mips.
+    StorageImage(&'a Arc<Image>, usize),
 }
 
 impl Binding<'_> {
-    fn slot(self) -> BindingType {
+    fn kind(self) -> BindingType {
         match self {
             Self::Uniform(_) => BindingType::Uniform,
+            Self::UniformDynamic(..) => BindingType::UniformDynamic,
             Self::Storage(_) => BindingType::Storage,
+            Self::StorageDynamic(..) => BindingType::StorageDynamic,
             Self::Sampled(..) => BindingType::Sampled,
             Self::StorageImage(..) => BindingType::StorageImage,
         }
     }
+
+    fn resource(self) -> Resource {
+        match self {
+            Self::Uniform(buffer)
+            | Self::UniformDynamic(buffer, _)
+            | Self::Storage(buffer)
+            | Self::StorageDynamic(buffer, _) => Resource::Buffer(Arc::clone(buffer)),
+            Self::Sampled(image, sampler) => Resource::Sampled(Arc::clone(image), Arc::clone(sampler)),
+            Self::StorageImage(image, _) => Resource::Image(Arc::clone(image)),
+        }
+    }
+
+    /// For a dynamic binding, the last offset at which its range is inside the buffer.
+    fn last_offset(self) -> Option<u64> {
+        match self {
+            Self::UniformDynamic(buffer, range) | Self::StorageDynamic(buffer, range) => {
+                assert!(range <= buffer.size(), "{range} bytes of a buffer of {}", buffer.size());
+                Some(buffer.size() - range)
+            }
+            _ => None,
+        }
+    }
 }
 
-/// One descriptor set with a pool of its own; written once. It does not keep what it refers to alive.
+/// Keeps a bound resource alive.
+#[expect(dead_code, reason = "held, never read")]
+enum Resource {
+    Buffer(Arc<Buffer>),
+    Image(Arc<Image>),
+    Sampled(Arc<Image>, Arc<Sampler>),
+}
+
+/// One descriptor set with a pool of its own; written once. It keeps the resources it binds alive.
 pub struct DescriptorSet {
     gpu: Arc<Gpu>,
     pool: vk::DescriptorPool,
     pub(super) raw: vk::DescriptorSet,
+    /// For each dynamic binding, the largest offset it may be bound with.
+    last_offsets: Vec<u64>,
+    _resources: Vec<Resource>,
 }
 
 impl DescriptorSet {
-    /// Makes and fills a set.
+    /// Creates and fills a set.
     ///
     /// # Panics
-    /// If `binds` do not match the layout: a defect of the caller.
-    pub fn new(gpu: &Arc<Gpu>, name: &str, layout: &DescriptorSetLayout, binds: &[Binding<'_>]) -> Result<Self> {
-        let kinds: Vec<BindingType> = binds.iter().map(|b| b.slot()).collect();
-        assert_eq!(kinds, layout.slots, "set {name} does not match its layout");
+    /// If `bindings` do not match the layout, or a dynamic range is larger than its buffer: a defect of the caller.
+    pub fn new(gpu: &Arc<Gpu>, name: &str, layout: &DescriptorSetLayout, bindings: &[Binding<'_>]) -> Result<Self> {
+        let kinds: Vec<BindingType> = bindings.iter().map(|b| b.kind()).collect();
+        assert_eq!(kinds, layout.kinds, "set {name} does not match its layout");
         let sizes: Vec<_> =
             kinds.iter().map(|k| vk::DescriptorPoolSize::default().ty(k.raw()).descriptor_count(1)).collect();
         let info = vk::DescriptorPoolCreateInfo::default().max_sets(1).pool_sizes(&sizes);
         // SAFETY: the device is alive, `info` is complete.
         let pool = unsafe { gpu.device.create_descriptor_pool(&info, None) }
-            .map_err(Error::vulkan("making a descriptor pool"))?;
-        let mut set = Self { gpu: Arc::clone(gpu), pool, raw: vk::DescriptorSet::null() };
+            .map_err(Error::vulkan("creating a descriptor pool"))?;
+        let mut set = Self {
+            gpu: Arc::clone(gpu),
+            pool,
+            raw: vk::DescriptorSet::null(),
+            last_offsets: bindings.iter().filter_map(|b| b.last_offset()).collect(),
+            _resources: bindings.iter().map(|b| b.resource()).collect(),
+        };
         let layouts = [layout.raw];
         let info = vk::DescriptorSetAllocateInfo::default().descriptor_pool(pool).set_layouts(&layouts);
-        // SAFETY: the pool was just made with room for one such set.
-        let sets =
-            unsafe { gpu.device.allocate_descriptor_sets(&info) }.map_err(Error::vulkan("taking a descriptor set"))?;
+        // SAFETY: the pool was just created with room for one such set.
+        let sets = unsafe { gpu.device.allocate_descriptor_sets(&info) }
+            .map_err(Error::vulkan("allocating a descriptor set"))?;
         set.raw = sets.first().copied().unwrap_or_default();
         gpu.name(set.raw, name);
-        for (i, bind) in (0u32..).zip(binds) {
-            set.write(i, *bind);
+        for (i, binding) in (0u32..).zip(bindings) {
+            set.write(i, *binding);
         }
         Ok(set)
     }
 
-    fn write(&self, binding: u32, bind: Binding<'_>) {
-        let write =
-            vk::WriteDescriptorSet::default().dst_set(self.raw).dst_binding(binding).descriptor_type(bind.slot().raw());
+    /// # Panics
+    /// If these are not one offset for each dynamic binding, or one lies too far back: a defect of the caller.
+    pub(super) fn check_offsets(&self, offsets: &[u32]) {
+        assert_eq!(offsets.len(), self.last_offsets.len(), "one dynamic offset for each dynamic binding");
+        let fits = self.last_offsets.iter().zip(offsets).all(|(last, offset)| u64::from(*offset) <= *last);
+        assert!(fits, "dynamic offsets {offsets:?} beyond {:?}", self.last_offsets);
+    }
+
+    fn write(&self, index: u32, binding: Binding<'_>) {
+        let write = vk::WriteDescriptorSet::default()
+            .dst_set(self.raw)
+            .dst_binding(index)
+            .descriptor_type(binding.kind().raw());
         let (mut buffer, mut image) = ([vk::DescriptorBufferInfo::default()], [vk::DescriptorImageInfo::default()]);
-        let write = match bind {
+        let write = match binding {
             Binding::Uniform(b) | Binding::Storage(b) => {
                 buffer[0] = buffer[0].buffer(b.raw).range(vk::WHOLE_SIZE);
                 write.buffer_info(&buffer)
             }
+            Binding::UniformDynamic(b, range) | Binding::StorageDynamic(b, range) => {
+                buffer[0] = buffer[0].buffer(b.raw).range(range);
+                write.buffer_info(&buffer)
+            }
             Binding::Sampled(i, sampler) => {
-                let (layout, ..) = ImageAccess::Sampled.parts();
+                let (layout, ..) = i.sampled_access().parts();
                 image[0] = image[0].image_view(i.view).image_layout(layout).sampler(sampler.raw);
                 write.image_info(&image)
             }
@@ -142,7 +209,7 @@ impl DescriptorSet {
                 write.image_info(&image)
             }
         };
-        // SAFETY: the set is new, so no submission uses it; the resources are alive now.
+        // SAFETY: the set is new, so no submission uses it; it holds the resources.
         unsafe { self.gpu.device.update_descriptor_sets(&[write], &[]) };
     }
 }

@@ -1,7 +1,7 @@
 //! GPU images with their views, and samplers.
 
-use std::cell::Cell;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicU8, Ordering};
 
 use ash::vk;
 use ash::vk::Handle as _;
@@ -66,26 +66,47 @@ impl ImageDesc {
     }
 }
 
-/// How the GPU uses an image at one moment: decides layout, stage and access of barriers.
+/// How the GPU accesses an image at one moment: decides layout, stage and access of barriers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
 pub enum ImageAccess {
-    /// Nothing yet; the content is not kept.
+    /// Not used yet; the content is undefined.
     Fresh,
     /// Colour or resolve attachment.
     Colour,
     /// Depth attachment.
     Depth,
+    /// Depth sampled by any shader, or tested against without writing.
+    DepthSampled,
     /// Sampled by any shader.
     Sampled,
     /// Read and written by compute shaders, as a storage image.
     Storage,
     CopyFrom,
     CopyTo,
-    /// On its way to a window.
+    /// Presented to a window.
     Present,
 }
 
 impl ImageAccess {
+    /// All of them, each at the index of its own value.
+    const ALL: [Self; 9] = [
+        Self::Fresh,
+        Self::Colour,
+        Self::Depth,
+        Self::DepthSampled,
+        Self::Sampled,
+        Self::Storage,
+        Self::CopyFrom,
+        Self::CopyTo,
+        Self::Present,
+    ];
+
+    /// Whether it only reads: two such accesses in a row in the same layout need no barrier.
+    pub(super) fn only_reads(self) -> bool {
+        matches!(self, Self::Sampled | Self::DepthSampled | Self::CopyFrom)
+    }
+
     pub(super) fn parts(self) -> (vk::ImageLayout, vk::PipelineStageFlags2, vk::AccessFlags2) {
         use vk::{AccessFlags2 as A, ImageLayout as L, PipelineStageFlags2 as S};
         match self {
@@ -100,6 +121,15 @@ impl ImageAccess {
                 S::EARLY_FRAGMENT_TESTS | S::LATE_FRAGMENT_TESTS,
                 A::DEPTH_STENCIL_ATTACHMENT_READ | A::DEPTH_STENCIL_ATTACHMENT_WRITE,
             ),
+            Self::DepthSampled => (
+                L::DEPTH_READ_ONLY_OPTIMAL,
+                S::EARLY_FRAGMENT_TESTS
+                    | S::LATE_FRAGMENT_TESTS
+                    | S::VERTEX_SHADER
+                    | S::FRAGMENT_SHADER
+                    | S::COMPUTE_SHADER,
+                A::DEPTH_STENCIL_ATTACHMENT_READ | A::SHADER_SAMPLED_READ,
+            ),
             Self::Sampled => (
                 L::SHADER_READ_ONLY_OPTIMAL,
                 S::VERTEX_SHADER | S::FRAGMENT_SHADER | S::COMPUTE_SHADER,
@@ -113,7 +143,8 @@ impl ImageAccess {
     }
 }
 
-/// An image, its memory and its views. It remembers how the last recorded command uses it.
+/// An image, its memory and its views. For each mip of each layer it knows the access of the last recorded command.
+/// Shared by reference count: descriptor sets hold the images they bind.
 pub struct Image {
     gpu: Arc<Gpu>,
     pub(super) raw: vk::Image,
@@ -123,12 +154,13 @@ pub struct Image {
     pub(super) mip_views: Vec<vk::ImageView>,
     allocation: Option<Allocation>,
     desc: ImageDesc,
-    pub(super) state: Cell<ImageAccess>,
+    /// The [`ImageAccess`] of each subresource, the layers of mip 0 first.
+    accesses: Box<[AtomicU8]>,
 }
 
 impl Image {
-    /// Makes an image; its content is undefined.
-    pub fn new(gpu: &Arc<Gpu>, name: &str, desc: ImageDesc) -> Result<Self> {
+    /// Creates an image; its content is undefined.
+    pub fn new(gpu: &Arc<Gpu>, name: &str, desc: ImageDesc) -> Result<Arc<Self>> {
         let info = vk::ImageCreateInfo::default()
             .flags(if desc.shape == Shape::Cube { vk::ImageCreateFlags::CUBE_COMPATIBLE } else { Default::default() })
             .image_type(vk::ImageType::TYPE_2D)
@@ -139,18 +171,16 @@ impl Image {
             .samples(vk::SampleCountFlags::from_raw(desc.samples))
             .usage(desc.usage);
         // SAFETY: the device is alive, `info` is complete.
-        let raw = unsafe { gpu.device.create_image(&info, None) }.map_err(Error::vulkan("making an image"))?;
-        // SAFETY: `raw` was just made by this device.
+        let raw = unsafe { gpu.device.create_image(&info, None) }.map_err(Error::vulkan("creating an image"))?;
+        // SAFETY: `raw` was just created by this device.
         let requirements = unsafe { gpu.device.get_image_memory_requirements(raw) };
         let allocation = gpu.allocate(name, requirements, MemoryLocation::GpuOnly, false).inspect_err(|_| {
             // SAFETY: the GPU has never seen the image.
             unsafe { gpu.device.destroy_image(raw, None) }
         })?;
-        // SAFETY: the memory was allocated for this image's requirements and is not bound elsewhere.
-        unsafe { gpu.device.bind_image_memory(raw, allocation.memory(), allocation.offset()) }
-            .map_err(Error::vulkan("binding image memory"))?;
-        gpu.name(raw, name);
-        // From here on, Drop owns the handles whatever fails.
+        // SAFETY: the memory outlives the object bound to it: both are freed together, the memory last.
+        let (memory, offset) = (unsafe { allocation.memory() }, allocation.offset());
+        // From here on, Drop releases the handles if a later step fails.
         let mut image = Self {
             gpu: Arc::clone(gpu),
             raw,
@@ -158,20 +188,44 @@ impl Image {
             mip_views: Vec::new(),
             allocation: Some(allocation),
             desc,
-            state: Cell::new(ImageAccess::Fresh),
+            accesses: (0..desc.mips * desc.shape.layers()).map(|_| AtomicU8::new(ImageAccess::Fresh as u8)).collect(),
         };
-        // An image that is only copied has no use for views, and Vulkan allows it none.
+        // SAFETY: the memory was allocated for this image's requirements and is not bound elsewhere.
+        unsafe { gpu.device.bind_image_memory(raw, memory, offset) }.map_err(Error::vulkan("binding image memory"))?;
+        gpu.name(raw, name);
+        image.make_views()?;
+        Ok(Arc::new(image))
+    }
+
+    fn make_views(&mut self) -> Result<()> {
+        // An image that is only copied needs no views, and Vulkan allows it none.
         let copies = vk::ImageUsageFlags::TRANSFER_SRC | vk::ImageUsageFlags::TRANSFER_DST;
-        if !copies.contains(desc.usage) {
-            image.view = image.make_view(desc.shape.view(), 0, desc.mips)?;
+        if !copies.contains(self.desc.usage) {
+            self.view = self.make_view(self.desc.shape.view(), 0, self.desc.mips)?;
         }
-        if desc.usage.contains(vk::ImageUsageFlags::STORAGE) {
-            for mip in 0..desc.mips {
-                let view = image.make_view(vk::ImageViewType::TYPE_2D_ARRAY, mip, 1)?;
-                image.mip_views.push(view);
+        if self.desc.usage.contains(vk::ImageUsageFlags::STORAGE) {
+            for mip in 0..self.desc.mips {
+                let view = self.make_view(vk::ImageViewType::TYPE_2D_ARRAY, mip, 1)?;
+                self.mip_views.push(view);
             }
         }
-        Ok(image)
+        Ok(())
+    }
+
+    /// The access of the last recorded command to one layer of one mip.
+    pub(super) fn access(&self, mip: u32, layer: u32) -> ImageAccess {
+        let value = self.accesses[self.index(mip, layer)].load(Ordering::Relaxed);
+        ImageAccess::ALL[usize::from(value)]
+    }
+
+    pub(super) fn set_access(&self, mip: u32, layer: u32, access: ImageAccess) {
+        self.accesses[self.index(mip, layer)].store(access as u8, Ordering::Relaxed);
+    }
+
+    fn index(&self, mip: u32, layer: u32) -> usize {
+        let layers = self.desc.shape.layers();
+        debug_assert!(layer < layers, "layer {layer} of {layers}");
+        (mip * layers + layer) as usize
     }
 
     /// What it was made as.
@@ -195,6 +249,11 @@ impl Image {
         } else {
             vk::ImageAspectFlags::COLOR
         }
+    }
+
+    /// The access under which shaders sample it.
+    pub(super) fn sampled_access(&self) -> ImageAccess {
+        if self.aspect() == vk::ImageAspectFlags::DEPTH { ImageAccess::DepthSampled } else { ImageAccess::Sampled }
     }
 
     fn make_view(&self, kind: vk::ImageViewType, mip: u32, mips: u32) -> Result<vk::ImageView> {
@@ -240,7 +299,7 @@ pub struct Sampler {
 
 impl Sampler {
     /// Makes a sampler that takes up to `anisotropy` samples along a slanted footprint, where the GPU can; 1 for one.
-    pub fn new(gpu: &Arc<Gpu>, name: &str, edge: AddressMode, anisotropy: u32) -> Result<Self> {
+    pub fn new(gpu: &Arc<Gpu>, name: &str, edge: AddressMode, anisotropy: u32) -> Result<Arc<Self>> {
         let (repeat, clamp) = (vk::SamplerAddressMode::REPEAT, vk::SamplerAddressMode::CLAMP_TO_EDGE);
         let (u, v) = match edge {
             AddressMode::Repeat => (repeat, repeat),
@@ -261,7 +320,7 @@ impl Sampler {
         // SAFETY: the device is alive; anisotropy is enabled only where the feature was.
         let raw = unsafe { gpu.device.create_sampler(&info, None) }.map_err(Error::vulkan("making a sampler"))?;
         gpu.name(raw, name);
-        Ok(Self { gpu: Arc::clone(gpu), raw })
+        Ok(Arc::new(Self { gpu: Arc::clone(gpu), raw }))
     }
 }
 

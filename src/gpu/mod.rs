@@ -5,6 +5,9 @@ mod choice;
 mod commands;
 mod descriptor;
 mod device;
+mod frame_ring;
+#[cfg(test)]
+mod harness_tests;
 mod image;
 mod instance;
 mod pipeline;
@@ -13,6 +16,7 @@ mod shader;
 #[cfg(feature = "hot-reload")]
 mod shader_compiler;
 mod staging;
+mod submit;
 mod swapchain;
 mod transfer;
 
@@ -21,10 +25,13 @@ pub use ash::vk::{Format, ImageUsageFlags};
 
 pub use buffer::{Buffer, BufferKind};
 pub use choice::{GpuInfo, survey};
-pub use command_buffer::{CommandBuffer, PassTime, PassTimes, submit_and_wait};
+pub use command_buffer::{CommandBuffer, PassTime, PassTimes};
 pub use commands::{Attachments, Commands, Rect, Subresource};
 pub use descriptor::{Binding, BindingType, DescriptorSet, DescriptorSetLayout};
 pub use device::{Gpu, GpuOptions, Handles};
+pub use frame_ring::{FRAMES_IN_FLIGHT, FrameContext, FrameRing, UNIFORM_RANGE};
+#[cfg(test)]
+pub use harness_tests::with_gpu;
 pub use image::{AddressMode, Image, ImageAccess, ImageDesc, Sampler, Shape};
 pub use instance::{Instance, Messages, validation_available};
 pub use pipeline::{Constant, DEPTH_FORMAT, Depth, GraphicsDesc, Pipeline};
@@ -32,5 +39,6 @@ pub use shader::compute_shaders;
 #[cfg(feature = "hot-reload")]
 pub use shader::on_disk::folder as shader_folder;
 pub use staging::{Upload, upload_rows};
-pub use swapchain::{Acquired, Polled, PresentMode, Presented, Swapchain};
+pub use submit::{Acquired, submit_and_wait};
+pub use swapchain::{Polled, PresentMode, Presented, Swapchain};
 pub use transfer::{read_buffer, read_image, read_mips, write_mips};

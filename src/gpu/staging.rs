@@ -9,6 +9,7 @@ use super::command_buffer::CommandBuffer;
 use super::commands::Commands;
 use super::device::Gpu;
 use super::image::{Image, ImageAccess};
+use super::submit::submit_and_wait;
 use crate::Result;
 
 /// Bytes of one part of the ring.
@@ -21,7 +22,7 @@ const ALIGNMENT: u64 = 16;
 /// One part of the ring, and the copies from it that have not been sent.
 struct StagingBlock<'a> {
     recorder: CommandBuffer,
-    buffer: Buffer,
+    buffer: Arc<Buffer>,
     used: u64,
     copies: Vec<Copy<'a>>,
 }
@@ -151,7 +152,7 @@ fn record(commands: &mut Commands<'_>, staging: &Buffer, copy: &Copy<'_>) {
     match copy {
         Copy::Buffer { from, to, offset, bytes } => commands.copy_buffer(staging, *from, to, *offset, *bytes),
         Copy::Rows { from, to, mip, rows } => {
-            if to.state.get() != ImageAccess::CopyTo {
+            if to.access(*mip, 0) != ImageAccess::CopyTo {
                 commands.prepare(to, ImageAccess::CopyTo);
             }
             commands.copy_rows_to_image(staging, *from, to, *mip, rows.clone());
@@ -179,7 +180,7 @@ pub fn upload_rows(
         part.copies.push(Copy::Rows { from, to, mip: 0, rows });
     }
     upload.finish()?;
-    super::command_buffer::submit_and_wait(gpu, |commands| {
+    submit_and_wait(gpu, |commands| {
         commands.generate_mips(to);
         Ok(())
     })?;

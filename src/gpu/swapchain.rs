@@ -8,13 +8,11 @@ use raw_window_handle::{RawDisplayHandle, RawWindowHandle};
 use super::commands::{Commands, Rect, Subresource, transition};
 use super::device::Gpu;
 use super::image::{Image, ImageAccess};
+use super::submit::{Acquired, FIRST_TOUCH};
 use crate::{Error, Result};
 
 /// How long the window system may keep all images: a hidden window's may never come back, and events wait meanwhile.
 const ACQUIRE_NS: u64 = 1_000_000_000;
-
-/// The first stages that touch a window image: submissions wait for its acquisition there, so that drawing need not.
-pub(super) const FIRST_TOUCH: vk::PipelineStageFlags2 = vk::PipelineStageFlags2::ALL_TRANSFER;
 
 /// When pictures are shown.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -44,15 +42,6 @@ impl PresentMode {
             Self::Immediate => vk::PresentModeKHR::IMMEDIATE,
         }
     }
-}
-
-/// An image of the swapchain that may be drawn to.
-pub struct Acquired {
-    index: u32,
-    /// Signalled when the window system is done reading; `None` if that was so before it was handed out.
-    pub(super) ready: Option<vk::Semaphore>,
-    /// To be signalled when drawing is done.
-    pub(super) done: vk::Semaphore,
 }
 
 /// What asking for an image without waiting gives.

@@ -3,11 +3,12 @@
 use std::sync::Arc;
 
 use super::buffer::{Buffer, BufferKind};
-use super::command_buffer::{PassTime, submit_and_wait};
-use super::commands::Subresource;
+use super::command_buffer::PassTime;
+use super::commands::{Commands, Subresource};
 use super::device::Gpu;
 use super::image::{Image, ImageAccess};
-use crate::Result;
+use super::submit::submit_and_wait;
+use crate::{Error, Result};
 
 /// Copies a buffer back to the CPU.
 pub fn read_buffer(gpu: &Arc<Gpu>, from: &Buffer) -> Result<Vec<u8>> {
@@ -18,50 +19,62 @@ pub fn read_buffer(gpu: &Arc<Gpu>, from: &Buffer) -> Result<Vec<u8>> {
         commands.copies_to_host();
         Ok(())
     })?;
-    Ok(to.read().to_vec())
+    Ok(to.read(<[u8]>::to_vec))
 }
 
 /// Copies one layer of one mip back to the CPU, tightly packed rows from the top.
+///
+/// # Errors
+/// A subresource that nothing was ever recorded into; a driver that fails.
 pub fn read_image(gpu: &Arc<Gpu>, from: &Image, part: Subresource, bytes_per_texel: u64) -> Result<Vec<u8>> {
     let [width, height] = from.mip_size(part.mip);
     let size = u64::from(width) * u64::from(height) * bytes_per_texel;
-    let to = Buffer::new(gpu, "readback", BufferKind::Readback, size)?;
-    let before = from.state.get();
-    submit_and_wait(gpu, |commands| {
-        commands.prepare(from, ImageAccess::CopyFrom);
-        commands.copy_from_image(from, part, &to, 0);
-        commands.copies_to_host();
-        commands.prepare(from, before);
-        Ok(())
-    })?;
-    Ok(to.read().to_vec())
+    Ok(read_parts(gpu, from, &[(part, size)])?.remove(0))
 }
 
 /// Copies all of an image back to the CPU: for each mip, layer after layer, tightly packed rows from the top.
+///
+/// # Errors
+/// As for [`read_image`].
 pub fn read_mips(gpu: &Arc<Gpu>, from: &Image, bytes_per_texel: u64) -> Result<Vec<Vec<u8>>> {
     let parts = parts(from, bytes_per_texel);
+    let read = read_parts(gpu, from, &parts)?;
+    let mut mips = vec![Vec::new(); from.desc().mips as usize];
+    parts.iter().zip(read).for_each(|((part, _), bytes)| mips[part.mip as usize].extend(bytes));
+    Ok(mips)
+}
+
+/// Copies some subresources back, each with its bytes, and leaves the image as it was.
+fn read_parts(gpu: &Arc<Gpu>, from: &Image, parts: &[(Subresource, u64)]) -> Result<Vec<Vec<u8>>> {
+    let before: Vec<ImageAccess> = parts.iter().map(|(part, _)| from.access(part.mip, part.layer)).collect();
+    if before.contains(&ImageAccess::Fresh) {
+        return Err(Error::Usage("an image is read that nothing has been written to".into()));
+    }
     let size = parts.iter().map(|(_, bytes)| bytes).sum();
     let to = Buffer::new(gpu, "readback", BufferKind::Readback, size)?;
-    let before = from.state.get();
     submit_and_wait(gpu, |commands| {
-        commands.prepare(from, ImageAccess::CopyFrom);
+        let prepare = |commands: &mut Commands<'_>, part: &Subresource, access| {
+            let (mips, layers) = (part.mip..part.mip + 1, part.layer..part.layer + 1);
+            commands.prepare_subresources(from, mips, layers, access);
+        };
+        parts.iter().for_each(|(part, _)| prepare(commands, part, ImageAccess::CopyFrom));
         let mut offset = 0;
-        for (part, bytes) in &parts {
+        for (part, bytes) in parts {
             commands.copy_from_image(from, *part, &to, offset);
             offset += bytes;
         }
         commands.copies_to_host();
-        commands.prepare(from, before);
+        parts.iter().zip(&before).for_each(|((part, _), access)| prepare(commands, part, *access));
         Ok(())
     })?;
-    let mut rest = to.read();
-    let mut mips = vec![Vec::new(); from.desc().mips as usize];
-    for (part, bytes) in &parts {
-        let (bytes, after) = rest.split_at(usize::try_from(*bytes).unwrap_or(usize::MAX).min(rest.len()));
-        mips[part.mip as usize].extend_from_slice(bytes);
-        rest = after;
-    }
-    Ok(mips)
+    Ok(to.read(|mut rest| {
+        let mut next = |(_, bytes): &(Subresource, u64)| {
+            let (bytes, after) = rest.split_at(usize::try_from(*bytes).unwrap_or(usize::MAX).min(rest.len()));
+            rest = after;
+            bytes.to_vec()
+        };
+        parts.iter().map(&mut next).collect()
+    }))
 }
 
 /// Fills images from what `read_mips` gave for images of the same format and shape; returns the time, named `pass`.

@@ -13,7 +13,7 @@ use super::texels::{Accuracy, Texel, prefiltered_truth, spread_texels};
 use super::{MeasureRequest, chart, judge, synthetic};
 use crate::asset::file::write_atomically;
 use crate::asset::{Panorama, Report, shipped};
-use crate::gpu::{Gpu, GpuOptions, PassTime};
+use crate::gpu::{Gpu, GpuOptions, Image, PassTime};
 use crate::precompute::alternatives::{AlternativePass, Environment, Method, Quantity, Target};
 use crate::precompute::{LightMaps, Options};
 use crate::{Error, Result};
@@ -210,7 +210,7 @@ fn alternative(gpu: &Arc<Gpu>, environment: &Fastest<Environment>, size: u32, me
     let only: Vec<Target> = targets.iter().map(|(_, target)| *target).collect();
     let job = AlternativePass::new(gpu, &environment.made, method, &only)?;
     let own = fastest(|| Ok(((), total(&job.run(gpu)?))))?;
-    let map = |(cube, (level, target)): (&_, &(u32, Target))| {
+    let map = |(cube, (level, target)): (&Arc<Image>, &(u32, Target))| {
         let texels = read_cube(gpu, cube, 0, environment.made.scale)?;
         Ok(Map { quantity, level: *level, target: *target, texels })
     };

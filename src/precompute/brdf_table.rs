@@ -22,7 +22,7 @@ const NODES: [usize; 2] = [8, 16];
 /// Layers in f32, halves being too coarse near 1: the two parts' albedos and `along`, and their `across`
 /// (`reference::table`) with the albedos' means (`reference::energy`); for [`SplitSum::Slices`] three more.
 pub struct BrdfTable {
-    pub image: Image,
+    pub image: Arc<Image>,
     pub times: Vec<PassTime>,
 }
 
@@ -49,7 +49,7 @@ impl BrdfTable {
 }
 
 /// Fills the table and waits; `choices` are the shader's constants.
-fn compute(gpu: &Arc<Gpu>, image: &Image, choices: [u32; 2]) -> Result<Vec<PassTime>> {
+fn compute(gpu: &Arc<Gpu>, image: &Arc<Image>, choices: [u32; 2]) -> Result<Vec<PassTime>> {
     let nodes = storage(gpu, "quadrature", &quadrature())?;
     let spreads: Vec<f32> = (0..SIZE[1]).map(|row| classic_spread(row) as f32).collect();
     let spreads = storage(gpu, "kernel spreads", &spreads)?;
@@ -76,7 +76,7 @@ fn compute(gpu: &Arc<Gpu>, image: &Image, choices: [u32; 2]) -> Result<Vec<PassT
     })
 }
 
-fn storage<T: bytemuck::Pod>(gpu: &Arc<Gpu>, name: &str, values: &[T]) -> Result<Buffer> {
+fn storage<T: bytemuck::Pod>(gpu: &Arc<Gpu>, name: &str, values: &[T]) -> Result<Arc<Buffer>> {
     Buffer::with_bytes(gpu, name, BufferKind::StorageFromCpu, bytemuck::cast_slice(values))
 }
 

@@ -9,19 +9,11 @@ use glam::DVec3;
 use half::f16;
 
 use crate::gpu::{
-    Binding, BindingType, Buffer, BufferKind, DescriptorSet, DescriptorSetLayout, Format, Gpu, GpuOptions, Image,
-    Pipeline, Subresource, read_buffer, read_image, submit_and_wait,
+    Binding, BindingType, Buffer, BufferKind, DescriptorSet, DescriptorSetLayout, Format, Gpu, Image, Pipeline,
+    Subresource, read_buffer, read_image, submit_and_wait,
 };
 
-/// Opens a GPU for `work`; any validation message fails, those of closing it too.
-pub fn with_gpu<R>(work: impl FnOnce(&Arc<Gpu>) -> R) -> R {
-    let gpu = Gpu::open(GpuOptions { validate: true, ..GpuOptions::default() }).unwrap();
-    let messages = gpu.messages();
-    let result = work(&gpu);
-    assert!(Arc::into_inner(gpu).is_some(), "something keeps the GPU open");
-    messages.check().unwrap();
-    result
-}
+pub use crate::gpu::with_gpu;
 
 /// What `tests/glsl/{shader}` makes of each input; both structs are in scalar layout there.
 pub fn evaluate<I: Pod, O: Pod>(gpu: &Arc<Gpu>, shader: &str, inputs: &[I]) -> Vec<O> {

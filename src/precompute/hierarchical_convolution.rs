@@ -45,8 +45,8 @@ struct Sum {
 /// Everything the passes need, for one panorama and its maps. Each pipeline in two variants: for light, and for the
 /// white light that norms are the sums of.
 pub struct HierarchicalConvolution<'a> {
-    specular: &'a [Image; 2],
-    irradiance: &'a Image,
+    specular: &'a [Arc<Image>; 2],
+    irradiance: &'a Arc<Image>,
     to_cube: [Pipeline; 2],
     to_cube_set: DescriptorSet,
     merge: Pipeline,
@@ -54,9 +54,6 @@ pub struct HierarchicalConvolution<'a> {
     sum: [Pipeline; 2],
     /// Specular levels 1.., then irradiance.
     sums: Vec<Sum>,
-    // The sets refer to them.
-    _buffers: [Buffer; 4],
-    _sampler: Sampler,
 }
 
 /// Indices of a pipeline's variants.
@@ -65,7 +62,12 @@ const WHITE: usize = 1;
 
 impl<'a> HierarchicalConvolution<'a> {
     /// Makes pipelines and lists; the levels' faces are a power of two, at least 2, texels wide.
-    pub fn new(gpu: &Arc<Gpu>, panorama: &Image, specular: &'a [Image; 2], irradiance: &'a Image) -> Result<Self> {
+    pub fn new(
+        gpu: &Arc<Gpu>,
+        panorama: &Arc<Image>,
+        specular: &'a [Arc<Image>; 2],
+        irradiance: &'a Arc<Image>,
+    ) -> Result<Self> {
         let size = specular[0].desc().size[0];
         let targets: Vec<Target> = (1..LEVELS)
             .map(|level| Target { size: size >> (level / 2), alpha: alpha_from_level(level) })
@@ -133,18 +135,7 @@ impl<'a> HierarchicalConvolution<'a> {
             });
             first_norm += target.size * target.size;
         }
-        Ok(Self {
-            specular,
-            irradiance,
-            to_cube,
-            to_cube_set,
-            merge,
-            merge_set,
-            sum,
-            sums,
-            _buffers: buffers,
-            _sampler: sampler,
-        })
+        Ok(Self { specular, irradiance, to_cube, to_cube_set, merge, merge_set, sum, sums })
     }
 
     /// Fills the maps with radiance / `scale` and waits.
@@ -192,7 +183,7 @@ impl<'a> HierarchicalConvolution<'a> {
     }
 }
 
-fn filled(gpu: &Arc<Gpu>, name: &str, bytes: &[u8]) -> Result<Buffer> {
+fn filled(gpu: &Arc<Gpu>, name: &str, bytes: &[u8]) -> Result<Arc<Buffer>> {
     let buffer = Buffer::new(gpu, name, BufferKind::Storage, bytes.len() as u64)?;
     let mut upload = Upload::new(gpu);
     upload.buffer(&buffer, bytes)?;

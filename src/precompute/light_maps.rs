@@ -20,11 +20,11 @@ const HALF_LIMIT: f32 = 60_000.0;
 /// Light of one panorama, ready for shading. Maps hold radiance / `scale`.
 pub struct LightMaps {
     /// The panorama with mips, in f32 and unscaled.
-    pub panorama: Image,
+    pub panorama: Arc<Image>,
     /// Irradiance over pi.
-    pub irradiance_over_pi: Image,
+    pub irradiance_over_pi: Arc<Image>,
     /// The even and the odd levels of `reference::levels`: level i is mip i / 2 of cube i % 2.
-    pub specular: [Image; 2],
+    pub specular: [Arc<Image>; 2],
     /// A power of two, 1 unless the panorama is brighter than half floats go.
     pub scale: f32,
     pub times: Vec<PassTime>,
@@ -50,7 +50,8 @@ impl LightMaps {
         let sides = [panorama.width, panorama.height, size];
         let source = [bytemuck::cast_slice(&sides), bytemuck::cast_slice(&panorama.texels)];
         let [even, odd] = &specular;
-        let maps = [("irradiance", &irradiance_over_pi), ("even specular levels", even), ("odd specular levels", odd)];
+        let maps: [(&str, &Image); 3] =
+            [("irradiance", &irradiance_over_pi), ("even specular levels", even), ("odd specular levels", odd)];
         let times = cached(gpu, options.cache.as_ref(), "light maps from the cache", &source, &maps, compute)?;
         Ok(Self { panorama: image, irradiance_over_pi, specular, scale, times })
     }
@@ -79,7 +80,7 @@ fn check_size(size: u32, sizes: std::ops::RangeInclusive<u32>) -> Result<()> {
     Err(Error::Usage(format!("faces of {size} texels cannot be made; a power of two from {least} to {most} can")))
 }
 
-fn upload(gpu: &Arc<Gpu>, panorama: &Panorama) -> Result<Image> {
+fn upload(gpu: &Arc<Gpu>, panorama: &Panorama) -> Result<Arc<Image>> {
     let size = [panorama.width, panorama.height];
     let most = gpu.max_image_size();
     if size.iter().any(|s| *s > most) {
@@ -102,7 +103,7 @@ fn upload(gpu: &Arc<Gpu>, panorama: &Panorama) -> Result<Image> {
     Ok(image)
 }
 
-fn cube(gpu: &Arc<Gpu>, name: &str, size: u32, mips: u32) -> Result<Image> {
+fn cube(gpu: &Arc<Gpu>, name: &str, size: u32, mips: u32) -> Result<Arc<Image>> {
     let copies = ImageUsageFlags::TRANSFER_SRC | ImageUsageFlags::TRANSFER_DST;
     let usage = ImageUsageFlags::SAMPLED | ImageUsageFlags::STORAGE | copies;
     let flat = ImageDesc::flat(Format::R16G16B16A16_SFLOAT, [size; 2], usage);

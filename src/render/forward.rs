@@ -119,7 +119,7 @@ impl Forward {
                     pipeline.iter().for_each(|pipeline| commands.bind(pipeline, &[frame]));
                     placed = None;
                 }
-                pipeline.iter().for_each(|pipeline| commands.bind_set(pipeline, 1, &next.set));
+                pipeline.iter().for_each(|pipeline| commands.bind_set(pipeline, 1, &next.set, &[]));
                 material = Some(draw.material);
             }
             let Some(pipeline) = pipeline else { continue };

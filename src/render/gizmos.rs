@@ -67,7 +67,7 @@ impl ControllerGizmos {
 pub(super) struct GizmosPass {
     pipeline: Pipeline,
     /// Per frame in flight: vertices, the set that names them, and how many there are.
-    frames: Vec<(Buffer, DescriptorSet, u32)>,
+    frames: Vec<(Arc<Buffer>, DescriptorSet, u32)>,
     eyes: u32,
 }
 

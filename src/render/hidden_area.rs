@@ -12,8 +12,8 @@ type Corner = [f32; 3];
 /// The hidden triangles of all eyes.
 pub struct HiddenArea {
     pipeline: Pipeline,
-    corners: Buffer,
-    indices: Buffer,
+    corners: Arc<Buffer>,
+    indices: Arc<Buffer>,
     count: u32,
 }
 

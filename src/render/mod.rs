@@ -33,6 +33,8 @@ pub use scene_resources::TextureFacts;
 pub use shared::MAX_EYES;
 pub use targets::Output;
 
+pub use crate::gpu::FRAMES_IN_FLIGHT;
+
 use crate::Result;
 use crate::asset::{Report, TextureOptions};
 use crate::gpu::{
@@ -52,9 +54,6 @@ use reference_accumulator::{ReferenceAccumulator, Shown};
 use scene_resources::SceneResources;
 use shared::{EyeBlock, FrameBlock};
 use targets::{Detail, ViewTargets};
-
-/// Frames that the CPU may be ahead of the GPU.
-pub const FRAMES_IN_FLIGHT: usize = 2;
 
 /// What fragments show; the same order as in `glsl/shared.glsl`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, ValueEnum)]
@@ -149,13 +148,13 @@ pub struct Renderer {
     draws: DrawList,
     light: LightMaps,
     table: BrdfTable,
-    samplers: [Sampler; 2],
+    samplers: [Arc<Sampler>; 2],
     frame_layout: DescriptorSetLayout,
-    frames: Vec<(Buffer, DescriptorSet)>,
+    frames: Vec<(Arc<Buffer>, DescriptorSet)>,
     forward: Forward,
     /// Only where shading is [`Shading::Reference`].
     exact: Option<ReferenceAccumulator>,
-    importance: Buffer,
+    importance: Arc<Buffer>,
     hidden_area: Option<HiddenArea>,
     /// Made for the first gizmos.
     gizmos: Option<GizmosPass>,
@@ -329,7 +328,7 @@ impl Renderer {
     }
 
     /// The resolved picture, one layer per eye, as the last recorded frame leaves it.
-    pub fn picture(&self) -> &Image {
+    pub fn picture(&self) -> &Arc<Image> {
         &self.targets.picture
     }
 
@@ -371,7 +370,7 @@ impl Renderer {
             let jittered = each(eyes, |eye| reference_accumulator::jittered(eye, index, area));
             block = FrameBlock { sample_index: index, ..self.frame_block(&jittered[..eyes.len()]) };
         }
-        let (buffer, set) = &mut self.frames[slot];
+        let (buffer, set) = &self.frames[slot];
         buffer.write(0, bytemuck::bytes_of(&block));
         let models = self.world_from_models;
         let models_from_world = models.inverse();
@@ -438,7 +437,7 @@ impl Renderer {
         ReferenceAccumulator::of_shading(shading, &self.gpu, &self.frame_layout, size, self.eyes, self.settings.output)
     }
 
-    fn make_frames(&self, light: &LightMaps, importance: &Buffer) -> Result<Vec<(Buffer, DescriptorSet)>> {
+    fn make_frames(&self, light: &LightMaps, importance: &Arc<Buffer>) -> Result<Vec<(Arc<Buffer>, DescriptorSet)>> {
         make_frames(&self.gpu, &self.frame_layout, &self.world, light, &self.table, &self.samplers, importance)
     }
 
@@ -466,9 +465,9 @@ fn make_frames(
     world: &SceneResources,
     light: &LightMaps,
     table: &BrdfTable,
-    [panorama, clamped]: &[Sampler; 2],
-    importance: &Buffer,
-) -> Result<Vec<(Buffer, DescriptorSet)>> {
+    [panorama, clamped]: &[Arc<Sampler>; 2],
+    importance: &Arc<Buffer>,
+) -> Result<Vec<(Arc<Buffer>, DescriptorSet)>> {
     let frame = |_| {
         let buffer = Buffer::new(gpu, "frame", BufferKind::Uniform, size_of::<FrameBlock>() as u64)?;
         let binds = [

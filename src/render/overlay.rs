@@ -20,9 +20,7 @@ const MARGIN: f32 = 6.0;
 /// Text in the picture's upper left corner.
 pub struct Overlay {
     pipeline: Pipeline,
-    frames: Vec<(Buffer, DescriptorSet)>,
-    // The sets refer to it.
-    _font: Buffer,
+    frames: Vec<(Arc<Buffer>, DescriptorSet)>,
     eyes: u32,
     count: u32,
     cell_ndc: [f32; 2],
@@ -58,7 +56,7 @@ impl Overlay {
                 blend: true,
             },
         )?;
-        Ok(Self { pipeline, frames, _font: font, eyes, count: 0, cell_ndc: [0.0; 2], origin_ndc: [0.0; 2] })
+        Ok(Self { pipeline, frames, eyes, count: 0, cell_ndc: [0.0; 2], origin_ndc: [0.0; 2] })
     }
 
     /// Sets the text for the frame in `slot`; characters outside ASCII show as `?`. `scale` is pixels per font pixel.

@@ -145,7 +145,7 @@ fn shade(gpu: &Arc<Gpu>, renderer: &Renderer, world: &SceneResources, case: Case
         commands.render(&Attachments { colour: &picture, resolve: None, depth: None, clear, area: SIZE }, |commands| {
             commands.bind(&pipeline, &[set]);
             for (i, material) in (0..).zip(&world.materials) {
-                commands.bind_set(&pipeline, 1, &material.set);
+                commands.bind_set(&pipeline, 1, &material.set, &[]);
                 let Case { hostile, inside, .. } = case;
                 let range = Range { size: SIZE, first: i * count, seed: 5, hostile, inside: inside.into() };
                 commands.push(&pipeline, bytemuck::bytes_of(&range));
@@ -189,7 +189,7 @@ fn a_million_random_and_hostile_surfaces_send_light_that_is_finite_not_negative_
             precompute: precompute::Options { face_size: 64, ..precompute::Options::default() },
             ..Settings::default()
         };
-        let mut renderer = Renderer::new(gpu, &scene, settings, Shading::Pbr, [16, 16], 1, &report).unwrap();
+        let renderer = Renderer::new(gpu, &scene, settings, Shading::Pbr, [16, 16], 1, &report).unwrap();
         let place = Mat4::from_translation(Vec3::new(0.5, -0.25, 2.0));
         let block = renderer.frame_block(&[Eye::symmetric(place, 60.0, 1.0, 1.0)]);
         renderer.frames[0].0.write(0, bytemuck::bytes_of(&block));

@@ -76,16 +76,15 @@ struct Count {
 
 /// Images that outlive a frame, and the passes that fill them.
 pub struct ReferenceAccumulator {
-    latest: Image,
-    depth: Image,
-    mean: Image,
-    deviations: Image,
-    errors: Buffer,
+    latest: Arc<Image>,
+    depth: Arc<Image>,
+    mean: Arc<Image>,
+    deviations: Arc<Image>,
+    errors: Arc<Buffer>,
     /// For each slot, and how many frames its errors are of.
-    readbacks: Vec<(Buffer, u32)>,
+    readbacks: Vec<(Arc<Buffer>, u32)>,
     accumulate: (Pipeline, DescriptorSet),
     show: (Pipeline, DescriptorSet),
-    _sampler: Sampler,
     groups: [u32; 3],
     frames: u32,
     /// What the accumulated frames show.
@@ -148,7 +147,6 @@ impl ReferenceAccumulator {
             readbacks,
             accumulate,
             show,
-            _sampler: sampler,
             groups,
             frames: 0,
             shown: None,
@@ -177,7 +175,7 @@ impl ReferenceAccumulator {
         commands.pass("samples", |commands| {
             commands.prepare_fresh(&self.depth, ImageAccess::Depth);
             commands.prepare_fresh(&self.latest, ImageAccess::Colour);
-            let (colour, depth, area) = (&self.latest, Some(&self.depth), targets.area);
+            let (colour, depth, area) = (&self.latest, Some(&*self.depth), targets.area);
             commands.render(&Attachments { colour, resolve: None, depth, clear: Some([0.0; 4]), area }, draw);
         });
         commands.pass("accumulate", |commands| {
@@ -210,7 +208,7 @@ impl ReferenceAccumulator {
     /// The standard error after the finished frame that had `slot`; `None` before the second frame.
     pub fn standard_error(&self, slot: usize) -> Option<StandardError> {
         let (readback, frames) = &self.readbacks[slot];
-        let groups: Vec<[f32; 3]> = bytemuck::pod_collect_to_vec(readback.read());
+        let groups: Vec<[f32; 3]> = readback.read(bytemuck::pod_collect_to_vec);
         if *frames < 2 {
             return None;
         }
@@ -245,7 +243,7 @@ fn pcg4d(v: UVec4) -> UVec4 {
 }
 
 /// What `glsl/importance.glsl` draws panorama samples from: a panorama's table, or an empty one where nothing samples.
-pub fn importance_buffer(gpu: &Arc<Gpu>, panorama: &Image, shading: Shading) -> Result<Buffer> {
+pub fn importance_buffer(gpu: &Arc<Gpu>, panorama: &Image, shading: Shading) -> Result<Arc<Buffer>> {
     if shading != Shading::Reference {
         return Buffer::new(gpu, "no importance", BufferKind::StorageFromCpu, 8 + size_of::<Cell>() as u64);
     }
@@ -254,8 +252,7 @@ pub fn importance_buffer(gpu: &Arc<Gpu>, panorama: &Image, shading: Shading) -> 
     let size = panorama.mip_size(mip);
     let texels = read_image(gpu, panorama, Subresource { mip, layer: 0 }, size_of::<[f32; 4]>() as u64)?;
     let cells = alias_table(size, &bytemuck::pod_collect_to_vec(&texels));
-    let mut buffer =
-        Buffer::new(gpu, "importance", BufferKind::StorageFromCpu, 8 + size_of_val(cells.as_slice()) as u64)?;
+    let buffer = Buffer::new(gpu, "importance", BufferKind::StorageFromCpu, 8 + size_of_val(cells.as_slice()) as u64)?;
     buffer.write(0, bytes_of(&size));
     buffer.write(8, bytemuck::cast_slice(&cells));
     Ok(buffer)
@@ -264,8 +261,8 @@ pub fn importance_buffer(gpu: &Arc<Gpu>, panorama: &Image, shading: Shading) -> 
 fn show_pass(
     gpu: &Arc<Gpu>,
     frame_layout: &DescriptorSetLayout,
-    mean: &Image,
-    sampler: &Sampler,
+    mean: &Arc<Image>,
+    sampler: &Arc<Sampler>,
     eyes: u32,
     output: Output,
 ) -> Result<(Pipeline, DescriptorSet)> {

@@ -11,7 +11,7 @@ use super::draws::Draw;
 use super::shared::LightBlock;
 use crate::Result;
 use crate::asset::{Report, TextureOptions};
-use crate::gpu::{AddressMode, Buffer, BufferKind, DescriptorSetLayout, Gpu, Image, Sampler};
+use crate::gpu::{AddressMode, Buffer, BufferKind, DescriptorSetLayout, Gpu, Sampler};
 use crate::scene::cluster::clusters;
 use crate::scene::{Scene, SceneFeatures};
 use geometry::Geometry;
@@ -25,16 +25,12 @@ pub struct SceneResources {
     pub geometry: Geometry,
     pub materials: Vec<GpuMaterial>,
     pub draws: Vec<Draw>,
-    pub lights: Buffer,
+    pub lights: Arc<Buffer>,
     pub light_count: u32,
     /// The number that shaders are made for; `None` for any.
     pub lights_needed: Option<u32>,
     pub material_layout: DescriptorSetLayout,
     pub texture_facts: TextureFacts,
-    // The materials' sets refer to them.
-    _textures: Vec<Image>,
-    _stand_ins: StandIns,
-    _sampler: Sampler,
 }
 
 impl SceneResources {
@@ -78,9 +74,6 @@ impl SceneResources {
             lights_needed: needs.lights,
             material_layout: layout,
             texture_facts,
-            _textures: textures,
-            _stand_ins: stand_ins,
-            _sampler: sampler,
         })
     }
 }

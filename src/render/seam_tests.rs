@@ -86,8 +86,7 @@ fn the_seam_of_the_panorama_is_as_sharp_as_the_rest() {
             precompute: precompute::Options { face_size: 16, ..precompute::Options::default() },
             ..Settings::default()
         };
-        let mut renderer =
-            Renderer::new(gpu, &scene(), settings, Shading::Pbr, [16, 16], 1, &Report::silent()).unwrap();
+        let renderer = Renderer::new(gpu, &scene(), settings, Shading::Pbr, [16, 16], 1, &Report::silent()).unwrap();
         // A pixel of 0.008 off, so that the seam runs through the middle of those 2×2 that derivatives are taken over.
         let eye = Eye::looking(Vec3::ZERO, Vec3::new(-1.0, 0.05, 0.009), 30.0, 1.0);
         let block = renderer.frame_block(&[eye]);

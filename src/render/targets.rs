@@ -60,11 +60,11 @@ impl Detail {
 /// One layer per eye in each image.
 pub struct ViewTargets {
     detail: Detail,
-    samples: Option<Image>,
-    depth: Image,
+    samples: Option<Arc<Image>>,
+    depth: Arc<Image>,
     /// What is drawn, where it is smaller than the picture.
-    small: Option<Image>,
-    pub picture: Image,
+    small: Option<Arc<Image>>,
+    pub picture: Arc<Image>,
     /// The part of the picture that is made, pixels from the upper left corner.
     pub area: [u32; 2],
 }
@@ -125,11 +125,11 @@ impl ViewTargets {
         let drawn = self.small.as_ref().unwrap_or(&self.picture);
         commands.prepare_fresh(&self.depth, ImageAccess::Depth);
         commands.prepare_fresh(drawn, ImageAccess::Colour);
-        let (clear, area, depth) = (Some([0.0; 4]), self.detail.drawn(self.area), Some(&self.depth));
+        let (clear, area, depth) = (Some([0.0; 4]), self.detail.drawn(self.area), Some(&*self.depth));
         match &self.samples {
             Some(samples) => {
                 commands.prepare_fresh(samples, ImageAccess::Colour);
-                let resolve = Some(drawn);
+                let resolve = Some(&**drawn);
                 commands.render(&Attachments { colour: samples, resolve, depth, clear, area }, record);
             }
             None => {

@@ -132,7 +132,7 @@ impl Stages {
 fn write(gpu: &Arc<Gpu>, folder: &Path, light: &LightMaps, table: &BrdfTable) -> Result<Vec<BakedFile>> {
     let mut irradiance = radiance(gpu, &[&light.irradiance_over_pi], light.scale)?;
     irradiance.set_text("pbrvrContent", "irradiance / pi");
-    let mut specular = radiance(gpu, &light.specular.each_ref(), light.scale)?;
+    let mut specular = radiance(gpu, &light.specular.each_ref().map(|map| &**map), light.scale)?;
     specular.set_text("pbrvrContent", "radiance filtered by GGX lobes; level i: mip i / 2 of layer i % 2");
     let roughness: Vec<String> = LightMaps::specular_roughness().map(|r| format!("{r:.6}")).into();
     specular.set_text("pbrvrRoughness", &roughness.join(" "));

@@ -10,14 +10,14 @@ use crate::gpu::{
 
 /// A panorama as a cube map with all mips, in half floats: radiance / `scale`.
 pub struct Environment {
-    pub(super) cube: Image,
+    pub(super) cube: Arc<Image>,
     pub scale: f32,
     pub times: Vec<PassTime>,
 }
 
 impl Environment {
     /// Computes the cube, `size` texels along a face (a power of two), from a panorama in f32.
-    pub fn new(gpu: &Arc<Gpu>, panorama: &Image, scale: f32, size: u32) -> Result<Self> {
+    pub fn new(gpu: &Arc<Gpu>, panorama: &Arc<Image>, scale: f32, size: u32) -> Result<Self> {
         let cube = cube(gpu, "environment", size, size.ilog2() + 1)?;
         let sampler = Sampler::new(gpu, "panorama", AddressMode::Panorama, 1)?;
         let set =
@@ -59,7 +59,7 @@ impl Environment {
 }
 
 /// A cube map in half floats that shaders fill and others sample.
-pub(super) fn cube(gpu: &Arc<Gpu>, name: &str, size: u32, mips: u32) -> Result<Image> {
+pub(super) fn cube(gpu: &Arc<Gpu>, name: &str, size: u32, mips: u32) -> Result<Arc<Image>> {
     let usage = ImageUsageFlags::SAMPLED | ImageUsageFlags::STORAGE | ImageUsageFlags::TRANSFER_SRC;
     let flat = ImageDesc::flat(Format::R16G16B16A16_SFLOAT, [size; 2], usage);
     Image::new(gpu, name, ImageDesc { shape: Shape::Cube, mips, ..flat })

@@ -21,10 +21,8 @@ pub struct AlternativePass<'a> {
     pipelines: Vec<Pipeline>,
     steps: Vec<Step>,
     /// One map per target, radiance or irradiance over π, both / the environment's scale.
-    pub cubes: Vec<Image>,
-    sampler: Sampler,
-    /// The sets refer to it.
-    _coefficients: Option<Buffer>,
+    pub cubes: Vec<Arc<Image>>,
+    sampler: Arc<Sampler>,
 }
 
 /// One dispatch.
@@ -45,8 +43,7 @@ impl<'a> AlternativePass<'a> {
         let sampler = Sampler::new(gpu, "cube", AddressMode::Clamp, 1)?;
         let reads =
             if matches!(method, Method::Harmonics { .. }) { ImageAccess::Storage } else { ImageAccess::Sampled };
-        let mut job =
-            Self { environment, reads, pipelines: Vec::new(), steps: Vec::new(), cubes, sampler, _coefficients: None };
+        let mut job = Self { environment, reads, pipelines: Vec::new(), steps: Vec::new(), cubes, sampler };
         match method {
             Method::MonteCarlo { log2_samples } => job.sample_lobes(gpu, log2_samples, false, targets)?,
             Method::FilteredSampling { log2_samples } => job.sample_lobes(gpu, log2_samples, true, targets)?,
@@ -125,7 +122,6 @@ impl<'a> AlternativePass<'a> {
             let set = DescriptorSet::new(gpu, "harmonics", &layout, &binds)?;
             self.steps.push(Step { pipeline: 1, set, push: Vec::new(), groups: groups(cube), waits: true });
         }
-        self._coefficients = Some(coefficients);
         Ok(())
     }
 }

@@ -1,10 +1,12 @@
 //! Every method against f64 where the answer is known, and where the naive ones fail.
 
+use std::sync::Arc;
+
 use glam::{DVec2, DVec3, Vec3};
 
 use super::{AlternativePass, Environment, Method, Target};
 use crate::asset::Panorama;
-use crate::gpu::Subresource;
+use crate::gpu::{Image, Subresource};
 use crate::precompute::harness_tests::{texels, with_gpu};
 use crate::precompute::{LightMaps, Options};
 use crate::reference::cube::{cube_direction, panorama_texel_solid_angle, panorama_uv};
@@ -27,7 +29,7 @@ fn fill(panorama: &Panorama, size: u32, method: Method, targets: &[Target]) -> V
         let environment = Environment::new(gpu, &light.panorama, light.scale, size).unwrap();
         let job = AlternativePass::new(gpu, &environment, method, targets).unwrap();
         assert!(job.run(gpu).unwrap()[0].ms > 0.0);
-        let cube = |(image, target): (&_, &Target)| {
+        let cube = |(image, target): (&Arc<Image>, &Target)| {
             let faces = (0..6).flat_map(|layer| texels(gpu, image, Subresource { mip: 0, layer }));
             let value = |(i, value)| (direction(i, target.size), value * f64::from(environment.scale));
             faces.enumerate().map(value).collect()

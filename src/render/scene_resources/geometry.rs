@@ -12,8 +12,8 @@ use crate::{Error, Result};
 
 /// The buffers, and where in them each cluster lies.
 pub struct Geometry {
-    pub vertices: Buffer,
-    pub indices: Buffer,
+    pub vertices: Arc<Buffer>,
+    pub indices: Arc<Buffer>,
     pub ranges: Vec<MeshRange>,
 }
 

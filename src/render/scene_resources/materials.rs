@@ -18,16 +18,14 @@ pub const SLOTS: [BindingType; 4] =
 pub struct GpuMaterial {
     pub needs: MaterialFeatures,
     pub set: DescriptorSet,
-    // The set refers to it.
-    _block: Buffer,
 }
 
 /// One texel each, for maps that are not there.
 pub struct StandIns {
     /// 1 in every channel.
-    white: Image,
+    white: Arc<Image>,
     /// The normal map that bends nothing: in half float, because no eight-bit number is one half.
-    flat: Image,
+    flat: Arc<Image>,
 }
 
 impl StandIns {
@@ -49,8 +47,8 @@ pub fn upload(
     gpu: &Arc<Gpu>,
     layout: &DescriptorSetLayout,
     (material, needs): (&Material, MaterialFeatures),
-    (textures, stand_ins): (&[Image], &StandIns),
-    sampler: &Sampler,
+    (textures, stand_ins): (&[Arc<Image>], &StandIns),
+    sampler: &Arc<Sampler>,
 ) -> Result<GpuMaterial> {
     let block = MaterialBlock {
         base_color: material.base_color_factor.into(),
@@ -67,5 +65,5 @@ pub fn upload(
         map(material.normal_map, flat),
         map(material.orm_map, white),
     ];
-    Ok(GpuMaterial { needs, set: DescriptorSet::new(gpu, &material.name, layout, &binds)?, _block: block })
+    Ok(GpuMaterial { needs, set: DescriptorSet::new(gpu, &material.name, layout, &binds)? })
 }

@@ -33,7 +33,7 @@ pub fn upload(
     first_levels: &[u32],
     options: &TextureOptions,
     report: &Report,
-) -> Result<(Vec<Image>, TextureFacts)> {
+) -> Result<(Vec<Arc<Image>>, TextureFacts)> {
     if !gpu.compresses_textures()
         && let Some(texture) = textures.iter().find(|texture| texture.format.is_compressed())
     {
@@ -49,7 +49,8 @@ pub fn upload(
         report.warn(told(textures, &firsts, &facts));
     }
     let all: Vec<(&MipChain, u32)> = textures.iter().zip(firsts).collect();
-    let images: Vec<Image> = all.iter().map(|(texture, first)| image(gpu, texture, *first)).collect::<Result<_>>()?;
+    let images: Vec<Arc<Image>> =
+        all.iter().map(|(texture, first)| image(gpu, texture, *first)).collect::<Result<_>>()?;
     let progress = report.stage("upload", images.len() as u64);
     report.time("upload", || -> Result<()> {
         let mut upload = Upload::new(gpu);
@@ -115,7 +116,7 @@ fn told(textures: &[MipChain], firsts: &[u32], facts: &TextureFacts) -> String {
     )
 }
 
-fn image(gpu: &Arc<Gpu>, texture: &MipChain, first: u32) -> Result<Image> {
+fn image(gpu: &Arc<Gpu>, texture: &MipChain, first: u32) -> Result<Arc<Image>> {
     let format = match texture.format {
         TexelFormat::Rgba8 => Format::R8G8B8A8_UNORM,
         TexelFormat::Rgba8Srgb => Format::R8G8B8A8_SRGB,

@@ -12,7 +12,7 @@ use crate::render::{FRAMES_IN_FLIGHT, Output};
 
 /// Left and right, for each frame in flight.
 pub struct EyeImages {
-    pairs: Vec<[Image; 2]>,
+    pairs: Vec<[Arc<Image>; 2]>,
     handles: Handles,
 }
 

@@ -1,0 +1,96 @@
+//! Submission: a recording's way to the queue, with a window image where there is one.
+
+use std::sync::Arc;
+
+use ash::vk;
+
+use super::command_buffer::{CommandBuffer, PassTime, PassTimes};
+use super::commands::Commands;
+use super::device::Gpu;
+use crate::{Error, Result};
+
+/// The first stages that touch a window image: submissions wait for its acquisition there, so that the drawing before
+/// need not.
+pub(super) const FIRST_TOUCH: vk::PipelineStageFlags2 = vk::PipelineStageFlags2::ALL_TRANSFER;
+
+/// An image of a swapchain that may be drawn to.
+pub struct Acquired {
+    pub(super) index: u32,
+    /// Signalled when the window system has finished reading; `None` if it had before the image was returned.
+    pub(super) ready: Option<vk::Semaphore>,
+    /// To be signalled when drawing has finished.
+    pub(super) done: vk::Semaphore,
+}
+
+impl CommandBuffer {
+    /// Waits for the last submission and starts recording; also returns that submission's pass times. A recording that
+    /// was begun before and not submitted is discarded.
+    pub fn begin(&mut self) -> Result<(Commands<'_>, PassTimes)> {
+        let times = self.start()?;
+        Ok((Commands { buffer: self }, times))
+    }
+}
+
+impl Commands<'_> {
+    /// Ends recording and submits it; with an acquired window image, waits for that and signals when it is drawn.
+    pub fn submit(self, window: Option<&Acquired>) -> Result<()> {
+        let buffer = self.buffer;
+        let gpu = &buffer.gpu;
+        // SAFETY: the command buffer is being recorded, outside of rendering.
+        unsafe { gpu.device.end_command_buffer(buffer.raw) }.map_err(Error::vulkan("ending a recording"))?;
+        let commands = [vk::CommandBufferSubmitInfo::default().command_buffer(buffer.raw)];
+        let all = vk::PipelineStageFlags2::ALL_COMMANDS;
+        let semaphore = |raw| vk::SemaphoreSubmitInfo::default().semaphore(raw).stage_mask(all);
+        let waits = window.and_then(|w| w.ready).map(|ready| semaphore(ready).stage_mask(FIRST_TOUCH));
+        let mut queue = gpu.queue();
+        let finished = semaphore(gpu.timeline).value(queue.submitted + 1);
+        let signals = [finished, window.map_or(finished, |w| semaphore(w.done))];
+        let submit = vk::SubmitInfo2::default()
+            .command_buffer_infos(&commands)
+            .wait_semaphore_infos(waits.as_slice())
+            .signal_semaphore_infos(&signals[..1 + usize::from(window.is_some())]);
+        // SAFETY: the queue is locked; all handles are alive and stay so until the timeline says it is finished.
+        unsafe { gpu.device.queue_submit2(queue.raw, &[submit], vk::Fence::null()) }
+            .map_err(Error::vulkan("submitting work"))?;
+        queue.submitted += 1;
+        let submission = queue.submitted;
+        drop(queue);
+        buffer.submitted(submission);
+        Ok(())
+    }
+}
+
+/// Records, submits and waits: for uploads, precomputation and single pictures. Returns the pass times.
+pub fn submit_and_wait(gpu: &Arc<Gpu>, record: impl FnOnce(&mut Commands<'_>) -> Result<()>) -> Result<Vec<PassTime>> {
+    let mut buffer = CommandBuffer::new(gpu)?;
+    let (mut commands, _) = buffer.begin()?;
+    record(&mut commands)?;
+    commands.submit(None)?;
+    Ok(buffer.finish()?.to_vec())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::gpu::GpuOptions;
+
+    #[test]
+    fn a_recording_that_is_not_submitted_leaves_no_timers_behind() {
+        let gpu = Gpu::open(GpuOptions { validate: true, ..GpuOptions::default() }).unwrap();
+        let mut buffer = CommandBuffer::new(&gpu).unwrap();
+        let (commands, _) = buffer.begin().unwrap();
+        commands.submit(None).unwrap();
+        let (mut commands, _) = buffer.begin().unwrap();
+        commands.pass("discarded", |_| ());
+        // Without the timers' reset, each of these waits for ever for queries that nothing writes.
+        assert_eq!(buffer.finish().unwrap().len(), 0);
+        let (mut commands, times) = buffer.begin().unwrap();
+        assert_eq!(times.len(), 0);
+        commands.pass("submitted", |_| ());
+        commands.submit(None).unwrap();
+        let times = buffer.finish().unwrap();
+        assert_eq!(times.iter().map(|time| time.name).collect::<Vec<_>>(), ["submitted"]);
+        drop(buffer);
+        gpu.messages().check().unwrap();
+    }
+}
