@@ -6,7 +6,8 @@ use ash::vk;
 use gpu_allocator::MemoryLocation;
 use gpu_allocator::vulkan::Allocation;
 
-use super::device::{Deferred, Gpu};
+use super::deferred::Deferred;
+use super::device::Gpu;
 use crate::{Error, Result};
 
 /// The purpose of a buffer; decides its usage flags and memory type.

@@ -103,6 +103,8 @@ pub(super) struct Options {
     pub(super) anisotropy: bool,
     /// BC1 to BC7.
     pub(super) compressed_textures: bool,
+    /// Arrays of cubes.
+    pub(super) cube_arrays: bool,
     /// VK_EXT_memory_budget.
     pub(super) memory_budget: bool,
 }
@@ -229,6 +231,7 @@ impl Features {
         let options = Options {
             anisotropy: all.features.sampler_anisotropy == vk::TRUE,
             compressed_textures: all.features.texture_compression_bc == vk::TRUE,
+            cube_arrays: all.features.image_cube_array == vk::TRUE,
             memory_budget: has_extension(instance, physical, ext::memory_budget::NAME),
         };
         let needed = [

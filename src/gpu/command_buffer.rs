@@ -5,7 +5,8 @@ use std::sync::Arc;
 
 use ash::vk;
 
-use super::device::{Deferred, Gpu};
+use super::deferred::Deferred;
+use super::device::Gpu;
 use crate::{Error, Result};
 
 /// Passes that one recording can time; later ones go untimed.

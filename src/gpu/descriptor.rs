@@ -5,8 +5,10 @@ use std::sync::Arc;
 use ash::vk;
 
 use super::buffer::Buffer;
-use super::device::{Deferred, Gpu};
-use super::image::{Image, ImageAccess, Sampler};
+use super::deferred::Deferred;
+use super::device::Gpu;
+use super::image::{Image, ImageAccess};
+use super::sampler::Sampler;
 use crate::{Error, Result};
 
 /// The kind of one binding.

@@ -1,18 +1,22 @@
-//! The device: one GPU, its queue, its memory, its clock, and the objects waiting to be destroyed.
+//! An opened GPU: its queue, its memory and its timeline, shared by all objects that it makes.
 
-use std::collections::VecDeque;
-use std::ffi::{CStr, CString, c_char};
+use std::ffi::{CStr, CString};
 use std::mem::ManuallyDrop;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
 
 use ash::vk::Handle as _;
-use ash::{ext, khr, vk};
+use ash::{ext, vk};
 use gpu_allocator::MemoryLocation;
 use gpu_allocator::vulkan::{Allocation, AllocationCreateDesc, AllocationScheme, Allocator, AllocatorCreateDesc};
 use raw_window_handle::{DisplayHandle, WindowHandle};
 
 use super::choice::{self, Goal, GpuInfo, Surface};
-use super::instance::{Instance, Messages, drop_repeated, listed, names, split};
+use super::deferred::{Deferred, DeferredQueue};
+use super::instance::{Instance, Messages, listed, names, split};
+use super::logical_device::LogicalDevice;
+use super::pipeline_cache::PipelineCache;
 use crate::{Error, Result};
 
 /// What to open.
@@ -30,22 +34,24 @@ pub struct GpuOptions<'a> {
 
 /// One opened GPU. Every buffer, image and pipeline keeps it alive; when the last goes, the device is destroyed.
 pub struct Gpu {
-    pub(super) device: ash::Device,
     pub(super) physical: vk::PhysicalDevice,
     pub(super) family: u32,
     pub(super) max_anisotropy: Option<f32>,
     options: choice::Options,
     pub(super) limits: vk::PhysicalDeviceLimits,
-    /// Signalled with the number of each finished submission.
-    pub(super) timeline: vk::Semaphore,
-    pub(super) queue: Mutex<Queue>,
+    /// The only queue.
+    queue: Mutex<vk::Queue>,
+    /// Submissions so far; only the holder of the queue adds to it.
+    pub(super) submitted: AtomicU64,
     debug: Option<ext::debug_utils::Device>,
     allocator: ManuallyDrop<Mutex<Allocator>>,
-    deferred: Mutex<VecDeque<(u64, Deferred)>>,
+    deferred: DeferredQueue,
     info: GpuInfo,
     /// What a headset's runtime asked for in vain.
     missing: Vec<CString>,
-    // Last: the instance goes after the device.
+    // Drop order: the cache before the device, the device before the instance.
+    pub(super) pipeline_cache: PipelineCache,
+    pub(super) device: LogicalDevice,
     pub(super) instance: Arc<Instance>,
 }
 
@@ -60,22 +66,8 @@ pub struct Handles {
     pub family: u32,
 }
 
-/// The only queue, and how many submissions it has had.
-pub(super) struct Queue {
-    pub(super) raw: vk::Queue,
-    pub(super) submitted: u64,
-}
-
-/// A Vulkan object whose owner is gone but that the GPU may still use.
-pub(super) enum Deferred {
-    Buffer(vk::Buffer, Allocation),
-    Image(vk::Image, Vec<vk::ImageView>, Allocation),
-    Sampler(vk::Sampler),
-    DescriptorSetLayout(vk::DescriptorSetLayout),
-    DescriptorPool(vk::DescriptorPool),
-    Pipeline(vk::Pipeline, vk::PipelineLayout),
-    CommandPool(vk::CommandPool, vk::QueryPool),
-}
+/// Time that one wait for the GPU may spend on destroying objects: a scene that is replaced goes over several frames.
+const DESTRUCTION_BUDGET: Duration = Duration::from_micros(250);
 
 impl Gpu {
     /// Opens a GPU.
@@ -126,16 +118,13 @@ impl Gpu {
             let name = &chosen.info.name;
             tracing::warn!("the headset's runtime asks for {}, which {name} lacks: going on without", listed(&missing));
         }
-        let device = make_device(&instance, &chosen, present, &have)?;
-        // SAFETY: the family and its queue 0 were asked for in `make_device`.
+        let device = LogicalDevice::new(&instance, &chosen, present, &have)?;
+        // SAFETY: the family and its queue 0 were asked for when it was created.
         let queue = unsafe { device.get_device_queue(chosen.family, 0) };
-        let mut kind = vk::SemaphoreTypeCreateInfo::default().semaphore_type(vk::SemaphoreType::TIMELINE);
-        let info = vk::SemaphoreCreateInfo::default().push_next(&mut kind);
-        // SAFETY: the device is alive and has the timelineSemaphore feature.
-        let timeline = unsafe { device.create_semaphore(&info, None) }.map_err(Error::vulkan("making a semaphore"))?;
+        let pipeline_cache = PipelineCache::new(&device, &chosen.properties)?;
         let allocator = Allocator::new(&AllocatorCreateDesc {
             instance: instance.raw.clone(),
-            device: device.clone(),
+            device: ash::Device::clone(&device),
             physical_device: chosen.physical,
             debug_settings: Default::default(),
             buffer_device_address: false,
@@ -151,15 +140,16 @@ impl Gpu {
             options: chosen.options,
             max_anisotropy: chosen.options.anisotropy.then_some(chosen.properties.limits.max_sampler_anisotropy),
             limits: chosen.properties.limits,
-            timeline,
-            queue: Mutex::new(Queue { raw: queue, submitted: 0 }),
-            deferred: Mutex::default(),
+            queue: Mutex::new(queue),
+            submitted: AtomicU64::new(0),
+            deferred: DeferredQueue::default(),
             info: chosen.info,
             missing,
+            pipeline_cache,
             device,
             instance,
         };
-        gpu.name(timeline, "timeline");
+        gpu.name(gpu.device.timeline, "timeline");
         Ok(Arc::new(gpu))
     }
 
@@ -195,7 +185,7 @@ impl Gpu {
             instance: self.instance.handle(),
             physical: self.physical.as_raw(),
             device: self.device.handle().as_raw(),
-            queue: self.queue().raw.as_raw(),
+            queue: self.queue().as_raw(),
             family: self.family,
         }
     }
@@ -203,6 +193,28 @@ impl Gpu {
     /// Whether images may be of block-compressed formats.
     pub fn compresses_textures(&self) -> bool {
         self.options.compressed_textures
+    }
+
+    /// Whether images may be arrays of cubes.
+    pub fn has_cube_arrays(&self) -> bool {
+        self.options.cube_arrays
+    }
+
+    /// The content of the pipeline cache, for [`Gpu::merge_pipeline_cache`] in another run.
+    pub fn pipeline_cache_bytes(&self) -> Result<Vec<u8>> {
+        self.pipeline_cache.bytes()
+    }
+
+    /// Adds another run's pipelines, so that they need not be compiled again. Returns whether the bytes are of this GPU
+    /// and driver; others are ignored. Beyond their header they are the driver's own: whoever keeps them on disk must
+    /// check that they are whole.
+    pub fn merge_pipeline_cache(&self, bytes: &[u8]) -> bool {
+        self.pipeline_cache.merge(bytes)
+    }
+
+    /// A name for the pipeline cache that is another one for another GPU or driver; fit for a file.
+    pub fn pipeline_cache_name(&self) -> String {
+        self.pipeline_cache.name()
     }
 
     /// Bytes of its own memory that this process may still take; all of it, less an eighth, where the driver does not
@@ -226,23 +238,29 @@ impl Gpu {
         self.allocator().generate_report().total_allocated_bytes
     }
 
-    /// Waits until the GPU has nothing left to do.
+    /// Waits until the GPU has nothing left to do, and destroys all objects that waited for it.
     pub fn wait_idle(&self) -> Result<()> {
-        let submitted = self.queue().submitted;
-        self.wait_for(submitted)
-    }
-
-    /// Waits for one submission, by its number.
-    pub fn wait_for(&self, submission: u64) -> Result<()> {
-        let (semaphores, values) = ([self.timeline], [submission]);
-        let info = vk::SemaphoreWaitInfo::default().semaphores(&semaphores).values(&values);
-        // SAFETY: the semaphore is this device's and alive.
-        unsafe { self.device.wait_semaphores(&info, u64::MAX) }.map_err(Error::vulkan("waiting for the GPU"))?;
-        self.destroy_finished(submission);
+        let submitted = self.submitted.load(Ordering::Acquire);
+        self.wait(submitted)?;
+        self.destroy_finished(submitted, Duration::MAX);
         Ok(())
     }
 
-    pub(super) fn queue(&self) -> MutexGuard<'_, Queue> {
+    /// Waits for one submission, by its number, and destroys some of the objects that waited for it.
+    pub(super) fn wait_for(&self, submission: u64) -> Result<()> {
+        self.wait(submission)?;
+        self.destroy_finished(submission, DESTRUCTION_BUDGET);
+        Ok(())
+    }
+
+    fn wait(&self, submission: u64) -> Result<()> {
+        let (semaphores, values) = ([self.device.timeline], [submission]);
+        let info = vk::SemaphoreWaitInfo::default().semaphores(&semaphores).values(&values);
+        // SAFETY: the semaphore is this device's and alive.
+        unsafe { self.device.wait_semaphores(&info, u64::MAX) }.map_err(Error::vulkan("waiting for the GPU"))
+    }
+
+    pub(super) fn queue(&self) -> MutexGuard<'_, vk::Queue> {
         self.queue.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
@@ -280,65 +298,51 @@ impl Gpu {
         location: MemoryLocation,
         linear: bool,
     ) -> Result<Allocation> {
-        let scheme = AllocationScheme::GpuAllocatorManaged;
-        self.allocator()
-            .allocate(&AllocationCreateDesc { name, requirements, location, linear, allocation_scheme: scheme })
-            .map_err(|e| Error::GpuMemory {
-                what: format!("{name} ({:.1} MiB)", requirements.size as f64 / f64::from(1 << 20)),
-                problem: e.to_string(),
-            })
-    }
-
-    /// Gives memory back at once: only for an object the GPU has never seen.
-    pub(super) fn free(&self, allocation: Allocation) {
-        // Freeing fails only for an allocation of another allocator, and there is one.
-        let _ = self.allocator().free(allocation);
+        let allocation_scheme = AllocationScheme::GpuAllocatorManaged;
+        let desc = AllocationCreateDesc { name, requirements, location, linear, allocation_scheme };
+        let first = self.allocator().allocate(&desc);
+        let allocation = first.or_else(|_| {
+            // There may be room after objects that were dropped but not destroyed yet. A failing wait leaves things as
+            // they are.
+            let _ = self.wait_idle();
+            self.allocator().allocate(&desc)
+        });
+        allocation.map_err(|e| Error::GpuMemory {
+            what: format!("{name} ({:.1} MiB)", requirements.size as f64 / f64::from(1 << 20)),
+            problem: e.to_string(),
+        })
     }
 
     /// Takes over an object; it is destroyed once everything submitted up to the next submission has finished. A recording
     /// that uses it must have been submitted by now: the next submission may be another thread's.
     pub(super) fn defer_destruction(&self, object: Deferred) {
-        let after = self.queue().submitted + 1;
-        self.deferred.lock().unwrap_or_else(PoisonError::into_inner).push_back((after, object));
+        self.deferred.push(self.submitted.load(Ordering::Acquire) + 1, object);
     }
 
-    /// Destroys what was retired for submissions up to `finished`.
-    pub(super) fn destroy_finished(&self, finished: u64) {
+    /// Destroys deferred objects of submissions up to `finished`; stops early when `budget` is spent.
+    fn destroy_finished(&self, finished: u64, budget: Duration) {
+        let start = Instant::now();
         loop {
-            let mut deferred = self.deferred.lock().unwrap_or_else(PoisonError::into_inner);
-            let due = deferred.front().is_some_and(|(after, _)| *after <= finished);
-            let Some((_, object)) = due.then(|| deferred.pop_front()).flatten() else { return };
-            drop(deferred);
-            self.destroy(object);
-        }
-    }
-
-    fn destroy(&self, object: Deferred) {
-        // SAFETY: the owner is gone and every submission that could use the object has finished.
-        unsafe {
-            match object {
-                Deferred::Buffer(buffer, allocation) => {
-                    self.device.destroy_buffer(buffer, None);
-                    self.free(allocation);
-                }
-                Deferred::Image(image, views, allocation) => {
-                    views.into_iter().for_each(|view| self.device.destroy_image_view(view, None));
-                    self.device.destroy_image(image, None);
-                    self.free(allocation);
-                }
-                Deferred::Sampler(sampler) => self.device.destroy_sampler(sampler, None),
-                Deferred::DescriptorSetLayout(layout) => self.device.destroy_descriptor_set_layout(layout, None),
-                Deferred::DescriptorPool(pool) => self.device.destroy_descriptor_pool(pool, None),
-                Deferred::Pipeline(pipeline, layout) => {
-                    self.device.destroy_pipeline(pipeline, None);
-                    self.device.destroy_pipeline_layout(layout, None);
-                }
-                Deferred::CommandPool(pool, queries) => {
-                    self.device.destroy_command_pool(pool, None);
-                    self.device.destroy_query_pool(queries, None);
-                }
+            let batch = self.deferred.take(finished);
+            if batch[0].is_none() {
+                return;
+            }
+            // SAFETY: their owners are gone, and every submission that could use them has finished.
+            let memory = batch.map(|object| object.and_then(|object| unsafe { object.destroy(&self.device) }));
+            let mut allocator = self.allocator();
+            // Freeing fails only for an allocation of another allocator, and there is one.
+            memory.into_iter().flatten().for_each(|memory| drop(allocator.free(memory)));
+            drop(allocator);
+            if start.elapsed() >= budget {
+                return;
             }
         }
+    }
+
+    /// Objects that wait to be destroyed.
+    #[cfg(test)]
+    pub(super) fn deferred_objects(&self) -> usize {
+        self.deferred.len()
     }
 
     fn allocator(&self) -> MutexGuard<'_, Allocator> {
@@ -351,10 +355,8 @@ impl Drop for Gpu {
         // SAFETY: nothing else refers to the device: every object holds an Arc of it. A lost device still waits.
         unsafe {
             let _ = self.device.device_wait_idle();
-            self.destroy_finished(u64::MAX);
+            self.destroy_finished(u64::MAX, Duration::MAX);
             ManuallyDrop::drop(&mut self.allocator);
-            self.device.destroy_semaphore(self.timeline, None);
-            self.device.destroy_device(None);
         }
     }
 }
@@ -362,43 +364,4 @@ impl Drop for Gpu {
 /// What any GPU must do.
 fn goal(options: GpuOptions<'_>) -> Goal<'static> {
     if options.display.is_some() { Goal::Windows } else { Goal::Pictures }
-}
-
-fn make_device(
-    instance: &Instance,
-    chosen: &choice::Candidate,
-    present: bool,
-    asked: &[CString],
-) -> Result<ash::Device> {
-    let priorities = [1.0];
-    let queues = [vk::DeviceQueueCreateInfo::default().queue_family_index(chosen.family).queue_priorities(&priorities)];
-    let mut v12 = vk::PhysicalDeviceVulkan12Features::default()
-        .timeline_semaphore(true)
-        .host_query_reset(true)
-        .scalar_block_layout(true)
-        .shader_output_layer(true);
-    let mut v13 = vk::PhysicalDeviceVulkan13Features::default()
-        .maintenance4(true)
-        .dynamic_rendering(true)
-        .synchronization2(true)
-        .shader_demote_to_helper_invocation(true);
-    let core = vk::PhysicalDeviceFeatures::default()
-        .sampler_anisotropy(chosen.options.anisotropy)
-        .texture_compression_bc(chosen.options.compressed_textures);
-    let mut extensions: Vec<*const c_char> = asked.iter().map(|name| name.as_ptr()).collect();
-    if chosen.options.memory_budget {
-        extensions.push(ext::memory_budget::NAME.as_ptr());
-    }
-    if present {
-        extensions.push(khr::swapchain::NAME.as_ptr());
-    }
-    drop_repeated(&mut extensions);
-    let info = vk::DeviceCreateInfo::default()
-        .queue_create_infos(&queues)
-        .enabled_features(&core)
-        .enabled_extension_names(&extensions)
-        .push_next(&mut v12)
-        .push_next(&mut v13);
-    // SAFETY: all that `info` points to lives until the call returns; features and extensions were found in `choice`.
-    unsafe { instance.raw.create_device(chosen.physical, &info, None) }.map_err(Error::vulkan("opening the device"))
 }

@@ -1,5 +1,7 @@
-//! GPU images with their views, and samplers.
+//! GPU images: shape, views, and the access that each mip of each layer was last recorded for.
 
+use std::marker::PhantomData;
+use std::ops::Range;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU8, Ordering};
 
@@ -8,10 +10,14 @@ use ash::vk::Handle as _;
 use gpu_allocator::MemoryLocation;
 use gpu_allocator::vulkan::Allocation;
 
-use super::device::{Deferred, Gpu};
+use super::deferred::Deferred;
+use super::device::Gpu;
 use crate::{Error, Result};
 
-/// How an image's layers are seen by shaders.
+/// The format of every depth image.
+pub const DEPTH_FORMAT: vk::Format = vk::Format::D32_SFLOAT;
+
+/// The layers of an image, as shaders see them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Shape {
     /// One layer, `sampler2D`.
@@ -20,6 +26,8 @@ pub enum Shape {
     Layers(u32),
     /// Six layers, `samplerCube`, faces in Vulkan's order +X −X +Y −Y +Z −Z.
     Cube,
+    /// N times six layers, `samplerCubeArray`; not on every GPU, see [`Gpu::has_cube_arrays`].
+    CubeArray(u32),
 }
 
 impl Shape {
@@ -29,6 +37,7 @@ impl Shape {
             Self::Flat => 1,
             Self::Layers(n) => n,
             Self::Cube => 6,
+            Self::CubeArray(n) => 6 * n,
         }
     }
 
@@ -37,11 +46,16 @@ impl Shape {
             Self::Flat => vk::ImageViewType::TYPE_2D,
             Self::Layers(_) => vk::ImageViewType::TYPE_2D_ARRAY,
             Self::Cube => vk::ImageViewType::CUBE,
+            Self::CubeArray(_) => vk::ImageViewType::CUBE_ARRAY,
         }
+    }
+
+    fn is_cube(self) -> bool {
+        matches!(self, Self::Cube | Self::CubeArray(_))
     }
 }
 
-/// What an image is to be.
+/// Format, size and use of an image.
 #[derive(Clone, Copy, Debug)]
 pub struct ImageDesc {
     pub format: vk::Format,
@@ -76,9 +90,9 @@ pub enum ImageAccess {
     Colour,
     /// Depth attachment.
     Depth,
-    /// Depth sampled by any shader, or tested against without writing.
+    /// A depth image sampled by any shader.
     DepthSampled,
-    /// Sampled by any shader.
+    /// A colour image sampled by any shader.
     Sampled,
     /// Read and written by compute shaders, as a storage image.
     Storage,
@@ -123,12 +137,8 @@ impl ImageAccess {
             ),
             Self::DepthSampled => (
                 L::DEPTH_READ_ONLY_OPTIMAL,
-                S::EARLY_FRAGMENT_TESTS
-                    | S::LATE_FRAGMENT_TESTS
-                    | S::VERTEX_SHADER
-                    | S::FRAGMENT_SHADER
-                    | S::COMPUTE_SHADER,
-                A::DEPTH_STENCIL_ATTACHMENT_READ | A::SHADER_SAMPLED_READ,
+                S::VERTEX_SHADER | S::FRAGMENT_SHADER | S::COMPUTE_SHADER,
+                A::SHADER_SAMPLED_READ,
             ),
             Self::Sampled => (
                 L::SHADER_READ_ONLY_OPTIMAL,
@@ -143,6 +153,22 @@ impl ImageAccess {
     }
 }
 
+/// One layer of one mip.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Subresource {
+    pub mip: u32,
+    pub layer: u32,
+}
+
+/// A view of an image that draws can write to; see [`super::Attachments`].
+#[derive(Clone, Copy)]
+pub struct AttachmentView<'a> {
+    pub(super) raw: vk::ImageView,
+    pub(super) layers: u32,
+    /// The image stays alive while an attachment is described; its destruction waits for the submission.
+    pub(super) of: PhantomData<&'a ()>,
+}
+
 /// An image, its memory and its views. For each mip of each layer it knows the access of the last recorded command.
 /// Shared by reference count: descriptor sets hold the images they bind.
 pub struct Image {
@@ -152,6 +178,8 @@ pub struct Image {
     pub(super) view: vk::ImageView,
     /// One per mip, all layers as an array; only for storage images.
     pub(super) mip_views: Vec<vk::ImageView>,
+    /// All layers of mip 0, then each layer of each mip; only for attachments.
+    attachment_views: Vec<vk::ImageView>,
     allocation: Option<Allocation>,
     desc: ImageDesc,
     /// The [`ImageAccess`] of each subresource, the layers of mip 0 first.
@@ -160,9 +188,16 @@ pub struct Image {
 
 impl Image {
     /// Creates an image; its content is undefined.
+    ///
+    /// # Errors
+    /// An array of cubes where the GPU has none; no memory.
     pub fn new(gpu: &Arc<Gpu>, name: &str, desc: ImageDesc) -> Result<Arc<Self>> {
+        if matches!(desc.shape, Shape::CubeArray(_)) && !gpu.has_cube_arrays() {
+            let result = vk::Result::ERROR_FEATURE_NOT_PRESENT;
+            return Err(Error::Vulkan { doing: "creating an array of cubes", result });
+        }
         let info = vk::ImageCreateInfo::default()
-            .flags(if desc.shape == Shape::Cube { vk::ImageCreateFlags::CUBE_COMPATIBLE } else { Default::default() })
+            .flags(if desc.shape.is_cube() { vk::ImageCreateFlags::CUBE_COMPATIBLE } else { Default::default() })
             .image_type(vk::ImageType::TYPE_2D)
             .format(desc.format)
             .extent(vk::Extent3D { width: desc.size[0], height: desc.size[1], depth: 1 })
@@ -186,6 +221,7 @@ impl Image {
             raw,
             view: vk::ImageView::null(),
             mip_views: Vec::new(),
+            attachment_views: Vec::new(),
             allocation: Some(allocation),
             desc,
             accesses: (0..desc.mips * desc.shape.layers()).map(|_| AtomicU8::new(ImageAccess::Fresh as u8)).collect(),
@@ -198,15 +234,25 @@ impl Image {
     }
 
     fn make_views(&mut self) -> Result<()> {
+        let layers = self.desc.shape.layers();
         // An image that is only copied needs no views, and Vulkan allows it none.
         let copies = vk::ImageUsageFlags::TRANSFER_SRC | vk::ImageUsageFlags::TRANSFER_DST;
         if !copies.contains(self.desc.usage) {
-            self.view = self.make_view(self.desc.shape.view(), 0, self.desc.mips)?;
+            self.view = self.make_view(self.desc.shape.view(), 0..self.desc.mips, 0..layers)?;
         }
         if self.desc.usage.contains(vk::ImageUsageFlags::STORAGE) {
             for mip in 0..self.desc.mips {
-                let view = self.make_view(vk::ImageViewType::TYPE_2D_ARRAY, mip, 1)?;
+                let view = self.make_view(vk::ImageViewType::TYPE_2D_ARRAY, mip..mip + 1, 0..layers)?;
                 self.mip_views.push(view);
+            }
+        }
+        let attachment = vk::ImageUsageFlags::COLOR_ATTACHMENT | vk::ImageUsageFlags::DEPTH_STENCIL_ATTACHMENT;
+        if self.desc.usage.intersects(attachment) {
+            let all = self.make_view(vk::ImageViewType::TYPE_2D_ARRAY, 0..1, 0..layers)?;
+            self.attachment_views.push(all);
+            for (mip, layer) in (0..self.desc.mips).flat_map(|mip| (0..layers).map(move |layer| (mip, layer))) {
+                let view = self.make_view(vk::ImageViewType::TYPE_2D, mip..mip + 1, layer..layer + 1)?;
+                self.attachment_views.push(view);
             }
         }
         Ok(())
@@ -228,7 +274,7 @@ impl Image {
         (mip * layers + layer) as usize
     }
 
-    /// What it was made as.
+    /// Its description at creation.
     pub fn desc(&self) -> &ImageDesc {
         &self.desc
     }
@@ -241,6 +287,23 @@ impl Image {
     /// Width and height of one mip.
     pub fn mip_size(&self, mip: u32) -> [u32; 2] {
         self.desc.size.map(|s| (s >> mip).max(1))
+    }
+
+    /// All layers of mip 0, to draw into.
+    ///
+    /// # Panics
+    /// If the image was not created as an attachment: a defect of the caller.
+    pub fn attachment(&self) -> AttachmentView<'_> {
+        AttachmentView { raw: self.attachment_views[0], layers: self.desc.shape.layers(), of: PhantomData }
+    }
+
+    /// One layer of one mip, to draw into.
+    ///
+    /// # Panics
+    /// As for [`Image::attachment`].
+    pub fn attachment_of(&self, part: Subresource) -> AttachmentView<'_> {
+        let raw = self.attachment_views[1 + self.index(part.mip, part.layer)];
+        AttachmentView { raw, layers: 1, of: PhantomData }
     }
 
     pub(super) fn aspect(&self) -> vk::ImageAspectFlags {
@@ -256,76 +319,30 @@ impl Image {
         if self.aspect() == vk::ImageAspectFlags::DEPTH { ImageAccess::DepthSampled } else { ImageAccess::Sampled }
     }
 
-    fn make_view(&self, kind: vk::ImageViewType, mip: u32, mips: u32) -> Result<vk::ImageView> {
+    fn make_view(&self, kind: vk::ImageViewType, mips: Range<u32>, layers: Range<u32>) -> Result<vk::ImageView> {
         let range = vk::ImageSubresourceRange::default()
             .aspect_mask(self.aspect())
-            .base_mip_level(mip)
-            .level_count(mips)
-            .layer_count(self.desc.shape.layers());
+            .base_mip_level(mips.start)
+            .level_count(mips.end - mips.start)
+            .base_array_layer(layers.start)
+            .layer_count(layers.end - layers.start);
         let info = vk::ImageViewCreateInfo::default()
             .image(self.raw)
             .view_type(kind)
             .format(self.desc.format)
             .subresource_range(range);
         // SAFETY: the image is alive and has these mips and layers.
-        unsafe { self.gpu.device.create_image_view(&info, None) }.map_err(Error::vulkan("making an image view"))
+        unsafe { self.gpu.device.create_image_view(&info, None) }.map_err(Error::vulkan("creating an image view"))
     }
 }
 
 impl Drop for Image {
     fn drop(&mut self) {
         let mut views = std::mem::take(&mut self.mip_views);
+        views.append(&mut self.attachment_views);
         views.push(self.view);
         if let Some(allocation) = self.allocation.take() {
             self.gpu.defer_destruction(Deferred::Image(self.raw, views, allocation));
         }
-    }
-}
-
-/// What lies beyond an image's edge.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum AddressMode {
-    Repeat,
-    Clamp,
-    /// Repeats sideways, clamps up and down: panoramas.
-    Panorama,
-}
-
-/// Trilinear filtering.
-pub struct Sampler {
-    gpu: Arc<Gpu>,
-    pub(super) raw: vk::Sampler,
-}
-
-impl Sampler {
-    /// Makes a sampler that takes up to `anisotropy` samples along a slanted footprint, where the GPU can; 1 for one.
-    pub fn new(gpu: &Arc<Gpu>, name: &str, edge: AddressMode, anisotropy: u32) -> Result<Arc<Self>> {
-        let (repeat, clamp) = (vk::SamplerAddressMode::REPEAT, vk::SamplerAddressMode::CLAMP_TO_EDGE);
-        let (u, v) = match edge {
-            AddressMode::Repeat => (repeat, repeat),
-            AddressMode::Clamp => (clamp, clamp),
-            AddressMode::Panorama => (repeat, clamp),
-        };
-        let most = gpu.max_anisotropy.filter(|_| anisotropy > 1).map(|most| most.min(anisotropy as f32));
-        let info = vk::SamplerCreateInfo::default()
-            .mag_filter(vk::Filter::LINEAR)
-            .min_filter(vk::Filter::LINEAR)
-            .mipmap_mode(vk::SamplerMipmapMode::LINEAR)
-            .address_mode_u(u)
-            .address_mode_v(v)
-            .address_mode_w(clamp)
-            .anisotropy_enable(most.is_some())
-            .max_anisotropy(most.unwrap_or(1.0))
-            .max_lod(vk::LOD_CLAMP_NONE);
-        // SAFETY: the device is alive; anisotropy is enabled only where the feature was.
-        let raw = unsafe { gpu.device.create_sampler(&info, None) }.map_err(Error::vulkan("making a sampler"))?;
-        gpu.name(raw, name);
-        Ok(Arc::new(Self { gpu: Arc::clone(gpu), raw }))
-    }
-}
-
-impl Drop for Sampler {
-    fn drop(&mut self) {
-        self.gpu.defer_destruction(Deferred::Sampler(self.raw));
     }
 }

@@ -3,6 +3,8 @@
 mod buffer;
 mod choice;
 mod commands;
+mod copies;
+mod deferred;
 mod descriptor;
 mod device;
 mod frame_ring;
@@ -10,7 +12,13 @@ mod frame_ring;
 mod harness_tests;
 mod image;
 mod instance;
+mod logical_device;
 mod pipeline;
+mod pipeline_cache;
+mod rendering;
+#[cfg(test)]
+mod rendering_tests;
+mod sampler;
 mod command_buffer;
 mod shader;
 #[cfg(feature = "hot-reload")]
@@ -19,6 +27,7 @@ mod staging;
 mod submit;
 mod swapchain;
 mod transfer;
+mod window_images;
 
 /// Formats and usage flags; calls stay in this layer.
 pub use ash::vk::{Format, ImageUsageFlags};
@@ -26,15 +35,18 @@ pub use ash::vk::{Format, ImageUsageFlags};
 pub use buffer::{Buffer, BufferKind};
 pub use choice::{GpuInfo, survey};
 pub use command_buffer::{CommandBuffer, PassTime, PassTimes};
-pub use commands::{Attachments, Commands, Rect, Subresource};
+pub use commands::Commands;
+pub use copies::Rect;
 pub use descriptor::{Binding, BindingType, DescriptorSet, DescriptorSetLayout};
 pub use device::{Gpu, GpuOptions, Handles};
 pub use frame_ring::{FRAMES_IN_FLIGHT, FrameContext, FrameRing, UNIFORM_RANGE};
 #[cfg(test)]
 pub use harness_tests::with_gpu;
-pub use image::{AddressMode, Image, ImageAccess, ImageDesc, Sampler, Shape};
+pub use image::{AttachmentView, DEPTH_FORMAT, Image, ImageAccess, ImageDesc, Shape, Subresource};
 pub use instance::{Instance, Messages, validation_available};
-pub use pipeline::{Constant, DEPTH_FORMAT, Depth, GraphicsDesc, Pipeline};
+pub use pipeline::{Constant, DepthBias, DepthState, GraphicsDesc, Pipeline};
+pub use rendering::{Attachments, ColourAttachment, DepthAttachment, LoadOp, StoreOp};
+pub use sampler::{AddressMode, Compare, Sampler};
 pub use shader::compute_shaders;
 #[cfg(feature = "hot-reload")]
 pub use shader::on_disk::folder as shader_folder;

@@ -4,21 +4,26 @@ use std::sync::Arc;
 
 use ash::vk;
 
+use super::deferred::Deferred;
 use super::descriptor::DescriptorSetLayout;
-use super::device::{Deferred, Gpu};
+use super::device::Gpu;
+use super::image::DEPTH_FORMAT;
+use super::sampler::Compare;
 use super::shader;
 use crate::{Error, Result};
 
 /// A 32-bit specialization constant: its id, and its value's bits.
 pub type Constant = (u32, u32);
 
-/// What a graphics pipeline draws with. Triangles, counter-clockwise front; viewport and culled faces are set while
+/// The state of a graphics pipeline. Triangles, counter-clockwise front; viewport and culled faces are set while
 /// recording.
+#[derive(Clone, Copy)]
 pub struct GraphicsDesc<'a> {
     pub name: &'a str,
-    /// File names under glsl/.
+    /// File names in glsl/.
     pub vertex: &'a str,
-    pub fragment: &'a str,
+    /// `None` writes depth only.
+    pub fragment: Option<&'a str>,
     pub constants: &'a [Constant],
     pub sets: &'a [&'a DescriptorSetLayout],
     /// Bytes of push constants, for all stages.
@@ -26,26 +31,61 @@ pub struct GraphicsDesc<'a> {
     /// Bytes per vertex, and for each location its format and offset; empty where the shader needs no vertices.
     pub vertex_stride: u32,
     pub vertex_attributes: &'a [(vk::Format, u32)],
-    pub colour: vk::Format,
-    pub depth: Depth,
+    /// Formats of the colour attachments, in their order.
+    pub colours: &'a [vk::Format],
+    /// `None` without a depth attachment.
+    pub depth: Option<DepthState>,
+    /// 1 or 4.
     pub samples: u32,
-    /// Source-over with straight alpha.
+    /// Source-over with straight alpha, in all colour attachments.
     pub blend: bool,
 }
 
-/// How a pipeline uses depth; reversed, so nearer is greater.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Depth {
-    /// No depth attachment.
-    None,
-    /// Tests and writes.
-    Write,
-    /// Draws where nothing nearer is, without writing: the sky.
-    Test,
+impl Default for GraphicsDesc<'_> {
+    /// No shaders, vertices, sets and attachments; one sample, no blending.
+    fn default() -> Self {
+        Self {
+            name: "",
+            vertex: "",
+            fragment: None,
+            constants: &[],
+            sets: &[],
+            push_bytes: 0,
+            vertex_stride: 0,
+            vertex_attributes: &[],
+            colours: &[],
+            depth: None,
+            samples: 1,
+            blend: false,
+        }
+    }
 }
 
-/// The format of every depth image.
-pub const DEPTH_FORMAT: vk::Format = vk::Format::D32_SFLOAT;
+/// Depth test and writes of a pipeline.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DepthState {
+    /// A fragment is drawn where its depth passes this comparison with the stored one.
+    pub compare: Compare,
+    /// Whether drawn fragments store their depth.
+    pub write: bool,
+    pub bias: Option<DepthBias>,
+}
+
+impl DepthState {
+    /// Reversed depth, nearer is greater: draws and stores what is nearest.
+    pub const WRITE: Self = Self { compare: Compare::GreaterOrEqual, write: true, bias: None };
+    /// Reversed depth: draws where nothing nearer is, without storing: the sky.
+    pub const TEST: Self = Self { write: false, ..Self::WRITE };
+}
+
+/// Added to each fragment's depth before it is tested: `constant` in units of the least difference that a depth of
+/// this size can have, `slope` times the triangle's steepest change of depth per pixel. Negative is farther in reversed
+/// depth.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DepthBias {
+    pub constant: f32,
+    pub slope: f32,
+}
 
 /// A pipeline and its layout.
 pub struct Pipeline {
@@ -56,7 +96,7 @@ pub struct Pipeline {
 }
 
 impl Pipeline {
-    /// Makes a compute pipeline from `glsl/{shader}`.
+    /// Creates a compute pipeline from `glsl/{shader}`.
     pub fn compute(
         gpu: &Arc<Gpu>,
         shader: &str,
@@ -72,21 +112,21 @@ impl Pipeline {
             .stage(module.stage(vk::ShaderStageFlags::COMPUTE, &special))
             .layout(pipeline.layout);
         // SAFETY: module and layout are alive until the call returns.
-        let made = unsafe { gpu.device.create_compute_pipelines(vk::PipelineCache::null(), &[info], None) };
+        let made =
+            gpu.pipeline_cache.with(|cache| unsafe { gpu.device.create_compute_pipelines(cache, &[info], None) });
         pipeline.take(made, shader)?;
         Ok(pipeline)
     }
 
-    /// Makes a graphics pipeline.
+    /// Creates a graphics pipeline.
     pub fn graphics(gpu: &Arc<Gpu>, desc: &GraphicsDesc<'_>) -> Result<Self> {
         let mut pipeline = Self::bare(gpu, vk::PipelineBindPoint::GRAPHICS, desc.sets, desc.push_bytes)?;
-        let (vertex, fragment) = (Module::new(gpu, desc.vertex)?, Module::new(gpu, desc.fragment)?);
+        let vertex = Module::new(gpu, desc.vertex)?;
+        let fragment = desc.fragment.map(|fragment| Module::new(gpu, fragment)).transpose()?;
         let special = Special::new(desc.constants);
         let special = special.info();
-        let stages = [
-            vertex.stage(vk::ShaderStageFlags::VERTEX, &special),
-            fragment.stage(vk::ShaderStageFlags::FRAGMENT, &special),
-        ];
+        let mut stages = vec![vertex.stage(vk::ShaderStageFlags::VERTEX, &special)];
+        stages.extend(fragment.iter().map(|fragment| fragment.stage(vk::ShaderStageFlags::FRAGMENT, &special)));
         let attributes: Vec<_> = (0u32..)
             .zip(desc.vertex_attributes)
             .map(|(i, (format, offset))| {
@@ -100,23 +140,16 @@ impl Pipeline {
         let assembly =
             vk::PipelineInputAssemblyStateCreateInfo::default().topology(vk::PrimitiveTopology::TRIANGLE_LIST);
         let viewport = vk::PipelineViewportStateCreateInfo::default().viewport_count(1).scissor_count(1);
-        let raster = vk::PipelineRasterizationStateCreateInfo::default()
-            .polygon_mode(vk::PolygonMode::FILL)
-            .front_face(vk::FrontFace::COUNTER_CLOCKWISE)
-            .line_width(1.0);
+        let raster = rasterization(desc.depth.and_then(|depth| depth.bias));
         let multisample = vk::PipelineMultisampleStateCreateInfo::default()
             .rasterization_samples(vk::SampleCountFlags::from_raw(desc.samples));
-        let depth = vk::PipelineDepthStencilStateCreateInfo::default()
-            .depth_test_enable(desc.depth != Depth::None)
-            .depth_write_enable(desc.depth == Depth::Write)
-            .depth_compare_op(vk::CompareOp::GREATER_OR_EQUAL);
-        let blends = [blend(desc.blend)];
+        let depth = depth_state(desc.depth);
+        let blends = vec![blend(desc.blend); desc.colours.len()];
         let blend = vk::PipelineColorBlendStateCreateInfo::default().attachments(&blends);
         let dynamic = [vk::DynamicState::VIEWPORT, vk::DynamicState::SCISSOR, vk::DynamicState::CULL_MODE];
         let dynamic = vk::PipelineDynamicStateCreateInfo::default().dynamic_states(&dynamic);
-        let formats = [desc.colour];
-        let mut rendering = vk::PipelineRenderingCreateInfo::default().color_attachment_formats(&formats);
-        if desc.depth != Depth::None {
+        let mut rendering = vk::PipelineRenderingCreateInfo::default().color_attachment_formats(desc.colours);
+        if desc.depth.is_some() {
             rendering = rendering.depth_attachment_format(DEPTH_FORMAT);
         }
         let info = vk::GraphicsPipelineCreateInfo::default()
@@ -132,7 +165,8 @@ impl Pipeline {
             .layout(pipeline.layout)
             .push_next(&mut rendering);
         // SAFETY: all that `info` points to lives until the call returns.
-        let made = unsafe { gpu.device.create_graphics_pipelines(vk::PipelineCache::null(), &[info], None) };
+        let made =
+            gpu.pipeline_cache.with(|cache| unsafe { gpu.device.create_graphics_pipelines(cache, &[info], None) });
         pipeline.take(made, desc.name)?;
         Ok(pipeline)
     }
@@ -150,7 +184,7 @@ impl Pipeline {
             .push_constant_ranges(&ranges[..usize::from(push_bytes > 0)]);
         // SAFETY: the set layouts are alive.
         let layout = unsafe { gpu.device.create_pipeline_layout(&info, None) }
-            .map_err(Error::vulkan("making a pipeline layout"))?;
+            .map_err(Error::vulkan("creating a pipeline layout"))?;
         Ok(Self { gpu: Arc::clone(gpu), raw: vk::Pipeline::null(), layout, point })
     }
 
@@ -159,7 +193,7 @@ impl Pipeline {
         made: std::result::Result<Vec<vk::Pipeline>, (Vec<vk::Pipeline>, vk::Result)>,
         name: &str,
     ) -> Result<()> {
-        let made = made.map_err(|(_, result)| Error::Vulkan { doing: "making a pipeline", result })?;
+        let made = made.map_err(|(_, result)| Error::Vulkan { doing: "creating a pipeline", result })?;
         self.raw = made.first().copied().unwrap_or_default();
         self.gpu.name(self.raw, name);
         Ok(())
@@ -172,6 +206,25 @@ impl Drop for Pipeline {
     }
 }
 
+fn depth_state(depth: Option<DepthState>) -> vk::PipelineDepthStencilStateCreateInfo<'static> {
+    let Some(DepthState { compare, write, .. }) = depth else { return Default::default() };
+    vk::PipelineDepthStencilStateCreateInfo::default()
+        .depth_test_enable(true)
+        .depth_write_enable(write)
+        .depth_compare_op(compare.raw())
+}
+
+fn rasterization(bias: Option<DepthBias>) -> vk::PipelineRasterizationStateCreateInfo<'static> {
+    let DepthBias { constant, slope } = bias.unwrap_or(DepthBias { constant: 0.0, slope: 0.0 });
+    vk::PipelineRasterizationStateCreateInfo::default()
+        .polygon_mode(vk::PolygonMode::FILL)
+        .front_face(vk::FrontFace::COUNTER_CLOCKWISE)
+        .depth_bias_enable(bias.is_some())
+        .depth_bias_constant_factor(constant)
+        .depth_bias_slope_factor(slope)
+        .line_width(1.0)
+}
+
 fn blend(on: bool) -> vk::PipelineColorBlendAttachmentState {
     vk::PipelineColorBlendAttachmentState::default()
         .color_write_mask(vk::ColorComponentFlags::RGBA)
@@ -182,7 +235,7 @@ fn blend(on: bool) -> vk::PipelineColorBlendAttachmentState {
         .dst_alpha_blend_factor(vk::BlendFactor::ONE_MINUS_SRC_ALPHA)
 }
 
-/// Specialization constants as Vulkan wants them.
+/// Specialization constants in the form Vulkan takes.
 struct Special {
     entries: Vec<vk::SpecializationMapEntry>,
     data: Vec<u8>,
@@ -202,7 +255,7 @@ impl Special {
     }
 }
 
-/// A shader module for as long as a pipeline is being made.
+/// A shader module, alive while a pipeline is created from it.
 struct Module<'a> {
     gpu: &'a Gpu,
     raw: vk::ShaderModule,
@@ -213,8 +266,8 @@ impl<'a> Module<'a> {
         let words = shader::load(name)?;
         let info = vk::ShaderModuleCreateInfo::default().code(&words);
         // SAFETY: the code is what shaderc made for Vulkan 1.3.
-        let raw =
-            unsafe { gpu.device.create_shader_module(&info, None) }.map_err(Error::vulkan("making a shader module"))?;
+        let raw = unsafe { gpu.device.create_shader_module(&info, None) }
+            .map_err(Error::vulkan("creating a shader module"))?;
         gpu.name(raw, name);
         Ok(Self { gpu, raw })
     }

@@ -1,6 +1,7 @@
 //! Submission: a recording's way to the queue, with a window image where there is one.
 
 use std::sync::Arc;
+use std::sync::atomic::Ordering;
 
 use ash::vk;
 
@@ -9,10 +10,6 @@ use super::commands::Commands;
 use super::device::Gpu;
 use crate::{Error, Result};
 
-/// The first stages that touch a window image: submissions wait for its acquisition there, so that the drawing before
-/// need not.
-pub(super) const FIRST_TOUCH: vk::PipelineStageFlags2 = vk::PipelineStageFlags2::ALL_TRANSFER;
-
 /// An image of a swapchain that may be drawn to.
 pub struct Acquired {
     pub(super) index: u32,
@@ -20,6 +17,16 @@ pub struct Acquired {
     pub(super) ready: Option<vk::Semaphore>,
     /// To be signalled when drawing has finished.
     pub(super) done: vk::Semaphore,
+    /// The first stage that touches the image: submissions wait for its acquisition there, so that what is drawn before
+    /// need not.
+    pub(super) first_touch: vk::PipelineStageFlags2,
+}
+
+impl Acquired {
+    /// An image that is copied to, if nothing else is said.
+    pub(super) fn new(index: u32, ready: Option<vk::Semaphore>, done: vk::Semaphore) -> Self {
+        Self { index, ready, done, first_touch: vk::PipelineStageFlags2::ALL_TRANSFER }
+    }
 }
 
 impl CommandBuffer {
@@ -41,19 +48,19 @@ impl Commands<'_> {
         let commands = [vk::CommandBufferSubmitInfo::default().command_buffer(buffer.raw)];
         let all = vk::PipelineStageFlags2::ALL_COMMANDS;
         let semaphore = |raw| vk::SemaphoreSubmitInfo::default().semaphore(raw).stage_mask(all);
-        let waits = window.and_then(|w| w.ready).map(|ready| semaphore(ready).stage_mask(FIRST_TOUCH));
-        let mut queue = gpu.queue();
-        let finished = semaphore(gpu.timeline).value(queue.submitted + 1);
+        let waits = window.and_then(|w| Some(semaphore(w.ready?).stage_mask(w.first_touch)));
+        let queue = gpu.queue();
+        let submission = gpu.submitted.load(Ordering::Acquire) + 1;
+        let finished = semaphore(gpu.device.timeline).value(submission);
         let signals = [finished, window.map_or(finished, |w| semaphore(w.done))];
         let submit = vk::SubmitInfo2::default()
             .command_buffer_infos(&commands)
             .wait_semaphore_infos(waits.as_slice())
             .signal_semaphore_infos(&signals[..1 + usize::from(window.is_some())]);
         // SAFETY: the queue is locked; all handles are alive and stay so until the timeline says it is finished.
-        unsafe { gpu.device.queue_submit2(queue.raw, &[submit], vk::Fence::null()) }
+        unsafe { gpu.device.queue_submit2(*queue, &[submit], vk::Fence::null()) }
             .map_err(Error::vulkan("submitting work"))?;
-        queue.submitted += 1;
-        let submission = queue.submitted;
+        gpu.submitted.store(submission, Ordering::Release);
         drop(queue);
         buffer.submitted(submission);
         Ok(())

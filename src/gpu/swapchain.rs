@@ -1,18 +1,18 @@
-//! A window's surface and swapchain: acquiring, presenting, and making it anew when the window changes.
+//! A window's surface and swapchain: acquiring, presenting, and creating it again when the window changes.
 
+use std::marker::PhantomData;
 use std::sync::Arc;
 
 use ash::{khr, vk};
 use raw_window_handle::{RawDisplayHandle, RawWindowHandle};
 
-use super::commands::{Commands, Rect, Subresource, transition};
+use super::commands::{Commands, transition};
+use super::copies::Rect;
 use super::device::Gpu;
-use super::image::{Image, ImageAccess};
-use super::submit::{Acquired, FIRST_TOUCH};
+use super::image::{AttachmentView, Image, ImageAccess, Subresource};
+use super::submit::Acquired;
+use super::window_images::{ACQUIRE_NS, RANGE, WindowImages};
 use crate::{Error, Result};
-
-/// How long the window system may keep all images: a hidden window's may never come back, and events wait meanwhile.
-const ACQUIRE_NS: u64 = 1_000_000_000;
 
 /// When pictures are shown.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -69,17 +69,10 @@ pub struct Swapchain {
     surface_api: khr::surface::Instance,
     api: khr::swapchain::Device,
     surface: vk::SurfaceKHR,
-    raw: vk::SwapchainKHR,
-    images: Vec<vk::Image>,
-    size: [u32; 2],
-    mode: PresentMode,
-    /// One more than images, taken in turn: an acquisition's semaphore has been waited for before it comes round again.
-    ready: Vec<vk::Semaphore>,
-    /// One per image: presenting an image again proves its last wait is over.
-    done: Vec<vk::Semaphore>,
+    /// `None` while there is nothing to draw to: a minimised window, or a failed `resize`.
+    current: Option<WindowImages>,
+    /// Counts acquisitions.
     turn: usize,
-    /// Signalled when the image that `poll` has asked for is free, and that image.
-    polled: (vk::Fence, Option<u32>),
 }
 
 impl Swapchain {
@@ -91,21 +84,20 @@ impl Swapchain {
         // SAFETY: the caller keeps the handles valid; the instance was made for this display.
         let surface =
             unsafe { ash_window::create_surface(&gpu.instance.entry, &gpu.instance.raw, display, window, None) }
-                .map_err(Error::vulkan("making a window surface"))?;
+                .map_err(Error::vulkan("creating a window surface"))?;
+        Self::of_surface(gpu, surface)
+    }
+
+    /// Takes over a surface of the GPU's instance.
+    fn of_surface(gpu: &Arc<Gpu>, surface: vk::SurfaceKHR) -> Result<Self> {
         let surface_api = khr::surface::Instance::new(&gpu.instance.entry, &gpu.instance.raw);
         let swapchain = Self {
             gpu: Arc::clone(gpu),
             surface_api,
             api: khr::swapchain::Device::new(&gpu.instance.raw, &gpu.device),
             surface,
-            raw: vk::SwapchainKHR::null(),
-            images: Vec::new(),
-            size: [0, 0],
-            mode: PresentMode::Vsync,
-            ready: Vec::new(),
-            done: Vec::new(),
+            current: None,
             turn: 0,
-            polled: (vk::Fence::null(), None),
         };
         // SAFETY: family, surface and physical device belong together.
         let presents =
@@ -121,7 +113,12 @@ impl Swapchain {
 
     /// The size of its images; 0×0 while there are none.
     pub fn size(&self) -> [u32; 2] {
-        self.size
+        self.current.as_ref().map_or([0, 0], |images| images.size)
+    }
+
+    /// The format of its images, for pipelines that draw into them; `None` while there are none. Always sRGB.
+    pub fn format(&self) -> Option<vk::Format> {
+        self.current.as_ref().map(|images| images.format)
     }
 
     /// The modes this surface has; Vsync is always there.
@@ -150,15 +147,15 @@ impl Swapchain {
         };
         let size = extent(&caps, wanted);
         if size.contains(&0) {
-            self.destroy_images();
+            self.current = None;
             return Ok(());
         }
-        if !caps.supported_usage_flags.contains(vk::ImageUsageFlags::TRANSFER_DST) {
+        let usage = vk::ImageUsageFlags::TRANSFER_DST | vk::ImageUsageFlags::COLOR_ATTACHMENT;
+        if !caps.supported_usage_flags.contains(usage) {
             return Err(Error::Window { problem: "this display does not take copied pictures".into() });
         }
         let format = pick_format(&formats)?;
         let most = if caps.max_image_count == 0 { u32::MAX } else { caps.max_image_count };
-        let old = self.raw;
         let info = vk::SwapchainCreateInfoKHR::default()
             .surface(self.surface)
             .min_image_count((caps.min_image_count + 1).max(3).min(most))
@@ -166,85 +163,90 @@ impl Swapchain {
             .image_color_space(format.color_space)
             .image_extent(vk::Extent2D { width: size[0], height: size[1] })
             .image_array_layers(1)
-            .image_usage(vk::ImageUsageFlags::TRANSFER_DST)
+            .image_usage(usage)
             .pre_transform(pick_transform(&caps))
             .composite_alpha(pick_alpha(caps.supported_composite_alpha))
             .present_mode(mode.raw())
             .clipped(true)
-            .old_swapchain(old);
+            .old_swapchain(self.current.as_ref().map_or(vk::SwapchainKHR::null(), |old| old.raw));
         // SAFETY: the surface is alive, the old swapchain is ours and idle.
-        let made = unsafe { self.api.create_swapchain(&info, None) };
-        // Whether or not a new one was made, the old one is spent.
-        self.destroy_images();
-        self.raw = match made {
-            Ok(raw) => raw,
+        let created = unsafe { self.api.create_swapchain(&info, None) };
+        // Whether or not a new one was created, the old one is retired.
+        self.current = None;
+        self.current = match created {
+            Ok(raw) => Some(WindowImages::new(&self.gpu, &self.api, raw, format.format, size)?),
             // The window shrank to nothing, or is being replaced, between the question and the call.
-            Err(vk::Result::ERROR_OUT_OF_DATE_KHR | vk::Result::ERROR_INITIALIZATION_FAILED) => return Ok(()),
-            Err(result) => return Err(Error::Vulkan { doing: "making a swapchain", result }),
+            Err(vk::Result::ERROR_OUT_OF_DATE_KHR | vk::Result::ERROR_INITIALIZATION_FAILED) => None,
+            Err(result) => return Err(Error::Vulkan { doing: "creating a swapchain", result }),
         };
-        self.mode = mode;
-        self.size = size;
-        // SAFETY: the swapchain was just made.
-        self.images =
-            unsafe { self.api.get_swapchain_images(self.raw) }.map_err(Error::vulkan("asking for window images"))?;
-        self.ready = self.semaphores(self.images.len() + 1)?;
-        self.done = self.semaphores(self.images.len())?;
-        // SAFETY: the device is alive.
-        let fence = unsafe { self.gpu.device.create_fence(&vk::FenceCreateInfo::default(), None) };
-        self.polled = (fence.map_err(Error::vulkan("making a fence"))?, None);
         Ok(())
     }
 
     /// The next image to draw to, or `None` where the swapchain does not fit the window any more, or the window system
     /// has given no image for a second: `resize` it.
     pub fn acquire(&mut self) -> Result<Option<Acquired>> {
-        if self.images.is_empty() {
-            return Ok(None);
-        }
-        let ready = self.ready[self.turn % self.ready.len()];
+        let Some(images) = &self.current else { return Ok(None) };
+        let ready = images.ready[self.turn % images.ready.len()];
         // SAFETY: the swapchain is alive; the semaphore's last wait was `images + 1` acquisitions ago.
-        let acquired = unsafe { self.api.acquire_next_image(self.raw, ACQUIRE_NS, ready, vk::Fence::null()) };
+        let acquired = unsafe { self.api.acquire_next_image(images.raw, ACQUIRE_NS, ready, vk::Fence::null()) };
         match acquired {
             Ok((index, _)) => {
                 self.turn += 1;
-                Ok(Some(Acquired { index, ready: Some(ready), done: self.done[index as usize] }))
+                Ok(Some(Acquired::new(index, Some(ready), images.done[index as usize])))
             }
             Err(vk::Result::ERROR_OUT_OF_DATE_KHR | vk::Result::TIMEOUT | vk::Result::NOT_READY) => Ok(None),
-            Err(result) => Err(Error::Vulkan { doing: "taking a window image", result }),
+            Err(result) => Err(Error::Vulkan { doing: "acquiring a window image", result }),
         }
     }
 
-    /// Like `acquire`, but waits for nothing: `None` also where no image is free yet. Of a swapchain, one of the two is
-    /// used, never both.
+    /// Like `acquire`, but waits for nothing: [`Polled::Busy`] where no image is free yet. Of a swapchain, one of the two
+    /// is used, never both.
     pub fn poll(&mut self) -> Result<Polled> {
-        if self.images.is_empty() {
-            return Ok(Polled::Stale);
-        }
-        let (fence, asked) = self.polled;
-        let index = match asked {
+        let Some(images) = &mut self.current else { return Ok(Polled::Stale) };
+        let fence = images.fence;
+        let index = match images.asked {
             Some(index) => index,
             // SAFETY: the swapchain is alive; the fence is not in use.
-            None => match unsafe { self.api.acquire_next_image(self.raw, 0, vk::Semaphore::null(), fence) } {
+            None => match unsafe { self.api.acquire_next_image(images.raw, 0, vk::Semaphore::null(), fence) } {
                 Ok((index, _)) => index,
                 Err(vk::Result::TIMEOUT | vk::Result::NOT_READY) => return Ok(Polled::Busy),
                 Err(vk::Result::ERROR_OUT_OF_DATE_KHR) => return Ok(Polled::Stale),
-                Err(result) => return Err(Error::Vulkan { doing: "taking a window image", result }),
+                Err(result) => return Err(Error::Vulkan { doing: "acquiring a window image", result }),
             },
         };
-        self.polled.1 = Some(index);
+        images.asked = Some(index);
         // SAFETY: the fence is this device's and alive.
         if !unsafe { self.gpu.device.get_fence_status(fence) }.map_err(Error::vulkan("asking for a window image"))? {
             return Ok(Polled::Busy);
         }
         // SAFETY: the fence is signalled, nothing uses it.
         unsafe { self.gpu.device.reset_fences(&[fence]) }.map_err(Error::vulkan("asking for a window image"))?;
-        self.polled.1 = None;
-        Ok(Polled::Ready(Acquired { index, ready: None, done: self.done[index as usize] }))
+        images.asked = None;
+        Ok(Polled::Ready(Acquired::new(index, None, images.done[index as usize])))
+    }
+
+    /// Prepares the acquired image to be drawn into, its content undefined, and returns its view; `end_drawing` comes
+    /// after the draws. An image is either drawn into or copied to, not both.
+    pub fn begin_drawing(&self, commands: &mut Commands<'_>, to: &mut Acquired) -> Result<AttachmentView<'_>> {
+        let images = self.current.as_ref().ok_or_else(no_images)?;
+        to.first_touch = vk::PipelineStageFlags2::COLOR_ATTACHMENT_OUTPUT;
+        // As in `copy_parts`: the layout changes after the acquisition.
+        let start = transition(ImageAccess::Fresh, ImageAccess::Colour).src_stage_mask(to.first_touch);
+        let index = to.index as usize;
+        commands.raw_image_barrier(start.image(images.images[index]).subresource_range(RANGE));
+        Ok(AttachmentView { raw: images.views[index], layers: 1, of: PhantomData })
+    }
+
+    /// Makes the drawn image ready to be presented.
+    pub fn end_drawing(&self, commands: &mut Commands<'_>, to: &Acquired) {
+        let Some(images) = &self.current else { return };
+        let end = transition(ImageAccess::Colour, ImageAccess::Present);
+        commands.raw_image_barrier(end.image(images.images[to.index as usize]).subresource_range(RANGE));
     }
 
     /// Scales one layer of a picture over the whole acquired image; `from` must be prepared for `CopyFrom`.
     pub fn copy(&self, commands: &mut Commands<'_>, from: &Image, part: Subresource, to: &Acquired) {
-        let whole = [Rect::of(from.mip_size(part.mip)), Rect::of(self.size)];
+        let whole = [Rect::of(from.mip_size(part.mip)), Rect::of(self.size())];
         self.copy_parts(commands, from, &[(part, whole)], to);
     }
 
@@ -257,44 +259,40 @@ impl Swapchain {
         parts: &[(Subresource, [Rect; 2])],
         to: &Acquired,
     ) {
-        let image = self.images[to.index as usize];
-        let range = vk::ImageSubresourceRange {
-            aspect_mask: vk::ImageAspectFlags::COLOR,
-            level_count: 1,
-            layer_count: 1,
-            ..Default::default()
-        };
+        let Some(images) = &self.current else { return };
+        let image = images.images[to.index as usize];
         // The acquisition is waited for at these stages, and this barrier begins at the same ones: so the layout changes
         // after the window system has read the image. Clear and blits, all that writes to it, come after the change.
-        let start = transition(ImageAccess::Fresh, ImageAccess::CopyTo).src_stage_mask(FIRST_TOUCH);
-        commands.raw_image_barrier(start.image(image).subresource_range(range));
+        let start = transition(ImageAccess::Fresh, ImageAccess::CopyTo).src_stage_mask(to.first_touch);
+        commands.raw_image_barrier(start.image(image).subresource_range(RANGE));
         let layers = |mip, layer| vk::ImageSubresourceLayers {
             aspect_mask: vk::ImageAspectFlags::COLOR,
             mip_level: mip,
             base_array_layer: layer,
             layer_count: 1,
         };
-        let covered = parts.iter().any(|(_, [_, onto])| *onto == Rect::of(self.size));
+        let covered = parts.iter().any(|(_, [_, onto])| *onto == Rect::of(self.size()));
         if !covered {
-            commands.clear_raw(image, range);
+            commands.clear_raw(image, RANGE);
             commands.copied();
         }
         for (part, rects) in parts {
             commands.blit_raw(from.raw, image, *rects, [layers(part.mip, part.layer), layers(0, 0)]);
         }
         commands.raw_image_barrier(
-            transition(ImageAccess::CopyTo, ImageAccess::Present).image(image).subresource_range(range),
+            transition(ImageAccess::CopyTo, ImageAccess::Present).image(image).subresource_range(RANGE),
         );
     }
 
-    /// Shows a drawn image.
+    /// Shows a drawn image, whose commands have been submitted.
     pub fn present(&mut self, acquired: Acquired) -> Result<Presented> {
-        let (waits, swapchains, indices) = ([acquired.done], [self.raw], [acquired.index]);
+        let Some(images) = &self.current else { return Ok(Presented::Stale) };
+        let (waits, swapchains, indices) = ([acquired.done], [images.raw], [acquired.index]);
         let info =
             vk::PresentInfoKHR::default().wait_semaphores(&waits).swapchains(&swapchains).image_indices(&indices);
         let queue = self.gpu.queue();
         // SAFETY: the queue is locked; the image was acquired and its drawing submitted.
-        match unsafe { self.api.queue_present(queue.raw, &info) } {
+        match unsafe { self.api.queue_present(*queue, &info) } {
             Ok(false) => Ok(Presented::Good),
             Ok(true) => Ok(Presented::Suboptimal),
             Err(vk::Result::ERROR_OUT_OF_DATE_KHR) => Ok(Presented::Stale),
@@ -302,35 +300,11 @@ impl Swapchain {
         }
     }
 
-    fn semaphores(&self, count: usize) -> Result<Vec<vk::Semaphore>> {
-        let info = vk::SemaphoreCreateInfo::default();
-        // SAFETY: the device is alive.
-        let make = |_| unsafe { self.gpu.device.create_semaphore(&info, None) };
-        (0..count).map(make).collect::<std::result::Result<_, _>>().map_err(Error::vulkan("making a semaphore"))
-    }
-
     /// The presentation engine may wait on `done` semaphores until the queue is idle.
     fn wait_presents(&self) -> Result<()> {
         let queue = self.gpu.queue();
         // SAFETY: the queue is locked.
-        unsafe { self.gpu.device.queue_wait_idle(queue.raw) }.map_err(Error::vulkan("waiting for the window"))
-    }
-
-    fn destroy_images(&mut self) {
-        self.size = [0, 0];
-        self.images.clear();
-        let semaphores = self.ready.drain(..).chain(self.done.drain(..));
-        let (fence, asked) = std::mem::take(&mut self.polled);
-        // SAFETY: the caller has waited for the GPU and the queue, and the fence is waited for where it is in use. A
-        // window system that never signals it has died, and uses it no more.
-        unsafe {
-            if asked.is_some() {
-                let _ = self.gpu.device.wait_for_fences(&[fence], true, ACQUIRE_NS);
-            }
-            self.gpu.device.destroy_fence(fence, None);
-            semaphores.for_each(|s| self.gpu.device.destroy_semaphore(s, None));
-            self.api.destroy_swapchain(std::mem::take(&mut self.raw), None);
-        }
+        unsafe { self.gpu.device.queue_wait_idle(*queue) }.map_err(Error::vulkan("waiting for the window"))
     }
 }
 
@@ -339,10 +313,14 @@ impl Drop for Swapchain {
         // A lost device cannot be waited for, and then nothing is running.
         let _ = self.gpu.wait_idle();
         let _ = self.wait_presents();
-        self.destroy_images();
+        self.current = None;
         // SAFETY: the swapchain is gone, nothing else uses the surface.
         unsafe { self.surface_api.destroy_surface(self.surface, None) };
     }
+}
+
+fn no_images() -> Error {
+    Error::Window { problem: "it has no images to draw into".into() }
 }
 
 fn extent(caps: &vk::SurfaceCapabilitiesKHR, wanted: [u32; 2]) -> [u32; 2] {
@@ -373,7 +351,49 @@ fn pick_alpha(there: vk::CompositeAlphaFlagsKHR) -> vk::CompositeAlphaFlagsKHR {
 
 #[cfg(test)]
 mod tests {
+    use super::super::{Attachments, ColourAttachment, CommandBuffer, GpuOptions, Instance};
     use super::*;
+
+    /// A GPU that presents to surfaces without a display; `None` where the driver has none.
+    fn headless() -> Option<(Arc<Gpu>, Swapchain)> {
+        let extensions = [khr::surface::NAME, ash::ext::headless_surface::NAME].map(std::ffi::CStr::to_owned);
+        let instance = Arc::new(Instance::new(true, None, &extensions).ok()?);
+        let asked = |_| Ok(vec![khr::swapchain::NAME.to_owned()]);
+        let gpu = Gpu::open_for_headset(GpuOptions::default(), &instance, 0, asked).unwrap();
+        let api = ash::ext::headless_surface::Instance::new(&instance.entry, &instance.raw);
+        // SAFETY: the instance has the extension; the swapchain takes over the surface.
+        let surface = unsafe { api.create_headless_surface(&Default::default(), None) }.unwrap();
+        let swapchain = Swapchain::of_surface(&gpu, surface).unwrap();
+        Some((gpu, swapchain))
+    }
+
+    #[test]
+    fn window_images_are_drawn_into_and_copied_to() {
+        let Some((gpu, mut swapchain)) = headless() else { return };
+        let mut buffer = CommandBuffer::new(&gpu).unwrap();
+        assert!(swapchain.acquire().unwrap().is_none(), "an image without a size");
+        for size in [[64, 32], [32, 64]] {
+            swapchain.resize(size, PresentMode::Vsync).unwrap();
+            assert_eq!(swapchain.size(), size);
+            assert!(swapchain.format().is_some());
+            for _ in 0..6 {
+                let mut acquired = swapchain.acquire().unwrap().unwrap();
+                let (mut commands, _) = buffer.begin().unwrap();
+                let view = swapchain.begin_drawing(&mut commands, &mut acquired).unwrap();
+                let colours = &[ColourAttachment::cleared(view, [0.0, 1.0, 0.0, 1.0])];
+                commands.render(&Attachments { colours, depth: None, area: size }, |_| ());
+                swapchain.end_drawing(&mut commands, &acquired);
+                commands.submit(Some(&acquired)).unwrap();
+                swapchain.present(acquired).unwrap();
+            }
+        }
+        swapchain.resize([0, 0], PresentMode::Vsync).unwrap();
+        drop(swapchain);
+        drop(buffer);
+        let messages = gpu.messages();
+        drop(gpu);
+        messages.check().unwrap();
+    }
 
     #[test]
     fn pictures_are_upright_where_the_surface_turns_them_itself() {

@@ -4,9 +4,9 @@ use std::sync::Arc;
 
 use super::buffer::{Buffer, BufferKind};
 use super::command_buffer::PassTime;
-use super::commands::{Commands, Subresource};
+use super::commands::Commands;
 use super::device::Gpu;
-use super::image::{Image, ImageAccess};
+use super::image::{Image, ImageAccess, Subresource};
 use super::submit::submit_and_wait;
 use crate::{Error, Result};
 

@@ -43,6 +43,7 @@ fn blank(image: &Image) -> Option<Ktx2> {
         Shape::Flat => (0, 1),
         Shape::Layers(layers) => (layers, 1),
         Shape::Cube => (0, 6),
+        Shape::CubeArray(cubes) => (cubes, 6),
     };
     let levels = vec![Vec::new(); desc.mips as usize];
     Some(Ktx2 { format, size: desc.size, layers, faces, levels, key_values: [].into() })

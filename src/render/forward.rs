@@ -10,7 +10,9 @@ use super::scene_resources::{ATTRIBUTES, PackedVertex, SceneResources};
 use super::shared::{DrawBlock, constant};
 use super::{Settings, Shading, reference_accumulator};
 use crate::Result;
-use crate::gpu::{Commands, Constant, Depth, DescriptorSet, DescriptorSetLayout, Format, Gpu, GraphicsDesc, Pipeline};
+use crate::gpu::{
+    Commands, Constant, DepthState, DescriptorSet, DescriptorSetLayout, Format, Gpu, GraphicsDesc, Pipeline,
+};
 use crate::reference::energy::Scattering;
 use crate::reference::table::SplitSum;
 use crate::scene::MaterialFeatures;
@@ -81,14 +83,14 @@ impl Forward {
             &GraphicsDesc {
                 name: "sky",
                 vertex: "sky.vert",
-                fragment: stage.sky,
+                fragment: Some(stage.sky),
                 constants: &common,
                 sets: &[frame_layout],
                 push_bytes: 0,
                 vertex_stride: 0,
                 vertex_attributes: &[],
-                colour: stage.colour,
-                depth: Depth::Test,
+                colours: &[stage.colour],
+                depth: Some(DepthState::TEST),
                 samples: stage.samples,
                 blend: false,
             },
@@ -165,14 +167,14 @@ fn material_pipeline(
         &GraphicsDesc {
             name: "forward",
             vertex: "forward.vert",
-            fragment: if needs.alpha_mask { stage.cutout } else { stage.surface },
+            fragment: Some(if needs.alpha_mask { stage.cutout } else { stage.surface }),
             constants: &constants,
             sets,
             push_bytes: size_of::<DrawBlock>() as u32,
             vertex_stride: size_of::<PackedVertex>() as u32,
             vertex_attributes: &ATTRIBUTES,
-            colour: stage.colour,
-            depth: Depth::Write,
+            colours: &[stage.colour],
+            depth: Some(DepthState::WRITE),
             samples: stage.samples,
             blend: false,
         },

@@ -11,8 +11,8 @@ use super::shared::constant;
 use super::{FRAMES_IN_FLIGHT, Output, Settings};
 use crate::Result;
 use crate::gpu::{
-    Binding, BindingType, Buffer, BufferKind, Commands, Depth, DescriptorSet, DescriptorSetLayout, Gpu, GraphicsDesc,
-    Pipeline,
+    Binding, BindingType, Buffer, BufferKind, Commands, DepthState, DescriptorSet, DescriptorSetLayout, Gpu,
+    GraphicsDesc, Pipeline,
 };
 
 /// Vertices that one frame holds at most; triangles beyond are left out.
@@ -86,7 +86,7 @@ impl GizmosPass {
             &GraphicsDesc {
                 name: "gizmos",
                 vertex: "gizmos.vert",
-                fragment: "gizmos.frag",
+                fragment: Some("gizmos.frag"),
                 constants: &[
                     (constant::EYES, eyes),
                     (constant::LINEAR_OUTPUT, u32::from(settings.output == Output::Linear)),
@@ -95,8 +95,8 @@ impl GizmosPass {
                 push_bytes: 0,
                 vertex_stride: 0,
                 vertex_attributes: &[],
-                colour: settings.output.format(),
-                depth: Depth::Write,
+                colours: &[settings.output.format()],
+                depth: Some(DepthState::WRITE),
                 samples: settings.samples,
                 blend: false,
             },

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use super::{Output, Settings};
-use crate::gpu::{Buffer, BufferKind, Commands, Depth, Format, Gpu, GraphicsDesc, Pipeline, Upload};
+use crate::gpu::{Buffer, BufferKind, Commands, DepthState, Format, Gpu, GraphicsDesc, Pipeline, Upload};
 use crate::{Error, Result};
 
 /// Corners of triangles: x and y of clip space (Vulkan's, y down), and the eye's index.
@@ -64,14 +64,14 @@ fn pipeline(gpu: &Arc<Gpu>, settings: &Settings) -> Result<Pipeline> {
         &GraphicsDesc {
             name: "hidden area",
             vertex: "hidden_area.vert",
-            fragment: "hidden_area.frag",
+            fragment: Some("hidden_area.frag"),
             constants: &[],
             sets: &[],
             push_bytes: 0,
             vertex_stride: size_of::<Corner>() as u32,
             vertex_attributes: &[(Format::R32G32B32_SFLOAT, 0)],
-            colour: Output::Display.format(),
-            depth: Depth::Write,
+            colours: &[Output::Display.format()],
+            depth: Some(DepthState::WRITE),
             samples: settings.samples,
             blend: false,
         },

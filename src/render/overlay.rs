@@ -7,8 +7,7 @@ use font8x8::legacy::BASIC_LEGACY;
 use super::{FRAMES_IN_FLIGHT, Output};
 use crate::Result;
 use crate::gpu::{
-    Binding, BindingType, Buffer, BufferKind, Commands, Depth, DescriptorSet, DescriptorSetLayout, Gpu, GraphicsDesc,
-    Pipeline,
+    Binding, BindingType, Buffer, BufferKind, Commands, DescriptorSet, DescriptorSetLayout, Gpu, GraphicsDesc, Pipeline,
 };
 
 /// Characters that fit on the screen's grid at most; more are cut.
@@ -44,14 +43,14 @@ impl Overlay {
             &GraphicsDesc {
                 name: "text",
                 vertex: "text.vert",
-                fragment: "text.frag",
+                fragment: Some("text.frag"),
                 constants: &[(0, eyes)],
                 sets: &[&layout],
                 push_bytes: 16,
                 vertex_stride: 0,
                 vertex_attributes: &[],
-                colour: Output::Display.format(),
-                depth: Depth::None,
+                colours: &[Output::Display.format()],
+                depth: None,
                 samples: 1,
                 blend: true,
             },

@@ -11,8 +11,8 @@ use crate::asset::ktx2::TexelFormat;
 use crate::asset::mips::{level_count, level_size};
 use crate::asset::{MipChain, Panorama};
 use crate::gpu::{
-    Attachments, Constant, Depth, Format, GraphicsDesc, ImageAccess, ImageDesc, ImageUsageFlags, Pipeline, Subresource,
-    read_image, submit_and_wait,
+    Attachments, ColourAttachment, Constant, Format, GraphicsDesc, ImageAccess, ImageDesc, ImageUsageFlags, Pipeline,
+    Subresource, read_image, submit_and_wait,
 };
 use crate::precompute::harness_tests::{Random, with_gpu};
 use crate::render::shared::constant;
@@ -125,14 +125,14 @@ fn shade(gpu: &Arc<Gpu>, renderer: &Renderer, world: &SceneResources, case: Case
     let desc = GraphicsDesc {
         name: "random",
         vertex: "test_random.vert",
-        fragment: case.fragment,
+        fragment: Some(case.fragment),
         constants: &constants,
         sets: &[&renderer.frame_layout, &world.material_layout],
         push_bytes: size_of::<Range>() as u32,
         vertex_stride: 0,
         vertex_attributes: &[],
-        colour: Format::R32G32B32A32_SFLOAT,
-        depth: Depth::None,
+        colours: &[Format::R32G32B32A32_SFLOAT],
+        depth: None,
         samples: 1,
         blend: false,
     };
@@ -141,8 +141,9 @@ fn shade(gpu: &Arc<Gpu>, renderer: &Renderer, world: &SceneResources, case: Case
     let count = SIZE[0] * SIZE[1] / MATERIALS;
     submit_and_wait(gpu, |commands| {
         commands.prepare_fresh(&picture, ImageAccess::Colour);
-        let clear = Some([f32::NEG_INFINITY; 4]); // what is not drawn would be found
-        commands.render(&Attachments { colour: &picture, resolve: None, depth: None, clear, area: SIZE }, |commands| {
+        // What is not drawn would be found.
+        let colours = &[ColourAttachment::cleared(picture.attachment(), [f32::NEG_INFINITY; 4])];
+        commands.render(&Attachments { colours, depth: None, area: SIZE }, |commands| {
             commands.bind(&pipeline, &[set]);
             for (i, material) in (0..).zip(&world.materials) {
                 commands.bind_set(&pipeline, 1, &material.set, &[]);

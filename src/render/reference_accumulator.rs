@@ -12,9 +12,9 @@ use super::targets::ViewTargets;
 use super::{Eye, FRAMES_IN_FLIGHT, Output, Shading};
 use crate::Result;
 use crate::gpu::{
-    AddressMode, Attachments, Binding, BindingType, Buffer, BufferKind, Commands, DEPTH_FORMAT, Depth, DescriptorSet,
-    DescriptorSetLayout, Format, Gpu, GraphicsDesc, Image, ImageAccess, ImageDesc, ImageUsageFlags, Pipeline, Sampler,
-    Shape, Subresource, read_image,
+    AddressMode, Attachments, Binding, BindingType, Buffer, BufferKind, ColourAttachment, Commands, DEPTH_FORMAT,
+    DepthAttachment, DescriptorSet, DescriptorSetLayout, Format, Gpu, GraphicsDesc, Image, ImageAccess, ImageDesc,
+    ImageUsageFlags, Pipeline, Sampler, Shape, Subresource, read_image,
 };
 use crate::reference::importance::{Cell, alias_table};
 
@@ -175,8 +175,9 @@ impl ReferenceAccumulator {
         commands.pass("samples", |commands| {
             commands.prepare_fresh(&self.depth, ImageAccess::Depth);
             commands.prepare_fresh(&self.latest, ImageAccess::Colour);
-            let (colour, depth, area) = (&self.latest, Some(&*self.depth), targets.area);
-            commands.render(&Attachments { colour, resolve: None, depth, clear: Some([0.0; 4]), area }, draw);
+            let colours = &[ColourAttachment::cleared(self.latest.attachment(), [0.0; 4])];
+            let depth = Some(DepthAttachment::transient(self.depth.attachment()));
+            commands.render(&Attachments { colours, depth, area: targets.area }, draw);
         });
         commands.pass("accumulate", |commands| {
             commands.prepare(&self.latest, ImageAccess::Sampled);
@@ -271,14 +272,14 @@ fn show_pass(
     let desc = GraphicsDesc {
         name: "show",
         vertex: "exact_show.vert",
-        fragment: "exact_show.frag",
+        fragment: Some("exact_show.frag"),
         constants: &[(constant::EYES, eyes), (constant::LINEAR_OUTPUT, u32::from(output == Output::Linear))],
         sets: &[frame_layout, &layout],
         push_bytes: 0,
         vertex_stride: 0,
         vertex_attributes: &[],
-        colour: output.format(),
-        depth: Depth::None,
+        colours: &[output.format()],
+        depth: None,
         samples: 1,
         blend: false,
     };

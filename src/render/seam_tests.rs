@@ -8,8 +8,8 @@ use super::shared::constant;
 use super::*;
 use crate::asset::Panorama;
 use crate::gpu::{
-    Attachments, Depth, Format, GraphicsDesc, ImageAccess, ImageDesc, ImageUsageFlags, Pipeline, Subresource,
-    read_image, submit_and_wait,
+    Attachments, ColourAttachment, Format, GraphicsDesc, ImageAccess, ImageDesc, ImageUsageFlags, Pipeline,
+    Subresource, read_image, submit_and_wait,
 };
 use crate::precompute::harness_tests::with_gpu;
 use crate::scene::Environment;
@@ -39,22 +39,22 @@ fn sky(gpu: &Arc<Gpu>, renderer: &Renderer, fragment: &str) -> Vec<f32> {
     let desc = GraphicsDesc {
         name: "sky",
         vertex: "sky.vert",
-        fragment,
+        fragment: Some(fragment),
         constants: &[(constant::LINEAR_OUTPUT, 1)],
         sets: &[&renderer.frame_layout],
         push_bytes: 0,
         vertex_stride: 0,
         vertex_attributes: &[],
-        colour: Format::R32G32B32A32_SFLOAT,
-        depth: Depth::None,
+        colours: &[Format::R32G32B32A32_SFLOAT],
+        depth: None,
         samples: 1,
         blend: false,
     };
     let pipeline = Pipeline::graphics(gpu, &desc).unwrap();
     submit_and_wait(gpu, |commands| {
         commands.prepare_fresh(&picture, ImageAccess::Colour);
-        let target = Attachments { colour: &picture, resolve: None, depth: None, clear: Some([0.0; 4]), area: SIZE };
-        commands.render(&target, |commands| {
+        let colours = &[ColourAttachment::cleared(picture.attachment(), [0.0; 4])];
+        commands.render(&Attachments { colours, depth: None, area: SIZE }, |commands| {
             commands.bind(&pipeline, &[&renderer.frames[0].1]);
             commands.draw(3, 1);
         });

@@ -4,7 +4,8 @@ use std::sync::Arc;
 
 use super::Settings;
 use crate::gpu::{
-    Attachments, Commands, DEPTH_FORMAT, Format, Gpu, Image, ImageAccess, ImageDesc, ImageUsageFlags, Rect, Shape,
+    Attachments, ColourAttachment, Commands, DEPTH_FORMAT, DepthAttachment, Format, Gpu, Image, ImageAccess, ImageDesc,
+    ImageUsageFlags, Rect, Shape,
 };
 use crate::{Error, Result};
 
@@ -125,17 +126,16 @@ impl ViewTargets {
         let drawn = self.small.as_ref().unwrap_or(&self.picture);
         commands.prepare_fresh(&self.depth, ImageAccess::Depth);
         commands.prepare_fresh(drawn, ImageAccess::Colour);
-        let (clear, area, depth) = (Some([0.0; 4]), self.detail.drawn(self.area), Some(&*self.depth));
-        match &self.samples {
+        let area = self.detail.drawn(self.area);
+        let colour = match &self.samples {
             Some(samples) => {
                 commands.prepare_fresh(samples, ImageAccess::Colour);
-                let resolve = Some(&**drawn);
-                commands.render(&Attachments { colour: samples, resolve, depth, clear, area }, record);
+                ColourAttachment::cleared(samples.attachment(), [0.0; 4]).resolved_to(drawn.attachment())
             }
-            None => {
-                commands.render(&Attachments { colour: drawn, resolve: None, depth, clear, area }, record);
-            }
-        }
+            None => ColourAttachment::cleared(drawn.attachment(), [0.0; 4]),
+        };
+        let depth = Some(DepthAttachment::transient(self.depth.attachment()));
+        commands.render(&Attachments { colours: &[colour], depth, area }, record);
         if let Some(small) = &self.small {
             commands.prepare(small, ImageAccess::CopyFrom);
             commands.prepare_fresh(&self.picture, ImageAccess::CopyTo);
@@ -146,8 +146,8 @@ impl ViewTargets {
     /// Draws over the finished picture, without depth or multisampling.
     pub fn draw_over(&self, commands: &mut Commands<'_>, record: impl FnOnce(&mut Commands<'_>)) {
         commands.prepare(&self.picture, ImageAccess::Colour);
-        let area = self.area;
-        commands.render(&Attachments { colour: &self.picture, resolve: None, depth: None, clear: None, area }, record);
+        let colours = &[ColourAttachment::loaded(self.picture.attachment())];
+        commands.render(&Attachments { colours, depth: None, area: self.area }, record);
     }
 }
 

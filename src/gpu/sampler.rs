@@ -1,0 +1,124 @@
+//! Samplers: filtering, what lies beyond an image's edge, and comparisons for shadow maps.
+
+use std::sync::Arc;
+
+use ash::vk;
+
+use super::deferred::Deferred;
+use super::device::Gpu;
+use crate::{Error, Result};
+
+/// What a sampler returns beyond an image's edge.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum AddressMode {
+    Repeat,
+    Clamp,
+    /// Repeats sideways, clamps up and down: panoramas.
+    Panorama,
+    /// 0 in colour and depth, 1 in alpha.
+    BlackBorder,
+    /// 1 everywhere.
+    WhiteBorder,
+}
+
+impl AddressMode {
+    fn raw(self) -> [vk::SamplerAddressMode; 2] {
+        use vk::SamplerAddressMode as M;
+        match self {
+            Self::Repeat => [M::REPEAT; 2],
+            Self::Clamp => [M::CLAMP_TO_EDGE; 2],
+            Self::Panorama => [M::REPEAT, M::CLAMP_TO_EDGE],
+            Self::BlackBorder | Self::WhiteBorder => [M::CLAMP_TO_BORDER; 2],
+        }
+    }
+
+    fn border(self) -> vk::BorderColor {
+        match self {
+            Self::WhiteBorder => vk::BorderColor::FLOAT_OPAQUE_WHITE,
+            _ => vk::BorderColor::FLOAT_OPAQUE_BLACK,
+        }
+    }
+}
+
+/// A comparison of a new depth, on the left, with a stored one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Compare {
+    Less,
+    LessOrEqual,
+    Equal,
+    GreaterOrEqual,
+    Greater,
+    Always,
+}
+
+impl Compare {
+    pub(super) fn raw(self) -> vk::CompareOp {
+        match self {
+            Self::Less => vk::CompareOp::LESS,
+            Self::LessOrEqual => vk::CompareOp::LESS_OR_EQUAL,
+            Self::Equal => vk::CompareOp::EQUAL,
+            Self::GreaterOrEqual => vk::CompareOp::GREATER_OR_EQUAL,
+            Self::Greater => vk::CompareOp::GREATER,
+            Self::Always => vk::CompareOp::ALWAYS,
+        }
+    }
+}
+
+/// Trilinear filtering, none, or filtered comparisons. Shared by reference count: descriptor sets hold the samplers they bind.
+pub struct Sampler {
+    gpu: Arc<Gpu>,
+    pub(super) raw: vk::Sampler,
+}
+
+impl Sampler {
+    /// Creates a trilinear sampler that takes up to `anisotropy` samples along a slanted footprint, where the GPU can;
+    /// 1 for isotropic filtering.
+    pub fn new(gpu: &Arc<Gpu>, name: &str, address: AddressMode, anisotropy: u32) -> Result<Arc<Self>> {
+        let most = gpu.max_anisotropy.filter(|_| anisotropy > 1).map(|most| most.min(anisotropy as f32));
+        let info =
+            info(vk::Filter::LINEAR, address).anisotropy_enable(most.is_some()).max_anisotropy(most.unwrap_or(1.0));
+        Self::create(gpu, name, &info)
+    }
+
+    /// Creates a sampler that returns the nearest texel of the nearest mip: for depth images, which not every GPU filters.
+    pub fn nearest(gpu: &Arc<Gpu>, name: &str, address: AddressMode) -> Result<Arc<Self>> {
+        let info = info(vk::Filter::NEAREST, address).mipmap_mode(vk::SamplerMipmapMode::NEAREST);
+        Self::create(gpu, name, &info)
+    }
+
+    /// Creates a sampler for `sampler2DShadow` and its like on depth images: it returns the share of the four nearest
+    /// texels that pass. The shader's reference depth is the new depth of `compare`.
+    pub fn compare(gpu: &Arc<Gpu>, name: &str, address: AddressMode, compare: Compare) -> Result<Arc<Self>> {
+        let info = info(vk::Filter::LINEAR, address)
+            .mipmap_mode(vk::SamplerMipmapMode::NEAREST)
+            .compare_enable(true)
+            .compare_op(compare.raw());
+        Self::create(gpu, name, &info)
+    }
+
+    fn create(gpu: &Arc<Gpu>, name: &str, info: &vk::SamplerCreateInfo<'_>) -> Result<Arc<Self>> {
+        // SAFETY: the device is alive; anisotropy is enabled only where the feature was.
+        let raw = unsafe { gpu.device.create_sampler(info, None) }.map_err(Error::vulkan("creating a sampler"))?;
+        gpu.name(raw, name);
+        Ok(Arc::new(Self { gpu: Arc::clone(gpu), raw }))
+    }
+}
+
+fn info(filter: vk::Filter, address: AddressMode) -> vk::SamplerCreateInfo<'static> {
+    let [u, v] = address.raw();
+    vk::SamplerCreateInfo::default()
+        .mag_filter(filter)
+        .min_filter(filter)
+        .mipmap_mode(vk::SamplerMipmapMode::LINEAR)
+        .address_mode_u(u)
+        .address_mode_v(v)
+        .address_mode_w(vk::SamplerAddressMode::CLAMP_TO_EDGE)
+        .border_color(address.border())
+        .max_lod(vk::LOD_CLAMP_NONE)
+}
+
+impl Drop for Sampler {
+    fn drop(&mut self) {
+        self.gpu.defer_destruction(Deferred::Sampler(self.raw));
+    }
+}
