@@ -212,7 +212,7 @@ impl Gpu {
         self.pipeline_cache.merge(bytes)
     }
 
-    /// A name for the pipeline cache that is another one for another GPU or driver; fit for a file.
+    /// A name for the pipeline cache that is another one for another GPU; fit for a file.
     pub fn pipeline_cache_name(&self) -> String {
         self.pipeline_cache.name()
     }

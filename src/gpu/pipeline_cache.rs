@@ -55,9 +55,9 @@ impl PipelineCache {
         merged.is_ok()
     }
 
-    /// A name that differs for caches of other GPUs and drivers: hexadecimal, fit for a file.
+    /// Vendor and device in hexadecimal: a name for a file, the same for all versions of the driver.
     pub(super) fn name(&self) -> String {
-        self.header[8..].iter().map(|byte| format!("{byte:02x}")).collect()
+        self.header[8..16].iter().map(|byte| format!("{byte:02x}")).collect()
     }
 }
 

@@ -7,6 +7,7 @@ mod eye;
 mod forward;
 mod gizmos;
 mod hidden_area;
+mod kept_pipelines;
 mod overlay;
 #[cfg(test)]
 mod random_tests;
@@ -27,6 +28,7 @@ pub use draws::{CullOptions, Order};
 pub use eye::{Eye, IPD_METRES, NEAR_METRES};
 pub use gizmos::{ControllerGizmos, GizmoVertex, MAX_GIZMO_VERTICES};
 pub use hidden_area::HiddenArea;
+pub use kept_pipelines::KeptPipelines;
 pub use overlay::Overlay;
 pub use reference_accumulator::StandardError;
 pub use scene_resources::TextureFacts;
@@ -176,6 +178,7 @@ impl Renderer {
         eyes: u32,
         report: &Report,
     ) -> Result<Self> {
+        let mut pipelines = KeptPipelines::load(gpu, settings.precompute.cache.as_ref());
         let world = SceneResources::new(
             gpu,
             scene,
@@ -199,6 +202,7 @@ impl Renderer {
         let forward = Forward::new(gpu, &frame_layout, &world, &settings, shading, eyes)?;
         let targets = ViewTargets::new(gpu, size, eyes, Detail::of(&settings))?;
         let exact = ReferenceAccumulator::of_shading(shading, gpu, &frame_layout, size, eyes, settings.output)?;
+        pipelines.save();
         Ok(Self {
             gpu: Arc::clone(gpu),
             settings,

@@ -1,0 +1,120 @@
+//! Compiled pipelines on disk, one file per GPU: the driver's cache is read before pipelines are created and written
+//! after, so that the next run need not compile them.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use crate::asset::Cache;
+use crate::asset::file::{self, write_atomically};
+use crate::gpu::Gpu;
+use crate::{Error, Result};
+
+/// The folder beside the cache's own.
+const FOLDER: &str = "pipelines";
+/// More than any driver keeps for one program.
+const MOST_BYTES: u64 = 256 << 20;
+/// Bytes of the hash that a file begins with.
+const HASH: usize = blake3::OUT_LEN;
+
+/// The driver's cache of one GPU and its file. Everything works without, only later, so that nothing here fails.
+pub struct KeptPipelines {
+    gpu: Arc<Gpu>,
+    file: Option<PathBuf>,
+    /// Bytes of the driver's cache when the file was last read or written.
+    size: usize,
+}
+
+impl KeptPipelines {
+    /// Gives the driver the pipelines of former runs; without a cache, none are kept.
+    pub fn load(gpu: &Arc<Gpu>, cache: Option<&Cache>) -> Self {
+        let file = cache.map(|cache| cache.beside(FOLDER).join(gpu.pipeline_cache_name()));
+        let known = gpu.pipeline_cache_bytes().map_or(0, |bytes| bytes.len());
+        if let Some(path) = file.as_deref().filter(|path| path.exists()) {
+            match read(path) {
+                Ok(bytes) if bytes.len() <= known => {}
+                Ok(bytes) if gpu.merge_pipeline_cache(&bytes) => {}
+                Ok(_) => tracing::debug!("{}: pipelines of another driver", path.display()),
+                Err(error) => tracing::debug!("pipelines: {error}"),
+            }
+        }
+        let size = gpu.pipeline_cache_bytes().map_or(0, |bytes| bytes.len());
+        Self { gpu: Arc::clone(gpu), file, size }
+    }
+
+    /// Writes the file if pipelines have been added.
+    pub fn save(&mut self) {
+        let Some(path) = &self.file else { return };
+        let written = self.gpu.pipeline_cache_bytes().and_then(|bytes| {
+            if bytes.len() != self.size {
+                self.size = bytes.len();
+                write(path, &bytes)?;
+            }
+            Ok(())
+        });
+        if let Err(error) = written {
+            tracing::debug!("pipelines: {error}");
+        }
+    }
+}
+
+fn write(path: &Path, bytes: &[u8]) -> Result<()> {
+    let folder = path.parent().unwrap_or(path);
+    std::fs::create_dir_all(folder).map_err(Error::write(folder))?;
+    write_atomically(path, &[blake3::hash(bytes).as_bytes(), bytes].concat())
+}
+
+/// The driver's bytes, if they are the ones that were written.
+fn read(path: &Path) -> Result<Vec<u8>> {
+    let mut bytes = file::read(path, "pipelines", MOST_BYTES)?;
+    let broken = |problem: &str| Error::Broken {
+        path: path.into(),
+        what: "file of pipelines",
+        problem: problem.into(),
+        remedy: "it is written again",
+    };
+    let hash: [u8; HASH] = bytes.get(..HASH).and_then(|hash| hash.try_into().ok()).ok_or_else(|| broken("too short"))?;
+    bytes.drain(..HASH);
+    if blake3::hash(&bytes) == hash { Ok(bytes) } else { Err(broken("another hash")) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::gpu::with_gpu;
+
+    #[test]
+    fn files_come_back_whole_or_not_at_all() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("not/yet/gpu");
+        write(&path, b"compiled").unwrap();
+        assert_eq!(read(&path).unwrap(), b"compiled");
+        let good = std::fs::read(&path).unwrap();
+        for bad in [&good[..0], &good[..HASH - 1], &good[..HASH], &good[..good.len() - 1], &[&good[..], b"x"].concat()] {
+            std::fs::write(&path, bad).unwrap();
+            assert!(matches!(read(&path), Err(Error::Broken { .. })), "{} bytes", bad.len());
+        }
+    }
+
+    #[test]
+    fn pipelines_are_kept_for_the_next_run_and_broken_files_replaced() {
+        let folder = tempfile::tempdir().unwrap();
+        let cache = Cache::in_folder(folder.path().join("maps"));
+        let kept = with_gpu(|gpu| {
+            let mut kept = KeptPipelines::load(gpu, Some(&cache));
+            // A driver may keep nothing beyond a header: then this first file is what there is to keep.
+            kept.size = 0;
+            kept.save();
+            kept.file.clone().unwrap()
+        });
+        let first = read(&kept).unwrap();
+        std::fs::write(&kept, b"broken").unwrap();
+        with_gpu(|gpu| {
+            let mut kept = KeptPipelines::load(gpu, Some(&cache));
+            kept.size = 0;
+            kept.save();
+            assert_eq!(KeptPipelines::load(gpu, Some(&cache)).size, kept.size);
+            KeptPipelines::load(gpu, None).save();
+        });
+        assert!(read(&kept).unwrap().len() >= first.len().min(32));
+    }
+}
