@@ -1,4 +1,4 @@
-//! Which GPUs there are, which of them will do, and which one is taken.
+//! Physical devices: listing them, checking what the program needs of them, choosing one.
 
 use std::ffi::CStr;
 
@@ -9,10 +9,10 @@ use raw_window_handle::{DisplayHandle, WindowHandle};
 use super::instance::Instance;
 use crate::{Error, Result};
 
-/// What the program asks of every GPU.
+/// The requirement that most old GPUs do not meet, for messages.
 const NEEDS: &str = "Vulkan 1.3 with layered output from the vertex shader";
 
-/// The kind of those that are none.
+/// The `kind` of software implementations.
 const SOFTWARE: &str = "CPU";
 
 /// One GPU as the system lists it.
@@ -26,33 +26,33 @@ pub struct GpuInfo {
     pub vulkan: String,
     /// Device-local memory in bytes.
     pub memory: u64,
-    /// Optional things that are there or missing, by name.
+    /// Optional features by name, and whether they are supported.
     pub options: Vec<(&'static str, bool)>,
-    /// Why it will not do; `None` if it will.
+    /// Why it cannot be used; `None` if it can.
     pub unfit: Option<String>,
 }
 
 impl GpuInfo {
-    /// Whether it is no GPU but a processor that does a GPU's work.
+    /// Whether it is a software implementation on the CPU.
     pub fn is_software(&self) -> bool {
         self.kind == SOFTWARE
     }
 }
 
-/// What a GPU is to do with its pictures.
+/// Where a GPU's pictures go.
 #[derive(Clone, Copy)]
 pub(super) enum Goal<'a> {
-    /// Give them back.
+    /// Read back to the CPU.
     Pictures,
-    /// Also present them to windows, one or other.
+    /// Also presented, to any window of the display.
     Windows,
-    /// To this one.
+    /// Also presented to this window.
     Window(&'a Surface<'a>),
 }
 
-/// A window's surface for as long as GPUs are asked whether they present to it; the swapchain makes its own.
+/// A window's surface while GPUs are asked whether they can present to it; the swapchain creates its own.
 pub(super) struct Surface<'a> {
-    /// It and the handles outlive this.
+    /// The instance outlives the surface.
     _instance: &'a Instance,
     api: khr::surface::Instance,
     raw: vk::SurfaceKHR,
@@ -60,15 +60,15 @@ pub(super) struct Surface<'a> {
 
 impl<'a> Surface<'a> {
     pub(super) fn new(instance: &'a Instance, display: DisplayHandle<'a>, window: WindowHandle<'a>) -> Result<Self> {
-        // SAFETY: both handles live as long as the surface; the instance was made for this display.
+        // SAFETY: both handles live as long as the surface; the instance was created for this display.
         let raw = unsafe {
             ash_window::create_surface(&instance.entry, &instance.raw, display.as_raw(), window.as_raw(), None)
         };
-        let raw = raw.map_err(Error::vulkan("making a window surface"))?;
+        let raw = raw.map_err(Error::vulkan("creating a window surface"))?;
         Ok(Self { _instance: instance, api: khr::surface::Instance::new(&instance.entry, &instance.raw), raw })
     }
 
-    /// Whether a family of a GPU's queues presents to it; one that cannot tell does not.
+    /// Whether a queue family of a GPU can present to it; a failing query counts as no.
     fn takes_from(&self, physical: vk::PhysicalDevice, family: u32) -> bool {
         // SAFETY: the GPU has this family; all are of the same instance.
         unsafe { self.api.get_physical_device_surface_support(physical, family, self.raw) }.unwrap_or(false)
@@ -97,7 +97,7 @@ pub(super) struct Candidate {
     rank: u32,
 }
 
-/// What is used where it is there.
+/// Optional features, used where they are supported.
 #[derive(Clone, Copy, Default)]
 pub(super) struct Options {
     pub(super) anisotropy: bool,
@@ -109,7 +109,7 @@ pub(super) struct Options {
     pub(super) memory_budget: bool,
 }
 
-/// All GPUs, the preferred one first.
+/// All GPUs, the preferred one first, those that cannot be used last.
 pub fn survey() -> Result<Vec<GpuInfo>> {
     let instance = Instance::new(false, None, &[])?;
     let mut all = candidates(&instance, Goal::Pictures)?;
@@ -117,7 +117,7 @@ pub fn survey() -> Result<Vec<GpuInfo>> {
     Ok(all.into_iter().map(|c| c.info).collect())
 }
 
-/// Takes the GPU whose name contains `name` (any case), or else the best: discrete, integrated, other, CPU.
+/// Chooses the GPU whose name contains `name` (any case), or else the best: discrete, integrated, other, CPU.
 pub(super) fn choose(instance: &Instance, name: Option<&str>, goal: Goal<'_>) -> Result<Candidate> {
     let all = candidates(instance, goal)?;
     let known: Vec<String> = all.iter().map(|c| c.info.name.clone()).collect();
@@ -140,13 +140,13 @@ pub(super) fn choose(instance: &Instance, name: Option<&str>, goal: Goal<'_>) ->
 /// The GPU that a headset's runtime names by its handle; `None` if Vulkan does not list it.
 pub(super) fn named_by_runtime(instance: &Instance, handle: u64, goal: Goal<'_>) -> Result<Option<Candidate>> {
     let Some(named) = candidates(instance, goal)?.into_iter().find(|c| c.physical.as_raw() == handle) else {
-        tracing::warn!("the headset's runtime names a GPU that Vulkan does not list: taking the best there is");
+        tracing::warn!("the headset's runtime names a GPU that Vulkan does not list: using the best one");
         return Ok(None);
     };
     match &named.info.unfit {
         None => Ok(Some(named)),
         Some(reason) => {
-            Err(Error::Headset { problem: format!("it hangs on the GPU {}, which {reason}", named.info.name) })
+            Err(Error::Headset { problem: format!("it is connected to the GPU {}, which {reason}", named.info.name) })
         }
     }
 }
@@ -191,7 +191,7 @@ fn examine(instance: &Instance, physical: vk::PhysicalDevice, goal: Goal<'_>) ->
     info.options = vec![
         ("anisotropic filtering", features.options.anisotropy),
         ("block-compressed textures (BC5, BC7)", features.options.compressed_textures),
-        ("telling how much memory is free", features.options.memory_budget),
+        ("reporting free memory", features.options.memory_budget),
         ("presenting to windows", has_swapchain),
     ];
     let family = graphics_family(instance, physical, goal);
@@ -273,7 +273,7 @@ fn graphics_family(instance: &Instance, physical: vk::PhysicalDevice, goal: Goal
     })
 }
 
-/// The first that draws, computes, tells the time, and presents.
+/// The first with graphics, compute and timestamps that can present.
 fn first_family(families: &[vk::QueueFamilyProperties], presents: impl Fn(u32) -> bool) -> Option<u32> {
     let both = vk::QueueFlags::GRAPHICS | vk::QueueFlags::COMPUTE;
     let works = |f: &vk::QueueFamilyProperties| f.queue_flags.contains(both) && f.timestamp_valid_bits > 0;

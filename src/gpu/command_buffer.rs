@@ -9,7 +9,7 @@ use super::deferred::Deferred;
 use super::device::Gpu;
 use crate::{Error, Result};
 
-/// Passes that one recording can time; later ones go untimed.
+/// Passes that one recording can time; later ones are not timed.
 const MAX_TIMERS: usize = 32;
 const MAX_QUERIES: u32 = 2 * MAX_TIMERS as u32;
 
@@ -29,8 +29,7 @@ pub struct PassTimes {
 }
 
 impl PassTimes {
-    /// GPU time from the first pass's start to the last one's end, milliseconds: also what lies between them. 0 without
-    /// passes.
+    /// GPU time from the first pass's start to the last one's end, gaps included, in milliseconds. 0 without passes.
     pub fn total_ms(&self) -> f64 {
         self.total_ms
     }
@@ -50,7 +49,7 @@ pub struct CommandBuffer {
     pub(super) raw: vk::CommandBuffer,
     pool: vk::CommandPool,
     queries: vk::QueryPool,
-    /// Of the passes being timed.
+    /// Names of the timed passes, the first `timers` of them valid.
     names: [&'static str; MAX_TIMERS],
     timers: usize,
     /// The number of the submission whose times have not been read yet.
@@ -58,15 +57,15 @@ pub struct CommandBuffer {
 }
 
 impl CommandBuffer {
-    /// Makes one.
+    /// Creates a command buffer with a pool of its own.
     pub fn new(gpu: &Arc<Gpu>) -> Result<Self> {
         let info = vk::CommandPoolCreateInfo::default()
             .flags(vk::CommandPoolCreateFlags::TRANSIENT)
             .queue_family_index(gpu.family);
         // SAFETY: the device is alive, the family is its own.
         let pool =
-            unsafe { gpu.device.create_command_pool(&info, None) }.map_err(Error::vulkan("making a command pool"))?;
-        let mut recorder = Self {
+            unsafe { gpu.device.create_command_pool(&info, None) }.map_err(Error::vulkan("creating a command pool"))?;
+        let mut buffer = Self {
             gpu: Arc::clone(gpu),
             raw: vk::CommandBuffer::null(),
             pool,
@@ -76,15 +75,15 @@ impl CommandBuffer {
             pending: None,
         };
         let info = vk::CommandBufferAllocateInfo::default().command_pool(pool).command_buffer_count(1);
-        // SAFETY: the pool was just made.
-        let buffers =
-            unsafe { gpu.device.allocate_command_buffers(&info) }.map_err(Error::vulkan("making a command buffer"))?;
-        recorder.raw = buffers.first().copied().unwrap_or_default();
+        // SAFETY: the pool was just created.
+        let buffers = unsafe { gpu.device.allocate_command_buffers(&info) }
+            .map_err(Error::vulkan("allocating a command buffer"))?;
+        buffer.raw = buffers.first().copied().unwrap_or_default();
         let info = vk::QueryPoolCreateInfo::default().query_type(vk::QueryType::TIMESTAMP).query_count(MAX_QUERIES);
         // SAFETY: the device is alive; the queue family has timestamps (see `choice`).
-        recorder.queries =
-            unsafe { gpu.device.create_query_pool(&info, None) }.map_err(Error::vulkan("making timers"))?;
-        Ok(recorder)
+        buffer.queries =
+            unsafe { gpu.device.create_query_pool(&info, None) }.map_err(Error::vulkan("creating timers"))?;
+        Ok(buffer)
     }
 
     /// Waits for the last submission and starts recording; returns that submission's pass times.
@@ -105,12 +104,12 @@ impl CommandBuffer {
         Ok(times)
     }
 
-    /// Remembers that what is recorded was submitted under this number.
+    /// Notes the number under which the recording was submitted.
     pub(super) fn submitted(&mut self, submission: u64) {
         self.pending = Some(submission);
     }
 
-    /// Waits for the last submission and returns its pass times; nothing to wait for gives none.
+    /// Waits for the last submission and returns its pass times; none if they have been returned before.
     pub fn finish(&mut self) -> Result<PassTimes> {
         let mut finished = PassTimes::default();
         let Some(submission) = self.pending else { return Ok(finished) };
@@ -137,7 +136,7 @@ impl CommandBuffer {
 
     pub(super) fn start_timer(&mut self, name: &'static str) -> Option<u32> {
         *self.names.get_mut(self.timers)? = name;
-        // Below `MAX_QUERIES`, as the line above has found room.
+        // Below `MAX_QUERIES`: the line above returns where there is no room.
         let first = 2 * self.timers as u32;
         self.timers += 1;
         self.stamp(first);
@@ -150,8 +149,8 @@ impl CommandBuffer {
         }
     }
 
-    /// The time at which all before has ended: a pass that began earlier, beside the one before it, would count the
-    /// same time twice.
+    /// Writes the time at which all work before has ended. An earlier stage would let passes overlap and count the same
+    /// time twice.
     fn stamp(&self, query: u32) {
         let stage = vk::PipelineStageFlags2::BOTTOM_OF_PIPE;
         // SAFETY: the command buffer is being recorded and the query was reset in `begin`.
@@ -159,7 +158,7 @@ impl CommandBuffer {
     }
 }
 
-/// From the first start to the last end.
+/// Ticks from the first start to the last end.
 fn whole(ticks: &[[u64; 2]]) -> u64 {
     let first = ticks.iter().map(|[start, _]| *start).min().unwrap_or(0);
     let last = ticks.iter().map(|[_, end]| *end).max().unwrap_or(0);
@@ -183,7 +182,7 @@ mod tests {
         assert_eq!(whole(&[[100, 130], [110, 150]]), 50);
         assert_eq!(whole(&[[100, 130], [140, 150]]), 50);
         assert_eq!(whole(&[[100, 190], [110, 150]]), 90);
-        // A counter that wraps round gives no time rather than an absurd one.
+        // A counter that wraps gives 0 rather than an absurd time.
         assert_eq!(whole(&[[u64::MAX, 3]]), 0);
     }
 }

@@ -16,7 +16,7 @@ pub struct Commands<'a> {
 }
 
 impl Commands<'_> {
-    /// Names and times what `record` records.
+    /// Labels and times the commands that `record` records; `name` is the key of its time.
     pub fn pass<R>(&mut self, name: &'static str, record: impl FnOnce(&mut Self) -> R) -> R {
         let raw = self.buffer.raw;
         self.buffer.gpu.begin_label(raw, name);
@@ -27,13 +27,13 @@ impl Commands<'_> {
         result
     }
 
-    /// Makes an image ready for an access, after all accesses before.
+    /// Transitions all of an image for an access that comes after all accesses recorded so far.
     pub fn prepare(&mut self, image: &Image, next: ImageAccess) {
         let desc = image.desc();
         self.transition(image, [0..desc.mips, 0..desc.shape.layers()], next, Content::Kept);
     }
 
-    /// The same, but discards the image's content.
+    /// Like `prepare`, but discards the image's content.
     pub fn prepare_fresh(&mut self, image: &Image, next: ImageAccess) {
         let desc = image.desc();
         self.transition(image, [0..desc.mips, 0..desc.shape.layers()], next, Content::Discarded);
@@ -44,7 +44,7 @@ impl Commands<'_> {
         self.transition(image, [mips, layers], next, Content::Kept);
     }
 
-    /// Makes what shaders wrote into buffers visible to all that follows, copies included.
+    /// Makes writes to buffers by shaders and copies visible to all commands that follow.
     pub fn buffers_written(&mut self) {
         let barrier = [vk::MemoryBarrier2::default()
             .src_stage_mask(vk::PipelineStageFlags2::COMPUTE_SHADER | vk::PipelineStageFlags2::ALL_TRANSFER)
@@ -93,20 +93,20 @@ impl Commands<'_> {
         }
     }
 
-    /// Draws `vertices` vertices that the shader makes up itself.
+    /// Draws without vertex buffers: the shader computes its vertices from their index.
     pub fn draw(&mut self, vertices: u32, instances: u32) {
         // SAFETY: called inside `render` with a pipeline bound.
         unsafe { self.device().cmd_draw(self.buffer.raw, vertices, instances, 0, 0) };
     }
 
-    /// Leaves out triangles that show their backs, or none.
+    /// Culls back-facing triangles, or none.
     pub fn cull_back(&mut self, on: bool) {
         let mode = if on { vk::CullModeFlags::BACK } else { vk::CullModeFlags::NONE };
         // SAFETY: the command buffer is being recorded; every graphics pipeline has this state dynamic.
         unsafe { self.device().cmd_set_cull_mode(self.buffer.raw, mode) };
     }
 
-    /// Takes vertices and 16-bit indices.
+    /// Binds a vertex buffer and a buffer of 16-bit indices.
     pub fn bind_mesh(&mut self, vertices: &Buffer, indices: &Buffer) {
         // SAFETY: the command buffer is being recorded; both buffers are alive and of the right kind.
         unsafe {

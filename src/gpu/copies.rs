@@ -21,7 +21,7 @@ impl Rect {
         Self { corner: [0, 0], size }
     }
 
-    /// Its two corners, as Vulkan blits want them.
+    /// Its two corners, as Vulkan blits take them.
     pub(super) fn offsets(self) -> [vk::Offset3D; 2] {
         // Images have at most 2^15 pixels a side on any GPU.
         let at = |x: u32, y: u32, z| vk::Offset3D { x: x as i32, y: y as i32, z };
@@ -86,7 +86,7 @@ impl Commands<'_> {
         }
     }
 
-    /// Makes host reads of readback buffers see the copies recorded so far.
+    /// Makes the copies recorded so far visible to reads on the CPU, once the submission has finished.
     pub fn copies_to_host(&mut self) {
         let barrier = [vk::MemoryBarrier2::default()
             .src_stage_mask(vk::PipelineStageFlags2::ALL_TRANSFER)
@@ -145,7 +145,7 @@ impl Commands<'_> {
         unsafe { self.device().cmd_clear_color_image(self.buffer.raw, image, layout, &black, &[range]) };
     }
 
-    /// What was cleared or copied may be copied over.
+    /// Lets copies write over what was cleared or copied before.
     pub(super) fn copied(&mut self) {
         let (_, stage, access) = ImageAccess::CopyTo.parts();
         let barrier = [vk::MemoryBarrier2::default()

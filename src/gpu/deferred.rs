@@ -65,7 +65,7 @@ impl DeferredQueue {
         self.lock().push_back((after, object));
     }
 
-    /// Takes out the next few objects that waited for submissions up to `finished`; none if all `None`.
+    /// Removes up to [`BATCH`] objects whose submission is `finished` or earlier; all `None` where there are no more.
     pub(super) fn take(&self, finished: u64) -> [Option<Deferred>; BATCH] {
         let mut queue = self.lock();
         std::array::from_fn(|_| {

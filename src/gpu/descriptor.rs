@@ -1,4 +1,4 @@
-//! Descriptor set layouts and sets: what shaders can reach.
+//! Descriptor set layouts, and sets that hold the resources they bind.
 
 use std::sync::Arc;
 

@@ -1,4 +1,4 @@
-//! An opened GPU: its queue, its memory and its timeline, shared by all objects that it makes.
+//! An opened GPU: its queue, memory, timeline and pipeline cache, shared by all its objects.
 
 use std::ffi::{CStr, CString};
 use std::mem::ManuallyDrop;
@@ -19,20 +19,20 @@ use super::logical_device::LogicalDevice;
 use super::pipeline_cache::PipelineCache;
 use crate::{Error, Result};
 
-/// What to open.
+/// How to open a GPU.
 #[derive(Clone, Copy, Default)]
 pub struct GpuOptions<'a> {
-    /// Part of the GPU's name, any case; the best one if `None`.
+    /// Part of the GPU's name in any case; `None` for the best one.
     pub name: Option<&'a str>,
     /// Core and synchronization validation.
     pub validate: bool,
     /// The display to present to, if any.
     pub display: Option<DisplayHandle<'a>>,
-    /// The window on it that a GPU of our own choice must be able to present to.
+    /// A window on that display; GPUs that can present to it are preferred.
     pub window: Option<WindowHandle<'a>>,
 }
 
-/// One opened GPU. Every buffer, image and pipeline keeps it alive; when the last goes, the device is destroyed.
+/// One opened GPU. Every buffer, image and pipeline keeps it alive; the device is destroyed after the last of them.
 pub struct Gpu {
     pub(super) physical: vk::PhysicalDevice,
     pub(super) family: u32,
@@ -47,7 +47,7 @@ pub struct Gpu {
     allocator: ManuallyDrop<Mutex<Allocator>>,
     deferred: DeferredQueue,
     info: GpuInfo,
-    /// What a headset's runtime asked for in vain.
+    /// Extensions that a headset's runtime requests and the driver lacks.
     missing: Vec<CString>,
     // Drop order: the cache before the device, the device before the instance.
     pub(super) pipeline_cache: PipelineCache,
@@ -66,38 +66,39 @@ pub struct Handles {
     pub family: u32,
 }
 
-/// Time that one wait for the GPU may spend on destroying objects: a scene that is replaced goes over several frames.
+/// Time that one wait for the GPU may spend on destroying objects: a replaced scene is destroyed over several frames.
 const DESTRUCTION_BUDGET: Duration = Duration::from_micros(250);
 
 impl Gpu {
     /// Opens a GPU.
     ///
     /// # Errors
-    /// No Vulkan, no fit GPU, an unknown `name`, or a driver that fails.
+    /// No Vulkan, no GPU that meets the requirements, an unknown `name`, or a driver that fails.
     pub fn open(options: GpuOptions<'_>) -> Result<Arc<Self>> {
         let display = options.display.map(|display| display.as_raw());
         let instance = Arc::new(Instance::new(options.validate, display, &[])?);
         let window = options.display.zip(options.window);
         let surface = window.map(|(display, window)| Surface::new(&instance, display, window)).transpose()?;
         let to_window = surface.as_ref().map_or_else(|| goal(options), Goal::Window);
-        // If none presents to the window, the swapchain says so, and there may be another way to show things.
+        // If no GPU can present to the window, creating the swapchain reports it, and the caller may show things elsewhere.
         let chosen = choice::choose(&instance, options.name, to_window)
             .or_else(|_| choice::choose(&instance, options.name, goal(options)))?;
         drop(surface);
         Self::on(instance, chosen, options.display.is_some(), &[])
     }
 
-    /// Opens the GPU that a headset hangs on, `physical` as its runtime names it, with the device extensions that this
-    /// asks for, as far as they are there; where it names none (0) or one that nobody knows, the one that `open` would
-    /// take. `instance` was made for `options.display`.
+    /// Opens the GPU that a headset is connected to: `physical` is the VkPhysicalDevice that its runtime names. With 0 or
+    /// a handle that Vulkan does not list, opens the same GPU as `open`. `requested` returns the device extensions that
+    /// the runtime requests for a VkPhysicalDevice; those that the driver lacks are left out with a warning. `instance`
+    /// was created for `options.display`.
     ///
     /// # Errors
-    /// A GPU that will not do, or a driver that fails.
+    /// A GPU that does not meet the requirements, or a driver that fails.
     pub fn open_for_headset(
         options: GpuOptions<'_>,
         instance: &Arc<Instance>,
         physical: u64,
-        asked: impl FnOnce(u64) -> Result<Vec<CString>>,
+        requested: impl FnOnce(u64) -> Result<Vec<CString>>,
     ) -> Result<Arc<Self>> {
         let present = options.display.is_some();
         let named = match physical {
@@ -105,21 +106,30 @@ impl Gpu {
             named => choice::named_by_runtime(instance, named, goal(options))?,
         };
         let chosen = named.map_or_else(|| choice::choose(instance, options.name, goal(options)), Ok)?;
-        let asked = asked(chosen.physical.as_raw())?;
-        Self::on(Arc::clone(instance), chosen, present, &asked)
+        let requested = requested(chosen.physical.as_raw())?;
+        Self::on(Arc::clone(instance), chosen, present, &requested)
     }
 
-    fn on(instance: Arc<Instance>, chosen: choice::Candidate, present: bool, asked: &[CString]) -> Result<Arc<Self>> {
+    fn on(
+        instance: Arc<Instance>,
+        chosen: choice::Candidate,
+        present: bool,
+        requested: &[CString],
+    ) -> Result<Arc<Self>> {
         // SAFETY: the physical device comes from this instance; the call only reads.
-        let there = unsafe { instance.raw.enumerate_device_extension_properties(chosen.physical) }.unwrap_or_default();
-        let (have, missing) = split(asked, &names(&there));
+        let supported =
+            unsafe { instance.raw.enumerate_device_extension_properties(chosen.physical) }.unwrap_or_default();
+        let (have, missing) = split(requested, &names(&supported));
         if !missing.is_empty() {
-            // Runtimes list more than they use: what old drivers had, debug markers. Their first Submit tells.
+            // Runtimes request more than they use, such as debug markers and extensions of old drivers.
             let name = &chosen.info.name;
-            tracing::warn!("the headset's runtime asks for {}, which {name} lacks: going on without", listed(&missing));
+            tracing::warn!(
+                "the headset's runtime requests {}, which {name} lacks: continuing without",
+                listed(&missing)
+            );
         }
         let device = LogicalDevice::new(&instance, &chosen, present, &have)?;
-        // SAFETY: the family and its queue 0 were asked for when it was created.
+        // SAFETY: the family and its queue 0 were requested when the device was created.
         let queue = unsafe { device.get_device_queue(chosen.family, 0) };
         let pipeline_cache = PipelineCache::new(&device, &chosen.properties)?;
         let allocator = Allocator::new(&AllocatorCreateDesc {
@@ -153,33 +163,33 @@ impl Gpu {
         Ok(Arc::new(gpu))
     }
 
-    /// The GPU as `doctor` would list it.
+    /// Name, driver and features of the GPU.
     pub fn info(&self) -> &GpuInfo {
         &self.info
     }
 
-    /// What the validation layer has said; keeps what is said while the device is destroyed, too.
+    /// Messages of the validation layer, also those that come while the device is destroyed.
     pub fn messages(&self) -> Arc<Messages> {
         Arc::clone(self.instance.messages())
     }
 
-    /// Device extensions that a headset's runtime asked for and the driver lacks, in one line; `None` if it lacks none.
+    /// Device extensions that a headset's runtime requests and the driver lacks, in one line; `None` if it lacks none.
     pub fn missing_extensions(&self) -> Option<String> {
         (!self.missing.is_empty()).then(|| listed(&self.missing))
     }
 
-    /// The widest 2D image the GPU takes, in texels.
+    /// The greatest width and height of 2D images, in texels.
     pub fn max_image_size(&self) -> u32 {
         self.limits.max_image_dimension2_d
     }
 
-    /// Calls something that uses the queue itself: a headset's runtime.
+    /// Calls a function that uses the queue itself, such as one of a headset's runtime.
     pub fn with_queue_locked<R>(&self, call: impl FnOnce() -> R) -> R {
         let _queue = self.queue();
         call()
     }
 
-    /// What a headset's runtime must know to read our images.
+    /// The handles with which a headset's runtime reads images.
     pub fn handles(&self) -> Handles {
         Handles {
             instance: self.instance.handle(),
@@ -206,19 +216,18 @@ impl Gpu {
     }
 
     /// Adds another run's pipelines, so that they need not be compiled again. Returns whether the bytes are of this GPU
-    /// and driver; others are ignored. Beyond their header they are the driver's own: whoever keeps them on disk must
-    /// check that they are whole.
+    /// and driver; others are ignored. Only their header can be checked here: a file of them needs a checksum.
     pub fn merge_pipeline_cache(&self, bytes: &[u8]) -> bool {
         self.pipeline_cache.merge(bytes)
     }
 
-    /// A name for the pipeline cache that is another one for another GPU; fit for a file.
+    /// A file name for the pipeline cache, another one for each GPU.
     pub fn pipeline_cache_name(&self) -> String {
         self.pipeline_cache.name()
     }
 
-    /// Bytes of its own memory that this process may still take; all of it, less an eighth, where the driver does not
-    /// tell what others have taken.
+    /// Bytes of device-local memory that this process may still allocate. Where the driver does not report it: 7/8 of
+    /// all.
     pub fn free_memory(&self) -> u64 {
         if !self.options.memory_budget {
             return self.info.memory - self.info.memory / 8;
@@ -233,12 +242,12 @@ impl Gpu {
         (0..heaps.memory_heap_count as usize).filter(own).map(free).sum()
     }
 
-    /// Bytes that this process's buffers and images take, wherever they are.
+    /// Bytes allocated for buffers and images, in any memory.
     pub fn taken_memory(&self) -> u64 {
         self.allocator().generate_report().total_allocated_bytes
     }
 
-    /// Waits until the GPU has nothing left to do, and destroys all objects that waited for it.
+    /// Waits until the GPU is idle, and destroys all objects that waited for it.
     pub fn wait_idle(&self) -> Result<()> {
         let submitted = self.submitted.load(Ordering::Acquire);
         self.wait(submitted)?;
@@ -264,7 +273,7 @@ impl Gpu {
         self.queue.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Gives a Vulkan object its debug name.
+    /// Sets the debug name of a Vulkan object.
     pub(super) fn name<T: vk::Handle>(&self, object: T, name: &str) {
         let (Some(debug), Ok(name)) = (&self.debug, CString::new(name)) else { return };
         let info = vk::DebugUtilsObjectNameInfoEXT::default().object_handle(object).object_name(&name);
@@ -272,7 +281,7 @@ impl Gpu {
         let _ = unsafe { debug.set_debug_utils_object_name(&info) };
     }
 
-    /// Begins a named part of a recording, without allocating; names longer than 63 bytes lose their ends.
+    /// Begins a labelled section of a recording, without allocating; names are cut after 63 bytes.
     pub(super) fn begin_label(&self, commands: vk::CommandBuffer, name: &str) {
         let mut text = [0; 64];
         text.iter_mut().zip(name.bytes().take(63)).for_each(|(to, from)| *to = from);
@@ -290,7 +299,7 @@ impl Gpu {
         }
     }
 
-    /// Takes GPU memory for a new object.
+    /// Allocates memory for a new object.
     pub(super) fn allocate(
         &self,
         name: &str,
@@ -361,7 +370,7 @@ impl Drop for Gpu {
     }
 }
 
-/// What any GPU must do.
+/// The goal without a particular window.
 fn goal(options: GpuOptions<'_>) -> Goal<'static> {
     if options.display.is_some() { Goal::Windows } else { Goal::Pictures }
 }

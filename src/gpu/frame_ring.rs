@@ -31,7 +31,7 @@ struct Slot {
     set: DescriptorSet,
 }
 
-/// Memory given out from start to end, and all of it again in the slot's next frame.
+/// Memory allocated from start to end, and reset when the slot's next frame begins.
 struct Arena {
     buffer: Arc<Buffer>,
     capacity: u64,
@@ -70,7 +70,7 @@ impl FrameRing {
     }
 
     /// The layout of every ring's sets: binding 0 is the arena as dynamic uniform buffer of [`UNIFORM_RANGE`] bytes,
-    /// binding 1 as dynamic storage buffer. Pipelines made with one such layout take the sets of any ring.
+    /// binding 1 as dynamic storage buffer. Pipelines created with one such layout are compatible with the sets of any ring.
     pub fn arena_layout(gpu: &Arc<Gpu>) -> Result<DescriptorSetLayout> {
         DescriptorSetLayout::new(gpu, "frame data", &[BindingType::UniformDynamic, BindingType::StorageDynamic])
     }

@@ -1,4 +1,4 @@
-//! The Vulkan instance: loader, layers, extensions, and what the validation layer says.
+//! The Vulkan instance: loader, layers, extensions, and the validation layer's messages.
 
 use std::ffi::{CStr, CString, c_char, c_void};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -11,14 +11,14 @@ use crate::{Error, Result};
 
 const VALIDATION_LAYER: &CStr = c"VK_LAYER_KHRONOS_validation";
 
-/// Validation messages that are known and harmless: a part of the message's id, and the reason.
+/// Known harmless validation messages: part of the message's id, and the reason.
 const EXPECTED: &[(&str, &str)] = &[(
     // Sent once per instance by the layer itself when a driver is not conformant.
     "WARNING-CreateInstance-status-message",
-    "lavapipe 22.3 says of itself that it is not a conformant driver; that is no fault of ours",
+    "lavapipe 22.3 reports itself as a non-conformant driver",
 )];
 
-/// Everything the validation layer has said that was not expected.
+/// The unexpected messages of the validation layer.
 #[derive(Default)]
 pub struct Messages(Mutex<Vec<String>>);
 
@@ -52,18 +52,21 @@ pub struct Instance {
 }
 
 impl Instance {
-    /// Loads Vulkan and makes an instance that can present to `display`, if there is one, with the extensions that a
-    /// headset's runtime asks for.
-    pub fn new(validate: bool, display: Option<RawDisplayHandle>, asked: &[CString]) -> Result<Self> {
-        // SAFETY: loading the system's Vulkan loader runs its initialisers, which is what it is for.
+    /// Loads Vulkan and creates an instance that can present to `display`, if there is one, with the extensions that a
+    /// headset's runtime requests.
+    ///
+    /// # Errors
+    /// No Vulkan; a requested extension that is not supported; `validate` without the validation layer.
+    pub fn new(validate: bool, display: Option<RawDisplayHandle>, requested: &[CString]) -> Result<Self> {
+        // SAFETY: loading the system's Vulkan loader runs only its own initialisers.
         let entry = unsafe { ash::Entry::load() }.map_err(|e| Error::NoVulkan {
             problem: format!("the Vulkan loader does not load ({e})"),
             remedy: "install a graphics driver with Vulkan, or Mesa's software one (Debian: mesa-vulkan-drivers libvulkan1)",
         })?;
-        let there = extensions(&entry);
-        check_extensions(asked, &there)?;
-        let has_debug_utils = there.iter().any(|name| name.as_c_str() == ext::debug_utils::NAME);
-        let mut extensions: Vec<*const c_char> = asked.iter().map(|name| name.as_ptr()).collect();
+        let supported = extensions(&entry);
+        check_extensions(requested, &supported)?;
+        let has_debug_utils = supported.iter().any(|name| name.as_c_str() == ext::debug_utils::NAME);
+        let mut extensions: Vec<*const c_char> = requested.iter().map(|name| name.as_ptr()).collect();
         if let Some(display) = display {
             let wanted = ash_window::enumerate_required_extensions(display)
                 .map_err(|e| Error::Window { problem: format!("Vulkan cannot present to this display ({e})") })?;
@@ -97,7 +100,7 @@ impl Instance {
         }
         // SAFETY: `info` and all it points to live until the call returns; names are NUL-terminated.
         let raw = unsafe { entry.create_instance(&info, None) }.map_err(|result| Error::NoVulkan {
-            problem: format!("no instance can be made ({result})"),
+            problem: format!("no instance can be created ({result})"),
             remedy: "install a Vulkan 1.3 driver (Debian, without a GPU: mesa-vulkan-drivers)",
         })?;
         let mut instance = Self { entry, raw, has_debug_utils, messenger: None, messages };
@@ -112,7 +115,7 @@ impl Instance {
         self.raw.handle().as_raw()
     }
 
-    /// What the validation layer has said so far.
+    /// The validation layer's messages so far.
     pub fn messages(&self) -> &Arc<Messages> {
         &self.messages
     }
@@ -178,19 +181,19 @@ pub(super) fn names(all: &[vk::ExtensionProperties]) -> Vec<CString> {
     all.iter().filter_map(|e| e.extension_name_as_c_str().ok().map(CStr::to_owned)).collect()
 }
 
-/// Splits what a headset's runtime asks for: what the driver has, and what it lacks.
-pub(super) fn split(asked: &[CString], there: &[CString]) -> (Vec<CString>, Vec<CString>) {
-    asked.iter().cloned().partition(|name| there.contains(name))
+/// Splits the requested extensions into the supported and the missing ones.
+pub(super) fn split(requested: &[CString], supported: &[CString]) -> (Vec<CString>, Vec<CString>) {
+    requested.iter().cloned().partition(|name| supported.contains(name))
 }
 
-/// Names in one line, for people.
+/// Names in one line, for messages.
 pub(super) fn listed(names: &[CString]) -> String {
     names.iter().map(|name| name.to_string_lossy()).collect::<Vec<_>>().join(", ")
 }
 
-/// An error if a headset's runtime asks for what the loader and the drivers lack.
-fn check_extensions(asked: &[CString], there: &[CString]) -> Result<()> {
-    let (_, missing) = split(asked, there);
+/// An error if a headset's runtime requests an extension that the loader and the drivers lack.
+fn check_extensions(requested: &[CString], supported: &[CString]) -> Result<()> {
+    let (_, missing) = split(requested, supported);
     if missing.is_empty() {
         return Ok(());
     }
@@ -202,7 +205,7 @@ fn check_extensions(asked: &[CString], there: &[CString]) -> Result<()> {
     })
 }
 
-/// Vulkan wants each name once.
+/// Drops repeated names: Vulkan takes each only once.
 pub(super) fn drop_repeated(names: &mut Vec<*const c_char>) {
     let mut seen = std::collections::HashSet::new();
     // SAFETY: the callers' names are NUL-terminated and outlive the list.
@@ -226,7 +229,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_asked_for_is_split_into_what_is_there_and_what_is_missing() {
+    fn requested_extensions_are_split_into_supported_and_missing() {
         let names = |all: &[&CStr]| all.iter().map(|name| (*name).to_owned()).collect::<Vec<_>>();
         let there = names(&[c"VK_A", c"VK_B", c"VK_C"]);
         let (have, missing) = split(&names(&[c"VK_C", c"VK_X", c"VK_A", c"VK_Y"]), &there);

@@ -2,6 +2,7 @@
 
 mod buffer;
 mod choice;
+mod command_buffer;
 mod commands;
 mod copies;
 mod deferred;
@@ -19,7 +20,6 @@ mod rendering;
 #[cfg(test)]
 mod rendering_tests;
 mod sampler;
-mod command_buffer;
 mod shader;
 #[cfg(feature = "hot-reload")]
 mod shader_compiler;

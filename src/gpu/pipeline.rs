@@ -104,26 +104,26 @@ impl Pipeline {
         sets: &[&DescriptorSetLayout],
         push_bytes: u32,
     ) -> Result<Self> {
-        let mut pipeline = Self::bare(gpu, vk::PipelineBindPoint::COMPUTE, sets, push_bytes)?;
+        let mut pipeline = Self::with_layout(gpu, vk::PipelineBindPoint::COMPUTE, sets, push_bytes)?;
         let module = Module::new(gpu, shader)?;
-        let special = Special::new(constants);
+        let special = Specialization::new(constants);
         let special = special.info();
         let info = vk::ComputePipelineCreateInfo::default()
             .stage(module.stage(vk::ShaderStageFlags::COMPUTE, &special))
             .layout(pipeline.layout);
         // SAFETY: module and layout are alive until the call returns.
-        let made =
+        let created =
             gpu.pipeline_cache.with(|cache| unsafe { gpu.device.create_compute_pipelines(cache, &[info], None) });
-        pipeline.take(made, shader)?;
+        pipeline.set(created, shader)?;
         Ok(pipeline)
     }
 
     /// Creates a graphics pipeline.
     pub fn graphics(gpu: &Arc<Gpu>, desc: &GraphicsDesc<'_>) -> Result<Self> {
-        let mut pipeline = Self::bare(gpu, vk::PipelineBindPoint::GRAPHICS, desc.sets, desc.push_bytes)?;
+        let mut pipeline = Self::with_layout(gpu, vk::PipelineBindPoint::GRAPHICS, desc.sets, desc.push_bytes)?;
         let vertex = Module::new(gpu, desc.vertex)?;
         let fragment = desc.fragment.map(|fragment| Module::new(gpu, fragment)).transpose()?;
-        let special = Special::new(desc.constants);
+        let special = Specialization::new(desc.constants);
         let special = special.info();
         let mut stages = vec![vertex.stage(vk::ShaderStageFlags::VERTEX, &special)];
         stages.extend(fragment.iter().map(|fragment| fragment.stage(vk::ShaderStageFlags::FRAGMENT, &special)));
@@ -165,13 +165,14 @@ impl Pipeline {
             .layout(pipeline.layout)
             .push_next(&mut rendering);
         // SAFETY: all that `info` points to lives until the call returns.
-        let made =
+        let created =
             gpu.pipeline_cache.with(|cache| unsafe { gpu.device.create_graphics_pipelines(cache, &[info], None) });
-        pipeline.take(made, desc.name)?;
+        pipeline.set(created, desc.name)?;
         Ok(pipeline)
     }
 
-    fn bare(
+    /// A pipeline that has only its layout yet.
+    fn with_layout(
         gpu: &Arc<Gpu>,
         point: vk::PipelineBindPoint,
         sets: &[&DescriptorSetLayout],
@@ -188,13 +189,13 @@ impl Pipeline {
         Ok(Self { gpu: Arc::clone(gpu), raw: vk::Pipeline::null(), layout, point })
     }
 
-    fn take(
+    fn set(
         &mut self,
-        made: std::result::Result<Vec<vk::Pipeline>, (Vec<vk::Pipeline>, vk::Result)>,
+        created: std::result::Result<Vec<vk::Pipeline>, (Vec<vk::Pipeline>, vk::Result)>,
         name: &str,
     ) -> Result<()> {
-        let made = made.map_err(|(_, result)| Error::Vulkan { doing: "creating a pipeline", result })?;
-        self.raw = made.first().copied().unwrap_or_default();
+        let created = created.map_err(|(_, result)| Error::Vulkan { doing: "creating a pipeline", result })?;
+        self.raw = created.first().copied().unwrap_or_default();
         self.gpu.name(self.raw, name);
         Ok(())
     }
@@ -236,12 +237,12 @@ fn blend(on: bool) -> vk::PipelineColorBlendAttachmentState {
 }
 
 /// Specialization constants in the form Vulkan takes.
-struct Special {
+struct Specialization {
     entries: Vec<vk::SpecializationMapEntry>,
     data: Vec<u8>,
 }
 
-impl Special {
+impl Specialization {
     fn new(constants: &[Constant]) -> Self {
         let entries = (0u32..)
             .zip(constants)
@@ -265,7 +266,7 @@ impl<'a> Module<'a> {
     fn new(gpu: &'a Gpu, name: &str) -> Result<Self> {
         let words = shader::load(name)?;
         let info = vk::ShaderModuleCreateInfo::default().code(&words);
-        // SAFETY: the code is what shaderc made for Vulkan 1.3.
+        // SAFETY: the code is SPIR-V that shaderc compiled for Vulkan 1.3.
         let raw = unsafe { gpu.device.create_shader_module(&info, None) }
             .map_err(Error::vulkan("creating a shader module"))?;
         gpu.name(raw, name);
@@ -287,7 +288,7 @@ impl<'a> Module<'a> {
 
 impl Drop for Module<'_> {
     fn drop(&mut self) {
-        // SAFETY: the pipeline made from it no longer needs it.
+        // SAFETY: the pipeline created from it no longer needs it.
         unsafe { self.gpu.device.destroy_shader_module(self.raw, None) };
     }
 }

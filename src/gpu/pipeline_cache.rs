@@ -1,4 +1,4 @@
-//! The driver's pipeline cache: all pipelines are created through it, and its content survives the program as bytes.
+//! The driver's pipeline cache: all pipelines are created through it, and its content can be saved as bytes.
 
 use std::sync::{PoisonError, RwLock};
 
@@ -50,7 +50,7 @@ impl PipelineCache {
         let raw = self.raw.write().unwrap_or_else(PoisonError::into_inner);
         // SAFETY: both caches are alive, and the lock keeps others from using the destination.
         let merged = unsafe { self.device.merge_pipeline_caches(*raw, &[added]) };
-        // SAFETY: nothing else knows of it.
+        // SAFETY: nothing else refers to it.
         unsafe { self.device.destroy_pipeline_cache(added, None) };
         merged.is_ok()
     }

@@ -1,11 +1,11 @@
-//! Rendering: the attachments that draws write to, how they are loaded and stored.
+//! Rendering: the attachments that draws write to, and how they are loaded and stored.
 
 use ash::vk;
 
 use super::commands::Commands;
 use super::image::{AttachmentView, ImageAccess};
 
-/// Colour attachments that every GPU allows at once.
+/// Colour attachments: every GPU allows four.
 const MAX_COLOURS: usize = 4;
 
 /// The attachments of one rendering. All views have the same number of layers.
@@ -17,7 +17,7 @@ pub struct Attachments<'a> {
     pub area: [u32; 2],
 }
 
-/// An image prepared for [`ImageAccess::Colour`], and what happens to it before and after the draws.
+/// An image prepared for [`ImageAccess::Colour`], and its content before and after the draws.
 #[derive(Clone, Copy)]
 pub struct ColourAttachment<'a> {
     pub view: AttachmentView<'a>,
@@ -27,7 +27,7 @@ pub struct ColourAttachment<'a> {
     pub resolve: Option<AttachmentView<'a>>,
 }
 
-/// An image prepared for [`ImageAccess::Depth`], and what happens to it before and after the draws.
+/// An image prepared for [`ImageAccess::Depth`], and its content before and after the draws.
 #[derive(Clone, Copy)]
 pub struct DepthAttachment<'a> {
     pub view: AttachmentView<'a>,

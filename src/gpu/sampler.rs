@@ -1,4 +1,4 @@
-//! Samplers: filtering, what lies beyond an image's edge, and comparisons for shadow maps.
+//! Samplers: filtering, addressing beyond an image's edge, and comparisons for shadow maps.
 
 use std::sync::Arc;
 
@@ -8,16 +8,16 @@ use super::deferred::Deferred;
 use super::device::Gpu;
 use crate::{Error, Result};
 
-/// What a sampler returns beyond an image's edge.
+/// How a sampler addresses texels beyond an image's edge.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum AddressMode {
     Repeat,
     Clamp,
-    /// Repeats sideways, clamps up and down: panoramas.
+    /// Repeats along u, clamps along v: panoramas.
     Panorama,
-    /// 0 in colour and depth, 1 in alpha.
+    /// Returns 0 in colour and depth, 1 in alpha.
     BlackBorder,
-    /// 1 everywhere.
+    /// Returns 1 in all channels.
     WhiteBorder,
 }
 

@@ -1,4 +1,4 @@
-//! Shader stages by file name: those build.rs compiled, or with `hot-reload` those on disk now.
+//! Shader stages by file name: those compiled by build.rs, or with `hot-reload` the current ones on disk.
 
 use crate::{Error, Result};
 
@@ -19,12 +19,12 @@ pub(super) fn load(name: &str) -> Result<Vec<u32>> {
         return Ok(words);
     }
     let bytes = COMPILED.iter().chain(FOR_TESTS).find(|(n, _)| *n == name).map(|(_, bytes)| *bytes);
-    // Names are constants of our own, and build.rs fails where a file does; so this is a defect, caught by any test.
+    // Names are constants, and build.rs fails where a shader does not compile: so this is a defect that any test finds.
     let bytes = bytes.ok_or_else(|| Error::Usage(format!("there is no shader named {name}")))?;
     words(bytes).ok_or_else(|| Error::Usage(format!("shader {name} is not SPIR-V")))
 }
 
-/// All compute shaders as they would be used now: name and SPIR-V words. For who keeps what they made.
+/// All compute shaders as they would be used now, name and SPIR-V words: part of the key of cached results.
 ///
 /// # Errors
 /// With `hot-reload`, a shader on disk that does not compile.
@@ -37,7 +37,7 @@ fn words(bytes: &[u8]) -> Option<Vec<u32>> {
     ash::util::read_spv(&mut std::io::Cursor::new(bytes)).ok()
 }
 
-/// Where the GLSL sources lie, and compiling them again.
+/// The folder of GLSL sources, and compiling them at run time.
 #[cfg(feature = "hot-reload")]
 pub mod on_disk {
     use std::path::PathBuf;
@@ -58,7 +58,7 @@ pub mod on_disk {
         let path = folder.join(name);
         let spirv =
             crate::gpu::shader_compiler::compile(&path, &folder, cfg!(debug_assertions)).map_err(|problem| {
-                Error::Broken { path, what: "shader", problem, remedy: "mend it; the last good one stays" }
+                Error::Broken { path, what: "shader", problem, remedy: "fix it; the last good one stays in use" }
             })?;
         Ok(words(&spirv))
     }

@@ -1,10 +1,10 @@
-//! GLSL to SPIR-V with shaderc: used by build.rs, and at run time where shaders are reloaded.
+//! GLSL to SPIR-V with shaderc: for build.rs, and at run time with `hot-reload`.
 
 use std::fs;
 use std::path::Path;
 
 /// The stage files of a folder, sorted: `*.vert`, `*.frag`, `*.comp`.
-// At run time, shaders are asked for by name.
+// At run time, shaders are loaded by name.
 #[cfg_attr(feature = "hot-reload", allow(dead_code))]
 pub fn stage_files(folder: &Path) -> Result<Vec<String>, String> {
     let entries = fs::read_dir(folder).map_err(|e| format!("{}: {e}", folder.display()))?;

@@ -1,5 +1,4 @@
-//! Uploads through a ring of staging memory of fixed size, whatever is uploaded; while the GPU copies from one part of it,
-//! the next is filled.
+//! Uploads through a ring of staging blocks of fixed size: while the GPU copies from one, the next is filled.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -12,16 +11,16 @@ use super::image::{Image, ImageAccess};
 use super::submit::submit_and_wait;
 use crate::Result;
 
-/// Bytes of one part of the ring.
-const PART_BYTES: u64 = 16 << 20;
-/// Parts of the ring; each is made when it is first needed.
-const PARTS: usize = 4;
-/// What every kind of texel and block may be copied from.
+/// Bytes of one staging block.
+const BLOCK_BYTES: u64 = 16 << 20;
+/// Blocks of the ring; each is created when it is first needed.
+const BLOCKS: usize = 4;
+/// An offset that copies of every texel and block format allow.
 const ALIGNMENT: u64 = 16;
 
-/// One part of the ring, and the copies from it that have not been sent.
+/// One block of the ring, and the copies from it that have not been submitted.
 struct StagingBlock<'a> {
-    recorder: CommandBuffer,
+    commands: CommandBuffer,
     buffer: Arc<Buffer>,
     used: u64,
     copies: Vec<Copy<'a>>,
@@ -40,35 +39,34 @@ enum Copy<'a> {
         mip: u32,
         rows: Range<u32>,
     },
-    /// All of an image has been copied.
+    /// All mips of an image have been copied.
     Done {
         image: &'a Image,
     },
 }
 
-/// Takes uploads and sends them part by part; `finish` waits for the last.
+/// Collects uploads and submits them block by block; `finish` waits for the last.
 pub struct Upload<'a> {
     gpu: &'a Arc<Gpu>,
-    parts: Vec<StagingBlock<'a>>,
+    blocks: Vec<StagingBlock<'a>>,
     current: usize,
-    part_bytes: u64,
+    block_bytes: u64,
 }
 
 impl<'a> Upload<'a> {
-    /// A ring that takes no memory yet.
+    /// An empty ring; blocks are allocated by the first uploads.
     pub fn new(gpu: &'a Arc<Gpu>) -> Self {
-        Self { gpu, parts: Vec::new(), current: 0, part_bytes: PART_BYTES }
+        Self { gpu, blocks: Vec::new(), current: 0, block_bytes: BLOCK_BYTES }
     }
 
     /// Fills a buffer from its start.
     pub fn buffer(&mut self, to: &'a Buffer, bytes: &[u8]) -> Result<()> {
         let mut offset = 0;
-        for chunk in bytes.chunks(usize::try_from(self.part_bytes).unwrap_or(usize::MAX)) {
+        for chunk in bytes.chunks(usize::try_from(self.block_bytes).unwrap_or(usize::MAX)) {
             let size = chunk.len() as u64;
-            let (part, from) = self.room(size)?;
-            // What was asked for is there.
-            part.buffer.write(usize::try_from(from).unwrap_or(usize::MAX), chunk);
-            part.copies.push(Copy::Buffer { from, to, offset, bytes: size });
+            let (block, from) = self.room(size)?;
+            block.buffer.write(usize::try_from(from).unwrap_or(usize::MAX), chunk);
+            block.copies.push(Copy::Buffer { from, to, offset, bytes: size });
             offset += size;
         }
         Ok(())
@@ -78,67 +76,67 @@ impl<'a> Upload<'a> {
     /// ones go in bands. The other mips of the image are filled by other calls, then comes [`Upload::image_done`].
     ///
     /// # Panics
-    /// If the bytes are not those of the mip, or one row of them is larger than a part of the ring: a defect of the caller.
+    /// If the bytes are not those of the mip, or one row of them is larger than a block of the ring: a defect of the caller.
     pub fn mip(&mut self, to: &'a Image, mip: u32, block_side: u32, bytes: &[u8]) -> Result<()> {
         let height = to.mip_size(mip)[1];
         let block_rows = height.div_ceil(block_side);
         let row_bytes = bytes.len() as u64 / u64::from(block_rows);
-        let in_band = u32::try_from(self.part_bytes / row_bytes.max(1)).unwrap_or(u32::MAX);
-        assert!(in_band > 0 && row_bytes * u64::from(block_rows) == bytes.len() as u64, "no mip of this image");
+        let in_band = u32::try_from(self.block_bytes / row_bytes.max(1)).unwrap_or(u32::MAX);
+        assert!(in_band > 0 && row_bytes * u64::from(block_rows) == bytes.len() as u64, "not a mip of this image");
         for first in (0..block_rows).step_by(in_band as usize) {
             let end = block_rows.min(first.saturating_add(in_band));
             let band = row_bytes * u64::from(first)..row_bytes * u64::from(end);
-            let (part, from) = self.room(band.end - band.start)?;
+            let (block, from) = self.room(band.end - band.start)?;
             // The band is within the bytes, whose length is a usize.
-            part.buffer.write(from as usize, &bytes[band.start as usize..band.end as usize]);
+            block.buffer.write(from as usize, &bytes[band.start as usize..band.end as usize]);
             let rows = first * block_side..height.min(end * block_side);
-            part.copies.push(Copy::Rows { from, to, mip, rows });
+            block.copies.push(Copy::Rows { from, to, mip, rows });
         }
         Ok(())
     }
 
-    /// Says that all mips of an image have been given; shaders may then read it.
+    /// Ends an image's upload after its last mip; shaders may sample it once `finish` has returned.
     pub fn image_done(&mut self, image: &'a Image) -> Result<()> {
         self.room(0)?.0.copies.push(Copy::Done { image });
         Ok(())
     }
 
-    /// Sends what is left and waits for all of it.
+    /// Submits the remaining copies and waits for all of them.
     pub fn finish(mut self) -> Result<()> {
         self.send()?;
-        self.parts.iter_mut().try_for_each(|part| part.recorder.finish().map(drop))
+        self.blocks.iter_mut().try_for_each(|block| block.commands.finish().map(drop))
     }
 
-    /// The part of the ring with so much room, at most a part's size, and where in it that begins.
+    /// A block with `bytes` free, at most a block's size, and their offset in it.
     fn room(&mut self, bytes: u64) -> Result<(&mut StagingBlock<'a>, u64)> {
-        let full = self.parts.get(self.current).is_some_and(|part| part.used + bytes > self.part_bytes);
+        let full = self.blocks.get(self.current).is_some_and(|block| block.used + bytes > self.block_bytes);
         if full {
             self.send()?;
-            self.current = (self.current + 1) % PARTS;
+            self.current = (self.current + 1) % BLOCKS;
         }
-        if self.current == self.parts.len() {
-            let buffer = Buffer::new(self.gpu, "staging", BufferKind::Upload, self.part_bytes)?;
-            self.parts.push(StagingBlock {
-                recorder: CommandBuffer::new(self.gpu)?,
+        if self.current == self.blocks.len() {
+            let buffer = Buffer::new(self.gpu, "staging", BufferKind::Upload, self.block_bytes)?;
+            self.blocks.push(StagingBlock {
+                commands: CommandBuffer::new(self.gpu)?,
                 buffer,
                 used: 0,
                 copies: Vec::new(),
             });
         } else if full {
             // The GPU may still be copying from it.
-            self.parts[self.current].recorder.finish()?;
+            self.blocks[self.current].commands.finish()?;
         }
-        let part = &mut self.parts[self.current];
-        let from = part.used;
-        part.used = (part.used + bytes).next_multiple_of(ALIGNMENT);
-        Ok((part, from))
+        let block = &mut self.blocks[self.current];
+        let from = block.used;
+        block.used = (block.used + bytes).next_multiple_of(ALIGNMENT);
+        Ok((block, from))
     }
 
-    /// Sends the current part's copies.
+    /// Submits the current block's copies.
     fn send(&mut self) -> Result<()> {
-        let Some(part) = self.parts.get_mut(self.current) else { return Ok(()) };
-        let StagingBlock { recorder, buffer, copies, used } = part;
-        let (mut commands, _) = recorder.begin()?;
+        let Some(block) = self.blocks.get_mut(self.current) else { return Ok(()) };
+        let StagingBlock { commands: command_buffer, buffer, copies, used } = block;
+        let (mut commands, _) = command_buffer.begin()?;
         copies.iter().for_each(|copy| record(&mut commands, buffer, copy));
         commands.buffers_written();
         commands.submit(None)?;
@@ -162,7 +160,7 @@ fn record(commands: &mut Commands<'_>, staging: &Buffer, copy: &Copy<'_>) {
 }
 
 /// Fills mip 0 of a one-layer image band by band, and the other mips by halving: a large picture is never held twice.
-/// `texels` makes the tightly packed texels, `bytes_per_texel` each, of a range of rows.
+/// `texels` returns the tightly packed texels, `bytes_per_texel` each, of a range of rows.
 pub fn upload_rows(
     gpu: &Arc<Gpu>,
     to: &Image,
@@ -171,13 +169,13 @@ pub fn upload_rows(
 ) -> Result<()> {
     let [width, height] = to.desc().size;
     let mut upload = Upload::new(gpu);
-    let band = u32::try_from(upload.part_bytes / (u64::from(width) * bytes_per_texel)).unwrap_or(u32::MAX).max(1);
+    let band = u32::try_from(upload.block_bytes / (u64::from(width) * bytes_per_texel)).unwrap_or(u32::MAX).max(1);
     for first in (0..height).step_by(band as usize) {
         let rows = first..height.min(first.saturating_add(band));
         let bytes = texels(rows.clone());
-        let (part, from) = upload.room(bytes.len() as u64)?;
-        part.buffer.write(usize::try_from(from).unwrap_or(usize::MAX), &bytes);
-        part.copies.push(Copy::Rows { from, to, mip: 0, rows });
+        let (block, from) = upload.room(bytes.len() as u64)?;
+        block.buffer.write(usize::try_from(from).unwrap_or(usize::MAX), &bytes);
+        block.copies.push(Copy::Rows { from, to, mip: 0, rows });
     }
     upload.finish()?;
     submit_and_wait(gpu, |commands| {
@@ -201,7 +199,7 @@ mod tests {
     }
 
     fn small_ring<'a>(gpu: &'a Arc<Gpu>) -> Upload<'a> {
-        Upload { part_bytes: 1 << 12, ..Upload::new(gpu) }
+        Upload { block_bytes: 1 << 12, ..Upload::new(gpu) }
     }
 
     #[test]
@@ -227,7 +225,7 @@ mod tests {
                 upload.buffer(&buffer, &contents).unwrap();
             }
         }
-        assert_eq!(upload.parts.len(), PARTS);
+        assert_eq!(upload.blocks.len(), BLOCKS);
         upload.finish().unwrap();
         for (seed, image) in (0..).zip(&images) {
             assert!(read_mips(&gpu, image, 4).unwrap() == mips(100 * seed), "image {seed}");
@@ -237,14 +235,14 @@ mod tests {
     }
 
     #[test]
-    fn one_small_upload_takes_one_part_and_none_takes_nothing() {
+    fn one_small_upload_takes_one_block_and_none_takes_nothing() {
         let gpu = validated();
         let buffer = Buffer::new(&gpu, "small", BufferKind::Storage, 100).unwrap();
         let mut upload = small_ring(&gpu);
         upload.buffer(&buffer, &[]).unwrap();
-        assert!(upload.parts.is_empty());
+        assert!(upload.blocks.is_empty());
         upload.buffer(&buffer, &bytes(100, 1)).unwrap();
-        assert_eq!(upload.parts.len(), 1);
+        assert_eq!(upload.blocks.len(), 1);
         upload.finish().unwrap();
         Upload::new(&gpu).finish().unwrap();
         assert_eq!(read_buffer(&gpu, &buffer).unwrap(), bytes(100, 1));

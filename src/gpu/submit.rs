@@ -23,7 +23,7 @@ pub struct Acquired {
 }
 
 impl Acquired {
-    /// An image that is copied to, if nothing else is said.
+    /// An image that is first touched by a copy; drawing changes that.
     pub(super) fn new(index: u32, ready: Option<vk::Semaphore>, done: vk::Semaphore) -> Self {
         Self { index, ready, done, first_touch: vk::PipelineStageFlags2::ALL_TRANSFER }
     }

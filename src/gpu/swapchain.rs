@@ -14,19 +14,19 @@ use super::submit::Acquired;
 use super::window_images::{ACQUIRE_NS, RANGE, WindowImages};
 use crate::{Error, Result};
 
-/// When pictures are shown.
+/// When presented pictures are shown.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PresentMode {
     /// With the display's refresh; no tearing.
     Vsync,
     /// The newest picture at each refresh; no tearing, no waiting.
     Mailbox,
-    /// At once; may tear.
+    /// Immediately; may tear.
     Immediate,
 }
 
 impl PresentMode {
-    /// For people.
+    /// Its name in messages and reports.
     pub fn name(self) -> &'static str {
         match self {
             Self::Vsync => "vsync",
@@ -44,22 +44,22 @@ impl PresentMode {
     }
 }
 
-/// What asking for an image without waiting gives.
+/// The result of [`Swapchain::poll`].
 pub enum Polled {
     Ready(Acquired),
-    /// The window system has all images: ask again later.
+    /// The window system holds all images: poll again later.
     Busy,
     /// The swapchain does not fit the window: `resize` it.
     Stale,
 }
 
-/// What showing a picture gives.
+/// The result of [`Swapchain::present`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Presented {
     Good,
-    /// It is shown, but another swapchain might suit the surface better.
+    /// Shown, but a new swapchain might suit the surface better.
     Suboptimal,
-    /// It is not: the swapchain does not fit the window any more.
+    /// Not shown: the swapchain does not fit the window any more.
     Stale,
 }
 
@@ -76,12 +76,12 @@ pub struct Swapchain {
 }
 
 impl Swapchain {
-    /// Makes a surface for a window; images come with `resize`.
+    /// Creates a surface for a window; images come with `resize`.
     ///
     /// # Safety
     /// Both handles must stay valid until the swapchain is dropped.
     pub unsafe fn new(gpu: &Arc<Gpu>, display: RawDisplayHandle, window: RawWindowHandle) -> Result<Self> {
-        // SAFETY: the caller keeps the handles valid; the instance was made for this display.
+        // SAFETY: the caller keeps the handles valid; the instance was created for this display.
         let surface =
             unsafe { ash_window::create_surface(&gpu.instance.entry, &gpu.instance.raw, display, window, None) }
                 .map_err(Error::vulkan("creating a window surface"))?;
@@ -131,7 +131,7 @@ impl Swapchain {
         all.into_iter().filter(|m| *m == PresentMode::Vsync || modes.contains(&m.raw())).collect()
     }
 
-    /// Makes images of about `wanted` size (the surface has the last word). Waits for the GPU first.
+    /// Creates images of about `wanted` size; the surface decides. Waits for the GPU first.
     /// A surface of size 0×0 (a minimised window) leaves it without images.
     pub fn resize(&mut self, wanted: [u32; 2], mode: PresentMode) -> Result<()> {
         self.gpu.wait_idle()?;
@@ -152,7 +152,7 @@ impl Swapchain {
         }
         let usage = vk::ImageUsageFlags::TRANSFER_DST | vk::ImageUsageFlags::COLOR_ATTACHMENT;
         if !caps.supported_usage_flags.contains(usage) {
-            return Err(Error::Window { problem: "this display does not take copied pictures".into() });
+            return Err(Error::Window { problem: "its images can be neither copied to nor drawn into".into() });
         }
         let format = pick_format(&formats)?;
         let most = if caps.max_image_count == 0 { u32::MAX } else { caps.max_image_count };
@@ -171,7 +171,7 @@ impl Swapchain {
             .old_swapchain(self.current.as_ref().map_or(vk::SwapchainKHR::null(), |old| old.raw));
         // SAFETY: the surface is alive, the old swapchain is ours and idle.
         let created = unsafe { self.api.create_swapchain(&info, None) };
-        // Whether or not a new one was created, the old one is retired.
+        // Even if creation failed, the old swapchain cannot be used any more.
         self.current = None;
         self.current = match created {
             Ok(raw) => Some(WindowImages::new(&self.gpu, &self.api, raw, format.format, size)?),
@@ -237,7 +237,7 @@ impl Swapchain {
         Ok(AttachmentView { raw: images.views[index], layers: 1, of: PhantomData })
     }
 
-    /// Makes the drawn image ready to be presented.
+    /// Transitions the drawn image for presenting.
     pub fn end_drawing(&self, commands: &mut Commands<'_>, to: &Acquired) {
         let Some(images) = &self.current else { return };
         let end = transition(ImageAccess::Colour, ImageAccess::Present);
@@ -324,7 +324,7 @@ fn no_images() -> Error {
 }
 
 fn extent(caps: &vk::SurfaceCapabilitiesKHR, wanted: [u32; 2]) -> [u32; 2] {
-    // The special value says that the swapchain decides the window's size (Wayland).
+    // The special value means that the swapchain decides the window's size (Wayland).
     if caps.current_extent.width != u32::MAX {
         return [caps.current_extent.width, caps.current_extent.height];
     }
@@ -338,7 +338,7 @@ fn pick_format(formats: &[vk::SurfaceFormatKHR]) -> Result<vk::SurfaceFormatKHR>
     found.copied().ok_or_else(|| Error::Window { problem: "this display has no sRGB format".into() })
 }
 
-/// Ours are upright pictures: where the surface can, it turns them itself.
+/// Pictures are drawn upright: where the surface can rotate them itself, it does.
 fn pick_transform(caps: &vk::SurfaceCapabilitiesKHR) -> vk::SurfaceTransformFlagsKHR {
     let upright = vk::SurfaceTransformFlagsKHR::IDENTITY;
     if caps.supported_transforms.contains(upright) { upright } else { caps.current_transform }
@@ -368,7 +368,7 @@ mod tests {
     }
 
     #[test]
-    fn window_images_are_drawn_into_and_copied_to() {
+    fn window_images_are_drawn_into_and_presented() {
         let Some((gpu, mut swapchain)) = headless() else { return };
         let mut buffer = CommandBuffer::new(&gpu).unwrap();
         assert!(swapchain.acquire().unwrap().is_none(), "an image without a size");
@@ -396,7 +396,7 @@ mod tests {
     }
 
     #[test]
-    fn pictures_are_upright_where_the_surface_turns_them_itself() {
+    fn pictures_are_upright_where_the_surface_rotates_them_itself() {
         use vk::SurfaceTransformFlagsKHR as T;
         let caps = |supported, current| vk::SurfaceCapabilitiesKHR {
             supported_transforms: supported,

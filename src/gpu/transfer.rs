@@ -48,7 +48,10 @@ pub fn read_mips(gpu: &Arc<Gpu>, from: &Image, bytes_per_texel: u64) -> Result<V
 fn read_parts(gpu: &Arc<Gpu>, from: &Image, parts: &[(Subresource, u64)]) -> Result<Vec<Vec<u8>>> {
     let before: Vec<ImageAccess> = parts.iter().map(|(part, _)| from.access(part.mip, part.layer)).collect();
     if before.contains(&ImageAccess::Fresh) {
-        return Err(Error::Usage("an image is read that nothing has been written to".into()));
+        return Err(Error::Usage(
+            "an image is read back that nothing has been written to; this is a defect of pbr-vr, please report it"
+                .into(),
+        ));
     }
     let size = parts.iter().map(|(_, bytes)| bytes).sum();
     let to = Buffer::new(gpu, "readback", BufferKind::Readback, size)?;
@@ -77,7 +80,8 @@ fn read_parts(gpu: &Arc<Gpu>, from: &Image, parts: &[(Subresource, u64)]) -> Res
     }))
 }
 
-/// Fills images from what `read_mips` gave for images of the same format and shape; returns the time, named `pass`.
+/// Fills images with bytes that `read_mips` returned for images of the same format and shape; returns the GPU time of
+/// the copies, named `pass`.
 ///
 /// # Panics
 /// If mips are shorter than their image's: a defect of the caller.

@@ -1,4 +1,4 @@
-//! The images of one swapchain, with what acquiring and presenting them needs: created together, destroyed together.
+//! One VkSwapchainKHR with its images, views, semaphores and fence: created together, destroyed together.
 
 use std::sync::Arc;
 
@@ -32,7 +32,7 @@ pub(super) struct WindowImages {
 }
 
 impl WindowImages {
-    /// Takes over a new swapchain; if a step fails, it is destroyed with all that was created for it.
+    /// Takes ownership of a new swapchain; if a step fails, it is destroyed with all objects created for it.
     pub(super) fn new(
         gpu: &Arc<Gpu>,
         api: &khr::swapchain::Device,
@@ -40,7 +40,7 @@ impl WindowImages {
         format: vk::Format,
         size: [u32; 2],
     ) -> Result<Self> {
-        // From here on, Drop releases what there is.
+        // From here on, Drop releases the objects created so far.
         let mut new = Self {
             gpu: Arc::clone(gpu),
             api: api.clone(),
@@ -98,7 +98,7 @@ impl Drop for WindowImages {
     fn drop(&mut self) {
         let device = &self.gpu.device;
         // SAFETY: the owner has waited for the GPU and the queue, and the fence is waited for where it is in use. A
-        // window system that never signals it has died, and uses it no more.
+        // window system that has not signalled it by then no longer uses it.
         unsafe {
             if self.asked.is_some() {
                 let _ = device.wait_for_fences(&[self.fence], true, ACQUIRE_NS);

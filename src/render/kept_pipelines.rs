@@ -72,7 +72,8 @@ fn read(path: &Path) -> Result<Vec<u8>> {
         problem: problem.into(),
         remedy: "it is written again",
     };
-    let hash: [u8; HASH] = bytes.get(..HASH).and_then(|hash| hash.try_into().ok()).ok_or_else(|| broken("too short"))?;
+    let hash: [u8; HASH] =
+        bytes.get(..HASH).and_then(|hash| hash.try_into().ok()).ok_or_else(|| broken("too short"))?;
     bytes.drain(..HASH);
     if blake3::hash(&bytes) == hash { Ok(bytes) } else { Err(broken("another hash")) }
 }
@@ -89,7 +90,8 @@ mod tests {
         write(&path, b"compiled").unwrap();
         assert_eq!(read(&path).unwrap(), b"compiled");
         let good = std::fs::read(&path).unwrap();
-        for bad in [&good[..0], &good[..HASH - 1], &good[..HASH], &good[..good.len() - 1], &[&good[..], b"x"].concat()] {
+        for bad in [&good[..0], &good[..HASH - 1], &good[..HASH], &good[..good.len() - 1], &[&good[..], b"x"].concat()]
+        {
             std::fs::write(&path, bad).unwrap();
             assert!(matches!(read(&path), Err(Error::Broken { .. })), "{} bytes", bad.len());
         }
