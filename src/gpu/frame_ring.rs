@@ -245,6 +245,21 @@ mod tests {
     }
 
     #[test]
+    fn frames_take_no_memory_from_the_heap() {
+        let gpu = Gpu::open(crate::gpu::GpuOptions::default()).unwrap();
+        let mut ring = FrameRing::new(&gpu, 0).unwrap();
+        let mut frame = || {
+            let mut context = ring.begin().unwrap();
+            context.commands.pass("frame", |_| ());
+            context.push(&[1u32; 64]).unwrap();
+            context.submit(None).unwrap();
+        };
+        (0..4).for_each(|_| frame());
+        let counts = allocation_counter::measure(|| (0..20).for_each(|_| frame()));
+        assert_eq!(counts.count_total, 0);
+    }
+
+    #[test]
     #[should_panic(expected = "one dynamic offset for each")]
     fn a_set_of_the_ring_is_not_bound_without_offsets() {
         let gpu = Gpu::open(crate::gpu::GpuOptions::default()).unwrap();

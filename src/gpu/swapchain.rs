@@ -369,7 +369,10 @@ mod tests {
 
     #[test]
     fn window_images_are_drawn_into_and_presented() {
-        let Some((gpu, mut swapchain)) = headless() else { return };
+        let Some((gpu, mut swapchain)) = headless() else {
+            println!("skipped: this driver has no headless surfaces");
+            return;
+        };
         let mut buffer = CommandBuffer::new(&gpu).unwrap();
         assert!(swapchain.acquire().unwrap().is_none(), "an image without a size");
         for size in [[64, 32], [32, 64]] {
