@@ -9,12 +9,6 @@ mod write;
 
 use std::collections::BTreeMap;
 
-/// What a file begins with.
-const IDENTIFIER: [u8; 12] = *b"\xabKTX 20\xbb\r\n\x1a\n";
-/// Identifier, header and index, in bytes; the level index follows.
-const HEADER_BYTES: usize = 80;
-/// One entry of the level index: offset, length, length before compression, as u64.
-const LEVEL_BYTES: usize = 24;
 /// The key that names the program that wrote a file; the writer sets it.
 pub const WRITER_KEY: &str = "KTXwriter";
 /// The key that says where x and y point; the writer sets it.

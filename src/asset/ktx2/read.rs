@@ -1,10 +1,14 @@
-//! KTX 2.0: a file's bytes, which may be hostile, as a texture.
+//! KTX 2.0: a file's bytes, which may be hostile, as a texture. The `ktx2` crate decodes header, level index and key/value
+//! pairs; the limits, and the one layout that is accepted (as `write.rs` makes it), are checked here.
+//!
+//! `ktx2::Reader` is not used: version 0.5 panics on a descriptor whose blocks are 256 texels wide.
 
 use std::collections::BTreeMap;
-use std::ops::Range;
 use std::path::Path;
 
-use super::{HEADER_BYTES, IDENTIFIER, Ktx2, LEVEL_BYTES, TexelFormat, level_bytes};
+use ktx2::{Header, KeyValueDataIterator, LevelIndex, MAGIC};
+
+use super::{Ktx2, TexelFormat, level_bytes};
 use crate::asset::file;
 use crate::{Error, Result};
 
@@ -19,12 +23,13 @@ impl Ktx2 {
     /// Reads a file of at most `limit` bytes.
     ///
     /// # Errors
-    /// It cannot be read, is too large, is broken, or is of a kind that is not written here: supercompressed, 3D.
+    /// The file cannot be read, is too large, is broken, or is of a kind that [`Ktx2::write`] does not write:
+    /// supercompressed, 3D, another order of its sections.
     pub fn read(path: &Path, limit: u64) -> Result<Self> {
         Self::from_bytes(path, &file::read(path, "KTX2 texture", limit)?)
     }
 
-    /// The same from a file's content; `path` names it in the error. It takes no more memory than the content has.
+    /// The same from a file's content; `path` names it in the error. Allocates no more than the content's length.
     ///
     /// # Errors
     /// As for [`Ktx2::read`].
@@ -41,125 +46,111 @@ impl Ktx2 {
 type Parsed<T> = std::result::Result<T, String>;
 
 fn parse(bytes: &[u8]) -> Parsed<Ktx2> {
-    if !bytes.starts_with(&IDENTIFIER) {
+    if !bytes.starts_with(&MAGIC) {
         return Err("it does not begin as a KTX 2.0 file does".into());
     }
-    if bytes.len() < HEADER_BYTES {
-        return Err("its header is cut off".into());
-    }
-    let word = |i: usize| word_at(bytes, IDENTIFIER.len() + 4 * i);
-    let (size, layers, faces) = ([word(2), word(3)], word(5), word(6));
-    let levels = word(7);
-    let format = TexelFormat::from_vulkan(word(0)).ok_or_else(|| format!("format {} is not known here", word(0)))?;
-    check_shape(size, word(4), layers, faces, levels)?;
-    if word(1) != format.channel_bytes() {
-        return Err(format!("type size {} does not go with its format", word(1)));
-    }
-    if word(8) != 0 || bytes[64..80].iter().any(|b| *b != 0) {
-        return Err("it is supercompressed".into());
-    }
-    // At most 15 levels, as checked above.
-    let index_end = HEADER_BYTES + LEVEL_BYTES * levels as usize;
-    let descriptor = section(bytes, word(9), word(10), index_end, "data format descriptor")?;
-    if bytes[descriptor.clone()] != format.descriptor() {
-        return Err("its data format descriptor does not go with its format".into());
-    }
-    let key_values = match (word(11), word(12)) {
-        (0, 0) => descriptor.end..descriptor.end,
-        (start, length) => section(bytes, start, length, descriptor.end, "key/value data")?,
-    };
-    let mut texture = Ktx2 { format, size, layers, faces, levels: Vec::new(), key_values: BTreeMap::new() };
-    texture.key_values = parse_key_values(&bytes[key_values.clone()])?;
-    texture.levels = parse_levels(bytes, &texture, levels, key_values.end)?;
-    Ok(texture)
+    let header = bytes.first_chunk().ok_or("its header is cut off")?;
+    let header = Header::from_bytes(header).map_err(|error| format!("its header is broken: {error}"))?;
+    let format = check_header(&header)?;
+    let key_values = check_descriptor(bytes, &header, format)?;
+    let key_values_end = key_values + header.index.kvd_byte_length as usize;
+    let key_values = parse_key_values(bytes.get(key_values..key_values_end).ok_or("its key/value data are cut off")?)?;
+    let places = check_levels(bytes, &header, format, key_values_end)?;
+    // All places lie within the file; only now are texels copied.
+    let levels = places.into_iter().map(|place| bytes[place].to_vec()).collect();
+    let size = [header.pixel_width, header.pixel_height];
+    Ok(Ktx2 { format, size, layers: header.layer_count, faces: header.face_count, levels, key_values })
 }
 
-fn check_shape(size: [u32; 2], depth: u32, layers: u32, faces: u32, levels: u32) -> Parsed<()> {
-    let [width, height] = size;
-    if depth != 0 || size.iter().any(|side| !(1..=MAX_SIDE).contains(side)) {
+fn check_header(header: &Header) -> Parsed<TexelFormat> {
+    let number = header.format.map_or(0, |format| format.value());
+    let format = TexelFormat::from_vulkan(number).ok_or_else(|| format!("format {number} is not supported"))?;
+    let Header { pixel_width: width, pixel_height: height, pixel_depth: depth, layer_count: layers, .. } = *header;
+    if depth != 0 || [width, height].iter().any(|side| !(1..=MAX_SIDE).contains(side)) {
         return Err(format!(
-            "{width} x {height} x {depth} texels; 1 x 1 x 0 to {MAX_SIDE} x {MAX_SIDE} x 0 can be read"
+            "{width} x {height} x {depth} texels; 1 x 1 x 0 to {MAX_SIDE} x {MAX_SIDE} x 0 are supported"
         ));
     }
+    let faces = header.face_count;
     if !(faces == 1 || (faces == 6 && width == height)) {
         return Err(format!("{faces} face(s) of {width} x {height}"));
     }
     if layers > MAX_LAYERS {
-        return Err(format!("{layers} layers; {MAX_LAYERS} can be read"));
+        return Err(format!("{layers} layers; at most {MAX_LAYERS} are supported"));
     }
-    let most = 32 - width.max(height).leading_zeros();
+    let (levels, most) = (header.level_count, 32 - width.max(height).leading_zeros());
     if !(1..=most).contains(&levels) {
-        return Err(format!("{levels} levels of {width} x {height} texels; 1 to {most} can be"));
+        return Err(format!("{levels} levels of {width} x {height} texels; there can be 1 to {most}"));
     }
-    Ok(())
+    if header.type_size != format.channel_bytes() {
+        return Err(format!("type size {} does not match its format", header.type_size));
+    }
+    let global_data = (header.index.sgd_byte_offset, header.index.sgd_byte_length);
+    if header.supercompression_scheme.is_some() || global_data != (0, 0) {
+        return Err("it is supercompressed".into());
+    }
+    Ok(format)
 }
 
-/// A stretch of the file that must begin where the one before ended.
-fn section(bytes: &[u8], start: u32, length: u32, expected: usize, what: &str) -> Parsed<Range<usize>> {
-    let (start, length) = (start as usize, length as usize);
-    let end = start.checked_add(length).filter(|end| *end <= bytes.len());
-    match end {
-        Some(end) if start == expected => Ok(start..end),
-        _ => Err(format!("its {what} ({length} bytes at {start}) lies where it cannot")),
+/// Compares the descriptor with the only one that its format can have; returns where the key/value data begin.
+fn check_descriptor(bytes: &[u8], header: &Header, format: TexelFormat) -> Parsed<usize> {
+    let (index, descriptor) = (&header.index, format.descriptor());
+    // At most 15 levels, as `check_header` made sure.
+    let start = Header::LENGTH + LevelIndex::LENGTH * header.level_count as usize;
+    let end = start + descriptor.len();
+    let place = (index.dfd_byte_offset as usize, index.dfd_byte_length as usize);
+    if place != (start, descriptor.len()) || bytes.get(start..end) != Some(&descriptor) {
+        return Err("its data format descriptor does not match its format".into());
     }
+    let (at, length) = (index.kvd_byte_offset as usize, index.kvd_byte_length as usize);
+    if (at, length) != (0, 0) && (at != end || length > MAX_KEY_VALUES) {
+        return Err(format!("{length} bytes of key/value data at {at}; at most {MAX_KEY_VALUES} are supported, at {end}"));
+    }
+    Ok(end)
 }
 
-fn parse_key_values(mut rest: &[u8]) -> Parsed<BTreeMap<String, Vec<u8>>> {
-    let cut_off = || String::from("its key/value data are cut off");
-    if rest.len() > MAX_KEY_VALUES {
-        return Err(format!("{} bytes of key/value data; {MAX_KEY_VALUES} can be read", rest.len()));
-    }
+fn parse_key_values(bytes: &[u8]) -> Parsed<BTreeMap<String, Vec<u8>>> {
     let mut all = BTreeMap::new();
-    while !rest.is_empty() {
-        if rest.len() < 4 {
-            return Err(cut_off());
-        }
-        let length = word_at(rest, 0) as usize;
-        let pair = rest[4..].get(..length).ok_or_else(cut_off)?;
-        rest = rest[4 + length..].get(length.next_multiple_of(4) - length..).ok_or_else(cut_off)?;
-        let nul = pair.iter().position(|b| *b == 0).ok_or("a key has no end")?;
-        let key = std::str::from_utf8(&pair[..nul]).map_err(|_| "a key is not UTF-8")?;
-        if key.is_empty() || all.insert(key.to_owned(), pair[nul + 1..].to_vec()).is_some() {
+    let mut read = 0;
+    for (key, value) in KeyValueDataIterator::new(bytes) {
+        read += size_of::<u32>() + (key.len() + 1 + value.len()).next_multiple_of(4);
+        if key.is_empty() || all.insert(key.to_owned(), value.to_vec()).is_some() {
             return Err(format!("key `{key}` is there twice, or is empty"));
         }
     }
-    Ok(all)
+    // The iterator skips pairs that it cannot decode, and ends early where they are cut off.
+    if read == bytes.len() { Ok(all) } else { Err("its key/value data are broken".into()) }
 }
 
-/// The levels lie one after another, aligned, the smallest first, after `from`.
-fn parse_levels(bytes: &[u8], texture: &Ktx2, count: u32, from: usize) -> Parsed<Vec<Vec<u8>>> {
+/// The places of all levels, level 0 first. They must follow `from` one after another, aligned, the smallest first, up to
+/// the end of the file.
+fn check_levels(bytes: &[u8], header: &Header, format: TexelFormat, from: usize) -> Parsed<Vec<std::ops::Range<usize>>> {
+    let size = [header.pixel_width, header.pixel_height];
     let mut places = Vec::new();
     let mut end = from as u64;
-    for level in (0..count).rev() {
-        let at = HEADER_BYTES + LEVEL_BYTES * level as usize;
-        let [start, length, whole] = [0, 8, 16].map(|i| long_at(bytes, at + i));
-        let Ktx2 { format, size, layers, faces, .. } = *texture;
-        let expected = level_bytes(format, size, layers, faces, level);
+    for level in (0..header.level_count).rev() {
+        let entry = Header::LENGTH + LevelIndex::LENGTH * level as usize;
+        let entry = bytes.get(entry..).and_then(<[u8]>::first_chunk).ok_or("its level index is cut off")?;
+        let LevelIndex { byte_offset: start, byte_length: length, uncompressed_byte_length: whole } =
+            LevelIndex::from_bytes(entry);
+        let expected = level_bytes(format, size, header.layer_count, header.face_count, level);
         if length != expected || whole != expected {
             return Err(format!("level {level} has {length} bytes and should have {expected}"));
         }
-        let next = start.saturating_add(length);
-        if start != end.next_multiple_of(u64::from(format.bytes())) || next > bytes.len() as u64 {
-            return Err(format!("level {level} ({length} bytes at {start}) lies where it cannot"));
+        let expected_start = end.next_multiple_of(u64::from(format.bytes()));
+        // The limits of `check_header` keep the sum below 2^44.
+        end = expected_start + length;
+        if start != expected_start || end > bytes.len() as u64 {
+            return Err(format!("level {level} ({length} bytes at {start}) lies outside the file or overlaps"));
         }
-        // Both are within the file.
-        places.push(start as usize..next as usize);
-        end = next;
+        // Both are at most the file's length.
+        places.push(start as usize..end as usize);
     }
     if end != bytes.len() as u64 {
         return Err(format!("{} bytes follow its last level", bytes.len() as u64 - end));
     }
-    // Only now is memory taken, and no more than the file has.
-    Ok(places.into_iter().rev().map(|place| bytes[place].to_vec()).collect())
-}
-
-/// The caller has checked that it is there.
-fn word_at(bytes: &[u8], at: usize) -> u32 {
-    u32::from_le_bytes([bytes[at], bytes[at + 1], bytes[at + 2], bytes[at + 3]])
-}
-
-fn long_at(bytes: &[u8], at: usize) -> u64 {
-    u64::from(word_at(bytes, at)) | (u64::from(word_at(bytes, at + 4)) << 32)
+    places.reverse();
+    Ok(places)
 }
 
 #[cfg(test)]
@@ -224,31 +215,31 @@ mod tests {
     }
 
     #[test]
-    fn no_bent_byte_is_a_panic_and_none_of_the_structure_goes_unseen() {
+    fn no_flipped_byte_panics_and_all_in_the_structure_are_detected() {
         let whole = file();
         let texels_at = whole.len() - cube().levels.iter().map(Vec::len).sum::<usize>();
         for at in 0..texels_at {
             for flip in [0x01, 0x80, 0xff] {
                 let mut bytes = whole.clone();
                 bytes[at] ^= flip;
-                // What stays readable must differ, but for padding.
+                // Only a flipped key, value or padding byte may stay readable.
                 if let Ok(read) = Ktx2::from_bytes(Path::new("a"), &bytes)
-                    && at < HEADER_BYTES + 3 * LEVEL_BYTES + 92
+                    && at < Header::LENGTH + 3 * LevelIndex::LENGTH + 92
                 {
-                    panic!("byte {at} of header, index or descriptor went unseen: {:?}", read.key_values);
+                    panic!("byte {at} of header, index or descriptor was not detected: {:?}", read.key_values);
                 }
             }
         }
     }
 
     #[test]
-    fn what_is_not_ours_is_told() {
+    fn foreign_and_broken_headers_are_named() {
         assert!(problem(b"\xabKTX 11\xbb\r\n\x1a\n").contains("does not begin"));
         for (at, value, part) in [
             (12, 1, "format 1 "),
             (16, 4, "type size"),
-            (20, 0, "0 x 4"),
-            (20, u32::MAX, "can be read"),
+            (20, 0, "zero pixel width"),
+            (20, u32::MAX, "are supported"),
             (28, 1, "4 x 4 x 1"),
             (32, 1 << 20, "layers"),
             (36, 5, "5 face(s)"),
@@ -268,10 +259,19 @@ mod tests {
     }
 
     #[test]
-    fn a_giant_costs_nothing() {
+    fn a_huge_size_allocates_nothing() {
         let mut bytes = with_word(20, 16384);
         bytes[24..28].copy_from_slice(&16384u32.to_le_bytes());
         assert!(problem(&bytes).contains("level 2"));
+    }
+
+    /// `ktx2::Reader` panics on this one.
+    #[test]
+    fn a_descriptor_of_huge_blocks_is_an_error() {
+        let mut bytes = file();
+        let sides = Header::LENGTH + 3 * LevelIndex::LENGTH + 16;
+        bytes[sides..sides + 4].fill(255);
+        assert!(problem(&bytes).contains("descriptor"));
     }
 
     #[test]

@@ -2,7 +2,9 @@
 
 use std::path::Path;
 
-use super::{HEADER_BYTES, IDENTIFIER, Ktx2, LEVEL_BYTES, ORIENTATION_KEY, WRITER_KEY};
+use ktx2::{Header, LevelIndex, MAGIC};
+
+use super::{Ktx2, ORIENTATION_KEY, WRITER_KEY};
 use crate::asset::file::write_atomically;
 use crate::{Error, Result};
 
@@ -23,11 +25,11 @@ impl Ktx2 {
         self.check(path)?;
         let descriptor = self.format.descriptor();
         let key_values = self.key_value_bytes();
-        let descriptor_at = HEADER_BYTES + LEVEL_BYTES * self.levels.len();
+        let descriptor_at = Header::LENGTH + LevelIndex::LENGTH * self.levels.len();
         let key_values_at = descriptor_at + descriptor.len();
         let (places, size) = self.places(key_values_at + key_values.len());
         let mut bytes = Vec::with_capacity(size);
-        bytes.extend(IDENTIFIER);
+        bytes.extend(MAGIC);
         let [width, height] = self.size;
         let levels = self.levels.len() as u32;
         let no_depth = 0;
