@@ -3,7 +3,7 @@
 use glam::Vec3;
 use rayon::slice::ParallelSliceMut;
 
-use super::obj::Submesh;
+use super::mesh::Submesh;
 
 /// Faces that meet at a sharper angle than 60° keep their edge.
 const CREASE_COSINE: f32 = 0.5;
@@ -82,7 +82,7 @@ mod tests {
     use glam::Vec2;
 
     use super::*;
-    use crate::asset::obj::Corner;
+    use crate::asset::mesh::Corner;
 
     fn part(triangles: &[[Vec3; 3]]) -> Submesh {
         let corner = |position: Vec3| Corner { position, normal: Vec3::ZERO, uv: Vec2::ZERO };

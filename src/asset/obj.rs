@@ -8,6 +8,7 @@ use std::path::Path;
 
 use glam::{Vec2, Vec3};
 
+use super::mesh::{Corner, Submesh};
 use super::mtl::{self, Mtl};
 use super::{Report, file, normals};
 use crate::{Error, Result};
@@ -25,27 +26,6 @@ const MAX_UV: f32 = 1e6;
 pub struct Model {
     pub parts: Vec<Submesh>,
     pub materials: Vec<Mtl>,
-}
-
-/// Triangles of one object with one material.
-#[derive(Clone, Debug)]
-pub struct Submesh {
-    pub name: String,
-    /// Index into [`Model::materials`]; `None` is a default material.
-    pub material: Option<usize>,
-    pub has_uvs: bool,
-    /// Three per triangle, counter-clockwise seen from outside.
-    pub corners: Vec<Corner>,
-}
-
-/// A corner of a triangle.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Corner {
-    pub position: Vec3,
-    /// Unit length.
-    pub normal: Vec3,
-    /// v upwards, as OBJ has it.
-    pub uv: Vec2,
 }
 
 /// Reads a model and the material libraries it names.

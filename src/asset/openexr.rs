@@ -12,7 +12,7 @@ use exr::prelude::{
     ReadLayers, read,
 };
 
-use super::panorama::{SizeCheck, Texels, check_size};
+use super::radiance_image::{RadianceImage, SizeCheck};
 use super::{Report, file};
 use crate::{Error, Result};
 
@@ -34,7 +34,7 @@ pub fn is_openexr(bytes: &[u8]) -> bool {
 ///
 /// The display window is the whole sphere: a smaller data window leaves black around it (with a warning), and what
 /// lies outside is cut off.
-pub fn decode(path: &Path, bytes: &[u8], report: &Report) -> Result<Texels> {
+pub fn decode(path: &Path, bytes: &[u8], check_size: SizeCheck, report: &Report) -> Result<RadianceImage> {
     let image = guarded(path, bytes, check_size, read_layers)?;
     let (layer, channels) = image
         .layer_data
@@ -180,7 +180,7 @@ fn place(
     channels: [&FlatSamples; 3],
     display: IntegerBounds,
     report: &Report,
-) -> Result<Texels> {
+) -> Result<RadianceImage> {
     let (width, height) = (display.size.width(), display.size.height());
     let data_width = layer.size.width();
     // Positions are 32-bit numbers: their differences need more.
@@ -212,7 +212,7 @@ fn place(
         report.warn(format!("{name}: {missing} texel(s) of the display window have no data; left black"));
     }
     // Both were checked against the size limit.
-    Ok(Texels { width: width as u32, height: height as u32, texels })
+    Ok(RadianceImage { width: width as u32, height: height as u32, texels })
 }
 
 fn channel_names(layers: &[FlatLayer]) -> String {
@@ -232,8 +232,8 @@ mod tests {
 
     use super::*;
 
-    fn decoded(bytes: &[u8], report: &Report) -> Result<Texels> {
-        decode(Path::new("a.exr"), bytes, report)
+    fn decoded(bytes: &[u8], report: &Report) -> Result<RadianceImage> {
+        decode(Path::new("a.exr"), bytes, |_, _, _| Ok(()), report)
     }
 
     fn write(image: impl FnOnce(&mut Cursor<Vec<u8>>)) -> Vec<u8> {

@@ -5,6 +5,7 @@ use std::path::Path;
 
 use glam::{Vec2, Vec3};
 
+use super::radiance_image::RadianceImage;
 use super::{Report, file, openexr, radiance};
 use crate::{Error, Result};
 
@@ -25,13 +26,6 @@ pub struct Panorama {
     pub texels: Vec<[f32; 3]>,
 }
 
-/// What a decoder of panoramas yields: rows from the top, `width * height` texels.
-pub(super) struct Texels {
-    pub width: u32,
-    pub height: u32,
-    pub texels: Vec<[f32; 3]>,
-}
-
 impl Panorama {
     /// Reads a Radiance (.hdr) or OpenEXR file; its first bytes decide which it is.
     ///
@@ -40,7 +34,7 @@ impl Panorama {
     pub fn load(path: &Path, report: &Report) -> Result<Self> {
         let bytes = file::read(path, "panorama", MAX_FILE_BYTES)?;
         let decoded = if openexr::is_openexr(&bytes) {
-            openexr::decode(path, &bytes, report)?
+            openexr::decode(path, &bytes, check_size, report)?
         } else if radiance::is_radiance(&bytes) {
             radiance::decode(path, &bytes, check_size)?
         } else {
@@ -51,7 +45,7 @@ impl Panorama {
                 remedy: "give an equirectangular picture in one of the two formats",
             });
         };
-        let Texels { width, height, mut texels } = decoded;
+        let RadianceImage { width, height, mut texels } = decoded;
         if width != height * 2 {
             let name = file::short_name(path);
             report.warn(format!(
@@ -91,11 +85,8 @@ impl Panorama {
     }
 }
 
-/// Says whether a picture of this size is taken; asked before any memory is taken for it.
-pub(super) type SizeCheck = fn(&Path, u64, u64) -> Result<()>;
-
-/// Is a picture of this size worth decoding? Called before any memory is taken for it.
-pub(super) fn check_size(path: &Path, width: u64, height: u64) -> Result<()> {
+/// Whether a panorama of this size is accepted; called before memory is allocated for it.
+fn check_size(path: &Path, width: u64, height: u64) -> Result<()> {
     if width == 0 || height == 0 {
         let remedy = "save it again as Radiance RGBE (.hdr) or OpenEXR";
         return Err(Error::Broken { path: path.into(), what: "panorama", problem: "it is empty".into(), remedy });

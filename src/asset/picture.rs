@@ -15,7 +15,7 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use super::file::{self, write_atomically};
-use super::panorama::Texels;
+use super::radiance_image::RadianceImage;
 use super::{jpeg, openexr, radiance};
 use crate::{
     Error, Result,
@@ -103,7 +103,7 @@ impl Picture {
             read_exr(path, &bytes)
         } else if radiance::is_radiance(&bytes) {
             // The `image` crate's decoder leaves out the header's exposure.
-            let Texels { width, height, texels } = radiance::decode(path, &bytes, check_size)?;
+            let RadianceImage { width, height, texels } = radiance::decode(path, &bytes, check_size)?;
             Ok(Self { name: path.display().to_string(), width, height, kind: Kind::Radiance, pixels: texels })
         } else {
             read_image(path, &bytes)

@@ -5,7 +5,7 @@
 
 use std::path::Path;
 
-use super::panorama::{SizeCheck, Texels};
+use super::radiance_image::{RadianceImage, SizeCheck};
 use crate::{Error, Result};
 
 /// Does the content look like a Radiance picture?
@@ -14,7 +14,7 @@ pub fn is_radiance(bytes: &[u8]) -> bool {
 }
 
 /// Decodes a whole file; radiance has the header's exposure and colour correction divided out.
-pub fn decode(path: &Path, bytes: &[u8], check_size: SizeCheck) -> Result<Texels> {
+pub fn decode(path: &Path, bytes: &[u8], check_size: SizeCheck) -> Result<RadianceImage> {
     let mut bytes = Bytes { rest: bytes, path };
     let header = read_header(&mut bytes)?;
     check_size(path, header.width as u64, header.height as u64)?;
@@ -31,7 +31,7 @@ pub fn decode(path: &Path, bytes: &[u8], check_size: SizeCheck) -> Result<Texels
             [0, 1, 2].map(|c| (f64::from([r, g, b][c]) * power * header.scale[c]) as f32)
         }));
     }
-    Ok(Texels { width: header.width, height: header.height, texels })
+    Ok(RadianceImage { width: header.width, height: header.height, texels })
 }
 
 struct Header {
@@ -119,7 +119,7 @@ fn read_new_channel(bytes: &mut Bytes, channel: usize, line: &mut [[u8; 4]]) -> 
     Ok(())
 }
 
-/// Texels one after another, with (1, 1, 1, n) meaning n more of the last one; n grows by a byte per repetition.
+/// RadianceImage one after another, with (1, 1, 1, n) meaning n more of the last one; n grows by a byte per repetition.
 fn read_old_line(bytes: &mut Bytes, first: [u8; 4], line: &mut [[u8; 4]]) -> Result<()> {
     let (mut texel, mut x, mut shift) = (first, 0, 0);
     loop {
@@ -187,8 +187,14 @@ mod tests {
         [head.as_bytes(), b"\n", size.as_bytes(), b"\n", data].concat()
     }
 
+    fn check_size(path: &Path, width: u64, height: u64) -> Result<()> {
+        let (size, limit) = (format!("{width}x{height}"), "1x1 to 512x512".into());
+        let fits = (1..=512).contains(&width) && (1..=512).contains(&height);
+        if fits { Ok(()) } else { Err(Error::TooLarge { path: path.into(), what: "picture", size, limit }) }
+    }
+
     fn texels(bytes: &[u8]) -> Result<Vec<[f32; 3]>> {
-        decode(Path::new("a.hdr"), bytes, super::super::panorama::check_size).map(|t| t.texels)
+        decode(Path::new("a.hdr"), bytes, check_size).map(|t| t.texels)
     }
 
     #[test]
@@ -232,7 +238,6 @@ mod tests {
         for (head, size, data) in [
             (HEAD, "-Y 1 +X 2", &flat[..]),
             (HEAD, "+Y 1 +X 1", &flat),
-            (HEAD, "-Y 0 +X 1", &flat),
             (HEAD, "-Y 1 +X 99999999999", &flat),
             (HEAD, "-Y 1 +X 1", &[1, 1, 1, 3]),
             (HEAD, "-Y 1 +X 9", &endless_runs),
@@ -243,7 +248,8 @@ mod tests {
         ] {
             assert!(matches!(texels(&file(head, size, data)), Err(Error::Broken { .. })), "{size} {data:?}");
         }
-        let huge = texels(&file(HEAD, "-Y 4000000000 +X 4000000000", &flat));
-        assert!(matches!(huge, Err(Error::TooLarge { .. })));
+        for size in ["-Y 4000000000 +X 4000000000", "-Y 0 +X 1"] {
+            assert!(matches!(texels(&file(HEAD, size, &flat)), Err(Error::TooLarge { .. })), "{size}");
+        }
     }
 }

@@ -10,9 +10,9 @@ use rayon::prelude::*;
 use super::description::{Description, MAX_LENGTH, ModelFile};
 use super::mesh::{Bounds, Mesh};
 use super::{Camera, Environment, Instance, Scene, material, tangent};
+use crate::asset::mesh::Submesh;
 use crate::asset::mtl::Mtl;
-use crate::asset::obj::{self, Submesh};
-use crate::asset::{Panorama, Report, TextureOptions, file};
+use crate::asset::{Panorama, Report, TextureOptions, file, obj};
 use crate::{Error, Result};
 
 const AUTO_FOV_DEGREES: f32 = 45.0;

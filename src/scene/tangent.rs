@@ -6,7 +6,7 @@ use bevy_mikktspace::{Geometry, TangentSpace};
 use glam::{Vec3, Vec4};
 
 use super::mesh::{Bounds, Mesh, Vertex};
-use crate::asset::obj::{Corner, Submesh};
+use crate::asset::mesh::{Corner, Submesh};
 
 /// A mesh of `part`'s triangles, in their order; corners that agree in everything share a vertex.
 ///

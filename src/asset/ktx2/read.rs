@@ -104,7 +104,9 @@ fn check_descriptor(bytes: &[u8], header: &Header, format: TexelFormat) -> Parse
     }
     let (at, length) = (index.kvd_byte_offset as usize, index.kvd_byte_length as usize);
     if (at, length) != (0, 0) && (at != end || length > MAX_KEY_VALUES) {
-        return Err(format!("{length} bytes of key/value data at {at}; at most {MAX_KEY_VALUES} are supported, at {end}"));
+        return Err(format!(
+            "{length} bytes of key/value data at {at}; at most {MAX_KEY_VALUES} are supported, at {end}"
+        ));
     }
     Ok(end)
 }
@@ -124,7 +126,12 @@ fn parse_key_values(bytes: &[u8]) -> Parsed<BTreeMap<String, Vec<u8>>> {
 
 /// The places of all levels, level 0 first. They must follow `from` one after another, aligned, the smallest first, up to
 /// the end of the file.
-fn check_levels(bytes: &[u8], header: &Header, format: TexelFormat, from: usize) -> Parsed<Vec<std::ops::Range<usize>>> {
+fn check_levels(
+    bytes: &[u8],
+    header: &Header,
+    format: TexelFormat,
+    from: usize,
+) -> Parsed<Vec<std::ops::Range<usize>>> {
     let size = [header.pixel_width, header.pixel_height];
     let mut places = Vec::new();
     let mut end = from as u64;
