@@ -1,17 +1,16 @@
-//! Compiles every stage file of glsl/ to SPIR-V and lists them for `gpu::shader`, those of tests/glsl/ in a list apart;
-//! hashes the code of what is kept on disk; says to Windows what the program can do.
+//! Compiles every stage file of glsl/ to SPIR-V and lists them for `gpu::shader`, those of tests/glsl/ in a separate list;
+//! embeds the Windows manifest.
 
 #[path = "src/gpu/shader_compiler.rs"]
 mod shader_compiler;
 
 use std::fmt::Write as _;
-use std::hash::{DefaultHasher, Hash as _, Hasher as _};
 use std::path::{Path, PathBuf};
 use std::{env, fs, process};
 
 fn main() {
     if let Err(message) = run() {
-        // One block, file and line first, so that it reads like a compiler's own message.
+        // File and line first, as in a compiler's message.
         eprintln!("{message}");
         process::exit(1);
     }
@@ -31,18 +30,14 @@ fn run() -> Result<(), String> {
     // Only unit tests include this one.
     let tests = table("FOR_TESTS", &root.join("tests/glsl"), &glsl, &out, debug)?;
     write_file(&out.join("test_shaders.rs"), tests.as_bytes())?;
-    let maps = code_hash(&root, &["src/precompute", "src/reference"])?;
-    println!("cargo:rustc-env=PBR_VR_PRECOMPUTE_CODE={maps:016x}");
-    let textures = code_hash(&root, &["src/asset", "src/scene/maps.rs", "src/reference/mip.rs"])?;
-    println!("cargo:rustc-env=PBR_VR_TEXTURE_CODE={textures:016x}");
     if variable("CARGO_CFG_TARGET_OS")? == "windows" {
         embed_manifest()?;
     }
     Ok(())
 }
 
-/// What Windows is told about the programs: they take paths beyond 260 characters, text is UTF-8, and each monitor's
-/// pixels are their own affair.
+/// The manifest of the programs on Windows: paths may be longer than 260 characters, text is UTF-8, and windows are aware
+/// of each monitor's scale.
 fn embed_manifest() -> Result<(), String> {
     use embed_manifest::manifest::{ActiveCodePage, DpiAwareness, Setting};
     let manifest = embed_manifest::new_manifest("pbr-vr")
@@ -64,26 +59,6 @@ fn table(list: &str, folder: &Path, includes: &Path, out: &Path, debug: bool) ->
     }
     table.push_str("];\n");
     Ok(table)
-}
-
-/// Tells one state of the code that things kept on disk come from apart from another.
-fn code_hash(root: &Path, places: &[&str]) -> Result<u64, String> {
-    let mut hasher = DefaultHasher::new();
-    for place in places {
-        println!("cargo:rerun-if-changed={place}");
-        hash_place(&root.join(place), &mut hasher).map_err(|e| format!("{place}: {e}"))?;
-    }
-    Ok(hasher.finish())
-}
-
-fn hash_place(path: &Path, hasher: &mut DefaultHasher) -> std::io::Result<()> {
-    if path.is_file() {
-        (path.file_name(), fs::read(path)?).hash(hasher);
-        return Ok(());
-    }
-    let mut paths = fs::read_dir(path)?.map(|entry| Ok(entry?.path())).collect::<std::io::Result<Vec<_>>>()?;
-    paths.sort();
-    paths.iter().try_for_each(|path| hash_place(path, hasher))
 }
 
 fn write_file(path: &Path, bytes: &[u8]) -> Result<(), String> {

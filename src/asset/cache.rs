@@ -120,11 +120,20 @@ impl Cache {
     }
 }
 
-/// A hash of parts, each with its length, so that no two lists of parts are the same bytes.
+/// A hash of everything that an entry's content depends on. Each part is preceded by its length, so that no two lists of
+/// parts hash the same bytes.
 #[derive(Clone, Default)]
 pub struct Key(blake3::Hasher);
 
 impl Key {
+    /// The key of one kind of entries, whose `version` must be raised whenever the same inputs give other bytes.
+    pub fn new(kind: &str, version: u32) -> Self {
+        let mut key = Self::default();
+        key.add(kind.as_bytes());
+        key.add(&version.to_le_bytes());
+        key
+    }
+
     /// Adds a part.
     pub fn add(&mut self, part: &[u8]) {
         self.0.update(&(part.len() as u64).to_le_bytes());

@@ -18,9 +18,6 @@ const ROWS: usize = 8;
 /// and changes FLIP by 2 % of itself.
 const TOLERATED: u32 = 4 * 48;
 
-/// Part of every key in the cache: what another version of the encoder, or other settings of it, would change.
-pub const ENCODER: &str = "block_compression 0.11: BC7 opaque ultra fast, alpha ultra fast; BC5; again very fast";
-
 /// What a block is to hold.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Block {

@@ -2,7 +2,7 @@
 
 use clap::ValueEnum;
 
-use super::compress::{Block, ENCODER, compress, decompress};
+use super::compress::{Block, compress, decompress};
 use super::ktx2::{Ktx2, TexelFormat};
 use super::mips::{self, NormalLoss, level_size};
 use super::texture::Encoding;
@@ -36,11 +36,6 @@ impl Default for TextureOptions {
     fn default() -> Self {
         Self { storage: Storage::default(), cache: None, budget_bytes: None, dropped_levels: 0, anisotropy: 8 }
     }
-}
-
-/// Part of every key in the cache: what says which program made an entry.
-pub fn program() -> [&'static str; 3] {
-    [env!("CARGO_PKG_VERSION"), env!("PBR_VR_TEXTURE_CODE"), ENCODER]
 }
 
 /// A texture with all its levels, down to 1×1.

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use super::Cache;
-use super::cache::cached;
+use super::cache::{CacheKind, cached};
 use crate::Result;
 use crate::gpu::{
     Binding, BindingType, Buffer, BufferKind, DescriptorSet, DescriptorSetLayout, Format, Gpu, Image, ImageAccess,
@@ -18,6 +18,11 @@ use crate::reference::table::{SplitSum, table_arguments, table_place};
 pub const SIZE: [u32; 2] = [128, 96];
 /// Quadrature nodes over φ and s; `glsl/brdf_table.comp` knows them, too.
 const NODES: [usize; 2] = [8, 16];
+
+const SHADER: &str = "brdf_table.comp";
+/// The table in the cache: raise the version when [`SIZE`], the quadrature, the spreads or the weights change.
+pub(super) const CACHE_KIND: CacheKind =
+    CacheKind { copying: "BRDF table from the cache", version: 1, shaders: &[SHADER] };
 
 /// Layers in f32, halves being too coarse near 1: the two parts' albedos and `along`, and their `across`
 /// (`reference::table`) with the albedos' means (`reference::energy`); for [`SplitSum::Slices`] three more.
@@ -43,7 +48,7 @@ impl BrdfTable {
         let choices = [geometry as u32, split_sum as u32];
         let compute = || compute(gpu, &image, choices);
         let source = [bytemuck::bytes_of(&choices)];
-        let times = cached(gpu, cache, "BRDF table from the cache", &source, &[("BRDF table", &image)], compute)?;
+        let times = cached(gpu, cache, &CACHE_KIND, &source, &[("BRDF table", &image)], compute)?;
         Ok(Self { image, times })
     }
 }
@@ -51,8 +56,7 @@ impl BrdfTable {
 /// Fills the table and waits; `choices` are the shader's constants.
 fn compute(gpu: &Arc<Gpu>, image: &Arc<Image>, choices: [u32; 2]) -> Result<Vec<PassTime>> {
     let nodes = storage(gpu, "quadrature", &quadrature())?;
-    let spreads: Vec<f32> = (0..SIZE[1]).map(|row| classic_spread(row) as f32).collect();
-    let spreads = storage(gpu, "kernel spreads", &spreads)?;
+    let spreads = storage(gpu, "kernel spreads", &classic_spreads())?;
     let weights = storage(gpu, "mean weights", &mean_weights())?;
     let [storage, storage_image] = [BindingType::Storage, BindingType::StorageImage];
     let layout = DescriptorSetLayout::new(gpu, "BRDF table", &[storage, storage, storage, storage_image])?;
@@ -64,7 +68,7 @@ fn compute(gpu: &Arc<Gpu>, image: &Arc<Image>, choices: [u32; 2]) -> Result<Vec<
     ];
     let set = DescriptorSet::new(gpu, "BRDF table", &layout, &binds)?;
     let constants = [(0, choices[0]), (1, choices[1])];
-    let pipeline = Pipeline::compute(gpu, "brdf_table.comp", &constants, &[&layout], 0)?;
+    let pipeline = Pipeline::compute(gpu, SHADER, &constants, &[&layout], 0)?;
     submit_and_wait(gpu, |commands| {
         commands.prepare(image, ImageAccess::Storage);
         commands.pass("BRDF table", |commands| {
@@ -104,8 +108,28 @@ fn mean_weights() -> Vec<f32> {
     weights.into_iter().map(|weight| weight as f32).collect()
 }
 
-/// Spread of the level that the classic split sum looks up for a row's roughness.
-fn classic_spread(row: u32) -> f64 {
-    let roughness = table_arguments([0, row], SIZE)[1];
-    kernel_spread(roughness * roughness)
+/// For each row, the spread of the level that the classic split sum looks up for its roughness.
+fn classic_spreads() -> Vec<f32> {
+    let roughness = |row| table_arguments([0, row], SIZE)[1];
+    (0..SIZE[1]).map(|row| kernel_spread(roughness(row) * roughness(row)) as f32).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::asset::cache::Key;
+
+    /// The shader is part of the cache's key; this pins what the CPU gives it. Where it fails because the numbers have
+    /// changed on purpose: raise the version of [`CACHE_KIND`], and put the new hash here. Linux only: the last digits of
+    /// sines and logarithms are those of the system's library.
+    #[test]
+    #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
+    fn numbers_change_only_with_the_version() {
+        let mut key = Key::default();
+        key.add(bytemuck::cast_slice(&SIZE));
+        key.add(bytemuck::cast_slice(&quadrature()));
+        key.add(bytemuck::cast_slice(&classic_spreads()));
+        key.add(bytemuck::cast_slice(&mean_weights()));
+        assert_eq!((CACHE_KIND.version, &key.text()[..16]), (1, "351f1fb42c094fa8"));
+    }
 }

@@ -11,29 +11,42 @@ use crate::gpu::{Gpu, Image, PassTime, compute_shaders, write_mips};
 /// What an entry's header, key and values may take beside its texels.
 const HEAD_BYTES: u64 = 1 << 16;
 
+/// A kind of cached maps.
+pub(super) struct CacheKind {
+    /// Name of the pass that copies them from the cache, for reports.
+    pub copying: &'static str,
+    /// Raise it whenever the same input gives other texels for another reason than its shaders, which are part of the
+    /// key: other quadrature nodes, interaction lists or push constants.
+    pub version: u32,
+    /// The compute shaders that make them.
+    pub shaders: &'static [&'static str],
+}
+
 /// Fills `images` from the cache, or else by `compute`, and then keeps them. `source` is all that they depend on beside
-/// their names, formats and sizes, the program and the GPU. Returns the GPU times of `compute`, or that of copying,
-/// named `copying`.
+/// their kind, names, formats and sizes, and the GPU. Returns the GPU times of `compute`, or that of copying.
 pub(super) fn cached(
     gpu: &Arc<Gpu>,
     cache: Option<&Cache>,
-    copying: &'static str,
+    kind: &CacheKind,
     source: &[&[u8]],
     images: &[(&str, &Image)],
     compute: impl FnOnce() -> Result<Vec<PassTime>>,
 ) -> Result<Vec<PassTime>> {
     let Some(cache) = cache else { return compute() };
-    let keys = keys(gpu, source, images)?;
+    // Two GPUs, or two drivers, need not round alike.
+    let machine = [gpu.info().name.as_str(), gpu.info().driver.as_str()];
+    let common = common_key(kind, &compute_shaders()?, machine, source);
+    let keys: Vec<String> = images.iter().map(|(name, image)| image_key(&common, name, image)).collect();
     let found: Option<Vec<Ktx2>> = keys.iter().zip(images).map(|(key, (_, image))| load(cache, key, image)).collect();
     if let Some(textures) = found {
         let copies: Vec<_> = images.iter().zip(&textures).map(|((_, image), t)| (*image, &t.levels[..])).collect();
-        return write_mips(gpu, copying, &copies);
+        return write_mips(gpu, kind.copying, &copies);
     }
     let times = compute()?;
     for (key, (_, image)) in keys.iter().zip(images) {
         match read_texture(gpu, &[image]) {
             Ok(texture) => cache.keep(key, texture),
-            // Without a cache everything works, only later.
+            // The cache saves time only.
             Err(error) => tracing::debug!("cache: {error}"),
         }
     }
@@ -47,24 +60,63 @@ fn load(cache: &Cache, key: &str, image: &Image) -> Option<Ktx2> {
     cache.load(key, limit, |texture| fits(texture, image))
 }
 
-/// Each image's key.
-fn keys(gpu: &Arc<Gpu>, source: &[&[u8]], images: &[(&str, &Image)]) -> Result<Vec<String>> {
-    let mut common = Key::default();
-    let program = [env!("CARGO_PKG_VERSION"), env!("PBR_VR_PRECOMPUTE_CODE")];
-    // Two GPUs, or two drivers, need not round alike.
-    let machine = [gpu.info().name.as_str(), gpu.info().driver.as_str()];
-    program.iter().chain(&machine).for_each(|text| common.add(text.as_bytes()));
-    for (name, words) in compute_shaders()? {
-        common.add(name.as_bytes());
-        common.add(bytemuck::cast_slice(&words));
-    }
-    source.iter().for_each(|bytes| common.add(bytes));
-    let key = |(name, image): &(&str, &Image)| {
-        let mut key = common.clone();
-        let desc = image.desc();
+/// What all maps of one kind and source share. `shaders` are names and SPIR-V words; only those of the kind count. In debug
+/// builds their words hold the GLSL source, so that even a comment there empties the cache.
+fn common_key(kind: &CacheKind, shaders: &[(&str, Vec<u32>)], machine: [&str; 2], source: &[&[u8]]) -> Key {
+    let mut key = Key::new(kind.copying, kind.version);
+    machine.iter().for_each(|text| key.add(text.as_bytes()));
+    for (name, words) in shaders.iter().filter(|(name, _)| kind.shaders.contains(name)) {
         key.add(name.as_bytes());
-        key.add(format!("{:?} {:?} {:?} {}", desc.format, desc.size, desc.shape, desc.mips).as_bytes());
-        key.text()
-    };
-    Ok(images.iter().map(key).collect())
+        key.add(bytemuck::cast_slice(words));
+    }
+    source.iter().for_each(|bytes| key.add(bytes));
+    key
+}
+
+fn image_key(common: &Key, name: &str, image: &Image) -> String {
+    let (mut key, desc) = (common.clone(), image.desc());
+    key.add(name.as_bytes());
+    key.add(format!("{:?} {:?} {:?} {}", desc.format, desc.size, desc.shape, desc.mips).as_bytes());
+    key.text()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::precompute::{brdf_table, light_maps};
+
+    const KIND: CacheKind = CacheKind { copying: "maps", version: 1, shaders: &["a.comp", "b.comp"] };
+
+    fn shaders(c: u32) -> [(&'static str, Vec<u32>); 3] {
+        [("a.comp", vec![1]), ("b.comp", vec![2, 3]), ("other.comp", vec![c])]
+    }
+
+    fn key(kind: &CacheKind, shaders: &[(&str, Vec<u32>)], source: &[&[u8]]) -> String {
+        common_key(kind, shaders, ["gpu", "driver"], source).text()
+    }
+
+    #[test]
+    fn a_changed_version_shader_or_source_misses_the_cache_and_an_unused_shader_does_not() {
+        let folder = tempfile::tempdir().unwrap();
+        let cache = Cache::in_folder(folder.path().into());
+        let format = crate::asset::ktx2::TexelFormat::Rg16Float;
+        let levels = vec![vec![7; 64]];
+        let texture = Ktx2 { format, size: [4, 4], layers: 0, faces: 1, levels, key_values: [].into() };
+        cache.store(&key(&KIND, &shaders(4), &[b"sky"]), texture).unwrap();
+        let is_found = |key: String| cache.load(&key, 1 << 20, |_| true).is_some();
+        assert!(is_found(key(&KIND, &shaders(4), &[b"sky"])));
+        assert!(is_found(key(&KIND, &shaders(5), &[b"sky"])), "no pipeline uses the changed shader");
+        assert!(!is_found(key(&CacheKind { version: 2, ..KIND }, &shaders(4), &[b"sky"])));
+        assert!(!is_found(key(&CacheKind { copying: "table", ..KIND }, &shaders(4), &[b"sky"])));
+        assert!(!is_found(key(&KIND, &[("a.comp", vec![9]), ("b.comp", vec![2, 3])], &[b"sky"])));
+        assert!(!is_found(key(&KIND, &shaders(4), &[b"sk", b"y"])));
+    }
+
+    #[test]
+    fn every_kind_s_shaders_are_there() {
+        let all = compute_shaders().unwrap();
+        for name in [light_maps::CACHE_KIND, brdf_table::CACHE_KIND].iter().flat_map(|kind| kind.shaders) {
+            assert!(all.iter().any(|(known, _)| known == name), "{name}");
+        }
+    }
 }

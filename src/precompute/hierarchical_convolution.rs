@@ -12,6 +12,8 @@ use crate::gpu::{
 };
 use crate::reference::levels::{LEVELS, alpha_from_level};
 
+/// The shaders of the passes, in their order.
+pub(super) const SHADERS: [&str; 3] = ["cube_and_nodes.comp", "node_merge.comp", "hierarchical_convolution.comp"];
 /// Bytes of `Node` in `glsl/nodes.glsl`.
 const NODE_BYTES: u64 = 64;
 
@@ -32,6 +34,27 @@ struct SumBlock {
     k: f32,
     first_tile: u32,
     first_norm: u32,
+}
+
+impl SumBlock {
+    fn new(alpha: f64, first_tile: u32, first_norm: u32) -> Self {
+        let alpha2 = alpha * alpha;
+        Self { alpha2: alpha2 as f32, k: (0.5 * (1.0 - alpha2)) as f32, first_tile, first_norm }
+    }
+}
+
+/// Specular levels 1.., then irradiance, for these numbers of texels along a face.
+fn targets(face_size: u32, irradiance_size: u32) -> Vec<Target> {
+    (1..LEVELS)
+        .map(|level| Target { size: face_size >> (level / 2), alpha: alpha_from_level(level) })
+        .chain([Target { size: irradiance_size, alpha: 1.0 }])
+        .collect()
+}
+
+/// Samples of the panorama along each side of a cube texel: two or more for each panorama texel that it spans, at the
+/// equator and from pole to pole.
+fn taps([width, height]: [u32; 2], face_size: u32) -> u32 {
+    width.max(2 * height).div_ceil(2 * face_size).clamp(2, 16)
 }
 
 /// One specular level, or irradiance.
@@ -69,10 +92,7 @@ impl<'a> HierarchicalConvolution<'a> {
         irradiance: &'a Arc<Image>,
     ) -> Result<Self> {
         let size = specular[0].desc().size[0];
-        let targets: Vec<Target> = (1..LEVELS)
-            .map(|level| Target { size: size >> (level / 2), alpha: alpha_from_level(level) })
-            .chain([Target { size: irradiance.desc().size[0], alpha: 1.0 }])
-            .collect();
+        let targets = targets(size, irradiance.desc().size[0]);
         let lists = InteractionLists::new(size / 2, &targets);
         let norms: u32 = targets.iter().map(|target| target.size * target.size).sum();
         let buffers = [
@@ -102,14 +122,13 @@ impl<'a> HierarchicalConvolution<'a> {
         )?;
         let binds =
             [Binding::Sampled(panorama, &sampler), Binding::StorageImage(&specular[0], 0), Binding::Storage(nodes)];
-        // Two taps or more for each panorama texel that a cube texel spans, at the equator and from pole to pole.
-        let [width, height] = panorama.desc().size;
-        let taps = width.max(2 * height).div_ceil(2 * size).clamp(2, 16);
-        let to_cube = variants("cube_and_nodes.comp", 1, Some(taps), &layout, size_of::<f32>())?;
+        let taps = taps(panorama.desc().size, size);
+        let [to_cube_shader, merge_shader, sum_shader] = SHADERS;
+        let to_cube = variants(to_cube_shader, 1, Some(taps), &layout, size_of::<f32>())?;
         let to_cube_set = set(&layout, &binds)?;
 
         let layout = DescriptorSetLayout::new(gpu, "node merge", &[BindingType::Storage])?;
-        let merge = Pipeline::compute(gpu, "node_merge.comp", &[], &[&layout], size_of::<MergeBlock>() as u32)?;
+        let merge = Pipeline::compute(gpu, merge_shader, &[], &[&layout], size_of::<MergeBlock>() as u32)?;
         let merge_set = set(&layout, &[Binding::Storage(nodes)])?;
 
         let slots = [
@@ -120,17 +139,15 @@ impl<'a> HierarchicalConvolution<'a> {
             BindingType::StorageImage,
         ];
         let layout = DescriptorSetLayout::new(gpu, "kernel sum", &slots)?;
-        let sum = variants("hierarchical_convolution.comp", 0, None, &layout, size_of::<SumBlock>())?;
+        let sum = variants(sum_shader, 0, None, &layout, size_of::<SumBlock>())?;
         let outputs = (1..LEVELS).map(|level| (&specular[level % 2], level / 2)).chain([(irradiance, 0)]);
         let mut first_norm = 0;
         let mut sums = Vec::new();
         for ((image, mip), (target, first_tile)) in outputs.zip(targets.iter().zip(&lists.first_tile)) {
             let [nodes, entries, tiles, norms] = [nodes, entries, tiles, norms].map(Binding::Storage);
-            let alpha2 = target.alpha * target.alpha;
-            let k = 0.5 * (1.0 - alpha2);
             sums.push(Sum {
                 set: set(&layout, &[nodes, entries, tiles, norms, Binding::StorageImage(image, mip)])?,
-                block: SumBlock { alpha2: alpha2 as f32, k: k as f32, first_tile: *first_tile, first_norm },
+                block: SumBlock::new(target.alpha, *first_tile, first_norm),
                 across: tiles_across(target.size),
             });
             first_norm += target.size * target.size;
@@ -189,4 +206,19 @@ fn filled(gpu: &Arc<Gpu>, name: &str, bytes: &[u8]) -> Result<Arc<Buffer>> {
     upload.buffer(&buffer, bytes)?;
     upload.finish()?;
     Ok(buffer)
+}
+
+/// Hash of what the CPU gives the passes for these sizes: with the shaders, all that the maps depend on.
+#[cfg(test)]
+pub(super) fn input_hash(panorama: [u32; 2], face_size: u32, irradiance_size: u32) -> String {
+    let mut key = crate::asset::cache::Key::default();
+    let targets = targets(face_size, irradiance_size);
+    let lists = InteractionLists::new(face_size / 2, &targets);
+    key.add(bytemuck::cast_slice(&lists.entries));
+    key.add(bytemuck::cast_slice(&lists.tiles));
+    for (target, first_tile) in targets.iter().zip(&lists.first_tile) {
+        key.add(bytemuck::bytes_of(&SumBlock::new(target.alpha, *first_tile, target.size)));
+    }
+    key.add(&taps(panorama, face_size).to_le_bytes());
+    key.text()
 }

@@ -3,8 +3,8 @@
 use std::sync::Arc;
 
 use super::Options;
-use super::cache::cached;
-use super::hierarchical_convolution::HierarchicalConvolution;
+use super::cache::{CacheKind, cached};
+use super::hierarchical_convolution::{self, HierarchicalConvolution};
 use crate::asset::Panorama;
 use crate::gpu::{Format, Gpu, Image, ImageDesc, ImageUsageFlags, PassTime, Shape, upload_rows};
 use crate::reference::levels::{LEVELS, alpha_from_level};
@@ -16,6 +16,13 @@ const FACE_SIZES: std::ops::RangeInclusive<u32> = 16..=1024;
 const IRRADIANCE_SIZES: std::ops::RangeInclusive<u32> = 4..=128;
 /// Radiance that the half-float maps hold at most before they are scaled.
 const HALF_LIMIT: f32 = 60_000.0;
+
+/// Light maps in the cache: raise the version when interaction lists, lobes, sample counts or [`scale`] change.
+pub(super) const CACHE_KIND: CacheKind = CacheKind {
+    copying: "light maps from the cache",
+    version: 1,
+    shaders: &hierarchical_convolution::SHADERS,
+};
 
 /// Light of one panorama, ready for shading. Maps hold radiance / `scale`.
 pub struct LightMaps {
@@ -40,7 +47,7 @@ impl LightMaps {
         check_irradiance_size(options.irradiance_size)?;
         let size = options.face_size;
         let peak = panorama.texels.iter().flatten().copied().fold(0.0, f32::max);
-        let scale = (peak / HALF_LIMIT).max(1.0).log2().ceil().exp2();
+        let scale = scale(peak);
         let image = upload(gpu, panorama)?;
         let irradiance_over_pi = cube(gpu, "irradiance", options.irradiance_size, 1)?;
         let mips = (LEVELS / 2) as u32;
@@ -52,7 +59,7 @@ impl LightMaps {
         let [even, odd] = &specular;
         let maps: [(&str, &Image); 3] =
             [("irradiance", &irradiance_over_pi), ("even specular levels", even), ("odd specular levels", odd)];
-        let times = cached(gpu, options.cache.as_ref(), "light maps from the cache", &source, &maps, compute)?;
+        let times = cached(gpu, options.cache.as_ref(), &CACHE_KIND, &source, &maps, compute)?;
         Ok(Self { panorama: image, irradiance_over_pi, specular, scale, times })
     }
 
@@ -60,6 +67,11 @@ impl LightMaps {
     pub fn specular_roughness() -> [f64; LEVELS] {
         std::array::from_fn(|level| alpha_from_level(level).sqrt())
     }
+}
+
+/// What radiance is divided by so that a peak fits into half floats: a power of two.
+fn scale(peak: f32) -> f32 {
+    (peak / HALF_LIMIT).max(1.0).log2().ceil().exp2()
 }
 
 /// Fails with bad usage unless maps can be made with this many texels along a face.

@@ -10,11 +10,13 @@ use rayon::prelude::*;
 
 use crate::asset::cache::Key;
 use crate::asset::ktx2::{Ktx2, TexelFormat};
-use crate::asset::mip_chain::program;
 use crate::asset::mips::{NormalLoss, srgb_to_linear};
 use crate::asset::texture::{Channel, Encoding, MAX_FILE_BYTES};
 use crate::asset::{Cache, MipChain, Report, Storage, Texture, TextureOptions, file};
 
+/// Version of the textures in the cache. Raise it whenever the same pictures give other texels or other facts: after a
+/// change of decoding, packing, mips or compression, or of a crate that does one of them.
+pub const TEXTURES_VERSION: u32 = 1;
 /// Fragments with less alpha than this are not there.
 pub const ALPHA_CUTOFF: f32 = 0.5;
 /// A normal map whose every x and y is within one step of 128 bends nothing.
@@ -138,8 +140,7 @@ impl<'a> Pictures<'a> {
 
     /// All that a job depends on; `None` where a file cannot be read.
     fn key(&self, job: &TextureTask) -> Option<String> {
-        let mut key = Key::default();
-        program().iter().for_each(|text| key.add(text.as_bytes()));
+        let mut key = Key::new("texture", TEXTURES_VERSION);
         let mut add = |path: Option<&PathBuf>| -> Option<()> {
             match path {
                 None => key.add(b""),

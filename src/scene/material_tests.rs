@@ -4,7 +4,9 @@ use image::{GrayImage, Luma, Rgb, RgbImage, Rgba, RgbaImage};
 
 use super::*;
 use crate::asset::ktx2::TexelFormat;
+use crate::asset::cache::Key;
 use crate::asset::{Cache, Storage, mtl};
+use crate::scene::maps::TEXTURES_VERSION;
 
 struct Folder(tempfile::TempDir);
 
@@ -259,6 +261,28 @@ fn what_is_found_in_the_cache_is_what_was_made_and_is_not_decoded() {
         let (_, _, report) = folder.build_with("newmtl a\nmap_Kd coloured.png\nmap_Pr broken.png", &options);
         assert_eq!(report.warnings().len(), 1, "{:?}", report.warnings());
     }
+}
+
+/// Where this fails because texels or facts have changed on purpose: raise [`TEXTURES_VERSION`], and put the new hash here.
+/// Linux only: the last digits of powers are those of the system's library.
+#[test]
+#[cfg(all(target_os = "linux", target_arch = "x86_64"))]
+fn cached_textures_change_only_with_their_version() {
+    let folder = Folder::new();
+    let options = TextureOptions { storage: Storage::Bc, ..TextureOptions::default() };
+    let mtl = "newmtl a\nmap_Kd coloured.png\nmap_d vary.png\nnorm bumpy.png\nmap_Pr vary.png\nmap_ao grey51.png\n\
+        newmtl b\nKd 0.5 1 1\nmap_Kd red.png\nmap_Pr grey51.png\nmap_Pm vary.png\nnewmtl c\nmap_Kd leaf.png\nbump -bm 2 vary.png\n";
+    let (materials, textures, _) = folder.build_with(mtl, &options);
+    let mut key = Key::default();
+    for texture in &textures {
+        key.add(format!("{} {} {:?}", texture.width, texture.height, texture.format).as_bytes());
+        texture.levels.iter().for_each(|level| key.add(level));
+    }
+    for m in &materials {
+        let facts = (m.metallic_factor, m.roughness_factor, m.metallic_range, m.roughness_range, m.occludes);
+        key.add(format!("{:?} {facts:?} {:?}", m.base_color_factor.to_array(), m.alpha_cutoff).as_bytes());
+    }
+    assert_eq!((TEXTURES_VERSION, textures.len(), &key.text()[..16]), (1, 7, "df3e46f6f61ff7ce"));
 }
 
 #[test]

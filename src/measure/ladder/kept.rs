@@ -54,7 +54,7 @@ fn path(cache: &Cache, scene: &Path, gpu: &Gpu) -> Result<PathBuf> {
     let place = scene.canonicalize().map_err(Error::read(scene))?;
     let mut key = Key::default();
     let info = gpu.info();
-    for text in [FORMAT, env!("CARGO_PKG_VERSION"), env!("PBR_VR_PRECOMPUTE_CODE"), &info.name, &info.driver] {
+    for text in [FORMAT, env!("CARGO_PKG_VERSION"), &info.name, &info.driver] {
         key.add(text.as_bytes());
     }
     key.add(place.as_os_str().as_encoded_bytes());
