@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::SystemTime;
 
+use super::file::write_unsynced;
 use super::folders;
 use super::ktx2::Ktx2;
 use crate::{Error, Result};
@@ -78,7 +79,9 @@ impl Cache {
         texture.set_text(KEY, key);
         texture.set_text(TEXELS, &hash_texels(&texture));
         fs::create_dir_all(&self.folder).map_err(Error::write(&self.folder))?;
-        texture.write(&self.path(key))?;
+        let path = self.path(key);
+        // Not synced: a torn entry does not match its hash, and is made again.
+        write_unsynced(&path, &texture.to_bytes(&path)?)?;
         self.trim();
         Ok(())
     }

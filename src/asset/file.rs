@@ -22,10 +22,28 @@ pub fn read(path: &Path, what: &'static str, limit: u64) -> Result<Vec<u8>> {
     if bytes.len() as u64 > limit { Err(too_large(format!("over {limit} bytes"))) } else { Ok(bytes) }
 }
 
-/// Writes a file so that a reader, or a crash, meets it whole or not at all: beside its place first, then renamed. A file
-/// that is there keeps its mode, and a link leads where it led. Devices and pipes, which a file must not replace, are written
-/// into.
+/// Writes a result of the user's: readers, a crash of the program and a crash of the machine leave the old file or the new
+/// one, never a part of it. The bytes go into a temporary file in the same folder, which is synced to disk and renamed. (On
+/// Windows the rename itself is not synced: after a crash of the machine the old file may be back.)
+///
+/// An existing file keeps its mode, and a symbolic link its target. Devices and pipes are written into, not replaced.
+///
+/// # Errors
+/// The path has no file name, or the file cannot be written.
 pub fn write_atomically(path: &Path, bytes: &[u8]) -> Result<()> {
+    write_file(path, bytes, true)
+}
+
+/// The same without syncing, for caches: after a crash of the machine the file may be empty or hold garbage. So only for
+/// files that carry a hash of their content and can be made again; syncing them would cost more than it saves.
+///
+/// # Errors
+/// As for [`write_atomically`].
+pub fn write_unsynced(path: &Path, bytes: &[u8]) -> Result<()> {
+    write_file(path, bytes, false)
+}
+
+fn write_file(path: &Path, bytes: &[u8], sync: bool) -> Result<()> {
     if path.file_name().is_none() {
         return Err(Error::Usage(format!("{}: not the name of a file", path.display())));
     }
@@ -33,9 +51,9 @@ pub fn write_atomically(path: &Path, bytes: &[u8]) -> Result<()> {
         Ok(data) if data.is_file() && !is_stream(path) => {
             // A plain file's own path will do; not every drive of Windows can tell a longer one.
             let place = if path.is_symlink() { path.canonicalize() } else { Ok(path.to_owned()) };
-            place.and_then(|place| replace(&place, bytes, Some(data.permissions())))
+            place.and_then(|place| replace(&place, bytes, Some(data.permissions()), sync))
         }
-        Err(_) if !path.is_symlink() => replace(path, bytes, None),
+        Err(_) if !path.is_symlink() => replace(path, bytes, None, sync),
         // What is read from it comes as it is written; nothing of it can be cut off.
         _ => File::options().append(true).create(true).open(path).and_then(|mut file| file.write_all(bytes)),
     };
@@ -47,20 +65,39 @@ fn is_stream(path: &Path) -> bool {
     ["/dev/stdout", "/dev/stderr", "/dev/fd", "/proc"].iter().any(|start| path.starts_with(start))
 }
 
-fn replace(path: &Path, bytes: &[u8], mode: Option<Permissions>) -> io::Result<()> {
+fn replace(path: &Path, bytes: &[u8], mode: Option<Permissions>, sync: bool) -> io::Result<()> {
     let (beside, mut file) = create_beside(path)?;
     let mut done = file.write_all(bytes);
     if let Some(mode) = mode {
         done = done.and_then(|()| file.set_permissions(mode));
     }
+    if sync {
+        done = done.and_then(|()| file.sync_all());
+    }
     drop(file);
     let done = done.and_then(|()| std::fs::rename(&beside, path));
     if done.is_err() {
-        // Nothing more can be done about a file that neither moves nor goes; the first error is the one to tell.
+        // The first error is the one to report; a temporary file that cannot be removed stays.
         let _ = std::fs::remove_file(&beside);
+    } else if sync {
+        sync_folder(path);
     }
     done
 }
+
+/// Makes a rename in the folder of `path` durable. The file is complete by now, and some file systems cannot sync a folder:
+/// a failure is only logged.
+#[cfg(unix)]
+fn sync_folder(path: &Path) {
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    if let Err(error) = File::open(folder).and_then(|folder| folder.sync_all()) {
+        tracing::debug!("{}: cannot be synced: {error}", folder.display());
+    }
+}
+
+/// Windows offers no such call for folders.
+#[cfg(not(unix))]
+fn sync_folder(_: &Path) {}
 
 /// Makes an empty file in the folder of `path`, with a name that is short, because the path's own may be as long as names can
 /// be, and that nobody has.
@@ -154,9 +191,10 @@ mod tests {
     fn a_name_as_long_as_names_can_be_is_written() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("n".repeat(250));
-        write_atomically(&path, b"1").unwrap();
-        write_atomically(&path, b"22").unwrap();
-        assert_eq!(std::fs::read(&path).unwrap(), b"22");
+        for (write, bytes) in [(write_atomically as fn(&Path, &[u8]) -> Result<()>, "1"), (write_unsynced, "22")] {
+            write(&path, bytes.as_bytes()).unwrap();
+            assert_eq!(std::fs::read(&path).unwrap(), bytes.as_bytes());
+        }
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1, "a temporary file was left behind");
     }
 
