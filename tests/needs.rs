@@ -111,13 +111,14 @@ fn the_command_says_what_is_modelled_and_why() {
         said_of("metalness").starts_with('+') && said_of("metalness").contains("1 material(s) all metal, 1 in parts")
     );
     assert!(said_of("point lights").starts_with('+') && said_of("point lights").contains('2'), "{said}");
-    assert!(said_of("albedo maps").starts_with('-') && said_of("cutouts").starts_with('-'), "{said}");
+    assert!(said_of("base color maps").starts_with('-') && said_of("cutouts").starts_with('-'), "{said}");
     assert!(said_of("multiple scattering").starts_with('+'), "{said}");
     assert!(said_of("multiple scattering").contains("2 of 3 materials"), "{said}");
     assert!(said_of("specular levels").contains("0.20 to 0.40"), "{said}");
     let read: serde_json::Value =
         serde_json::from_slice(&std::fs::read(&json).expect("the JSON")).expect("a whole JSON file");
-    assert_eq!(read["needs"]["lights"], 2);
-    let metals: Vec<_> = read["materials"].as_array().unwrap().iter().map(|m| m["needs"]["metals"].clone()).collect();
-    assert_eq!(metals, ["none", "all", "some"]);
+    assert_eq!(read["features"]["lights"], 2);
+    let metalness: Vec<_> =
+        read["materials"].as_array().unwrap().iter().map(|m| m["features"]["metalness"].clone()).collect();
+    assert_eq!(metalness, ["dielectric", "metal", "mixed"]);
 }

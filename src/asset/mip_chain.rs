@@ -53,10 +53,10 @@ pub struct MipChain {
 
 impl MipChain {
     /// An albedo map; its alpha is a mask where there is a cutoff, else 1.
-    pub fn albedo(texture: Texture, cutoff: Option<f32>, storage: Storage, report: &Report) -> Self {
+    pub fn base_color(texture: Texture, cutoff: Option<f32>, storage: Storage, report: &Report) -> Self {
         let (name, size) = (texture.name.clone(), [texture.width, texture.height]);
         let block = if cutoff.is_some() { Block::Alpha } else { Block::Opaque };
-        let levels = report.time("mips", || mips::colour_levels(texture, cutoff));
+        let levels = report.time("mips", || mips::base_color_levels(texture, cutoff));
         Self::store(name, size, Encoding::Srgb, levels, block, storage, report)
     }
 
@@ -68,9 +68,9 @@ impl MipChain {
     }
 
     /// A surface map, rougher where `normals` lose detail.
-    pub fn surface(texture: Texture, normals: Option<&NormalLoss>, storage: Storage, report: &Report) -> Self {
+    pub fn orm(texture: Texture, normals: Option<&NormalLoss>, storage: Storage, report: &Report) -> Self {
         let (name, size) = (texture.name.clone(), [texture.width, texture.height]);
-        let levels = report.time("mips", || mips::surface_levels(texture, normals));
+        let levels = report.time("mips", || mips::orm_levels(texture, normals));
         Self::store(name, size, Encoding::Linear, levels, Block::Opaque, storage, report)
     }
 
@@ -163,9 +163,9 @@ mod tests {
             let chains = [Storage::Raw, Storage::Bc].map(|storage| {
                 let report = Report::silent();
                 [
-                    MipChain::albedo(texture(width, height), None, storage, &report),
+                    MipChain::base_color(texture(width, height), None, storage, &report),
                     MipChain::normal(&texture(width, height), storage, &report),
-                    MipChain::surface(texture(width, height), None, storage, &report),
+                    MipChain::orm(texture(width, height), None, storage, &report),
                 ]
             });
             for chain in chains.iter().flatten() {
@@ -192,7 +192,7 @@ mod tests {
 
     #[test]
     fn a_chain_that_lacks_levels_is_not_taken() {
-        let mut ktx2 = MipChain::albedo(texture(8, 8), None, Storage::Raw, &Report::silent()).into_ktx2();
+        let mut ktx2 = MipChain::base_color(texture(8, 8), None, Storage::Raw, &Report::silent()).into_ktx2();
         ktx2.levels.pop();
         assert_eq!(MipChain::from_ktx2(ktx2), None);
     }

@@ -26,7 +26,7 @@ pub struct Level<const N: usize> {
 /// All levels of an albedo map as RGBA bytes, the first as it is. RGB is averaged in linear light; with a `cutoff` (of
 /// alpha, 0 to 1), weighted by alpha, and alpha is scaled so that each level covers as much as the first (Castaño,
 /// "Computing Alpha Mipmaps", 2010).
-pub fn colour_levels(texture: Texture, cutoff: Option<f32>) -> Vec<Vec<u8>> {
+pub fn base_color_levels(texture: Texture, cutoff: Option<f32>) -> Vec<Vec<u8>> {
     let linear: [f32; 256] = std::array::from_fn(|i| srgb_to_linear(i as f32 / 255.0));
     let weighted = cutoff.is_some();
     let read = |[r, g, b, a]: [u8; 4]| {
@@ -73,7 +73,7 @@ pub fn normal_levels(texture: &Texture) -> Vec<Vec<u8>> {
 
 /// All levels of a surface map (occlusion, roughness, metallic) as RGBA bytes, the first as it is. Roughness is averaged
 /// as α² = roughness⁴, and widened by what the material's normal map loses at that size (`reference::mip::Widening::Fisher`).
-pub fn surface_levels(texture: Texture, normals: Option<&NormalLoss>) -> Vec<Vec<u8>> {
+pub fn orm_levels(texture: Texture, normals: Option<&NormalLoss>) -> Vec<Vec<u8>> {
     let unit = |v: u8| f32::from(v) / 255.0;
     let read = |[o, r, m, _]: [u8; 4]| [unit(o), unit(r).powi(4), unit(m)];
     let chain = smaller_levels(&texture, read);

@@ -60,12 +60,12 @@ fn every_kind_of_level_is_its_f64_twin_s() {
         let noisy = noisy(size);
         let what = |kind: &str, level: usize| format!("{kind} of {size:?}, level {level}");
         let decode = |t| srgb_decode(unit(t).truncate()).extend(unit(t).w);
-        let colour = colour_levels(noisy.clone(), None);
+        let colour = base_color_levels(noisy.clone(), None);
         for (i, (_, truth)) in reference(&noisy, decode).iter().enumerate() {
             let truth: Vec<f64> = truth.iter().flat_map(|t| srgb_encode(t.truncate()).extend(t.w).to_array()).collect();
             close(&colour[i], &truth, &what("colour", i));
         }
-        let surface = surface_levels(noisy.clone(), None);
+        let surface = orm_levels(noisy.clone(), None);
         let read = |t| DVec4::new(unit(t).x, unit(t).y.powi(4), unit(t).z, 1.0);
         for (i, (_, truth)) in reference(&noisy, read).iter().enumerate().skip(1) {
             let truth: Vec<f64> = truth.iter().flat_map(|t| [t.x, t.y.powf(0.25), t.z, t.w]).collect();
@@ -98,8 +98,10 @@ fn bumpy(size: [u32; 2], lean: i32) -> Texture {
 fn constants_stay_and_ramps_keep_their_mean() {
     for size in SIZES {
         let flat = [200, 90, 13, 255];
-        assert!(colour_levels(texture(size, |_, _| flat), None).iter().all(|l| texels(l).iter().all(|t| *t == flat)));
-        let levels = surface_levels(texture(size, |_, _| flat), None);
+        assert!(
+            base_color_levels(texture(size, |_, _| flat), None).iter().all(|l| texels(l).iter().all(|t| *t == flat))
+        );
+        let levels = orm_levels(texture(size, |_, _| flat), None);
         assert!(levels.iter().all(|l| texels(l).iter().all(|t| *t == flat)));
         let straight = [128, 128, 255, 255];
         let levels = normal_levels(&texture(size, |_, _| straight));
@@ -108,7 +110,7 @@ fn constants_stay_and_ramps_keep_their_mean() {
         let mean = |level: &[u8], c: usize| {
             texels(level).iter().map(|t| f64::from(t[c])).sum::<f64>() / texels(level).len() as f64
         };
-        let levels = surface_levels(ramp.clone(), None);
+        let levels = orm_levels(ramp.clone(), None);
         for c in [0, 2] {
             let last = mean(levels.last().unwrap(), c);
             assert!((last - mean(&ramp.pixels, c)).abs() < 0.51, "{size:?}, channel {c}: no texel may be dropped");
@@ -120,10 +122,10 @@ fn constants_stay_and_ramps_keep_their_mean() {
 fn a_checker_is_half_as_bright_in_linear_light() {
     let checker = texture([8, 8], |x, y| if (x + y) % 2 == 0 { [255; 4] } else { [0, 0, 0, 255] });
     // srgb(0.5) is 187.5.
-    for level in &colour_levels(checker.clone(), None)[1..] {
+    for level in &base_color_levels(checker.clone(), None)[1..] {
         assert!(texels(level).iter().all(|t| *t == [188, 188, 188, 255]), "{level:?}");
     }
-    for level in &surface_levels(checker, None)[1..] {
+    for level in &orm_levels(checker, None)[1..] {
         assert!(texels(level).iter().all(|t| t[0] == 128), "occlusion is a plain number");
     }
 }
@@ -145,8 +147,8 @@ fn plants_neither_thin_out_nor_darken() {
     for size in [[128, 128], [100, 75]] {
         let grass = grass(size);
         let first = covered(&grass.pixels);
-        let levels = colour_levels(grass.clone(), Some(0.5));
-        let plain = colour_levels(grass, None);
+        let levels = base_color_levels(grass.clone(), Some(0.5));
+        let plain = base_color_levels(grass, None);
         for (i, level) in levels.iter().enumerate().take(5) {
             let tolerance = 0.03 + 1.0 / texels(level).len() as f64;
             assert!((covered(level) - first).abs() < tolerance, "{size:?} level {i}: {} of {first}", covered(level));
@@ -162,7 +164,7 @@ fn plants_neither_thin_out_nor_darken() {
 #[test]
 fn alpha_of_all_or_nothing_is_left_alone() {
     for alpha in [0, 255] {
-        let levels = colour_levels(texture([9, 8], |_, _| [9, 9, 9, alpha]), Some(0.5));
+        let levels = base_color_levels(texture([9, 8], |_, _| [9, 9, 9, alpha]), Some(0.5));
         assert!(levels.iter().all(|l| texels(l).iter().all(|t| *t == [9, 9, 9, alpha])));
     }
 }
@@ -181,8 +183,8 @@ fn widened_roughness_mirrors_what_all_normals_together_do() {
         let normals = bumpy([32, 32], lean);
         let flat = || texture([32, 32], |_, _| [255, roughness, 0, 255]);
         let last = |levels: Vec<Vec<u8>>| (f64::from(levels[5][1]) / 255.0).powi(2);
-        let widened = last(surface_levels(flat(), Some(&NormalLoss::new(&normals))));
-        let plain = last(surface_levels(flat(), None));
+        let widened = last(orm_levels(flat(), Some(&NormalLoss::new(&normals))));
+        let plain = last(orm_levels(flat(), None));
         let mean = texels(&normal_levels(&normals)[5])[0];
         let mean = DVec3::from(unit_normal(mean).map(f64::from));
         let error = |alpha_of_lobe: f64| -> f64 {
@@ -202,7 +204,7 @@ fn widened_roughness_mirrors_what_all_normals_together_do() {
 fn widening_is_its_f64_twin_s_where_sizes_differ_too() {
     for (surface, normals) in [([16, 16], [16, 16]), ([16, 16], [64, 32]), ([32, 32], [8, 8]), ([12, 10], [31, 33])] {
         let map = bumpy(normals, 60);
-        let levels = surface_levels(texture(surface, |_, _| [255, 60, 0, 255]), Some(&NormalLoss::new(&map)));
+        let levels = orm_levels(texture(surface, |_, _| [255, 60, 0, 255]), Some(&NormalLoss::new(&map)));
         for (level, bytes) in (0u32..).zip(&levels) {
             let size = level_size(surface, level);
             let full = size[0] >= normals[0] && size[1] >= normals[1];

@@ -19,7 +19,7 @@ pub fn unit(v: Vec3) -> Vec3 {
 /// One triangle's corner, by the bits of its position.
 struct Place {
     position: [u32; 3],
-    part: u32,
+    submesh: u32,
     corner: u32,
     /// Unit normal of the triangle; zero where it has no area.
     face: Vec3,
@@ -29,17 +29,17 @@ struct Place {
 
 /// Fills in every zero normal: the mean of the triangles around its position, weighted by their angles there (Thürmer
 /// and Wüthrich, "Computing Vertex Normals from Polygonal Facets", 1998), leaving out those beyond a crease of 60°.
-/// Neighbours count across parts and texture seams.
-pub fn complete(parts: &mut [Submesh]) {
-    if parts.iter().all(|part| part.corners.iter().all(|corner| corner.normal != Vec3::ZERO)) {
+/// Neighbours count across submeshes and texture seams.
+pub fn complete(submeshes: &mut [Submesh]) {
+    if submeshes.iter().all(|submesh| submesh.corners.iter().all(|corner| corner.normal != Vec3::ZERO)) {
         return;
     }
-    let mut places: Vec<Place> = (0..parts.len()).flat_map(|part| part_places(parts, part)).collect();
-    places.par_sort_unstable_by_key(|place| (place.position, place.part, place.corner));
+    let mut places: Vec<Place> = (0..submeshes.len()).flat_map(|submesh| submesh_places(submeshes, submesh)).collect();
+    places.par_sort_unstable_by_key(|place| (place.position, place.submesh, place.corner));
     for around in places.chunk_by(|a, b| a.position == b.position) {
         let all = weighted_mean(around.iter());
         for place in around {
-            let normal = &mut parts[place.part as usize].corners[place.corner as usize].normal;
+            let normal = &mut submeshes[place.submesh as usize].corners[place.corner as usize].normal;
             if *normal == Vec3::ZERO {
                 *normal = smooth_normal(place, around, all);
             }
@@ -47,8 +47,8 @@ pub fn complete(parts: &mut [Submesh]) {
     }
 }
 
-fn part_places(parts: &[Submesh], index: usize) -> impl Iterator<Item = Place> {
-    let corners = &parts[index].corners;
+fn submesh_places(submeshes: &[Submesh], index: usize) -> impl Iterator<Item = Place> {
+    let corners = &submeshes[index].corners;
     (0..corners.len()).map(move |corner| {
         let first = corner / 3 * 3;
         let at = |offset: usize| corners[first + offset % 3].position;
@@ -57,7 +57,7 @@ fn part_places(parts: &[Submesh], index: usize) -> impl Iterator<Item = Place> {
         Place {
             // −0 and 0 are one place.
             position: (at(here) + Vec3::ZERO).to_array().map(f32::to_bits),
-            part: index as u32,
+            submesh: index as u32,
             corner: corner as u32,
             face: unit(unit(at(1) - at(0)).cross(unit(at(2) - at(0)))),
             angle: next.dot(previous).clamp(-1.0, 1.0).acos(),
@@ -84,7 +84,7 @@ mod tests {
     use super::*;
     use crate::asset::mesh::Corner;
 
-    fn part(triangles: &[[Vec3; 3]]) -> Submesh {
+    fn submesh(triangles: &[[Vec3; 3]]) -> Submesh {
         let corner = |position: Vec3| Corner { position, normal: Vec3::ZERO, uv: Vec2::ZERO };
         let corners = triangles.as_flattened().iter().map(|p| corner(*p)).collect();
         Submesh { name: "p".into(), material: None, has_uvs: false, corners }
@@ -94,12 +94,12 @@ mod tests {
     fn fold(degrees: f32) -> Vec<Submesh> {
         let (sin, cos) = degrees.to_radians().sin_cos();
         let far = Vec3::new(cos, -sin, 0.0);
-        vec![part(&[[Vec3::ZERO, Vec3::Z, Vec3::NEG_X]]), part(&[[Vec3::ZERO, far, Vec3::Z]])]
+        vec![submesh(&[[Vec3::ZERO, Vec3::Z, Vec3::NEG_X]]), submesh(&[[Vec3::ZERO, far, Vec3::Z]])]
     }
 
-    fn flip_up(mut parts: Vec<Submesh>) -> Vec<Submesh> {
-        for part in &mut parts {
-            for triangle in part.corners.chunks_exact_mut(3) {
+    fn flip_up(mut submeshes: Vec<Submesh>) -> Vec<Submesh> {
+        for submesh in &mut submeshes {
+            for triangle in submesh.corners.chunks_exact_mut(3) {
                 let up =
                     (triangle[1].position - triangle[0].position).cross(triangle[2].position - triangle[0].position);
                 if up.y < 0.0 {
@@ -107,7 +107,7 @@ mod tests {
                 }
             }
         }
-        parts
+        submeshes
     }
 
     #[test]
@@ -134,20 +134,20 @@ mod tests {
 
     #[test]
     fn good_normals_stay() {
-        let mut parts = flip_up(fold(10.0));
-        parts[0].corners[0].normal = Vec3::X;
-        complete(&mut parts);
-        assert_eq!(parts[0].corners[0].normal, Vec3::X);
+        let mut submeshes = flip_up(fold(10.0));
+        submeshes[0].corners[0].normal = Vec3::X;
+        complete(&mut submeshes);
+        assert_eq!(submeshes[0].corners[0].normal, Vec3::X);
     }
 
     #[test]
     fn nothing_makes_it_fail_or_slow() {
-        let mut parts = vec![part(&[[Vec3::ONE; 3], [Vec3::ZERO, Vec3::X, Vec3::X * 2.0]])];
-        complete(&mut parts);
-        assert!(parts[0].corners.iter().all(|c| c.normal.is_normalized()));
+        let mut submeshes = vec![submesh(&[[Vec3::ONE; 3], [Vec3::ZERO, Vec3::X, Vec3::X * 2.0]])];
+        complete(&mut submeshes);
+        assert!(submeshes[0].corners.iter().all(|c| c.normal.is_normalized()));
         let fan = (0..100_000).map(|i| [Vec3::ZERO, Vec3::X + Vec3::Z * i as f32, Vec3::X + Vec3::Z * (i + 1) as f32]);
-        let mut parts = vec![part(&fan.collect::<Vec<_>>())];
-        complete(&mut parts);
-        assert!((parts[0].corners[0].normal - Vec3::NEG_Y).length() < 1e-3);
+        let mut submeshes = vec![submesh(&fan.collect::<Vec<_>>())];
+        complete(&mut submeshes);
+        assert!((submeshes[0].corners[0].normal - Vec3::NEG_Y).length() < 1e-3);
     }
 }

@@ -24,7 +24,7 @@ const MAX_UV: f32 = 1e6;
 /// The triangles and materials of one file.
 #[derive(Clone, Debug)]
 pub struct Model {
-    pub parts: Vec<Submesh>,
+    pub submeshes: Vec<Submesh>,
     pub materials: Vec<Mtl>,
 }
 
@@ -35,24 +35,24 @@ pub struct Model {
 /// without triangles are errors.
 pub fn load(path: &Path, report: &Report) -> Result<Model> {
     let bytes = file::read(path, "model", MAX_FILE_BYTES)?;
-    let source = Source::new(path, &bytes)?;
+    let source = ObjText::new(path, &bytes)?;
     drop(bytes);
     let materials = load_libraries(path, &source, report);
     let models = run_tobj(path, &source.text, &materials)?;
     warn_of_unknown_materials(path, &source, &materials, report);
-    let mut parts = Vec::new();
+    let mut submeshes = Vec::new();
     for model in models.into_iter().filter(|model| !model.mesh.indices.is_empty()) {
-        parts.push(part(path, &source, model, report)?);
+        submeshes.push(submesh(path, &source, model, report)?);
     }
-    if parts.is_empty() {
+    if submeshes.is_empty() {
         return Err(broken(path, "it has no triangles".into()));
     }
-    normals::complete(&mut parts);
-    Ok(Model { parts, materials })
+    normals::complete(&mut submeshes);
+    Ok(Model { submeshes, materials })
 }
 
 /// A file's lines, cut down to what `tobj` is to read, with the same line numbers after one line of our own.
-struct Source {
+struct ObjText {
     text: String,
     /// Line and file name of each `mtllib`.
     libraries: Vec<(usize, String)>,
@@ -60,7 +60,7 @@ struct Source {
     uses: Vec<(usize, String)>,
 }
 
-impl Source {
+impl ObjText {
     fn new(path: &Path, bytes: &[u8]) -> Result<Self> {
         // `tobj` learns every material from this line, so that libraries may be named anywhere.
         let mut source = Self { text: "mtllib all\n".into(), libraries: Vec::new(), uses: Vec::new() };
@@ -164,7 +164,7 @@ impl Counts {
     }
 }
 
-fn load_libraries(path: &Path, source: &Source, report: &Report) -> Vec<Mtl> {
+fn load_libraries(path: &Path, source: &ObjText, report: &Report) -> Vec<Mtl> {
     let folder = path.parent().unwrap_or(Path::new(""));
     let short = file::short_name(path);
     let mut materials = Vec::new();
@@ -192,15 +192,15 @@ fn load_libraries(path: &Path, source: &Source, report: &Report) -> Vec<Mtl> {
     materials
 }
 
-fn warn_of_unknown_materials(path: &Path, source: &Source, materials: &[Mtl], report: &Report) {
-    let mut told = Vec::new();
+fn warn_of_unknown_materials(path: &Path, source: &ObjText, materials: &[Mtl], report: &Report) {
+    let mut warned = Vec::new();
     for (line, name) in &source.uses {
-        if !told.contains(&name) && !materials.iter().any(|material| material.name == *name) {
+        if !warned.contains(&name) && !materials.iter().any(|material| material.name == *name) {
             report.warn(format!(
                 "{}:{line}: usemtl {name}: no such material; using the default one",
                 file::short_name(path)
             ));
-            told.push(name);
+            warned.push(name);
         }
     }
     if source.uses.is_empty() {
@@ -249,7 +249,7 @@ fn index_out_of_range(text: &str) -> Option<String> {
     })
 }
 
-fn part(path: &Path, source: &Source, model: tobj::Model, report: &Report) -> Result<Submesh> {
+fn submesh(path: &Path, source: &ObjText, model: tobj::Model, report: &Report) -> Result<Submesh> {
     let (mesh, name) = (model.mesh, model.name);
     let positions: &[[f32; 3]] = mesh.positions.as_chunks().0;
     let within = |values: &[f32], limit: f32| values.iter().all(|v| v.abs() <= limit);
@@ -287,7 +287,7 @@ fn part(path: &Path, source: &Source, model: tobj::Model, report: &Report) -> Re
     Ok(Submesh { name, material: mesh.material_id, has_uvs, corners })
 }
 
-fn bad_position(source: &Source) -> String {
+fn bad_position(source: &ObjText) -> String {
     let bad = |word: &str| !word.parse().is_ok_and(|v: f32| v.abs() <= MAX_COORDINATE);
     let line = source.lines("v").find(|(_, words)| words.clone().take(3).any(bad)).map(|(number, _)| number);
     let place = line.map_or(String::new(), |number| format!("line {number}: "));

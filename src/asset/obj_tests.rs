@@ -24,7 +24,7 @@ fn problem(obj: impl AsRef<[u8]>) -> String {
 }
 
 fn sizes(model: &Model) -> Vec<usize> {
-    model.parts.iter().map(|part| part.corners.len() / 3).collect()
+    model.submeshes.iter().map(|submesh| submesh.corners.len() / 3).collect()
 }
 
 #[test]
@@ -35,9 +35,9 @@ fn objects_and_materials_make_parts() {
     let (model, warnings) = loaded(obj, "newmtl red\nnewmtl blue\n");
     let model = model.unwrap();
     assert_eq!(warnings, [""; 0]);
-    let got: Vec<_> = model.parts.iter().map(|p| (p.name.as_str(), p.material)).collect();
+    let got: Vec<_> = model.submeshes.iter().map(|p| (p.name.as_str(), p.material)).collect();
     assert_eq!(got, [("one", Some(0)), ("one", Some(1)), ("two", Some(1))]);
-    let corner = model.parts[0].corners[1];
+    let corner = model.submeshes[0].corners[1];
     assert_eq!(corner, Corner { position: Vec3::X, normal: Vec3::Z, uv: Vec2::X });
 }
 
@@ -45,12 +45,12 @@ fn objects_and_materials_make_parts() {
 fn a_library_may_be_named_late_in_any_case_or_not_at_all() {
     let faces = format!("usemtl red\n{TRIANGLE}f 1/1/1 2/2/1 3/3/1\n");
     let (model, warnings) = loaded(format!("{faces}mtllib my lib.MTL\n"), "newmtl red\n");
-    assert_eq!(model.unwrap().parts[0].material, Some(0));
+    assert_eq!(model.unwrap().submeshes[0].material, Some(0));
     // Windows itself does not tell the two names apart.
     let told = ["a.obj:10: mtllib my lib.MTL: found as My Lib.mtl"];
     assert_eq!(warnings, told[usize::from(cfg!(windows))..]);
     let (model, warnings) = loaded(format!("mtllib no.mtl\n{faces}"), "");
-    assert_eq!(model.unwrap().parts[0].material, None);
+    assert_eq!(model.unwrap().submeshes[0].material, None);
     assert_eq!(warnings.len(), 2);
     assert!(
         warnings[0].contains("mtllib no.mtl: file not found") && warnings[1].contains("usemtl red: no such material")
@@ -74,31 +74,31 @@ fn ends_of_lines_tabs_comments_and_continuations() {
 #[test]
 fn names_that_are_no_text() {
     let obj = [b"g Gr\xfc\xdfe\nusemtl st\xe4in\n", TRIANGLE.as_bytes(), b"f 1 2 3\n# \xff"].concat();
-    assert_eq!(good(obj).parts[0].name, "Gr\u{fffd}\u{fffd}e");
+    assert_eq!(good(obj).submeshes[0].name, "Gr\u{fffd}\u{fffd}e");
 }
 
 #[test]
 fn missing_and_unusable_normals_are_computed() {
     for (normal, face) in [("", "f 1 2 3"), ("vn 0 0 0", "f 1//1 2//1 3//1"), ("vn nan 0 1", "f 1//1 2//1 3//1")] {
         let model = good(format!("v 0 0 0\nv 1 0 0\nv 0 1 0\n{normal}\n{face}"));
-        assert!(model.parts[0].corners.iter().all(|c| c.normal == Vec3::Z), "{normal}");
+        assert!(model.submeshes[0].corners.iter().all(|c| c.normal == Vec3::Z), "{normal}");
     }
     let tiny = good("v 0 0 0\nv 1 0 0\nv 0 1 0\nvn 1e-23 0 0\nvn 1e20 0 0\nf 1//1 2//2 3//1");
-    assert!(tiny.parts[0].corners.iter().all(|c| c.normal == Vec3::X), "a direction of any length counts");
+    assert!(tiny.submeshes[0].corners.iter().all(|c| c.normal == Vec3::X), "a direction of any length counts");
 }
 
 #[test]
 fn corners_that_differ_in_kind() {
     let (model, warnings) = loaded(format!("{TRIANGLE}f 1/1/1 2/2 3/3/1\nf 1/1/1 2//1 3/3/1"), "");
-    let part = &model.unwrap().parts[0];
-    assert!(!part.has_uvs && part.corners.iter().all(|c| c.normal == Vec3::Z && c.uv == Vec2::ZERO));
+    let submesh = &model.unwrap().submeshes[0];
+    assert!(!submesh.has_uvs && submesh.corners.iter().all(|c| c.normal == Vec3::Z && c.uv == Vec2::ZERO));
     assert_eq!(warnings.iter().filter(|w| w.contains("only some corners")).count(), 2, "{warnings:?}");
 }
 
 #[test]
 fn texture_coordinates_without_use_are_zero() {
     let (model, warnings) = loaded("v 0 0 0\nv 1 0 0\nv 0 1 0\nvt inf 0\nvt 1 1e9\nvt 0.5 1\nf 1/1 2/2 3/3", "");
-    let uvs: Vec<_> = model.unwrap().parts[0].corners.iter().map(|c| c.uv).collect();
+    let uvs: Vec<_> = model.unwrap().submeshes[0].corners.iter().map(|c| c.uv).collect();
     assert_eq!(uvs, [Vec2::ZERO, Vec2::X, Vec2::new(0.5, 1.0)]);
     assert!(warnings.iter().any(|w| w.contains("texture coordinates beyond")), "{warnings:?}");
 }
@@ -138,5 +138,5 @@ fn a_mark_before_utf8_hides_no_line_and_the_last_may_promise_one_more() {
     let (model, warnings) =
         loaded(format!("\u{feff}mtllib My Lib.mtl\nusemtl red\n{TRIANGLE}f 1 2 3\nf 3 2 1\\"), "newmtl red\n");
     let model = model.unwrap();
-    assert_eq!((warnings.len(), sizes(&model), model.parts[0].material), (0, vec![2], Some(0)), "{warnings:?}");
+    assert_eq!((warnings.len(), sizes(&model), model.submeshes[0].material), (0, vec![2], Some(0)), "{warnings:?}");
 }

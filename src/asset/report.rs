@@ -1,4 +1,4 @@
-//! What loading tells its user: warnings, progress on a terminal, and where the time went.
+//! Warnings, progress bars and times of one run, collected while it loads and works.
 
 use std::collections::BTreeMap;
 use std::sync::Mutex;
@@ -9,22 +9,22 @@ use indicatif::{MultiProgress, ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 use crate::error::shown;
 
-/// Collects warnings and shows progress; shared by every loader of one run.
+/// Collects warnings and times, and shows progress; one for each run, shared by all threads.
 pub struct Report {
     warnings: Mutex<Vec<String>>,
     times: Mutex<BTreeMap<&'static str, Duration>>,
     bars: MultiProgress,
-    /// Warnings that are not kept.
-    left_out: AtomicUsize,
+    /// Number of warnings beyond [`MAX_KEPT`].
+    dropped: AtomicUsize,
 }
 
-/// Warnings that are told, one by one, and that are kept for `--json`: a broken file can give millions.
-const MOST_TOLD: usize = 100;
-const MOST_KEPT: usize = 10_000;
+/// Warnings that are logged, and that are kept for `--json`: a broken file can cause millions.
+const MAX_LOGGED: usize = 100;
+const MAX_KEPT: usize = 10_000;
 
 impl Drop for Report {
     fn drop(&mut self) {
-        let more = self.lock().len().saturating_sub(MOST_TOLD) + self.left_out.load(Ordering::Relaxed);
+        let more = self.lock().len().saturating_sub(MAX_LOGGED) + self.dropped.load(Ordering::Relaxed);
         if more > 0 {
             tracing::warn!("and {more} more warnings");
         }
@@ -37,7 +37,7 @@ impl Report {
         Self {
             warnings: Mutex::default(),
             times: Mutex::default(),
-            left_out: AtomicUsize::new(0),
+            dropped: AtomicUsize::new(0),
             bars: MultiProgress::with_draw_target(ProgressDrawTarget::stderr()),
         }
     }
@@ -47,22 +47,22 @@ impl Report {
         Self {
             warnings: Mutex::default(),
             times: Mutex::default(),
-            left_out: AtomicUsize::new(0),
+            dropped: AtomicUsize::new(0),
             bars: MultiProgress::with_draw_target(ProgressDrawTarget::hidden()),
         }
     }
 
-    /// Notes something the user should know but that stops nothing: file first, then key, then what was done.
+    /// Adds a warning: something that the user should know but that stops nothing. File first, then key, then what was done.
     pub fn warn(&self, message: impl Into<String>) {
         let message = shown(&message.into(), false);
         let mut warnings = self.lock();
-        if warnings.len() < MOST_TOLD {
+        if warnings.len() < MAX_LOGGED {
             tracing::warn!("{message}");
         }
-        if warnings.len() < MOST_KEPT {
+        if warnings.len() < MAX_KEPT {
             warnings.push(message);
         } else {
-            self.left_out.fetch_add(1, Ordering::Relaxed);
+            self.dropped.fetch_add(1, Ordering::Relaxed);
         }
     }
 
@@ -71,29 +71,29 @@ impl Report {
         self.lock().clone()
     }
 
-    /// Starts a bar of `total` steps; call `inc(1)` for each and `finish_and_clear()` at the end.
-    pub fn stage(&self, name: &'static str, total: u64) -> ProgressBar {
+    /// Starts a progress bar of `total` steps; call `inc(1)` for each and `finish_and_clear()` at the end.
+    pub fn progress(&self, label: &'static str, total: u64) -> ProgressBar {
         // The template is a constant that indicatif accepts, as every test that loads a scene shows.
         let style = ProgressStyle::with_template("{msg:12} {bar:30} {pos}/{len}")
             .unwrap_or_else(|_| ProgressStyle::default_bar());
         let bar = self.bars.add(ProgressBar::new(total));
         bar.set_style(style);
-        bar.set_message(name);
+        bar.set_message(label);
         bar
     }
 
-    /// Does `work` and adds its time to a stage's. Threads at work at once each add their own, so that a stage can take
-    /// longer than the clock says; `work` must hand nothing to other threads and wait, or it would count what it waits for.
-    pub fn time<T>(&self, stage: &'static str, work: impl FnOnce() -> T) -> T {
+    /// Runs `work` and adds its duration to the times under `label`. Concurrent threads each add their own, so that a sum can
+    /// exceed the elapsed time; `work` must not wait for other threads, or their work would be counted twice.
+    pub fn time<T>(&self, label: &'static str, work: impl FnOnce() -> T) -> T {
         let start = Instant::now();
         let done = work();
-        *self.lock_times().entry(stage).or_default() += start.elapsed();
+        *self.lock_times().entry(label).or_default() += start.elapsed();
         done
     }
 
-    /// Milliseconds of each stage so far, over all threads.
+    /// Milliseconds under each label so far, summed over all threads.
     pub fn times_ms(&self) -> BTreeMap<&'static str, f64> {
-        self.lock_times().iter().map(|(stage, time)| (*stage, time.as_secs_f64() * 1e3)).collect()
+        self.lock_times().iter().map(|(label, time)| (*label, time.as_secs_f64() * 1e3)).collect()
     }
 
     fn lock_times(&self) -> std::sync::MutexGuard<'_, BTreeMap<&'static str, Duration>> {
@@ -115,9 +115,9 @@ mod tests {
     fn warnings_are_lines_and_not_without_end() {
         let report = Report::silent();
         report.warn("a\nb");
-        (0..2 * MOST_KEPT).for_each(|i| report.warn(format!("{i}")));
+        (0..2 * MAX_KEPT).for_each(|i| report.warn(format!("{i}")));
         assert_eq!(report.warnings()[0], "a\\nb");
-        assert_eq!(report.warnings().len(), MOST_KEPT);
-        assert_eq!(report.left_out.load(Ordering::Relaxed), MOST_KEPT + 1);
+        assert_eq!(report.warnings().len(), MAX_KEPT);
+        assert_eq!(report.dropped.load(Ordering::Relaxed), MAX_KEPT + 1);
     }
 }

@@ -105,7 +105,7 @@ pub fn run(gpu: &Arc<Gpu>, folder: &Path, report: &Report) -> Result<Integrated>
 }
 
 fn integrate(gpu: &Arc<Gpu>, frames: usize, report: &Report) -> Result<Integrated> {
-    let bar = report.stage("integrated", 2 * frames as u64);
+    let bar = report.progress("integrated", 2 * frames as u64);
     let sums = |scattering, lines: &[[f32; 2]]| -> Result<Sums> {
         let grid = Grid { roughnesses: ROUGHNESSES, views: VIEWS, lines: lines.to_vec() };
         let settings = Settings { scattering, ..Settings::default() };

@@ -195,7 +195,7 @@ mod tests {
             vertices: vertices.to_vec(),
             indices: vec![0, 1, 1],
             material: 0,
-            shell: None,
+            culling_bounds: None,
             placements: vec![Mat4::IDENTITY],
         }
     }

@@ -88,7 +88,7 @@ pub fn run(request: &MeasureRequest<'_>, gpu: GpuOptions<'_>, report: &Report) -
         warnings: Vec::new(),
     };
     let steps = panoramas.len() * extent.sizes.len() * (extent.methods.len() + usize::from(extent.ours));
-    let bar = report.stage("measuring", steps as u64);
+    let bar = report.progress("measuring", steps as u64);
     for source in &panoramas {
         let panorama = source.load(report)?;
         let mut truths = Truths { panorama: &panorama, most: extent.texels, known: HashMap::new() };

@@ -92,7 +92,7 @@ pub fn run(request: &MeasureRequest<'_>, gpu: GpuOptions<'_>, report: &Report) -
         charts: Vec::new(),
         warnings: Vec::new(),
     };
-    let bar = report.stage("measuring", 9 * sources.len() as u64);
+    let bar = report.progress("measuring", 9 * sources.len() as u64);
     for source in &sources {
         let mut stand = Stand { gpu: &gpu, source, size, frames, truth: None, plain: Vec::new() };
         for storage in [Storage::Raw, Storage::Bc] {

@@ -60,13 +60,13 @@ fn compute(gpu: &Arc<Gpu>, image: &Arc<Image>, choices: [u32; 2]) -> Result<Vec<
     let weights = storage(gpu, "mean weights", &mean_weights())?;
     let [storage, storage_image] = [BindingType::Storage, BindingType::StorageImage];
     let layout = DescriptorSetLayout::new(gpu, "BRDF table", &[storage, storage, storage, storage_image])?;
-    let binds = [
+    let bindings = [
         Binding::Storage(&nodes),
         Binding::Storage(&spreads),
         Binding::Storage(&weights),
         Binding::StorageImage(image, 0),
     ];
-    let set = DescriptorSet::new(gpu, "BRDF table", &layout, &binds)?;
+    let set = DescriptorSet::new(gpu, "BRDF table", &layout, &bindings)?;
     let constants = [(0, choices[0]), (1, choices[1])];
     let pipeline = Pipeline::compute(gpu, SHADER, &constants, &[&layout], 0)?;
     submit_and_wait(gpu, |commands| {

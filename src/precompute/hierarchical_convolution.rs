@@ -103,8 +103,9 @@ impl<'a> HierarchicalConvolution<'a> {
         ];
         let [nodes, entries, tiles, norms] = &buffers;
         let sampler = Sampler::new(gpu, "panorama", AddressMode::Panorama, 1)?;
-        let set =
-            |layout: &DescriptorSetLayout, binds: &[Binding<'_>]| DescriptorSet::new(gpu, "kernel sum", layout, binds);
+        let set = |layout: &DescriptorSetLayout, bindings: &[Binding<'_>]| {
+            DescriptorSet::new(gpu, "hierarchical convolution", layout, bindings)
+        };
         let variants = |shader, constant, taps: Option<u32>, layout: &DescriptorSetLayout, push_bytes: usize| {
             let variant = |white: usize| {
                 // White light needs few taps: it is the same all over a texel.
@@ -120,25 +121,25 @@ impl<'a> HierarchicalConvolution<'a> {
             "panorama to cube",
             &[BindingType::Sampled, BindingType::StorageImage, BindingType::Storage],
         )?;
-        let binds =
+        let bindings =
             [Binding::Sampled(panorama, &sampler), Binding::StorageImage(&specular[0], 0), Binding::Storage(nodes)];
         let taps = taps(panorama.desc().size, size);
         let [to_cube_shader, merge_shader, sum_shader] = SHADERS;
         let to_cube = variants(to_cube_shader, 1, Some(taps), &layout, size_of::<f32>())?;
-        let to_cube_set = set(&layout, &binds)?;
+        let to_cube_set = set(&layout, &bindings)?;
 
         let layout = DescriptorSetLayout::new(gpu, "node merge", &[BindingType::Storage])?;
         let merge = Pipeline::compute(gpu, merge_shader, &[], &[&layout], size_of::<MergeBlock>() as u32)?;
         let merge_set = set(&layout, &[Binding::Storage(nodes)])?;
 
-        let slots = [
+        let binding_types = [
             BindingType::Storage,
             BindingType::Storage,
             BindingType::Storage,
             BindingType::Storage,
             BindingType::StorageImage,
         ];
-        let layout = DescriptorSetLayout::new(gpu, "kernel sum", &slots)?;
+        let layout = DescriptorSetLayout::new(gpu, "hierarchical convolution", &binding_types)?;
         let sum = variants(sum_shader, 0, None, &layout, size_of::<SumBlock>())?;
         let outputs = (1..LEVELS).map(|level| (&specular[level % 2], level / 2)).chain([(irradiance, 0)]);
         let mut first_norm = 0;

@@ -18,11 +18,8 @@ const IRRADIANCE_SIZES: std::ops::RangeInclusive<u32> = 4..=128;
 const HALF_LIMIT: f32 = 60_000.0;
 
 /// Light maps in the cache: raise the version when interaction lists, lobes, sample counts or [`scale`] change.
-pub(super) const CACHE_KIND: CacheKind = CacheKind {
-    copying: "light maps from the cache",
-    version: 1,
-    shaders: &hierarchical_convolution::SHADERS,
-};
+pub(super) const CACHE_KIND: CacheKind =
+    CacheKind { copying: "light maps from the cache", version: 1, shaders: &hierarchical_convolution::SHADERS };
 
 /// Light of one panorama, ready for shading. Maps hold radiance / `scale`.
 pub struct LightMaps {

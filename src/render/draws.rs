@@ -18,7 +18,7 @@ pub struct Draw {
     /// In the world.
     bounds: Bounds,
     /// From outside of this box no back face can be seen.
-    shell: Option<Bounds>,
+    culling_bounds: Option<Bounds>,
 }
 
 impl Draw {
@@ -32,7 +32,10 @@ impl Draw {
             world_from_local,
             masked,
             bounds: cluster.bounds.placed(world_from_local),
-            shell: cluster.shell.filter(|_| keeps_sides).map(|shell| shell.placed(world_from_local)),
+            culling_bounds: cluster
+                .culling_bounds
+                .filter(|_| keeps_sides)
+                .map(|culling_bounds| culling_bounds.placed(world_from_local)),
         }
     }
 }
@@ -86,7 +89,8 @@ impl DrawList {
         let seen = (0u32..).zip(draws).filter(|(_, draw)| !culling.frusta || frusta.may_see(&draw.bounds));
         self.0.extend(seen.map(|(index, draw)| Listed {
             draw: index,
-            cull_back: culling.backs && draw.shell.is_some_and(|shell| frusta.all_outside(&shell)),
+            cull_back: culling.backs
+                && draw.culling_bounds.is_some_and(|culling_bounds| frusta.all_outside(&culling_bounds)),
             masked: draw.masked,
             distance: frusta.distance(&draw.bounds),
         }));
@@ -119,7 +123,7 @@ mod tests {
             indices: Vec::new(),
             material: 0,
             bounds,
-            shell: closed.then_some(bounds),
+            culling_bounds: closed.then_some(bounds),
             placements: Vec::new(),
         };
         Draw::new(&cluster, MeshRange { indices: 0..0, first_vertex: 0 }, Mat4::IDENTITY, masked)
@@ -154,13 +158,13 @@ mod tests {
     #[test]
     fn mirrored_surfaces_keep_their_backs() {
         let mut draws = [draw(0.0, -4.0, false, true), draw(0.0, -4.0, false, true)];
-        assert!(draws[0].shell.is_some());
+        assert!(draws[0].culling_bounds.is_some());
         let cluster = Cluster {
             vertices: Vec::new(),
             indices: Vec::new(),
             material: 0,
             bounds: draws[0].bounds,
-            shell: draws[0].shell,
+            culling_bounds: draws[0].culling_bounds,
             placements: Vec::new(),
         };
         let mirror = Mat4::from_scale(Vec3::new(-1.0, 1.0, 1.0));

@@ -159,7 +159,7 @@ fn material_pipeline(
         (constant::HAS_NORMAL_MAP, u32::from(needs.normal_map)),
         (constant::HAS_ORM_MAP, u32::from(needs.orm_map)),
         (constant::ALPHA_MASK, u32::from(needs.alpha_mask)),
-        (constant::METALNESS, needs.metals as u32),
+        (constant::METALNESS, needs.metalness as u32),
         (constant::MULTI_SCATTER, u32::from(multiple && needs.multi_scatter)),
     ]);
     Pipeline::graphics(

@@ -8,8 +8,8 @@ use meshopt::VertexDataAdapter;
 use rayon::prelude::*;
 
 use super::Instance;
+use super::culling_bounds::connected_components;
 use super::mesh::{Bounds, Mesh, Vertex};
-use super::shell::shells;
 
 /// Larger neighbourhoods are cut: small enough that what is behind the eye is mostly left out and that three corners a
 /// triangle have 16-bit indices, large enough that drawing one costs the CPU nothing that counts.
@@ -28,7 +28,7 @@ pub struct Cluster {
     /// Local space.
     pub bounds: Bounds,
     /// Where these are closed surfaces: what encloses them, in local space. From outside of it no back face is seen.
-    pub shell: Option<Bounds>,
+    pub culling_bounds: Option<Bounds>,
     /// SceneResources from local.
     pub placements: Vec<Mat4>,
 }
@@ -71,7 +71,7 @@ struct Unit {
     triangles: Vec<[u32; 3]>,
     centre: Vec3,
     /// What encloses the closed surface that they are part of.
-    shell: Option<Bounds>,
+    culling_bounds: Option<Bounds>,
 }
 
 fn cut_group(group: &Group<'_>) -> Vec<Cluster> {
@@ -80,16 +80,20 @@ fn cut_group(group: &Group<'_>) -> Vec<Cluster> {
     for mesh in &group.meshes {
         // OBJ files of 2^32 vertices are turned away when they are read.
         let first = vertices.len() as u32;
-        for shell in shells(&mesh.vertices, &mesh.indices) {
-            let triangles: Vec<[u32; 3]> = shell.triangles.iter().map(|t| t.map(|corner| corner + first)).collect();
-            if shell.closed && triangles.len() <= MOST_TRIANGLES {
-                closed.push(Unit { triangles, centre: shell.bounds.centre(), shell: Some(shell.bounds) });
+        for component in connected_components(&mesh.vertices, &mesh.indices) {
+            let triangles: Vec<[u32; 3]> = component.triangles.iter().map(|t| t.map(|corner| corner + first)).collect();
+            if component.closed && triangles.len() <= MOST_TRIANGLES {
+                closed.push(Unit {
+                    triangles,
+                    centre: component.bounds.centre(),
+                    culling_bounds: Some(component.bounds),
+                });
             } else {
-                let units = if shell.closed { &mut closed } else { &mut open };
-                let around = shell.closed.then_some(shell.bounds);
+                let units = if component.closed { &mut closed } else { &mut open };
+                let around = component.closed.then_some(component.bounds);
                 units.extend(triangles.into_iter().map(|t| {
                     let centre = t.iter().map(|c| corner_position(&mesh.vertices[(c - first) as usize])).sum::<Vec3>();
-                    Unit { triangles: vec![t], centre: centre / 3.0, shell: around }
+                    Unit { triangles: vec![t], centre: centre / 3.0, culling_bounds: around }
                 }));
             }
         }
@@ -156,14 +160,14 @@ fn cluster(units: &[Unit], all: &[Vertex], group: &Group<'_>) -> Cluster {
         indices: indices.into_iter().map(|i| i as u16).collect(),
         vertices,
         material: group.material,
-        shell: units.iter().map(|unit| unit.shell).reduce(|a, b| Some(around(a?, b?))).flatten(),
+        culling_bounds: units.iter().map(|unit| unit.culling_bounds).reduce(|a, b| Some(around(a?, b?))).flatten(),
         placements: group.placements.clone(),
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::shell::tests::ball;
+    use super::super::culling_bounds::tests::ball;
     use super::*;
 
     fn mesh((vertices, indices): (Vec<Vertex>, Vec<u32>), material: usize, at: Vec3) -> Mesh {
@@ -225,9 +229,9 @@ mod tests {
         }
         for c in &clusters {
             assert_eq!(c.bounds, Bounds::of(c.vertices.iter().map(corner_position)));
-            assert_eq!(c.shell.is_some(), c.material == 0, "the third ball has a hole");
-            let shell = c.shell.unwrap_or(c.bounds);
-            assert!(shell.min.cmple(c.bounds.min).all() && shell.max.cmpge(c.bounds.max).all());
+            assert_eq!(c.culling_bounds.is_some(), c.material == 0, "the third ball has a hole");
+            let outer = c.culling_bounds.unwrap_or(c.bounds);
+            assert!(outer.min.cmple(c.bounds.min).all() && outer.max.cmpge(c.bounds.max).all());
         }
     }
 

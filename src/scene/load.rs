@@ -106,9 +106,9 @@ struct Models {
 
 impl Models {
     fn load(files: &[ModelFile], report: &Report) -> Result<Self> {
-        let progress = report.stage("models", files.len() as u64);
+        let progress = report.progress("models", files.len() as u64);
         let mut all_mtls = Vec::new();
-        let mut parts: Vec<Submesh> = Vec::new();
+        let mut submeshes: Vec<Submesh> = Vec::new();
         let mut known: HashMap<&Path, Range<usize>> = HashMap::new();
         let mut instances = Vec::new();
         for model in files {
@@ -116,35 +116,37 @@ impl Models {
                 Some(meshes) => meshes.clone(),
                 None => {
                     let (loaded, first) = (report.time("parse", || obj::load(&model.file, report))?, all_mtls.len());
-                    let start = parts.len();
-                    parts.extend(
+                    let start = submeshes.len();
+                    submeshes.extend(
                         loaded
-                            .parts
+                            .submeshes
                             .into_iter()
-                            .map(|part| Submesh { material: part.material.map(|m| m + first), ..part }),
+                            .map(|submesh| Submesh { material: submesh.material.map(|m| m + first), ..submesh }),
                     );
                     all_mtls.extend(loaded.materials);
-                    known.insert(&model.file, start..parts.len());
-                    start..parts.len()
+                    known.insert(&model.file, start..submeshes.len());
+                    start..submeshes.len()
                 }
             };
             instances.extend(meshes.map(|mesh| Instance { mesh, world_from_local: model.world_from_local }));
             progress.inc(1);
         }
-        let mtls = keep_used(&mut parts, all_mtls);
-        let meshes =
-            parts.into_par_iter().map(|part| tangent::mesh(&part, part.material.unwrap_or(mtls.len()))).collect();
+        let mtls = keep_used(&mut submeshes, all_mtls);
+        let meshes = submeshes
+            .into_par_iter()
+            .map(|submesh| tangent::mesh(&submesh, submesh.material.unwrap_or(mtls.len())))
+            .collect();
         progress.finish_and_clear();
         Ok(Self { meshes, instances, mtls })
     }
 }
 
-/// Leaves out materials that no part has, so that nobody reads their textures.
-fn keep_used(parts: &mut [Submesh], mtls: Vec<Mtl>) -> Vec<Mtl> {
-    let used: BTreeSet<usize> = parts.iter().filter_map(|part| part.material).collect();
+/// Leaves out materials that no submesh has, so that nobody reads their textures.
+fn keep_used(submeshes: &mut [Submesh], mtls: Vec<Mtl>) -> Vec<Mtl> {
+    let used: BTreeSet<usize> = submeshes.iter().filter_map(|submesh| submesh.material).collect();
     let new_index: HashMap<usize, usize> = used.iter().enumerate().map(|(new, old)| (*old, new)).collect();
-    for part in parts {
-        part.material = part.material.and_then(|old| new_index.get(&old).copied());
+    for submesh in submeshes {
+        submesh.material = submesh.material.and_then(|old| new_index.get(&old).copied());
     }
     mtls.into_iter().enumerate().filter(|(index, _)| used.contains(index)).map(|(_, mtl)| mtl).collect()
 }

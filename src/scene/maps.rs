@@ -1,6 +1,7 @@
 //! From picture files to the textures of materials: constants found, channels packed, levels made, compressed; or all of
 //! it found in the cache.
 
+use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
@@ -36,24 +37,24 @@ pub enum Normals {
     Bump(PathBuf, u32),
 }
 
-/// A texture of the scene that is to be made; equal jobs are done once.
+/// A texture of the scene that is to be made; equal tasks are done once.
 #[derive(Clone, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum TextureTask {
-    Albedo {
+    BaseColor {
         colour: Option<PathBuf>,
         mask: Option<PathBuf>,
     },
     Normal(Normals),
     /// Occlusion, roughness, metallic; the roughness factor with its map, and without it, as bits.
-    Surface {
+    Orm {
         maps: [Option<PathBuf>; 3],
         normals: Option<Normals>,
         roughness: [u32; 2],
     },
 }
 
-/// What a job comes to: a texture, or what it would say everywhere, or both.
-pub struct Made {
+/// What a task comes to: a texture, or what it would say everywhere, or both.
+pub struct TextureResult {
     pub texture: Option<MipChain>,
     /// Albedo (linear), or occlusion, roughness, metallic: 1 where the texture says it.
     pub factor: Vec3,
@@ -62,13 +63,13 @@ pub struct Made {
     pub cutout: bool,
     /// The texture's roughness has the material's factor in it.
     pub holds_roughness: bool,
-    /// Which of the job's pictures could be read: the colour, or occlusion, roughness, metallic.
+    /// Which of the task's pictures could be read: the colour, or occlusion, roughness, metallic.
     pub read: [bool; 3],
     /// Files that could not be used, and why.
     pub problems: Vec<(PathBuf, String)>,
 }
 
-impl Made {
+impl TextureResult {
     fn nothing() -> Self {
         Self {
             texture: None,
@@ -84,35 +85,35 @@ impl Made {
 
 /// What a picture of which one channel counts is read for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
-enum Kind {
+enum ChannelUse {
     Red,
     Mask,
 }
 
 type Digest = Result<[u8; 32], String>;
 
-/// The files of all jobs, and how textures are made of them.
+/// The files of all tasks, and how textures are made of them.
 pub struct Pictures<'a> {
     options: &'a TextureOptions,
     report: &'a Report,
     cache: Option<&'a Cache>,
     /// Only where there is a cache.
     digests: BTreeMap<PathBuf, Digest>,
-    /// Channels that several jobs want are decoded once.
-    shared: BTreeMap<(PathBuf, Kind), OnceLock<Result<Channel, String>>>,
+    /// Channels that several tasks want are decoded once.
+    shared: BTreeMap<(PathBuf, ChannelUse), OnceLock<Result<Channel, String>>>,
 }
 
 impl<'a> Pictures<'a> {
     /// Reads and hashes every file, if there is a cache to be asked.
-    pub fn new(jobs: &BTreeSet<TextureTask>, options: &'a TextureOptions, report: &'a Report) -> Self {
+    pub fn new(tasks: &BTreeSet<TextureTask>, options: &'a TextureOptions, report: &'a Report) -> Self {
         // What is not compressed is made as fast as it is read.
         let cache = options.cache.as_ref().filter(|_| options.storage == Storage::Bc);
-        let mut uses: BTreeMap<(PathBuf, Kind), u32> = BTreeMap::new();
-        for scalar in jobs.iter().flat_map(scalars) {
+        let mut uses: BTreeMap<(PathBuf, ChannelUse), u32> = BTreeMap::new();
+        for scalar in tasks.iter().flat_map(scalars) {
             *uses.entry(scalar).or_default() += 1;
         }
         let shared = uses.into_iter().filter(|(_, uses)| *uses > 1).map(|(key, _)| (key, OnceLock::new())).collect();
-        let files: BTreeSet<PathBuf> = jobs.iter().filter(|_| cache.is_some()).flat_map(files).cloned().collect();
+        let files: BTreeSet<PathBuf> = tasks.iter().filter(|_| cache.is_some()).flat_map(files).cloned().collect();
         let digest = |path: PathBuf| {
             let digest = report.time("hash", || {
                 file::read(&path, "texture", MAX_FILE_BYTES).map(|bytes| *blake3::hash(&bytes).as_bytes())
@@ -122,15 +123,15 @@ impl<'a> Pictures<'a> {
         Self { options, report, cache, digests: files.into_par_iter().map(digest).collect(), shared }
     }
 
-    /// Does a job, or finds it in the cache.
-    pub fn make(&self, job: &TextureTask) -> Made {
-        let key = self.cache.and_then(|_| self.key(job));
-        let Some((cache, key)) = self.cache.zip(key) else { return self.work(job) };
+    /// Does a task, or finds it in the cache.
+    pub fn make(&self, task: &TextureTask) -> TextureResult {
+        let key = self.cache.and_then(|_| self.key(task));
+        let Some((cache, key)) = self.cache.zip(key) else { return self.work(task) };
         let found = self.report.time("cache", || cache.load(&key, MAX_ENTRY_BYTES, |texture| facts(texture).is_some()));
-        if let Some(made) = found.and_then(|texture| from_entry(texture, job)) {
+        if let Some(made) = found.and_then(|texture| from_entry(texture, task)) {
             return made;
         }
-        let made = self.work(job);
+        let made = self.work(task);
         // A file may be readable and still be no picture; that is found out, and told, each time.
         if made.problems.is_empty() {
             self.report.time("cache", || cache.keep(&key, to_entry(&made)));
@@ -138,8 +139,8 @@ impl<'a> Pictures<'a> {
         made
     }
 
-    /// All that a job depends on; `None` where a file cannot be read.
-    fn key(&self, job: &TextureTask) -> Option<String> {
+    /// All that a task depends on; `None` where a file cannot be read.
+    fn key(&self, task: &TextureTask) -> Option<String> {
         let mut key = Key::new("texture", TEXTURES_VERSION);
         let mut add = |path: Option<&PathBuf>| -> Option<()> {
             match path {
@@ -148,45 +149,47 @@ impl<'a> Pictures<'a> {
             }
             Some(())
         };
-        let kind = match job {
-            TextureTask::Albedo { colour, mask } => {
+        let kind = match task {
+            TextureTask::BaseColor { colour, mask } => {
                 add(colour.as_ref())?;
                 add(mask.as_ref())?;
-                "albedo".into()
+                "base color".into()
             }
             TextureTask::Normal(normals) => {
                 add(Some(normals.path()))?;
                 format!("normal {:?}", normals.strength())
             }
-            TextureTask::Surface { maps, normals, roughness } => {
+            TextureTask::Orm { maps, normals, roughness } => {
                 maps.iter().try_for_each(|map| add(map.as_ref()))?;
                 add(normals.as_ref().map(Normals::path))?;
-                format!("surface {:?} {roughness:?}", normals.as_ref().map(Normals::strength))
+                format!("orm {:?} {roughness:?}", normals.as_ref().map(Normals::strength))
             }
         };
         key.add(kind.as_bytes());
         Some(key.text())
     }
 
-    fn work(&self, job: &TextureTask) -> Made {
-        match job {
-            TextureTask::Albedo { colour, mask } => self.albedo(colour.as_deref(), mask.as_deref()),
+    fn work(&self, task: &TextureTask) -> TextureResult {
+        match task {
+            TextureTask::BaseColor { colour, mask } => self.base_color(colour.as_deref(), mask.as_deref()),
             TextureTask::Normal(normals) => match self.normal_map(normals) {
                 Ok(texture) => {
                     let texture = texture.map(|t| MipChain::normal(&t, self.options.storage, self.report));
-                    Made { texture, read: [true; 3], ..Made::nothing() }
+                    TextureResult { texture, read: [true; 3], ..TextureResult::nothing() }
                 }
-                Err(problem) => Made { problems: vec![(normals.path().clone(), problem)], ..Made::nothing() },
+                Err(problem) => {
+                    TextureResult { problems: vec![(normals.path().clone(), problem)], ..TextureResult::nothing() }
+                }
             },
-            TextureTask::Surface { maps, normals, roughness } => {
-                self.surface(maps, normals.as_ref(), roughness.map(f32::from_bits))
+            TextureTask::Orm { maps, normals, roughness } => {
+                self.orm(maps, normals.as_ref(), roughness.map(f32::from_bits))
             }
         }
     }
 
-    fn albedo(&self, colour: Option<&Path>, mask: Option<&Path>) -> Made {
-        let mut made = Made::nothing();
-        let mask = mask.and_then(|path| self.channel(path, Kind::Mask, &mut made.problems));
+    fn base_color(&self, colour: Option<&Path>, mask: Option<&Path>) -> TextureResult {
+        let mut made = TextureResult::nothing();
+        let mask = mask.and_then(|path| self.channel(path, ChannelUse::Mask, &mut made.problems));
         let mask = mask.as_deref().filter(|mask| mask.cuts_out());
         let mut texture = None;
         if let Some(path) = colour {
@@ -219,12 +222,12 @@ impl<'a> Pictures<'a> {
             texture.set_alpha(mask);
         }
         let cutoff = made.cutout.then_some(ALPHA_CUTOFF);
-        made.texture = Some(MipChain::albedo(texture, cutoff, self.options.storage, self.report));
+        made.texture = Some(MipChain::base_color(texture, cutoff, self.options.storage, self.report));
         made
     }
 
     fn masked(&self, texture: Texture) -> MipChain {
-        MipChain::albedo(texture, Some(ALPHA_CUTOFF), self.options.storage, self.report)
+        MipChain::base_color(texture, Some(ALPHA_CUTOFF), self.options.storage, self.report)
     }
 
     /// The decoded normal map; `None` for one that bends nothing.
@@ -242,11 +245,11 @@ impl<'a> Pictures<'a> {
 
     /// Packs what varies. Constant roughness and metallic become factors; occlusion has none, so if it darkens, it stays.
     /// With a normal map, roughness varies by level even if not from place to place, and the texture holds all of it.
-    fn surface(&self, maps: &[Option<PathBuf>; 3], normals: Option<&Normals>, roughness: [f32; 2]) -> Made {
-        let mut made = Made::nothing();
-        let channels: [Option<Held>; 3] = maps
+    fn orm(&self, maps: &[Option<PathBuf>; 3], normals: Option<&Normals>, roughness: [f32; 2]) -> TextureResult {
+        let mut made = TextureResult::nothing();
+        let channels: [Option<Cow<'_, Channel>>; 3] = maps
             .each_ref()
-            .map(|path| path.as_ref().and_then(|path| self.channel(path, Kind::Red, &mut made.problems)));
+            .map(|path| path.as_ref().and_then(|path| self.channel(path, ChannelUse::Red, &mut made.problems)));
         let channels = channels.each_ref().map(Option::as_deref);
         made.read = channels.map(|channel| channel.is_some());
         let constants = channels.map(|channel| channel.and_then(Channel::constant));
@@ -261,7 +264,7 @@ impl<'a> Pictures<'a> {
         let range = |i: usize| constants[i].map(|c| (c, c)).or(channels[i]?.range());
         made.ranges = [0, 1, 2].map(|i| range(i).map_or([255; 2], |(least, most)| [least, most]));
         let mut texture = Texture::packed(name, varying);
-        // A broken normal map is told by its own job.
+        // A broken normal map is told by its own task.
         let normals = normals.and_then(|normals| self.normal_map(normals).ok().flatten());
         let loss = normals.as_ref().map(|normals| self.report.time("mips", || NormalLoss::new(normals)));
         if let Some(normals) = normals {
@@ -270,7 +273,7 @@ impl<'a> Pictures<'a> {
             texture.scale_channel(1, own);
             made.holds_roughness = true;
         }
-        made.texture = texture.map(|t| MipChain::surface(t, loss.as_ref(), self.options.storage, self.report));
+        made.texture = texture.map(|t| MipChain::orm(t, loss.as_ref(), self.options.storage, self.report));
         made
     }
 
@@ -278,33 +281,21 @@ impl<'a> Pictures<'a> {
         self.report.time("decode", || Texture::load(path, encoding)).map_err(|error| error.to_string())
     }
 
-    fn channel(&self, path: &Path, kind: Kind, problems: &mut Vec<(PathBuf, String)>) -> Option<Held<'_>> {
+    fn channel(
+        &self,
+        path: &Path,
+        kind: ChannelUse,
+        problems: &mut Vec<(PathBuf, String)>,
+    ) -> Option<Cow<'_, Channel>> {
         let load = || {
-            let load = |path| if kind == Kind::Mask { Channel::load_mask(path) } else { Channel::load(path) };
+            let load = |path| if kind == ChannelUse::Mask { Channel::load_mask(path) } else { Channel::load(path) };
             self.report.time("decode", || load(path)).map_err(|error| error.to_string())
         };
         let loaded = match self.shared.get(&(path.to_owned(), kind)) {
-            Some(once) => once.get_or_init(load).as_ref().map(Held::Shared).map_err(String::clone),
-            None => load().map(Held::Own),
+            Some(once) => once.get_or_init(load).as_ref().map(Cow::Borrowed).map_err(String::clone),
+            None => load().map(Cow::Owned),
         };
         loaded.map_err(|problem| problems.push((path.to_owned(), problem))).ok()
-    }
-}
-
-/// A channel of this job's own, or one that others want too.
-enum Held<'a> {
-    Own(Channel),
-    Shared(&'a Channel),
-}
-
-impl std::ops::Deref for Held<'_> {
-    type Target = Channel;
-
-    fn deref(&self) -> &Channel {
-        match self {
-            Self::Own(channel) => channel,
-            Self::Shared(channel) => channel,
-        }
     }
 }
 
@@ -335,25 +326,25 @@ fn plain(like: &Texture) -> Texture {
     Texture { name: "roughness".into(), encoding: Encoding::Linear, pixels, ..*like }
 }
 
-fn files(job: &TextureTask) -> Vec<&PathBuf> {
-    match job {
-        TextureTask::Albedo { colour, mask } => colour.iter().chain(mask).collect(),
+fn files(task: &TextureTask) -> Vec<&PathBuf> {
+    match task {
+        TextureTask::BaseColor { colour, mask } => colour.iter().chain(mask).collect(),
         TextureTask::Normal(normals) => vec![normals.path()],
-        TextureTask::Surface { maps, normals, .. } => {
+        TextureTask::Orm { maps, normals, .. } => {
             maps.iter().flatten().chain(normals.as_ref().map(Normals::path)).collect()
         }
     }
 }
 
-fn scalars(job: &TextureTask) -> Vec<(PathBuf, Kind)> {
-    match job {
-        TextureTask::Albedo { mask, .. } => mask.iter().map(|path| (path.clone(), Kind::Mask)).collect(),
+fn scalars(task: &TextureTask) -> Vec<(PathBuf, ChannelUse)> {
+    match task {
+        TextureTask::BaseColor { mask, .. } => mask.iter().map(|path| (path.clone(), ChannelUse::Mask)).collect(),
         TextureTask::Normal(_) => Vec::new(),
-        TextureTask::Surface { maps, .. } => maps.iter().flatten().map(|path| (path.clone(), Kind::Red)).collect(),
+        TextureTask::Orm { maps, .. } => maps.iter().flatten().map(|path| (path.clone(), ChannelUse::Red)).collect(),
     }
 }
 
-fn to_entry(made: &Made) -> Ktx2 {
+fn to_entry(made: &TextureResult) -> Ktx2 {
     let mut entry = match &made.texture {
         Some(texture) => texture.clone().into_ktx2(),
         None => {
@@ -378,14 +369,14 @@ fn facts(entry: &Ktx2) -> Option<Facts> {
     Some((factor, [12, 13, 14].map(|at| facts[at] == 1), ranges))
 }
 
-/// What was stored for a job whose files could all be read.
-fn from_entry(entry: Ktx2, job: &TextureTask) -> Option<Made> {
+/// What was stored for a task whose files could all be read.
+fn from_entry(entry: Ktx2, task: &TextureTask) -> Option<TextureResult> {
     let (factor, [cutout, holds_roughness, has_texture], ranges) = facts(&entry)?;
     let texture = if has_texture { Some(MipChain::from_ktx2(entry)?) } else { None };
-    let read = match job {
-        TextureTask::Albedo { colour, .. } => [colour.is_some(); 3],
+    let read = match task {
+        TextureTask::BaseColor { colour, .. } => [colour.is_some(); 3],
         TextureTask::Normal(_) => [true; 3],
-        TextureTask::Surface { maps, .. } => maps.each_ref().map(Option::is_some),
+        TextureTask::Orm { maps, .. } => maps.each_ref().map(Option::is_some),
     };
-    Some(Made { texture, factor: factor.into(), ranges, cutout, holds_roughness, read, problems: Vec::new() })
+    Some(TextureResult { texture, factor: factor.into(), ranges, cutout, holds_roughness, read, problems: Vec::new() })
 }

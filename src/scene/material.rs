@@ -7,7 +7,7 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use super::Material;
-use super::maps::{ALPHA_CUTOFF, Made, Normals, Pictures, TextureTask};
+use super::maps::{ALPHA_CUTOFF, Normals, Pictures, TextureResult, TextureTask};
 use crate::asset::mtl::{Map, Mtl};
 use crate::asset::{MipChain, Report, TextureOptions, file};
 
@@ -20,10 +20,10 @@ pub fn default_material() -> Material {
 
 impl Material {
     /// The same all over.
-    pub fn plain(name: &str, albedo: Vec3, metallic: f32, roughness: f32) -> Self {
+    pub fn plain(name: &str, base_color: Vec3, metallic: f32, roughness: f32) -> Self {
         Self {
             name: name.into(),
-            base_color_factor: albedo,
+            base_color_factor: base_color,
             metallic_factor: metallic,
             roughness_factor: roughness,
             base_color_map: None,
@@ -45,61 +45,61 @@ impl Material {
 /// repeats `map_Kd`, as the Phong model's ambient colour did. Cutouts come from `map_d`, else from alpha of `map_Kd`.
 /// A texture that is absent or broken is left out with a warning that names file and key.
 pub fn build(mtls: &[Mtl], options: &TextureOptions, report: &Report) -> (Vec<Material>, Vec<MipChain>) {
-    let mut told = HashSet::new();
-    let plans: Vec<Plan> = mtls.iter().map(|mtl| Plan::new(mtl, &mut told, report)).collect();
-    let jobs: BTreeSet<_> = plans.iter().flat_map(Plan::jobs).collect();
-    let pictures = Pictures::new(&jobs, options, report);
-    let progress = report.stage("textures", jobs.len() as u64);
-    let made: Vec<_> = jobs
+    let mut warned = HashSet::new();
+    let plans: Vec<Plan> = mtls.iter().map(|mtl| Plan::new(mtl, &mut warned, report)).collect();
+    let tasks: BTreeSet<_> = plans.iter().flat_map(Plan::tasks).collect();
+    let pictures = Pictures::new(&tasks, options, report);
+    let progress = report.progress("textures", tasks.len() as u64);
+    let made: Vec<_> = tasks
         .into_par_iter()
-        .map(|job| {
-            let made = pictures.make(&job);
+        .map(|task| {
+            let made = pictures.make(&task);
             progress.inc(1);
-            (job, made)
+            (task, made)
         })
         .collect();
     progress.finish_and_clear();
     let mut textures = Vec::new();
-    let results: HashMap<TextureTask, Ready> =
-        made.into_iter().map(|(job, made)| (job, Ready::new(made, &mut textures))).collect();
+    let results: HashMap<TextureTask, IndexedResult> =
+        made.into_iter().map(|(task, made)| (task, IndexedResult::new(made, &mut textures))).collect();
     (plans.iter().map(|plan| plan.material(&results, report)).collect(), textures)
 }
 
-/// What a job came to, with its texture among the scene's.
-struct Ready {
+/// What a task came to, with its texture among the scene's.
+struct IndexedResult {
     texture: Option<usize>,
-    made: Made,
+    result: TextureResult,
 }
 
-impl Ready {
-    fn new(mut made: Made, textures: &mut Vec<MipChain>) -> Self {
-        let texture = made.texture.take().map(|texture| {
+impl IndexedResult {
+    fn new(mut result: TextureResult, textures: &mut Vec<MipChain>) -> Self {
+        let texture = result.texture.take().map(|texture| {
             textures.push(texture);
             textures.len() - 1
         });
-        Self { texture, made }
+        Self { texture, result }
     }
 }
 
 /// One material's maps, found on disk.
 struct Plan<'a> {
     mtl: &'a Mtl,
-    albedo: Option<Source<'a>>,
-    mask: Option<Source<'a>>,
-    norm: Option<Source<'a>>,
-    bump: Option<Source<'a>>,
-    surface: [Option<Source<'a>>; 3],
+    base_color: Option<MapFile<'a>>,
+    mask: Option<MapFile<'a>>,
+    norm: Option<MapFile<'a>>,
+    bump: Option<MapFile<'a>>,
+    orm: [Option<MapFile<'a>>; 3],
 }
 
 /// A map and its file.
-struct Source<'a> {
+struct MapFile<'a> {
     map: &'a Map,
     path: PathBuf,
 }
 
 impl<'a> Plan<'a> {
-    fn new(mtl: &'a Mtl, told: &mut HashSet<(PathBuf, String)>, report: &Report) -> Self {
-        let mut find = |map: &'a Option<Map>| map.as_ref().and_then(|map| find(mtl, map, told, report));
+    fn new(mtl: &'a Mtl, warned: &mut HashSet<(PathBuf, String)>, report: &Report) -> Self {
+        let mut find = |map: &'a Option<Map>| map.as_ref().and_then(|map| find(mtl, map, warned, report));
         let same_file = |a: &Map| mtl.map_kd.as_ref().is_some_and(|kd| kd.file.eq_ignore_ascii_case(&a.file));
         let occlusion = match (&mtl.map_ao, &mtl.map_ka) {
             (None, Some(ambient)) if same_file(ambient) => &None,
@@ -109,91 +109,86 @@ impl<'a> Plan<'a> {
         let norm = find(&mtl.norm);
         Self {
             mtl,
-            albedo: find(&mtl.map_kd),
+            base_color: find(&mtl.map_kd),
             mask: find(&mtl.map_d),
             bump: if norm.is_some() { None } else { find(&mtl.bump) },
             norm,
-            surface: [find(occlusion), find(&mtl.map_roughness), find(&mtl.map_metallic)],
+            orm: [find(occlusion), find(&mtl.map_roughness), find(&mtl.map_metallic)],
         }
     }
 
-    fn albedo_job(&self) -> Option<TextureTask> {
-        let (colour, mask) = (path(&self.albedo), path(&self.mask));
-        (colour.is_some() || mask.is_some()).then_some(TextureTask::Albedo { colour, mask })
+    fn base_color_task(&self) -> Option<TextureTask> {
+        let (colour, mask) = (path(&self.base_color), path(&self.mask));
+        (colour.is_some() || mask.is_some()).then_some(TextureTask::BaseColor { colour, mask })
     }
 
     fn normals(&self) -> Option<Normals> {
-        let bump = |source: &Source| Normals::Bump(source.path.clone(), source.map.bump_strength.to_bits());
-        let norm = self.norm.as_ref().map(|source| Normals::Map(source.path.clone()));
+        let bump = |file: &MapFile| Normals::Bump(file.path.clone(), file.map.bump_strength.to_bits());
+        let norm = self.norm.as_ref().map(|file| Normals::Map(file.path.clone()));
         norm.or_else(|| self.bump.as_ref().map(bump))
     }
 
     /// The roughness that the map is multiplied by, and what stands for it where it is absent or broken, are a part of it.
-    fn surface_job(&self) -> Option<TextureTask> {
-        let maps = self.surface.each_ref().map(path);
+    fn orm_task(&self) -> Option<TextureTask> {
+        let maps = self.orm.each_ref().map(path);
         let normals = self.normals();
         let roughness = [true, false].map(|has_map| roughness_factor(self.mtl, has_map).to_bits());
-        (maps.iter().any(Option::is_some) || normals.is_some()).then_some(TextureTask::Surface {
-            maps,
-            normals,
-            roughness,
-        })
+        (maps.iter().any(Option::is_some) || normals.is_some()).then_some(TextureTask::Orm { maps, normals, roughness })
     }
 
-    fn jobs(&self) -> impl Iterator<Item = TextureTask> {
-        [self.albedo_job(), self.normals().map(TextureTask::Normal), self.surface_job()].into_iter().flatten()
+    fn tasks(&self) -> impl Iterator<Item = TextureTask> {
+        [self.base_color_task(), self.normals().map(TextureTask::Normal), self.orm_task()].into_iter().flatten()
     }
 
-    fn material(&self, results: &HashMap<TextureTask, Ready>, report: &Report) -> Material {
-        let ready = |job: Option<TextureTask>| results.get(&job?);
-        let albedo = ready(self.albedo_job());
-        let normal = ready(self.normals().map(TextureTask::Normal));
-        let surface = ready(self.surface_job());
-        let normal_source = if self.norm.is_some() { &self.norm } else { &self.bump };
-        for (ready, sources) in [(albedo, [&self.albedo, &self.mask].as_slice()), (normal, &[normal_source])] {
-            warn_unusable(self.mtl, ready, sources, report);
+    fn material(&self, results: &HashMap<TextureTask, IndexedResult>, report: &Report) -> Material {
+        let result_of = |task: Option<TextureTask>| results.get(&task?);
+        let base_color = result_of(self.base_color_task());
+        let normal = result_of(self.normals().map(TextureTask::Normal));
+        let orm = result_of(self.orm_task());
+        let normal_file = if self.norm.is_some() { &self.norm } else { &self.bump };
+        for (result, files) in [(base_color, [&self.base_color, &self.mask].as_slice()), (normal, &[normal_file])] {
+            warn_unusable(self.mtl, result, files, report);
         }
-        warn_unusable(self.mtl, surface, &self.surface.each_ref(), report);
+        warn_unusable(self.mtl, orm, &self.orm.each_ref(), report);
         warn_of_the_unmodelled(self.mtl, report);
-        let is_read = |i: usize| surface.is_some_and(|surface| surface.made.read[i]);
-        let has_colour = albedo.is_some_and(|albedo| albedo.made.read[0]);
-        let factor = |ready: Option<&Ready>| ready.map_or(Vec3::ONE, |ready| ready.made.factor);
-        let ranges =
-            surface.map_or([[1.0; 2]; 3], |surface| surface.made.ranges.map(|r| r.map(|v| f32::from(v) / 255.0)));
+        let is_read = |i: usize| orm.is_some_and(|o| o.result.read[i]);
+        let has_colour = base_color.is_some_and(|b| b.result.read[0]);
+        let factor = |result: Option<&IndexedResult>| result.map_or(Vec3::ONE, |result| result.result.factor);
+        let ranges = orm.map_or([[1.0; 2]; 3], |o| o.result.ranges.map(|r| r.map(|v| f32::from(v) / 255.0)));
         let own_roughness = roughness_factor(self.mtl, is_read(1));
-        let roughness = own_roughness * factor(surface).y;
+        let roughness = own_roughness * factor(orm).y;
         let metallic = metallic_factor(self.mtl, is_read(2));
         Material {
             name: self.mtl.name.clone(),
-            base_color_factor: base_color_factor(self.mtl, has_colour, report) * factor(albedo),
-            metallic_factor: metallic * factor(surface).z,
+            base_color_factor: base_color_factor(self.mtl, has_colour, report) * factor(base_color),
+            metallic_factor: metallic * factor(orm).z,
             // A map that is widened where normals lose detail holds all of the roughness.
-            roughness_factor: if surface.is_some_and(|s| s.made.holds_roughness) { 1.0 } else { roughness },
-            base_color_map: albedo.and_then(|albedo| albedo.texture),
+            roughness_factor: if orm.is_some_and(|o| o.result.holds_roughness) { 1.0 } else { roughness },
+            base_color_map: base_color.and_then(|b| b.texture),
             normal_map: normal.and_then(|normal| normal.texture),
-            orm_map: surface.and_then(|surface| surface.texture),
+            orm_map: orm.and_then(|o| o.texture),
             metallic_range: ranges[2].map(|value| value * metallic),
             roughness_range: ranges[1].map(|value| value * own_roughness),
             occludes: ranges[0][0] < 1.0,
-            alpha_cutoff: albedo.is_some_and(|albedo| albedo.made.cutout).then_some(ALPHA_CUTOFF),
+            alpha_cutoff: base_color.is_some_and(|b| b.result.cutout).then_some(ALPHA_CUTOFF),
         }
     }
 }
 
-fn path(source: &Option<Source>) -> Option<PathBuf> {
-    source.as_ref().map(|source| source.path.clone())
+fn path(file: &Option<MapFile>) -> Option<PathBuf> {
+    file.as_ref().map(|file| file.path.clone())
 }
 
 fn place(mtl: &Mtl, map: &Map) -> String {
     format!("{}:{}: {} {}", file::short_name(&mtl.path), map.line, map.key, map.file)
 }
 
-/// The map's file. What was said of a name is put into `told` and not said again.
-fn find<'a>(mtl: &Mtl, map: &'a Map, told: &mut HashSet<(PathBuf, String)>, report: &Report) -> Option<Source<'a>> {
+/// The map's file. What was said of a name is put into `warned` and not said again.
+fn find<'a>(mtl: &Mtl, map: &'a Map, warned: &mut HashSet<(PathBuf, String)>, report: &Report) -> Option<MapFile<'a>> {
     let folder = mtl.path.parent().unwrap_or(Path::new(""));
     let found = file::find(folder, &map.file);
     let mut warn = |message: String| {
-        if told.insert((mtl.path.clone(), map.file.clone())) {
+        if warned.insert((mtl.path.clone(), map.file.clone())) {
             report.warn(message);
         }
     };
@@ -204,15 +199,15 @@ fn find<'a>(mtl: &Mtl, map: &'a Map, told: &mut HashSet<(PathBuf, String)>, repo
     if let Some(real) = found.real_name {
         warn(format!("{}: found as {real}", place(mtl, map)));
     }
-    Some(Source { map, path: found.path })
+    Some(MapFile { map, path: found.path })
 }
 
-/// Tells of each of a job's files that could not be read.
-fn warn_unusable(mtl: &Mtl, ready: Option<&Ready>, sources: &[&Option<Source>], report: &Report) {
-    for source in sources.iter().copied().flatten() {
-        let problems = ready.iter().flat_map(|ready| &ready.made.problems);
-        if let Some((_, problem)) = problems.into_iter().find(|(path, _)| *path == source.path) {
-            report.warn(format!("{}: {problem}; using the factor alone", place(mtl, source.map)));
+/// Tells of each of a task's files that could not be read.
+fn warn_unusable(mtl: &Mtl, result: Option<&IndexedResult>, files: &[&Option<MapFile>], report: &Report) {
+    for file in files.iter().copied().flatten() {
+        let problems = result.iter().flat_map(|result| &result.result.problems);
+        if let Some((_, problem)) = problems.into_iter().find(|(path, _)| *path == file.path) {
+            report.warn(format!("{}: {problem}; using the factor alone", place(mtl, file.map)));
         }
     }
 }

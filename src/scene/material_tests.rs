@@ -3,8 +3,8 @@
 use image::{GrayImage, Luma, Rgb, RgbImage, Rgba, RgbaImage};
 
 use super::*;
-use crate::asset::ktx2::TexelFormat;
 use crate::asset::cache::Key;
+use crate::asset::ktx2::TexelFormat;
 use crate::asset::{Cache, Storage, mtl};
 use crate::scene::maps::TEXTURES_VERSION;
 

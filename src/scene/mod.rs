@@ -1,13 +1,13 @@
 //! What is drawn, as plain data: meshes, materials, lights, cameras, surroundings.
 
 pub mod cluster;
+mod culling_bounds;
 pub mod description;
 pub mod load;
 mod maps;
 pub mod material;
 pub mod mesh;
 pub mod needs;
-mod shell;
 pub mod tangent;
 
 use glam::{Mat4, Vec3};
@@ -70,7 +70,7 @@ pub struct Material {
     /// Least and most of what factor and map together say; smaller levels of a map may be rougher, where normals vary.
     pub metallic_range: [f32; 2],
     pub roughness_range: [f32; 2],
-    /// Does the surface map set_fade crevices?
+    /// Whether occlusion in the ORM map darkens anything.
     pub occludes: bool,
     /// With `Some(a)`, fragments whose albedo map has alpha < a are not there.
     pub alpha_cutoff: Option<f32>,

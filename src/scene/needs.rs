@@ -40,18 +40,18 @@ pub struct MaterialFeatures {
     /// Occlusion, roughness, metallic.
     pub orm_map: bool,
     pub alpha_mask: bool,
-    pub metals: Metalness,
+    pub metalness: Metalness,
     /// Light that bounces more than once between microfacets; without it a rough metal is too dark.
     pub multi_scatter: bool,
 }
 
 impl MaterialFeatures {
-    const EVERYTHING: Self = Self {
+    pub(super) const EVERYTHING: Self = Self {
         base_color_map: true,
         normal_map: true,
         orm_map: true,
         alpha_mask: true,
-        metals: Metalness::Mixed,
+        metalness: Metalness::Mixed,
         multi_scatter: true,
     };
 
@@ -61,7 +61,7 @@ impl MaterialFeatures {
             normal_map: material.normal_map.is_some(),
             orm_map: material.orm_map.is_some(),
             alpha_mask: material.alpha_cutoff.is_some(),
-            metals: match material.metallic_range {
+            metalness: match material.metallic_range {
                 [_, most] if most <= 0.0 => Metalness::Dielectric,
                 [least, _] if least >= 1.0 => Metalness::Metal,
                 _ => Metalness::Mixed,
@@ -145,30 +145,30 @@ mod tests {
             metallic_range: [0.0, 1.0],
             ..default_material()
         };
-        let needs = SceneFeatures::of(&scene(vec![default_material(), all], 0), Model::Needed, None);
-        assert_eq!(needs.materials[1], MaterialFeatures::EVERYTHING);
+        let features = SceneFeatures::of(&scene(vec![default_material(), all], 0), Model::Needed, None);
+        assert_eq!(features.materials[1], MaterialFeatures::EVERYTHING);
         let plain = MaterialFeatures {
             base_color_map: false,
             normal_map: false,
             orm_map: false,
             alpha_mask: false,
-            metals: Metalness::Dielectric,
+            metalness: Metalness::Dielectric,
             multi_scatter: false,
         };
-        assert_eq!(needs.materials[0], plain);
-        assert_eq!(needs.pipelines(), 2);
+        assert_eq!(features.materials[0], plain);
+        assert_eq!(features.pipelines(), 2);
     }
 
     #[test]
     fn metal_is_told_from_what_its_map_and_factor_come_to() {
-        let metals = |metallic_range| {
+        let metalness = |metallic_range| {
             let material = Material { metallic_range, ..default_material() };
-            SceneFeatures::of(&scene(vec![material], 0), Model::Needed, None).materials[0].metals
+            SceneFeatures::of(&scene(vec![material], 0), Model::Needed, None).materials[0].metalness
         };
-        assert_eq!(metals([0.0, 0.0]), Metalness::Dielectric);
-        assert_eq!(metals([1.0, 1.0]), Metalness::Metal);
+        assert_eq!(metalness([0.0, 0.0]), Metalness::Dielectric);
+        assert_eq!(metalness([1.0, 1.0]), Metalness::Metal);
         for range in [[0.0, 0.004], [0.996, 1.0], [0.0, 1.0], [0.5, 0.5]] {
-            assert_eq!(metals(range), Metalness::Mixed, "{range:?}");
+            assert_eq!(metalness(range), Metalness::Mixed, "{range:?}");
         }
     }
 
@@ -178,8 +178,8 @@ mod tests {
             [(0.9, 1.0, 0.6, true), (0.9, 1.0, 0.02, false), (0.9, 0.0, 1.0, false), (0.05, 1.0, 0.5, false)]
         {
             let material = Material::plain("plain", Vec3::splat(albedo), metallic, roughness);
-            let needs = SceneFeatures::of(&scene(vec![material], 0), Model::Needed, None);
-            assert_eq!(needs.materials[0].multi_scatter, needed, "{albedo}, {metallic}, {roughness}");
+            let features = SceneFeatures::of(&scene(vec![material], 0), Model::Needed, None);
+            assert_eq!(features.materials[0].multi_scatter, needed, "{albedo}, {metallic}, {roughness}");
         }
     }
 
@@ -193,8 +193,8 @@ mod tests {
 
     #[test]
     fn everything_is_everything() {
-        let needs = SceneFeatures::of(&scene(vec![default_material(); 3], 1), Model::Everything, None);
-        assert_eq!(needs.materials, [MaterialFeatures::EVERYTHING; 3]);
-        assert_eq!(needs.pipelines(), 1);
+        let features = SceneFeatures::of(&scene(vec![default_material(); 3], 1), Model::Everything, None);
+        assert_eq!(features.materials, [MaterialFeatures::EVERYTHING; 3]);
+        assert_eq!(features.pipelines(), 1);
     }
 }

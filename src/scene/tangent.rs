@@ -8,15 +8,15 @@ use glam::{Vec3, Vec4};
 use super::mesh::{Bounds, Mesh, Vertex};
 use crate::asset::mesh::{Corner, Submesh};
 
-/// A mesh of `part`'s triangles, in their order; corners that agree in everything share a vertex.
+/// A mesh of `submesh`'s triangles, in their order; corners that agree in everything share a vertex.
 ///
 /// Tangents are MikkTSpace's, computed with v upwards, so that w · cross(normal, tangent) points to the picture's top;
 /// where there are no texture coordinates, or none of any area, some tangent at right angles to the normal.
-pub fn mesh(part: &Submesh, material: usize) -> Mesh {
-    let tangents = tangents(part);
+pub fn mesh(submesh: &Submesh, material: usize) -> Mesh {
+    let tangents = tangents(submesh);
     let mut vertices: Vec<Vertex> = Vec::new();
-    let mut known: HashMap<[u32; 12], u32> = HashMap::with_capacity(part.corners.len() / 3);
-    let indices = part.corners.iter().zip(tangents).map(|(corner, tangent)| {
+    let mut known: HashMap<[u32; 12], u32> = HashMap::with_capacity(submesh.corners.len() / 3);
+    let indices = submesh.corners.iter().zip(tangents).map(|(corner, tangent)| {
         let vertex = vertex(corner, tangent);
         *known.entry(bytemuck::cast(vertex)).or_insert_with(|| {
             vertices.push(vertex);
@@ -24,8 +24,8 @@ pub fn mesh(part: &Submesh, material: usize) -> Mesh {
         })
     });
     let indices = indices.collect();
-    let bounds = Bounds::of(part.corners.iter().map(|corner| corner.position));
-    Mesh { name: part.name.clone(), vertices, indices, material, bounds }
+    let bounds = Bounds::of(submesh.corners.iter().map(|corner| corner.position));
+    Mesh { name: submesh.name.clone(), vertices, indices, material, bounds }
 }
 
 fn vertex(corner: &Corner, tangent: Vec4) -> Vertex {
@@ -37,9 +37,9 @@ fn vertex(corner: &Corner, tangent: Vec4) -> Vertex {
     }
 }
 
-fn tangents(part: &Submesh) -> Vec<Vec4> {
-    let mut corners = Corners { corners: &part.corners, tangents: vec![Vec4::ZERO; part.corners.len()] };
-    if part.has_uvs {
+fn tangents(submesh: &Submesh) -> Vec<Vec4> {
+    let mut corners = Corners { corners: &submesh.corners, tangents: vec![Vec4::ZERO; submesh.corners.len()] };
+    if submesh.has_uvs {
         let done = bevy_mikktspace::generate_tangents(&mut corners);
         // Its error has no cases today; if it gets some, every tangent below is mended.
         debug_assert!(done.is_ok());
@@ -132,12 +132,12 @@ mod tests {
 
     #[test]
     fn mirrored_halves_split_the_vertices_between_them() {
-        let mut part = square(|p| p);
+        let mut submesh = square(|p| p);
         // The left neighbour, mirrored about x = 0: the same coordinates on the common edge.
         let mirrored =
-            part.corners.iter().rev().map(|c| Corner { position: c.position * Vec3::new(-1.0, 1.0, 1.0), ..*c });
-        part.corners = part.corners.clone().into_iter().chain(mirrored).collect();
-        let mesh = mesh(&part, 0);
+            submesh.corners.iter().rev().map(|c| Corner { position: c.position * Vec3::new(-1.0, 1.0, 1.0), ..*c });
+        submesh.corners = submesh.corners.clone().into_iter().chain(mirrored).collect();
+        let mesh = mesh(&submesh, 0);
         assert_eq!(mesh.vertices.len(), 8, "two vertices of the common edge stand twice");
         for v in &mesh.vertices {
             assert!((v.tangent[0].abs() - 1.0).abs() < 1e-6 && (bitangent(v) - Vec3::Y).length() < 1e-6, "{v:?}");
@@ -148,8 +148,8 @@ mod tests {
     fn coordinates_without_area_give_some_frame() {
         let degenerate =
             [square(|_| Vec2::ZERO), square(|p| Vec2::splat(p.x)), Submesh { has_uvs: false, ..square(|p| p) }];
-        for part in degenerate {
-            for v in mesh(&part, 0).vertices {
+        for submesh in degenerate {
+            for v in mesh(&submesh, 0).vertices {
                 let (t, n) = (Vec4::from_array(v.tangent), Vec3::from_array(v.normal));
                 assert!(t.truncate().is_normalized() && t.truncate().dot(n).abs() < 1e-6 && t.w.abs() == 1.0, "{v:?}");
             }
@@ -159,9 +159,9 @@ mod tests {
     #[test]
     fn wild_input_never_gives_a_nan() {
         for scale in [1e-30, 1e-10, 1e9] {
-            let mut part = square(|p| p * 1e6);
-            part.corners.iter_mut().for_each(|c| c.position *= scale);
-            for v in mesh(&part, 0).vertices {
+            let mut submesh = square(|p| p * 1e6);
+            submesh.corners.iter_mut().for_each(|c| c.position *= scale);
+            for v in mesh(&submesh, 0).vertices {
                 assert!(
                     v.tangent.iter().all(|t| t.is_finite()) && Vec4::from_array(v.tangent).truncate().is_normalized()
                 );

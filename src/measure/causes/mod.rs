@@ -136,7 +136,7 @@ fn balls(
     let grid = if request.full { ball::FULL } else { ball::QUICK };
     let panoramas = panoramas(request, grid.width, report)?;
     let size = request.sizes.first().copied().unwrap_or(Options::default().face_size);
-    let bar = report.stage("balls", panoramas.len() as u64);
+    let bar = report.progress("balls", panoramas.len() as u64);
     for panorama in &panoramas {
         let rows = Ball::new(gpu, panorama, size, &grid, request.cache)?.rows(&grid)?;
         keep(rows)?;

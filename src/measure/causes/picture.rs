@@ -91,7 +91,7 @@ impl<'a> Bench<'a> {
 
     /// Draws everything; each row is kept as soon as it is known.
     pub fn measure(&self, keep: &mut impl FnMut(Vec<Row>) -> Result<()>) -> Result<()> {
-        let bar = self.report.stage("pictures", 6);
+        let bar = self.report.progress("pictures", 6);
         let seen = self.drawn(&self.compressed, &self.settings)?;
         let (bare, raw_bare) = (top_levels(&self.compressed), top_levels(&self.raw));
         let parts = self.exact(&raw_bare)?;

@@ -85,7 +85,7 @@ impl ReferenceAccumulator {
         let settings = Settings { textures, output, viewpoint: None, ..settings.clone() };
         let mut renderer = Renderer::new(stand.gpu, scene, settings, Shading::Reference, size, 1, &Report::silent())?;
         let mut recorder = CommandBuffer::new(stand.gpu)?;
-        let bar = report.stage("exact", 4 * u64::from(quarter));
+        let bar = report.progress("exact", 4 * u64::from(quarter));
         let mut gpu_ms = 0.0;
         let draw = || {
             for frame in 0..quarter as usize {

@@ -149,7 +149,7 @@ fn climb(
     let (unfit, alone): (Vec<_>, Vec<_>) =
         all.partition(|(_, flags)| info.is_software() && rungs::NOT_FOR_SOFTWARE.contains(flags));
     ladder.notes.extend(unfit.iter().map(|(_, flags)| format!("`{flags}`: not measured where the processor draws")));
-    let bar = report.stage("settings", alone.len() as u64);
+    let bar = report.progress("settings", alone.len() as u64);
     let mut measure = |ladder: &mut Ladder, dimension: &str, flags: &str| -> Result<()> {
         if let Some(rung) = bench.measure(dimension, flags)? {
             ladder.rungs.push(rung);

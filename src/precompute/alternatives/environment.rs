@@ -20,8 +20,9 @@ impl Environment {
     pub fn new(gpu: &Arc<Gpu>, panorama: &Arc<Image>, scale: f32, size: u32) -> Result<Self> {
         let cube = cube(gpu, "environment", size, size.ilog2() + 1)?;
         let sampler = Sampler::new(gpu, "panorama", AddressMode::Panorama, 1)?;
-        let set =
-            |layout: &DescriptorSetLayout, binds: &[Binding<'_>]| DescriptorSet::new(gpu, "environment", layout, binds);
+        let set = |layout: &DescriptorSetLayout, bindings: &[Binding<'_>]| {
+            DescriptorSet::new(gpu, "environment", layout, bindings)
+        };
 
         // Two taps for each panorama texel that a cube texel spans at the equator.
         let taps = (panorama.desc().size[0].div_ceil(4 * size) * 2).clamp(2, 16);

@@ -4,12 +4,12 @@
 //! compare like with like.
 
 mod environment;
-mod job;
+mod pass;
 #[cfg(test)]
-mod job_tests;
+mod pass_tests;
 
 pub use environment::Environment;
-pub use job::AlternativePass;
+pub use pass::AlternativePass;
 
 /// One way, with its parameter.
 #[derive(Clone, Copy, Debug, PartialEq)]

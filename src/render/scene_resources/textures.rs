@@ -51,7 +51,7 @@ pub fn upload(
     let all: Vec<(&MipChain, u32)> = textures.iter().zip(firsts).collect();
     let images: Vec<Arc<Image>> =
         all.iter().map(|(texture, first)| image(gpu, texture, *first)).collect::<Result<_>>()?;
-    let progress = report.stage("upload", images.len() as u64);
+    let progress = report.progress("upload", images.len() as u64);
     report.time("upload", || -> Result<()> {
         let mut upload = Upload::new(gpu);
         for (image, (texture, first)) in images.iter().zip(&all) {

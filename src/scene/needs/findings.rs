@@ -25,14 +25,14 @@ pub struct Findings {
     pub triangles: usize,
     pub findings: Vec<Finding>,
     pub materials: Vec<MaterialFinding>,
-    pub needs: SceneFeatures,
+    pub features: SceneFeatures,
 }
 
-/// One material's needs, by name.
+/// One material's features, by name.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct MaterialFinding {
     pub name: String,
-    pub needs: MaterialFeatures,
+    pub features: MaterialFeatures,
     pub roughness: [f32; 2],
     pub metallic: [f32; 2],
     pub occludes: bool,
@@ -55,19 +55,19 @@ const SUN_SHARE: f32 = 0.1;
 impl Findings {
     /// Reads a scene.
     pub fn of(scene: &Scene) -> Self {
-        let needs = SceneFeatures::of(scene, Model::Needed, None);
-        let material = |(material, needs): (&Material, &MaterialFeatures)| MaterialFinding {
+        let features = SceneFeatures::of(scene, Model::Needed, None);
+        let material = |(material, features): (&Material, &MaterialFeatures)| MaterialFinding {
             name: material.name.clone(),
-            needs: *needs,
+            features: *features,
             roughness: material.roughness_range,
             metallic: material.metallic_range,
             occludes: material.occludes,
         };
-        let materials: Vec<_> = scene.materials.iter().zip(&needs.materials).map(material).collect();
+        let materials: Vec<_> = scene.materials.iter().zip(&features.materials).map(material).collect();
         let mut findings = maps(&materials);
         findings.extend([metals(&materials), multi_scatter(&materials), roughness(&materials), lights(scene)]);
         findings.extend(shadows(scene, sun(&scene.environment.panorama)));
-        Self { triangles: scene.triangles(), findings, materials, needs }
+        Self { triangles: scene.triangles(), findings, materials, features }
     }
 
     /// One line for each decision, what is modelled first.
@@ -76,7 +76,7 @@ impl Findings {
         let those = |modelled, mark| {
             self.findings.iter().filter(move |f| f.modelled == modelled).map(move |finding| line(mark, finding))
         };
-        let pipelines = format!("{} pipeline(s) for {} material(s)", self.needs.pipelines(), self.materials.len());
+        let pipelines = format!("{} pipeline(s) for {} material(s)", self.features.pipelines(), self.materials.len());
         std::iter::once(pipelines).chain(those(true, "+")).chain(those(false, "-")).collect()
     }
 }
@@ -89,20 +89,20 @@ fn maps(materials: &[MaterialFinding]) -> Vec<Finding> {
         Finding { subject, modelled: count > 0, why }
     };
     vec![
-        finding("albedo maps", &|m| m.needs.base_color_map, "no material has one that varies: factors"),
-        finding("normal maps", &|m| m.needs.normal_map, "no material has one that bends anything"),
+        finding("base color maps", &|m| m.features.base_color_map, "no material has one that varies: factors"),
+        finding("normal maps", &|m| m.features.normal_map, "no material has one that bends anything"),
         finding(
             "roughness, metal maps",
-            &|m| m.needs.orm_map,
+            &|m| m.features.orm_map,
             "no material's roughness, metalness or occlusion varies: factors",
         ),
         finding("occlusion", &|m| m.occludes, "no map darkens anything"),
-        finding("cutouts", &|m| m.needs.alpha_mask, "every surface is whole: no fragment is thrown away"),
+        finding("cutouts", &|m| m.features.alpha_mask, "every surface is whole: no fragment is thrown away"),
     ]
 }
 
 fn metals(materials: &[MaterialFinding]) -> Finding {
-    let count = |kind| materials.iter().filter(|m| m.needs.metals == kind).count();
+    let count = |kind| materials.iter().filter(|m| m.features.metalness == kind).count();
     let (dielectric, metal, mixed) = (count(Metalness::Dielectric), count(Metalness::Metal), count(Metalness::Mixed));
     let why = match (dielectric, metal, mixed) {
         (_, 0, 0) => "nothing is metallic: reflects 4 % head on".to_owned(),
@@ -113,8 +113,8 @@ fn metals(materials: &[MaterialFinding]) -> Finding {
 }
 
 fn multi_scatter(materials: &[MaterialFinding]) -> Finding {
-    let (count, all) = (materials.iter().filter(|m| m.needs.multi_scatter).count(), materials.len());
-    let percent = 100.0 * VISIBLE;
+    let (count, all) = (materials.iter().filter(|m| m.features.multi_scatter).count(), materials.len());
+    let percent = format!("{:.2}", 100.0 * VISIBLE);
     let why = match count {
         0 => format!("no rough metal: more bounces between microfacets would add less than {percent} %"),
         _ => format!("{count} of {all} materials are metal rough enough to lose more than {percent} % of the light"),
@@ -141,14 +141,14 @@ fn lights(scene: &Scene) -> Finding {
 fn shadows(scene: &Scene, sun: Option<Sun>) -> Vec<Finding> {
     let sources = scene.lights.len() + usize::from(sun.is_some());
     let shadows = if sources == 0 {
-        "no lamp, no sun: nothing casts a hard shadow; occlusion maps stand for soft ones".to_owned()
+        "no point light, no sun: nothing casts a hard shadow; occlusion maps stand in for soft ones".to_owned()
     } else {
-        format!("{sources} source(s) would cast them; not modelled: light passes through things")
+        format!("{sources} source(s) would cast them; not modelled: nothing blocks their light")
     };
     let sun = match sun {
         Some(Sun { share, towards: [x, y, z] }) => {
             format!(
-                "{:.0} % of all light, from ({x:.2}, {y:.2}, {z:.2}); part of the light maps, not a lamp of its own",
+                "{:.0} % of all light, from ({x:.2}, {y:.2}, {z:.2}); part of the light maps, not a light of its own",
                 share * 100.0
             )
         }
@@ -208,6 +208,18 @@ mod tests {
         assert!((found.share - truth).abs() < 0.002, "{} is not {truth}", found.share);
         // At the pole the same texel is too small to matter.
         assert_eq!(sun(&panorama(Some((10, 0)))), None);
+    }
+
+    #[test]
+    fn the_share_that_counts_as_visible_is_rounded() {
+        let features = MaterialFeatures::EVERYTHING;
+        let metal =
+            MaterialFinding { name: "m".into(), features, roughness: [1.0; 2], metallic: [1.0; 2], occludes: false };
+        let without = MaterialFeatures { multi_scatter: false, ..features };
+        for features in [features, without] {
+            let finding = multi_scatter(&[MaterialFinding { features, ..metal.clone() }]);
+            assert!(finding.why.contains(" 0.45 %"), "{}", finding.why);
+        }
     }
 
     #[test]

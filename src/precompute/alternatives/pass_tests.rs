@@ -27,14 +27,14 @@ fn fill(panorama: &Panorama, size: u32, method: Method, targets: &[Target]) -> V
     with_gpu(|gpu| {
         let light = LightMaps::new(gpu, panorama, &Options { face_size: 16, ..Options::default() }).unwrap();
         let environment = Environment::new(gpu, &light.panorama, light.scale, size).unwrap();
-        let job = AlternativePass::new(gpu, &environment, method, targets).unwrap();
-        assert!(job.run(gpu).unwrap()[0].ms > 0.0);
+        let pass = AlternativePass::new(gpu, &environment, method, targets).unwrap();
+        assert!(pass.run(gpu).unwrap()[0].ms > 0.0);
         let cube = |(image, target): (&Arc<Image>, &Target)| {
             let faces = (0..6).flat_map(|layer| texels(gpu, image, Subresource { mip: 0, layer }));
             let value = |(i, value)| (direction(i, target.size), value * f64::from(environment.scale));
             faces.enumerate().map(value).collect()
         };
-        job.cubes.iter().zip(targets).map(cube).collect()
+        pass.cubes.iter().zip(targets).map(cube).collect()
     })
 }
 

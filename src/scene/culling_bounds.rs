@@ -12,7 +12,7 @@ const WELD_PART: f32 = 1.0 / (1 << 20) as f32;
 const RAYS: usize = 32;
 
 /// Triangles that hang together at their corners.
-pub struct Shell {
+pub struct Component {
     /// Corners as indices into the mesh's vertices.
     pub triangles: Vec<[u32; 3]>,
     /// Local space.
@@ -23,7 +23,7 @@ pub struct Shell {
 
 /// Cuts a mesh into its connected parts, each with its triangles in their old order. Triangles without area whose corners
 /// coincide exactly are left out: they cover nothing.
-pub fn shells(vertices: &[Vertex], indices: &[u32]) -> Vec<Shell> {
+pub fn connected_components(vertices: &[Vertex], indices: &[u32]) -> Vec<Component> {
     let points = weld(vertices);
     let position = |corner: u32| vertices[corner as usize].position;
     let triangles = indices.chunks_exact(3).map(|t| [t[0], t[1], t[2]]).filter(|t| {
@@ -41,19 +41,19 @@ pub fn shells(vertices: &[Vertex], indices: &[u32]) -> Vec<Shell> {
     let mut known: HashMap<u32, usize> = HashMap::new();
     for triangle in triangles {
         let group = groups.of(points[triangle[0] as usize]);
-        let shell = *known.entry(group).or_insert(found.len());
-        if shell == found.len() {
+        let component = *known.entry(group).or_insert(found.len());
+        if component == found.len() {
             found.push(Vec::new());
         }
-        found[shell].push(triangle);
+        found[component].push(triangle);
     }
-    let shell = |triangles: Vec<[u32; 3]>| {
+    let component = |triangles: Vec<[u32; 3]>| {
         let bounds = Bounds::of(triangles.iter().flatten().map(|corner| position(*corner).into()));
         let welded: Vec<[u32; 3]> = triangles.iter().map(|t| t.map(|corner| points[corner as usize])).collect();
         let closed = has_no_border(&welded) && is_outward(&welded, vertices);
-        Shell { triangles, bounds, closed }
+        Component { triangles, bounds, closed }
     };
-    found.into_iter().map(shell).collect()
+    found.into_iter().map(component).collect()
 }
 
 /// For each vertex the first one at its place.
@@ -180,26 +180,26 @@ pub mod tests {
     #[test]
     fn a_ball_is_closed_though_its_seam_stands_twice() {
         let (vertices, indices) = ball(16, 2.0);
-        let shells = shells(&vertices, &indices);
-        assert_eq!(shells.len(), 1);
-        assert!(shells[0].closed);
-        assert!((shells[0].bounds.max - Vec3::splat(2.0)).length() < 1e-6);
+        let components = connected_components(&vertices, &indices);
+        assert_eq!(components.len(), 1);
+        assert!(components[0].closed);
+        assert!((components[0].bounds.max - Vec3::splat(2.0)).length() < 1e-6);
     }
 
     #[test]
     fn a_ball_with_a_hole_or_a_turned_triangle_is_open() {
         let (vertices, indices) = ball(16, 1.0);
         let middle = indices.len() / 2;
-        assert!(!shells(&vertices, &indices[..indices.len() - 300]).iter().any(|s| s.closed));
+        assert!(!connected_components(&vertices, &indices[..indices.len() - 300]).iter().any(|s| s.closed));
         let mut turned = indices;
         turned.swap(middle, middle + 1);
-        assert!(!shells(&vertices, &turned).iter().any(|s| s.closed));
+        assert!(!connected_components(&vertices, &turned).iter().any(|s| s.closed));
     }
 
     #[test]
     fn a_ball_turned_inside_out_is_not_closed_to_those_outside() {
         let (vertices, indices) = ball(16, 1.0);
-        assert!(!shells(&vertices, &flipped(&indices)).iter().any(|s| s.closed));
+        assert!(!connected_components(&vertices, &flipped(&indices)).iter().any(|s| s.closed));
     }
 
     /// Two lobes that meet in a twist, one of them inside out: a closed surface that shows back faces.
@@ -210,7 +210,7 @@ pub mod tests {
             let [x, y, z] = v.position;
             v.position = [x * y, y, z];
         }
-        assert!(!shells(&vertices, &indices).iter().any(|s| s.closed));
+        assert!(!connected_components(&vertices, &indices).iter().any(|s| s.closed));
     }
 
     #[test]
@@ -220,16 +220,16 @@ pub mod tests {
         let start = vertices.len() as u32;
         vertices.extend(second.iter().map(|v| Vertex { position: [v.position[0] + 4.0, 0.5, v.position[2]], ..*v }));
         indices.extend(more.iter().map(|i| i + start));
-        let shells = shells(&vertices, &indices);
-        assert_eq!(shells.iter().map(|s| s.closed).collect::<Vec<_>>(), [true, false], "the second one is flat");
-        let triangles: usize = shells.iter().map(|s| s.triangles.len()).sum();
+        let components = connected_components(&vertices, &indices);
+        assert_eq!(components.iter().map(|s| s.closed).collect::<Vec<_>>(), [true, false], "the second one is flat");
+        let triangles: usize = components.iter().map(|s| s.triangles.len()).sum();
         assert!(triangles < indices.len() / 3, "triangles at the poles are left out");
     }
 
     #[test]
     fn nothing_and_nonsense_have_no_closed_parts() {
-        assert!(shells(&[], &[]).is_empty());
+        assert!(connected_components(&[], &[]).is_empty());
         let v = Vertex { position: [0.0; 3], normal: [0.0, 1.0, 0.0], uv: [0.0; 2], tangent: [1.0, 0.0, 0.0, 1.0] };
-        assert!(shells(&[v; 3], &[0, 1, 2]).is_empty());
+        assert!(connected_components(&[v; 3], &[0, 1, 2]).is_empty());
     }
 }

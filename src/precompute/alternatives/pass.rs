@@ -1,4 +1,4 @@
-//! One method made ready for its targets: pipelines, sets and maps; run as often as times are wanted.
+//! The pipelines, descriptor sets and maps of one method; can run repeatedly, to be timed.
 
 use std::sync::Arc;
 
@@ -43,14 +43,14 @@ impl<'a> AlternativePass<'a> {
         let sampler = Sampler::new(gpu, "cube", AddressMode::Clamp, 1)?;
         let reads =
             if matches!(method, Method::Harmonics { .. }) { ImageAccess::Storage } else { ImageAccess::Sampled };
-        let mut job = Self { environment, reads, pipelines: Vec::new(), steps: Vec::new(), cubes, sampler };
+        let mut pass = Self { environment, reads, pipelines: Vec::new(), steps: Vec::new(), cubes, sampler };
         match method {
-            Method::MonteCarlo { log2_samples } => job.sample_lobes(gpu, log2_samples, false, targets)?,
-            Method::FilteredSampling { log2_samples } => job.sample_lobes(gpu, log2_samples, true, targets)?,
-            Method::FixedStep { step_radians, with_sine } => job.step_over_angles(gpu, step_radians, with_sine)?,
-            Method::Harmonics { order } => job.harmonics(gpu, order)?,
+            Method::MonteCarlo { log2_samples } => pass.sample_lobes(gpu, log2_samples, false, targets)?,
+            Method::FilteredSampling { log2_samples } => pass.sample_lobes(gpu, log2_samples, true, targets)?,
+            Method::FixedStep { step_radians, with_sine } => pass.step_over_angles(gpu, step_radians, with_sine)?,
+            Method::Harmonics { order } => pass.harmonics(gpu, order)?,
         }
-        Ok(job)
+        Ok(pass)
     }
 
     /// Fills the maps and waits; returns the pass's time.
@@ -81,8 +81,8 @@ impl<'a> AlternativePass<'a> {
         let constants = [(0, log2_samples), (1, u32::from(filtered))];
         self.pipelines.push(Pipeline::compute(gpu, "alternative_specular.comp", &constants, &[&layout], 4)?);
         for (cube, target) in self.cubes.iter().zip(targets) {
-            let binds = [Binding::Sampled(&self.environment.cube, &self.sampler), Binding::StorageImage(cube, 0)];
-            let set = DescriptorSet::new(gpu, "lobe samples", &layout, &binds)?;
+            let bindings = [Binding::Sampled(&self.environment.cube, &self.sampler), Binding::StorageImage(cube, 0)];
+            let set = DescriptorSet::new(gpu, "lobe samples", &layout, &bindings)?;
             let push = (target.alpha as f32).to_ne_bytes().to_vec();
             self.steps.push(Step { pipeline: 0, set, push, groups: groups(cube), waits: false });
         }
@@ -97,8 +97,8 @@ impl<'a> AlternativePass<'a> {
         let (thetas, phis) = (count(std::f64::consts::FRAC_PI_2), count(std::f64::consts::TAU));
         let push = [step_radians.to_ne_bytes(), thetas.to_ne_bytes(), phis.to_ne_bytes()].concat();
         for cube in &self.cubes {
-            let binds = [Binding::Sampled(&self.environment.cube, &self.sampler), Binding::StorageImage(cube, 0)];
-            let set = DescriptorSet::new(gpu, "fixed step", &layout, &binds)?;
+            let bindings = [Binding::Sampled(&self.environment.cube, &self.sampler), Binding::StorageImage(cube, 0)];
+            let set = DescriptorSet::new(gpu, "fixed step", &layout, &bindings)?;
             self.steps.push(Step { pipeline: 0, set, push: push.clone(), groups: groups(cube), waits: false });
         }
         Ok(())
@@ -111,15 +111,15 @@ impl<'a> AlternativePass<'a> {
         let mip = size.ilog2().saturating_sub(PROJECTED_SIZE.ilog2()) as usize;
         let layout = DescriptorSetLayout::new(gpu, "projection", &[BindingType::StorageImage, BindingType::Storage])?;
         self.pipelines.push(Pipeline::compute(gpu, "alternative_project.comp", &[], &[&layout], 0)?);
-        let binds = [Binding::StorageImage(&self.environment.cube, mip), Binding::Storage(&coefficients)];
-        let set = DescriptorSet::new(gpu, "projection", &layout, &binds)?;
+        let bindings = [Binding::StorageImage(&self.environment.cube, mip), Binding::Storage(&coefficients)];
+        let set = DescriptorSet::new(gpu, "projection", &layout, &bindings)?;
         self.steps.push(Step { pipeline: 0, set, push: Vec::new(), groups: [count, 1, 1], waits: false });
 
         let layout = DescriptorSetLayout::new(gpu, "harmonics", &[BindingType::Storage, BindingType::StorageImage])?;
         self.pipelines.push(Pipeline::compute(gpu, "alternative_harmonics.comp", &[(0, order)], &[&layout], 0)?);
         for cube in &self.cubes {
-            let binds = [Binding::Storage(&coefficients), Binding::StorageImage(cube, 0)];
-            let set = DescriptorSet::new(gpu, "harmonics", &layout, &binds)?;
+            let bindings = [Binding::Storage(&coefficients), Binding::StorageImage(cube, 0)];
+            let set = DescriptorSet::new(gpu, "harmonics", &layout, &bindings)?;
             self.steps.push(Step { pipeline: 1, set, push: Vec::new(), groups: groups(cube), waits: true });
         }
         Ok(())
