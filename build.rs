@@ -1,5 +1,5 @@
-//! Compiles every stage file of glsl/ to SPIR-V and lists them for `gpu::shader`, those of tests/glsl/ in a separate list;
-//! embeds the Windows manifest.
+//! Compiles every stage file of glsl/ to SPIR-V and lists them for `gpu::shader`, those of tests/glsl/ in a separate
+//! list; embeds the Windows manifest.
 
 #[path = "src/gpu/shader_compiler.rs"]
 mod shader_compiler;
@@ -36,8 +36,8 @@ fn run() -> Result<(), String> {
     Ok(())
 }
 
-/// The manifest of the programs on Windows: paths may be longer than 260 characters, text is UTF-8, and windows are aware
-/// of each monitor's scale.
+/// The manifest of the programs on Windows: paths may be longer than 260 characters, text is UTF-8, and windows are
+/// aware of each monitor's scale.
 fn embed_manifest() -> Result<(), String> {
     use embed_manifest::manifest::{ActiveCodePage, DpiAwareness, Setting};
     let manifest = embed_manifest::new_manifest("pbr-vr")

@@ -1,4 +1,4 @@
-//! Every error a user can see: what happened, to which file or resource, and what to do about it; and how lines are printed.
+//! Every error that a user can see (the problem, the file or resource, the remedy), and printing to stdout and stderr.
 
 use std::io::{ErrorKind, Write as _};
 use std::path::{Path, PathBuf};
@@ -7,7 +7,7 @@ use std::sync::{Mutex, PoisonError};
 /// The crate's result.
 pub type Result<T> = std::result::Result<T, Error>;
 
-/// An error as the command line prints it: one line, with its remedy.
+/// An error, displayed as the command line prints it: one line, with its remedy.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
     /// A file or folder could not be opened or read.
@@ -18,11 +18,11 @@ pub enum Error {
     #[error("cannot write {}: {source}; check that the folder exists, is writable and has room", path.display())]
     Write { path: PathBuf, source: std::io::Error },
 
-    /// A file was read, but its content is not what it should be.
+    /// A file was read, but its content is not usable.
     #[error("{}: not a usable {what}: {problem}; {remedy}", path.display())]
     Broken { path: PathBuf, what: &'static str, problem: String, remedy: &'static str },
 
-    /// A file asks for more memory than the program is willing to take.
+    /// A file would need more memory than the program allocates for its kind.
     #[error("{}: {what} is too large: {size} against a limit of {limit}; use a smaller one", path.display())]
     TooLarge { path: PathBuf, what: &'static str, size: String, limit: String },
 
@@ -30,7 +30,7 @@ pub enum Error {
     #[error("{}:{line}: key `{key}`: {problem}", path.display())]
     SceneKey { path: PathBuf, line: usize, key: String, problem: String },
 
-    /// A name on the command line (camera, GPU …) that nothing answers to.
+    /// A name on the command line (camera, GPU …) that does not exist.
     #[error("no {what} named `{name}`; there are: {}", list(known))]
     UnknownName { what: &'static str, name: String, known: Vec<String> },
 
@@ -42,15 +42,15 @@ pub enum Error {
     #[error("GPU: {doing} failed: {result}; {}", vulkan_remedy(*result))]
     Vulkan { doing: &'static str, result: ash::vk::Result },
 
-    /// GPU memory could not be had.
+    /// GPU memory could not be allocated.
     #[error("GPU: no memory for {what}: {problem}; close other programs, or choose a smaller picture or scene")]
     GpuMemory { what: String, problem: String },
 
-    /// The validation layer said something that is not on the list of expected messages.
+    /// The validation layer reported something that is not on the list of expected messages.
     #[error("validation: {count} message(s), the first: {first}; this is a defect of pbr-vr, please report it")]
     Validation { count: usize, first: String },
 
-    /// No window could be opened, or it broke.
+    /// A window could not be opened, or stopped working.
     #[error("window: {problem}; use `pbr-vr render` to write a picture without a display")]
     Window { problem: String },
 
@@ -58,15 +58,15 @@ pub enum Error {
     #[error("headset: {problem}; use `--on window`")]
     Headset { problem: String },
 
-    /// Settings are to be chosen for a scene from what nobody has measured.
+    /// Settings are to be chosen for a scene from measurements that do not exist.
     #[error("{}: its settings have not been measured on {gpu}; run `pbr-vr measure ladder {}` with `-o DIR` once", scene.display(), scene.display())]
     NotMeasured { scene: PathBuf, gpu: String },
 
-    /// No measured settings hold a limit.
+    /// No measured settings meet a limit.
     #[error("{0}; ask for less")]
     Unmet(String),
 
-    /// A command-line request that makes no sense; exit status 2.
+    /// Bad usage of the command line; exit status 2.
     #[error("{0}")]
     Usage(String),
 }
@@ -84,12 +84,12 @@ impl Error {
         move |source| Self::Write { path, source }
     }
 
-    /// A failed Vulkan call, named by what it was meant to do.
+    /// A failed Vulkan call, with what it was called for.
     pub fn vulkan(doing: &'static str) -> impl FnOnce(ash::vk::Result) -> Self {
         move |result| Self::Vulkan { doing, result }
     }
 
-    /// Whether the GPU is gone, so that nothing whatever can be drawn.
+    /// Whether the device is lost, so that nothing can be drawn any more.
     pub fn is_device_lost(&self) -> bool {
         matches!(self, Self::Vulkan { result: ash::vk::Result::ERROR_DEVICE_LOST, .. })
     }
@@ -110,40 +110,45 @@ fn list(names: &[String]) -> String {
 fn vulkan_remedy(result: ash::vk::Result) -> &'static str {
     use ash::vk::Result as R;
     match result {
-        R::ERROR_DEVICE_LOST => "the driver gave up or was reset: start again, and update the driver if it stays",
+        R::ERROR_DEVICE_LOST => "the driver was reset: start again, and update the driver if it happens again",
         R::ERROR_OUT_OF_DEVICE_MEMORY | R::ERROR_OUT_OF_HOST_MEMORY => {
             "close other programs, or choose a smaller picture or scene"
         }
-        R::ERROR_SURFACE_LOST_KHR => "the window went away: start again",
-        _ => "`pbr-vr doctor` tells what is there; run with `--validate` to learn more",
+        R::ERROR_SURFACE_LOST_KHR => "the window was closed: start again",
+        _ => "`pbr-vr doctor` lists GPUs and drivers; run with `--validate` for details",
     }
 }
 
-/// The first line of results that could not be printed.
+/// The first error of printing results.
 static UNPRINTED: Mutex<Option<std::io::Error>> = Mutex::new(None);
 
-/// Prints a line of results; [`say!`](crate::say) calls it. A closed pipe is no failure: who closed it does not want the line.
+/// Prints a line of results; [`say!`](crate::say) calls it. A closed pipe is no failure: its reader wants no more
+/// lines.
 pub fn print(line: std::fmt::Arguments<'_>) {
     let Err(error) = writeln!(std::io::stdout(), "{}", shown(&line.to_string(), true)) else { return };
     if error.kind() != ErrorKind::BrokenPipe {
-        // An error is whole even if a thread died beside it.
+        // The value is valid even if another thread panicked while it held the lock.
         UNPRINTED.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(error);
     }
 }
 
-/// Whether all results could be printed.
+/// Whether all results could be printed; call it at the end.
+///
+/// # Errors
+/// The first failure of [`print`].
 pub fn printed() -> Result<()> {
     let lost = UNPRINTED.lock().unwrap_or_else(PoisonError::into_inner).take();
     lost.map_or(Ok(()), |error| Err(Error::write("the standard output")(error)))
 }
 
-/// Prints a line for errors; [`complain!`](crate::complain) calls it. Where that cannot be done, nothing can be said.
+/// Prints a line to stderr; [`complain!`](crate::complain) calls it. A failure is ignored: there is nowhere to report
+/// it.
 pub fn complain(line: std::fmt::Arguments<'_>) {
     let _ = writeln!(std::io::stderr(), "{}", shown(&line.to_string(), false));
 }
 
-/// Text, which may be from a file, as a terminal may show it: control characters, which would break or rewrite lines, spelled
-/// out.
+/// Text, possibly from a file, made safe for a terminal: control characters, which could break or rewrite lines, are
+/// escaped. Line breaks are kept where `lines` is set.
 pub fn shown(text: &str, lines: bool) -> String {
     let mut out = String::with_capacity(text.len());
     for c in text.chars() {
@@ -152,7 +157,7 @@ pub fn shown(text: &str, lines: bool) -> String {
     out
 }
 
-/// A text of at most `most` characters; what is cut off leaves an ellipsis.
+/// The first `most` characters of a text, with an ellipsis where something was cut off.
 pub fn shortened(text: &str, most: usize) -> String {
     match text.char_indices().nth(most) {
         Some((end, _)) => format!("{}…", &text[..end]),
@@ -160,13 +165,13 @@ pub fn shortened(text: &str, most: usize) -> String {
     }
 }
 
-/// Prints a line like `println!`, which panics where nobody reads any more (`pbr-vr … | head -1`): the work goes on all the same.
+/// Prints a line like `println!`, without its panic where the pipe is closed (`pbr-vr … | head -1`).
 #[macro_export]
 macro_rules! say {
     ($($what:tt)*) => { $crate::error::print(format_args!($($what)*)) };
 }
 
-/// Prints a line like `eprintln!`, which panics where the line cannot be written (a full disk).
+/// Prints a line like `eprintln!`, without its panic where the line cannot be written (a full disk).
 #[macro_export]
 macro_rules! complain {
     ($($what:tt)*) => { $crate::error::complain(format_args!($($what)*)) };

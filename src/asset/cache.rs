@@ -1,4 +1,5 @@
-//! A cache on disk of what is slow to make: KTX2 files, each named by a hash of all that its content depends on.
+//! A cache on disk of what is slow to compute: KTX2 files, each named by a hash of everything that its content depends
+//! on.
 
 use std::fs::{self, File};
 use std::path::{Path, PathBuf};
@@ -10,57 +11,57 @@ use super::folders;
 use super::ktx2::Ktx2;
 use crate::{Error, Result};
 
-/// Bytes of all entries, beyond which those used longest ago go.
-const MOST_BYTES: u64 = 2 << 30;
-/// The entry's own name, so that a renamed file is not taken for another.
+/// Limit of all entries together, in bytes; beyond it the least recently used ones are removed.
+const MAX_BYTES: u64 = 2 << 30;
+/// Text key of the entry's own name, so that a renamed file is not taken for another.
 const KEY: &str = "pbrvrKey";
-/// Hash of the texels, so that a file with bent bits is not taken for whole.
+/// Text key of the hash of the texels, so that a corrupted file is detected.
 const TEXELS: &str = "pbrvrTexels";
 
-/// Whether it has been told in this run that nothing can be kept.
-static UNKEPT_TOLD: AtomicBool = AtomicBool::new(false);
+/// Whether this run has logged that entries cannot be stored.
+static FAILURE_LOGGED: AtomicBool = AtomicBool::new(false);
 
-/// A folder of maps and textures. Any number of processes may use it at once; every file in it is the cache's own.
+/// A folder of maps and textures. Any number of processes may use it at once; it must hold no other files.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Cache {
     folder: PathBuf,
-    most_bytes: u64,
+    max_bytes: u64,
 }
 
 impl Cache {
-    /// The user's: `pbr-vr/maps` in the folder for caches; `None` where the system names no such folder.
+    /// The user's cache: `pbr-vr/maps` in the folder for caches; `None` where the system names no such folder.
     pub fn of_user() -> Option<Self> {
         folders::caches().map(|caches| Self::in_folder(caches.join("pbr-vr").join("maps")))
     }
 
-    /// A cache in any folder, which is made when it is needed.
+    /// A cache in any folder, which is created when the first entry is stored.
     pub fn in_folder(folder: PathBuf) -> Self {
-        Self { folder, most_bytes: MOST_BYTES }
+        Self { folder, max_bytes: MAX_BYTES }
     }
 
-    /// A folder beside the cache's own, for files of another kind that can be made again.
+    /// A folder beside the cache's own, for files of another kind that can be recreated.
     pub fn beside(&self, name: &str) -> PathBuf {
         self.folder.with_file_name(name)
     }
 
-    /// The entry `key` of at most `limit` bytes; `None` if there is none, or none that is whole and `fits`. What is not
-    /// whole is told.
+    /// The entry `key` of at most `limit` bytes; `None` if there is none, or if it is corrupted or does not pass
+    /// `fits`, which is logged.
     pub fn load(&self, key: &str, limit: u64, fits: impl Fn(&Ktx2) -> bool) -> Option<Ktx2> {
         let path = self.path(key);
         if !path.exists() {
             return None;
         }
         match Ktx2::read(&path, limit) {
-            Ok(texture) if is_whole(&texture, key) && fits(&texture) => {
+            Ok(texture) if is_intact(&texture, key) && fits(&texture) => {
                 touch(&path);
                 Some(texture)
             }
             Ok(_) => {
-                tracing::warn!("cache: {}: not what its name says; made again", path.display());
+                tracing::warn!("cache: {}: does not match its name or hash; recreated", path.display());
                 None
             }
             Err(error) => {
-                // The remedy is for files of the user's own.
+                // The error's remedy is for the user's own files.
                 let (path, problem) = (
                     path.display(),
                     match error {
@@ -68,34 +69,39 @@ impl Cache {
                         error => error.to_string(),
                     },
                 );
-                tracing::warn!("cache: {path}: {problem}; made again");
+                tracing::warn!("cache: {path}: {problem}; recreated");
                 None
             }
         }
     }
 
-    /// Keeps an entry, and removes old ones where there are too many.
+    /// Stores an entry, and removes old ones where they exceed the limit.
+    ///
+    /// # Errors
+    /// The file or its folder cannot be written.
     pub fn store(&self, key: &str, mut texture: Ktx2) -> Result<()> {
         texture.set_text(KEY, key);
         texture.set_text(TEXELS, &hash_texels(&texture));
         fs::create_dir_all(&self.folder).map_err(Error::write(&self.folder))?;
         let path = self.path(key);
-        // Not synced: a torn entry does not match its hash, and is made again.
+        // Not synced: an entry torn by a crash does not match its hash, and is recreated.
         write_unsynced(&path, &texture.to_bytes(&path)?)?;
         self.trim();
         Ok(())
     }
 
-    /// [`Self::store`] for what can be made again: where it fails, the user is told once, and everything works, only later.
+    /// [`Self::store`] whose failure is logged once a run and then ignored: without a cache everything works, only
+    /// slower.
     pub fn keep(&self, key: &str, texture: Ktx2) {
         if let Err(error) = self.store(key, texture)
-            && !UNKEPT_TOLD.swap(true, Ordering::Relaxed)
+            && !FAILURE_LOGGED.swap(true, Ordering::Relaxed)
         {
-            tracing::warn!("cache: {error}; nothing is kept, so that the next start takes as long");
+            tracing::warn!("cache: {error}; nothing is kept, so the next start takes as long");
         }
     }
 
-    /// Removes what was used longest ago until the rest is small enough. Another process may be at the same.
+    /// Removes the least recently used entries until the rest is within the limit. Another process may do so
+    /// concurrently.
     fn trim(&self) {
         let entries = fs::read_dir(&self.folder).into_iter().flatten().flatten();
         let mut files: Vec<(SystemTime, u64, PathBuf)> = entries
@@ -107,7 +113,7 @@ impl Cache {
         files.sort();
         let mut bytes: u64 = files.iter().map(|(_, length, _)| length).sum();
         for (_, length, path) in files {
-            if bytes <= self.most_bytes {
+            if bytes <= self.max_bytes {
                 break;
             }
             match fs::remove_file(&path) {
@@ -123,8 +129,8 @@ impl Cache {
     }
 }
 
-/// A hash of everything that an entry's content depends on. Each part is preceded by its length, so that no two lists of
-/// parts hash the same bytes.
+/// A hash of everything that an entry's content depends on. Each part is preceded by its length, so that no two lists
+/// of parts hash the same bytes.
 #[derive(Clone, Default)]
 pub struct Key(blake3::Hasher);
 
@@ -149,7 +155,7 @@ impl Key {
     }
 }
 
-fn is_whole(texture: &Ktx2, key: &str) -> bool {
+fn is_intact(texture: &Ktx2, key: &str) -> bool {
     texture.text(KEY) == Some(key) && texture.text(TEXELS) == Some(&hash_texels(texture))
 }
 
@@ -161,7 +167,7 @@ fn hash_texels(texture: &Ktx2) -> String {
     hasher.finalize().to_hex().to_string()
 }
 
-/// Notes that an entry was used. Where that cannot be noted, the entry only goes earlier.
+/// Marks an entry as used now. If that fails, the entry is only removed earlier.
 fn touch(path: &Path) {
     let touched = File::options().write(true).open(path).and_then(|file| file.set_modified(SystemTime::now()));
     if let Err(error) = touched {
@@ -189,12 +195,12 @@ mod tests {
     }
 
     #[test]
-    fn what_was_used_longest_ago_goes_first() {
+    fn the_least_recently_used_entry_is_removed_first() {
         let folder = tempfile::tempdir().unwrap();
         let mut cache = Cache::in_folder(folder.path().join("not/yet"));
         cache.store("a", texture(1)).unwrap();
         let each = fs::metadata(cache.path("a")).unwrap().len();
-        cache.most_bytes = 3 * each;
+        cache.max_bytes = 3 * each;
         let used = |key: &str, seconds: u64| {
             let file = File::options().write(true).open(cache.path(key)).unwrap();
             file.set_modified(SystemTime::now() - Duration::from_secs(seconds)).unwrap();
@@ -210,25 +216,25 @@ mod tests {
         cache.store("e", texture(5)).unwrap();
         assert_eq!(names(&cache.folder), ["c.ktx2", "d.ktx2", "e.ktx2"]);
         fs::create_dir(cache.folder.join("folder")).unwrap();
-        cache.most_bytes = 0;
+        cache.max_bytes = 0;
         cache.trim();
         assert_eq!(names(&cache.folder), ["folder"], "only files go");
     }
 
     #[test]
-    fn bent_texels_and_foreign_names_are_seen() {
+    fn corrupted_texels_and_foreign_names_are_detected() {
         let folder = tempfile::tempdir().unwrap();
         let cache = Cache::in_folder(folder.path().into());
         cache.store("a", texture(1)).unwrap();
         let mut back = Ktx2::read(&cache.path("a"), 10_000).unwrap();
-        assert!(is_whole(&back, "a") && !is_whole(&back, "b"));
+        assert!(is_intact(&back, "a") && !is_intact(&back, "b"));
         back.levels[0][63] ^= 1;
-        assert!(!is_whole(&back, "a"));
-        assert!(!is_whole(&texture(1), "a"));
+        assert!(!is_intact(&back, "a"));
+        assert!(!is_intact(&texture(1), "a"));
     }
 
     #[test]
-    fn a_folder_that_cannot_be_is_an_error_of_storing_only() {
+    fn an_impossible_folder_is_an_error_of_storing_only() {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("file");
         fs::write(&file, "x").unwrap();

@@ -1,4 +1,4 @@
-//! Block compression of textures: 16 bytes for 4×4 texels, BC7 for colour and surface values, BC5 for normals.
+//! Block compression of textures: 16 bytes for 4×4 texels, BC7 for base color and ORM maps, BC5 for normal maps.
 
 use block_compression::decode::decompress_blocks_as_rgba8;
 use block_compression::encode::compress_rgba8;
@@ -14,14 +14,14 @@ const BLOCK_BYTES: usize = 16;
 /// Rows of blocks that one task compresses.
 const ROWS: usize = 8;
 
-/// Sum of squared errors over a block's 48 values, 2² each, that is left as it is. A quarter of it takes five times as long
-/// and changes FLIP by 2 % of itself.
+/// Sum of squared errors over a block's 48 values, 2² each, up to which a block is not compressed again. With a quarter
+/// of it, compression takes five times as long and FLIP improves by 2 %.
 const TOLERATED: u32 = 4 * 48;
 
-/// What a block is to hold.
+/// What a block holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Block {
-    /// BC7, three channels; alpha comes out as 1.
+    /// BC7, three channels; alpha decodes to 1.
     Opaque,
     /// BC7, four channels.
     Alpha,
@@ -29,8 +29,8 @@ pub enum Block {
     TwoChannels,
 }
 
-/// Compresses RGBA bytes, rows from the top. Sizes that are no multiple of 4 are filled up with their last row and column.
-/// The time goes to the stage `compress` of the report.
+/// Compresses RGBA bytes, rows from the top. Sizes that are not multiples of 4 are padded with their last row and
+/// column. The time is reported as `compress`.
 pub fn compress(block: Block, [width, height]: [u32; 2], rgba: &[u8], report: &Report) -> Vec<u8> {
     let variant = match block {
         Block::Opaque => CompressionVariant::BC7(BC7Settings::opaque_ultra_fast()),
@@ -59,9 +59,9 @@ pub fn compress(block: Block, [width, height]: [u32; 2], rgba: &[u8], report: &R
     blocks
 }
 
-/// Compresses those blocks again, with a search that takes 15 times as long, that are off by more than [`TOLERATED`]. The
-/// fast search knows one line of colours per block only: that is little for occlusion, roughness and metallic, which have
-/// nothing to do with each other, and mostly enough for photographs.
+/// Compresses the blocks with an error above [`TOLERATED`] again, with a search that takes 15 times as long. The fast
+/// search tries one line of colours per block only: mostly enough for photographs, but not for occlusion, roughness and
+/// metallic, which do not correlate.
 fn improve(rgba: &[u8], width: usize, blocks: &mut [u8]) {
     let across = width / SIDE;
     let texels = |i: usize| {
@@ -86,10 +86,10 @@ fn improve(rgba: &[u8], width: usize, blocks: &mut [u8]) {
     }
 }
 
-/// What a GPU reads from blocks, as RGBA bytes.
+/// Decodes blocks to RGBA bytes, as a GPU does.
 pub fn decompress(block: Block, [width, height]: [u32; 2], blocks: &[u8]) -> Vec<u8> {
     let variant = match block {
-        // How BC7 was compressed does not matter here.
+        // The encoder settings do not matter for decoding.
         Block::Opaque | Block::Alpha => CompressionVariant::BC7(BC7Settings::opaque_ultra_fast()),
         Block::TwoChannels => CompressionVariant::BC5,
     };
@@ -154,7 +154,7 @@ mod tests {
     }
 
     #[test]
-    fn channels_that_have_nothing_to_do_with_each_other_are_compressed_again() {
+    fn uncorrelated_channels_are_compressed_again() {
         let texel = |x, y| [wave(x, y, 0.0), wave(y * 3, x, 1.0), if x % 16 < 7 { 255 } else { 0 }, 255];
         let better = round_trip(Block::Opaque, [64, 64], texel);
         let texels = better.1.as_flattened();

@@ -1,4 +1,4 @@
-//! Reading files with a limit on their size, writing them whole, and finding the files that other files name.
+//! Reading files with a size limit, writing them atomically, and finding the files that other files name.
 
 use std::borrow::Cow;
 use std::fs::{File, Permissions};
@@ -17,14 +17,14 @@ pub fn read(path: &Path, what: &'static str, limit: u64) -> Result<Vec<u8>> {
         return Err(too_large(format!("{size} bytes")));
     }
     let mut bytes = Vec::new();
-    // Not every file tells its size (devices, pipes): the limit holds for them too.
+    // Devices and pipes report no size: the limit holds for them too.
     file.take(limit + 1).read_to_end(&mut bytes).map_err(Error::read(path))?;
     if bytes.len() as u64 > limit { Err(too_large(format!("over {limit} bytes"))) } else { Ok(bytes) }
 }
 
-/// Writes a result of the user's: readers, a crash of the program and a crash of the machine leave the old file or the new
-/// one, never a part of it. The bytes go into a temporary file in the same folder, which is synced to disk and renamed. (On
-/// Windows the rename itself is not synced: after a crash of the machine the old file may be back.)
+/// Writes a result of the user's: readers, a crash of the program and a crash of the machine leave the old file or the
+/// new one, never a part of it. The bytes go into a temporary file in the same folder, which is synced to disk and
+/// renamed. (On Windows the rename itself is not synced: after a crash of the machine the old file may be back.)
 ///
 /// An existing file keeps its mode, and a symbolic link its target. Devices and pipes are written into, not replaced.
 ///
@@ -34,8 +34,8 @@ pub fn write_atomically(path: &Path, bytes: &[u8]) -> Result<()> {
     write_file(path, bytes, true)
 }
 
-/// The same without syncing, for caches: after a crash of the machine the file may be empty or hold garbage. So only for
-/// files that carry a hash of their content and can be made again; syncing them would cost more than it saves.
+/// The same without syncing, for caches: after a crash of the machine the file may be empty or hold garbage. So only
+/// for files that carry a hash of their content and can be made again; syncing them would cost more than it saves.
 ///
 /// # Errors
 /// As for [`write_atomically`].
@@ -49,18 +49,18 @@ fn write_file(path: &Path, bytes: &[u8], sync: bool) -> Result<()> {
     }
     let written = match std::fs::metadata(path) {
         Ok(data) if data.is_file() && !is_stream(path) => {
-            // A plain file's own path will do; not every drive of Windows can tell a longer one.
+            // Only for links: on some Windows drives canonicalising fails.
             let place = if path.is_symlink() { path.canonicalize() } else { Ok(path.to_owned()) };
             place.and_then(|place| replace(&place, bytes, Some(data.permissions()), sync))
         }
         Err(_) if !path.is_symlink() => replace(path, bytes, None, sync),
-        // What is read from it comes as it is written; nothing of it can be cut off.
+        // A device, a pipe or a dangling link.
         _ => File::options().append(true).create(true).open(path).and_then(|mut file| file.write_all(bytes)),
     };
     written.map_err(Error::write(path))
 }
 
-/// Names of what this process has open, which may be a file that others write, too.
+/// Whether the path names an open file of this process, to which others may write, too.
 fn is_stream(path: &Path) -> bool {
     ["/dev/stdout", "/dev/stderr", "/dev/fd", "/proc"].iter().any(|start| path.starts_with(start))
 }
@@ -85,8 +85,8 @@ fn replace(path: &Path, bytes: &[u8], mode: Option<Permissions>, sync: bool) -> 
     done
 }
 
-/// Makes a rename in the folder of `path` durable. The file is complete by now, and some file systems cannot sync a folder:
-/// a failure is only logged.
+/// Makes a rename in the folder of `path` durable. The file is complete by now, and some file systems cannot sync a
+/// folder: a failure is only logged.
 #[cfg(unix)]
 fn sync_folder(path: &Path) {
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
@@ -99,8 +99,8 @@ fn sync_folder(path: &Path) {
 #[cfg(not(unix))]
 fn sync_folder(_: &Path) {}
 
-/// Makes an empty file in the folder of `path`, with a name that is short, because the path's own may be as long as names can
-/// be, and that nobody has.
+/// Creates an empty file in the folder of `path`, with a new name: a short one, because the path's own may have the
+/// maximum length.
 pub(super) fn create_beside(path: &Path) -> io::Result<(PathBuf, File)> {
     static COUNT: AtomicU32 = AtomicU32::new(0);
     loop {
@@ -114,23 +114,22 @@ pub(super) fn create_beside(path: &Path) -> io::Result<(PathBuf, File)> {
     }
 }
 
-/// The lines of a text file, ended by `\n`, `\r\n` or, where there is neither, `\r`; without the mark that some editors put
-/// before UTF-8.
+/// The lines of a text file, ended by `\n`, `\r\n` or, where there is neither, `\r`; without a UTF-8 byte order mark.
 pub fn lines(bytes: &[u8]) -> impl Iterator<Item = Cow<'_, str>> {
     let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
     let end = if bytes.contains(&b'\n') { b'\n' } else { b'\r' };
     bytes.split(move |byte| *byte == end).map(String::from_utf8_lossy)
 }
 
-/// A file found for a name, and how it is really called where that differs from the name.
+/// A file found for a name, and its real name where that differs.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Found {
     pub path: PathBuf,
     pub real_name: Option<String>,
 }
 
-/// Looks for the file that a model or material in `folder` calls `name`: `\` is a separator too; where nothing has
-/// exactly that name, letter case is ignored, and of a path that leads nowhere (another computer's) the last part counts.
+/// Looks for the file that a model or material in `folder` names. `\` is a separator too; where no file has exactly
+/// that name, letter case is ignored; of a path that does not exist (another computer's) only the last part counts.
 pub fn find(folder: &Path, name: &str) -> Option<Found> {
     let name = name.replace('\\', "/");
     let exact = folder.join(&name);
@@ -155,14 +154,14 @@ fn find_any_case(folder: &Path, name: &str) -> Option<PathBuf> {
 
 fn entry_any_case(folder: &Path, name: &str) -> Option<PathBuf> {
     let wanted = name.to_lowercase();
-    // A name without a folder stands in the one where the program runs.
+    // A name without a folder is in the working directory.
     let listed = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
     let entries = std::fs::read_dir(listed).ok()?;
     let mut paths: Vec<_> = entries
         .filter_map(|entry| Some(entry.ok()?.path()))
         .filter(|path| path.file_name().is_some_and(|n| n.to_string_lossy().to_lowercase() == wanted))
         .collect();
-    // The folder's order is the file system's whim; the choice should not be.
+    // The order of directory entries is arbitrary; the choice should not be.
     paths.sort();
     paths.into_iter().next().and_then(|path| Some(folder.join(path.file_name()?)))
 }
@@ -188,7 +187,7 @@ mod tests {
     }
 
     #[test]
-    fn a_name_as_long_as_names_can_be_is_written() {
+    fn a_name_of_maximum_length_is_written() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("n".repeat(250));
         for (write, bytes) in [(write_atomically as fn(&Path, &[u8]) -> Result<()>, "1"), (write_unsynced, "22")] {

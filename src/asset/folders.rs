@@ -1,9 +1,9 @@
-//! Where files go that nobody named a place for: the user's folders, as Windows and the XDG base directories name them.
+//! The user's folders for caches and pictures, as Windows and the XDG base directories define them.
 
 use std::ffi::OsString;
 use std::path::PathBuf;
 
-/// For files that can be made again: `%LOCALAPPDATA%` on Windows, else `$XDG_CACHE_HOME` or `~/.cache`; `None` where the
+/// For files that can be recreated: `%LOCALAPPDATA%` on Windows, else `$XDG_CACHE_HOME` or `~/.cache`; `None` where the
 /// system names no such folder.
 pub fn caches() -> Option<PathBuf> {
     caches_of(|name| std::env::var_os(name))
@@ -46,7 +46,8 @@ fn named_folder(list: &str, name: &str, home: &std::path::Path) -> Option<PathBu
     }
 }
 
-/// Folders that variables name; a relative one is to be ignored, says the XDG specification, and so is it here everywhere.
+/// Folders that environment variables name. Relative ones are ignored, as the XDG specification demands; on Windows
+/// too.
 fn absolute(variable: impl Fn(&str) -> Option<OsString>) -> impl Fn(&str) -> Option<PathBuf> {
     move |name| variable(name).map(PathBuf::from).filter(|path| path.is_absolute())
 }

@@ -1,15 +1,16 @@
-//! JPEG files cut short: the `image` crate's decoder fills what is missing with grey, and says nothing.
+//! Truncated JPEG files: the `image` crate's decoder fills the missing part with grey without an error.
 
-/// Whether a JPEG file reaches its end marker; true for what is no JPEG file.
+/// Whether a JPEG file has its end marker; true for files that are no JPEG.
 pub fn is_whole(bytes: &[u8]) -> bool {
     !bytes.starts_with(&[0xff, 0xd8]) || find_end(bytes).is_some()
 }
 
-/// Where the end marker stands. Segments are skipped by their lengths: a thumbnail inside has an end of its own.
+/// Position of the end marker. Segments are skipped by their lengths: an embedded thumbnail has an end marker, too.
 fn find_end(bytes: &[u8]) -> Option<usize> {
     let mut at = 2;
     loop {
-        // After a segment comes a marker, or a scan's data, in which 0xff is followed by 0 or by restarts (0xd0 to 0xd7).
+        // After a segment comes a marker, or a scan's data, in which 0xff is followed by 0 or by restarts (0xd0 to
+        // 0xd7).
         at += bytes.get(at..)?.iter().position(|byte| *byte == 0xff)?;
         match bytes.get(at + 1)? {
             0xd9 => return Some(at),

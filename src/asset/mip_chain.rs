@@ -1,4 +1,4 @@
-//! Textures with all their levels as the GPU takes them: plain or compressed, made from pictures or found in the cache.
+//! Textures with all their mips as the GPU takes them: plain or block-compressed.
 
 use clap::ValueEnum;
 
@@ -8,27 +8,27 @@ use super::mips::{self, NormalLoss, level_size};
 use super::texture::Encoding;
 use super::{Cache, Report, Texture};
 
-/// How texels are stored.
+/// How textures store their texels.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, ValueEnum)]
 pub enum Storage {
-    /// Four bytes a texel.
+    /// Four bytes per texel.
     Raw,
-    /// BC7 and BC5, one byte a texel.
+    /// BC7 and BC5, one byte per texel.
     #[default]
     Bc,
 }
 
-/// How a scene's textures are made and kept.
+/// How a scene's textures are made, cached and sampled.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TextureOptions {
     pub storage: Storage,
-    /// For compressed ones; `None` compresses always, and keeps nothing.
+    /// For compressed ones; with `None` they are compressed at each start.
     pub cache: Option<Cache>,
-    /// GPU memory that they may take together, in bytes; `None` for what the GPU has free, less a margin.
+    /// GPU memory that all of them may take, in bytes; `None` for what the GPU has free, less a margin.
     pub budget_bytes: Option<u64>,
-    /// Top levels left out of every texture.
+    /// Finest levels left out of every texture.
     pub dropped_levels: u32,
-    /// Samples along a slanted footprint at most, 1 to 16.
+    /// Maximum of anisotropic filtering, 1 to 16.
     pub anisotropy: u32,
 }
 
@@ -47,12 +47,12 @@ pub struct MipChain {
     pub width: u32,
     pub height: u32,
     pub format: TexelFormat,
-    /// Level 0 first; each as in a KTX2 file.
+    /// Level 0 first; bytes as in a KTX2 file.
     pub levels: Vec<Vec<u8>>,
 }
 
 impl MipChain {
-    /// An albedo map; its alpha is a mask where there is a cutoff, else 1.
+    /// A base color map; alpha is a mask where there is a cutoff, else 1.
     pub fn base_color(texture: Texture, cutoff: Option<f32>, storage: Storage, report: &Report) -> Self {
         let (name, size) = (texture.name.clone(), [texture.width, texture.height]);
         let block = if cutoff.is_some() { Block::Alpha } else { Block::Opaque };
@@ -60,32 +60,32 @@ impl MipChain {
         Self::store(name, size, Encoding::Srgb, levels, block, storage, report)
     }
 
-    /// A normal map: x and y; shaders find z.
+    /// A normal map: x and y; shaders reconstruct z.
     pub fn normal(texture: &Texture, storage: Storage, report: &Report) -> Self {
         let size = [texture.width, texture.height];
         let levels = report.time("mips", || mips::normal_levels(texture));
         Self::store(texture.name.clone(), size, Encoding::Normal, levels, Block::TwoChannels, storage, report)
     }
 
-    /// A surface map, rougher where `normals` lose detail.
+    /// An ORM map; roughness is raised where `normals` lose detail.
     pub fn orm(texture: Texture, normals: Option<&NormalLoss>, storage: Storage, report: &Report) -> Self {
         let (name, size) = (texture.name.clone(), [texture.width, texture.height]);
         let levels = report.time("mips", || mips::orm_levels(texture, normals));
         Self::store(name, size, Encoding::Linear, levels, Block::Opaque, storage, report)
     }
 
-    /// Bytes of the levels from one on.
+    /// Bytes of the levels from `first` on.
     pub fn bytes_from(&self, first: u32) -> u64 {
         self.levels.iter().skip(first as usize).map(|level| level.len() as u64).sum()
     }
 
-    /// What it would take uncompressed.
+    /// Bytes that it would take uncompressed.
     pub fn raw_bytes(&self) -> u64 {
         let texels = |level| level_size([self.width, self.height], level).map(u64::from).iter().product::<u64>();
         (0..self.levels.len() as u32).map(|level| 4 * texels(level)).sum()
     }
 
-    /// The same texels uncompressed, as a GPU would read them.
+    /// The texels decompressed, as a GPU reads them.
     pub fn decompressed(&self) -> Self {
         let (block, format) = match self.format {
             TexelFormat::Bc5 => (Block::TwoChannels, TexelFormat::Rgba8),
@@ -98,7 +98,7 @@ impl MipChain {
         Self { name: self.name.clone(), format, levels, ..*self }
     }
 
-    /// The same as an entry of the cache.
+    /// As a cache entry.
     pub fn into_ktx2(self) -> Ktx2 {
         let (size, levels) = ([self.width, self.height], self.levels);
         let mut texture =
@@ -107,7 +107,7 @@ impl MipChain {
         texture
     }
 
-    /// What [`MipChain::into_ktx2`] made; `None` for a texture of another shape.
+    /// The inverse of [`MipChain::into_ktx2`]; `None` for a texture of another shape.
     pub fn from_ktx2(texture: Ktx2) -> Option<Self> {
         let whole = texture.levels.len() == mips::level_count(texture.size) as usize;
         if !whole || texture.faces != 1 || texture.layers != 0 {
@@ -127,7 +127,7 @@ impl MipChain {
         report: &Report,
     ) -> Self {
         if storage == Storage::Bc {
-            // One level after another, so that no more than one is there twice.
+            // Level by level, so that only one is in memory twice.
             for (level, bytes) in (0u32..).zip(&mut levels) {
                 *bytes = compress(block, level_size(size, level), bytes, report);
             }
@@ -144,7 +144,7 @@ impl MipChain {
     }
 }
 
-/// The key under which an entry keeps the texture's name.
+/// Metadata key of the texture's name.
 const NAME: &str = "pbrvrName";
 
 #[cfg(test)]
@@ -158,7 +158,7 @@ mod tests {
     }
 
     #[test]
-    fn chains_of_any_size_are_whole_and_a_quarter_of_their_raw_size() {
+    fn chains_of_any_size_are_complete_and_a_quarter_of_their_raw_size() {
         for (width, height) in [(64, 64), (37, 50), (1, 9), (5, 1), (2, 2)] {
             let chains = [Storage::Raw, Storage::Bc].map(|storage| {
                 let report = Report::silent();
@@ -191,7 +191,7 @@ mod tests {
     }
 
     #[test]
-    fn a_chain_that_lacks_levels_is_not_taken() {
+    fn a_chain_that_lacks_levels_is_rejected() {
         let mut ktx2 = MipChain::base_color(texture(8, 8), None, Storage::Raw, &Report::silent()).into_ktx2();
         ktx2.levels.pop();
         assert_eq!(MipChain::from_ktx2(ktx2), None);

@@ -1,30 +1,29 @@
-//! Smaller levels of textures, each in the space that it is averaged in: colour in linear light, normals as vectors,
-//! roughness as the square of a lobe's width. Twin of `reference::mip`.
+//! Mips of textures. Colour is averaged in linear light, normals as vectors, roughness as α². Twin of `reference::mip`.
 
 use super::Texture;
 
-/// Weight of a texel that is not there, so that its colour counts only among its like.
+/// Weight of a fully transparent texel: its colour counts only where all texels are transparent.
 const TRANSPARENT_WEIGHT: f32 = 1.0 / 4096.0;
 
-/// Mips down to 1×1.
+/// Number of mips down to 1×1.
 pub fn level_count(size: [u32; 2]) -> u32 {
     32 - size[0].max(size[1]).max(1).leading_zeros()
 }
 
-/// Size of a level: halves, rounded down, at least 1.
+/// Size of a level: halved for each, rounded down, at least 1.
 pub fn level_size(size: [u32; 2], level: u32) -> [u32; 2] {
     size.map(|side| side.checked_shr(level).unwrap_or(0).max(1))
 }
 
-/// One level as numbers, rows from the top.
+/// One level as floats, rows from the top.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Level<const N: usize> {
     pub size: [u32; 2],
     pub texels: Vec<[f32; N]>,
 }
 
-/// All levels of an albedo map as RGBA bytes, the first as it is. RGB is averaged in linear light; with a `cutoff` (of
-/// alpha, 0 to 1), weighted by alpha, and alpha is scaled so that each level covers as much as the first (Castaño,
+/// All levels of a base color map as RGBA bytes, level 0 unchanged. RGB is averaged in linear light. With a `cutoff` of
+/// alpha (0 to 1), RGB is weighted by alpha, and alpha is scaled so that each level covers as much as level 0 (Castaño,
 /// "Computing Alpha Mipmaps", 2010).
 pub fn base_color_levels(texture: Texture, cutoff: Option<f32>) -> Vec<Vec<u8>> {
     let linear: [f32; 256] = std::array::from_fn(|i| srgb_to_linear(i as f32 / 255.0));
@@ -55,12 +54,12 @@ pub fn base_color_levels(texture: Texture, cutoff: Option<f32>) -> Vec<Vec<u8>> 
     std::iter::once(texture.pixels).chain(chain.iter().map(bytes)).collect()
 }
 
-/// The mean vectors of a normal map's smaller levels, not normalised: the shorter, the more their texels differ.
+/// The mean vectors of a normal map for levels 1 and on, not normalised: the shorter, the more the normals vary.
 pub fn mean_normals(texture: &Texture) -> Vec<Level<3>> {
     smaller_levels(texture, unit_normal)
 }
 
-/// All levels of a normal map as RGBA bytes, normalised, the first too: shaders find z from x and y.
+/// All levels of a normal map as RGBA bytes, normalised (level 0 too): shaders reconstruct z from x and y.
 pub fn normal_levels(texture: &Texture) -> Vec<Vec<u8>> {
     let means = mean_normals(texture);
     let write = |n: [f32; 3]| {
@@ -71,8 +70,9 @@ pub fn normal_levels(texture: &Texture) -> Vec<Vec<u8>> {
     std::iter::once(first).chain(means.iter().map(|l| l.texels.iter().flat_map(|n| write(*n)).collect())).collect()
 }
 
-/// All levels of a surface map (occlusion, roughness, metallic) as RGBA bytes, the first as it is. Roughness is averaged
-/// as α² = roughness⁴, and widened by what the material's normal map loses at that size (`reference::mip::Widening::Fisher`).
+/// All levels of an ORM map (occlusion, roughness, metallic) as RGBA bytes, level 0 unchanged. Roughness is averaged as
+/// α² = roughness⁴, and widened by the variance that the material's normal map loses at that size
+/// (`reference::mip::Widening::Fisher`).
 pub fn orm_levels(texture: Texture, normals: Option<&NormalLoss>) -> Vec<Vec<u8>> {
     let unit = |v: u8| f32::from(v) / 255.0;
     let read = |[o, r, m, _]: [u8; 4]| [unit(o), unit(r).powi(4), unit(m)];
@@ -89,7 +89,7 @@ pub fn orm_levels(texture: Texture, normals: Option<&NormalLoss>) -> Vec<Vec<u8>
     std::iter::once(texture.pixels).chain(chain.iter().map(bytes)).collect()
 }
 
-/// What a normal map loses in its smaller levels, for surface maps of any size.
+/// The variance of normals that a normal map loses in its mips, for ORM maps of any size.
 pub struct NormalLoss {
     size: [u32; 2],
     means: Vec<Level<3>>,
@@ -101,12 +101,12 @@ impl NormalLoss {
         Self { size: [texture.width, texture.height], means: mean_normals(texture) }
     }
 
-    /// What is added to α² in a level of `size`; `None` where the normal map is shown in full.
+    /// What is added to α² in a level of `size`; `None` where the normal map has no more texels than that.
     fn widths(&self, size: [u32; 2]) -> Option<Vec<f32>> {
         if size[0] >= self.size[0] && size[1] >= self.size[1] {
             return None;
         }
-        // The smallest level that is still as fine; a map longer than the other one is wide has none.
+        // The coarsest level that is at least as fine; with different aspect ratios there may be none.
         let fine = |level: &&Level<3>| level.size[0] >= size[0] && level.size[1] >= size[1];
         let from = self.means.iter().rev().find(fine).or(self.means.first())?;
         let resized;
@@ -120,13 +120,13 @@ impl NormalLoss {
     }
 }
 
-/// As `reference::mip::fisher_width`.
+/// `reference::mip::fisher_width` in f32.
 fn fisher_width(r: f32) -> f32 {
     let r = r.clamp(1e-3, 1.0);
     2.0 * (1.0 - r * r) / (r * (3.0 - r * r))
 }
 
-/// Levels 1 and on of a texture whose texels become numbers by `read`.
+/// Levels 1 and on of a texture whose texels `read` decodes.
 fn smaller_levels<const N: usize>(texture: &Texture, read: impl Fn([u8; 4]) -> [f32; N]) -> Vec<Level<N>> {
     let size = [texture.width, texture.height];
     let width = texture.width as usize;
@@ -152,7 +152,7 @@ fn row_of<const N: usize>(level: &Level<N>, y: usize) -> &[[f32; N]] {
     &level.texels[y * width..(y + 1) * width]
 }
 
-/// Box average of a picture that `fill` writes row by row.
+/// Box average of a picture whose rows `fill` writes.
 fn shrink<const N: usize>(from: [u32; 2], to: [u32; 2], fill: impl Fn(usize, &mut [[f32; N]])) -> Level<N> {
     let (across, down) = (Taps::new(from[0], to[0]), Taps::new(from[1], to[1]));
     let width = to[0] as usize;
@@ -178,7 +178,7 @@ fn add<const N: usize>(sum: &mut [f32; N], texel: &[f32; N], share: f32) {
     (0..N).for_each(|c| sum[c] += texel[c] * share);
 }
 
-/// For each texel along an axis, the first that it covers and their shares.
+/// For each texel along an axis, the first source texel that it covers, and the shares of all.
 struct Taps(Vec<(usize, Vec<f32>)>);
 
 impl Taps {
@@ -201,15 +201,15 @@ fn coverage(alphas: impl ExactSizeIterator<Item = u8>, cutoff: f32) -> f32 {
     alphas.filter(|a| f32::from(*a) >= cutoff * 255.0).count() as f32 / count.max(1) as f32
 }
 
-/// What alpha is multiplied by so that as near to `coverage` of the texels as can be have at least `cutoff`; 1 where all
-/// or none do.
+/// The factor of alpha with which a share as near as possible to `coverage` of the texels has at least `cutoff`; 1
+/// where all or none should.
 fn alpha_scale(mut alphas: Vec<f32>, cutoff: f32, coverage: f32) -> f32 {
     let stay = (coverage * alphas.len() as f32).round() as usize;
     if stay == 0 || stay >= alphas.len() {
         return 1.0;
     }
     alphas.sort_unstable_by(|a, b| b.total_cmp(a));
-    // Equal ones stay or go together.
+    // Equal alphas are on the same side of the cutoff.
     let edge = alphas[stay - 1];
     let (first, end) = (alphas.partition_point(|a| *a > edge), alphas.partition_point(|a| *a >= edge));
     let stay = if first > 0 && stay - first < end - stay { first } else { end };
@@ -223,7 +223,7 @@ fn unit_normal([x, y, z, _]: [u8; 4]) -> [f32; 3] {
 
 fn normalised(n: [f32; 3]) -> [f32; 3] {
     let length = length(n);
-    // Half of the sphere is behind the surface; normals there, or none, are taken for straight ones.
+    // Zero vectors, and normals that point behind the surface, become (0, 0, 1).
     if length < 1e-6 || n[2] <= 0.0 { [0.0, 0.0, 1.0] } else { n.map(|v| v / length) }
 }
 

@@ -1,4 +1,4 @@
-//! Tests of smaller levels: against the f64 twin, and against what they are for.
+//! Tests of mips: against the f64 twin, and for their purpose.
 
 use glam::{DVec3, DVec4};
 
@@ -8,7 +8,7 @@ use crate::reference::brdf::d_ggx;
 use crate::reference::mip::{self, Widening, box_average};
 use crate::reference::tone::{srgb_decode, srgb_encode};
 
-/// Sizes that halve evenly, that do not, and that end early on one side.
+/// Sizes that halve evenly and unevenly, and that reach 1 early on one side.
 const SIZES: [[u32; 2]; 6] = [[16, 16], [13, 7], [1, 9], [6, 1], [31, 33], [1, 1]];
 
 fn noise(i: u32, seed: u32) -> u8 {
@@ -30,7 +30,7 @@ fn texels(level: &[u8]) -> &[[u8; 4]] {
     level.as_chunks().0
 }
 
-/// All levels in f64, from texels as numbers; each from the one before, as the fast ones are.
+/// All levels in f64, each from the one before, as in the fast version.
 fn reference(texture: &Texture, read: impl Fn([u8; 4]) -> DVec4) -> Vec<([u32; 2], Vec<DVec4>)> {
     let size = [texture.width, texture.height];
     let mut levels = vec![(size, texture.texels().map(|t| read(*t)).collect::<Vec<_>>())];
@@ -55,7 +55,7 @@ fn close(got: &[u8], truth: &[f64], what: &str) {
 }
 
 #[test]
-fn every_kind_of_level_is_its_f64_twin_s() {
+fn every_kind_of_level_agrees_with_its_f64_twin() {
     for size in SIZES {
         let noisy = noisy(size);
         let what = |kind: &str, level: usize| format!("{kind} of {size:?}, level {level}");
@@ -130,7 +130,7 @@ fn a_checker_is_half_as_bright_in_linear_light() {
     }
 }
 
-/// Blades of grass with soft edges, a few texels apart; what is not there is black.
+/// Blades of grass with soft edges, a few texels apart, black where transparent.
 fn grass(size: [u32; 2]) -> Texture {
     texture(size, |x, y| {
         let bend = f32::from(noise(y / 8, 1)) / 255.0;
@@ -169,14 +169,14 @@ fn alpha_of_all_or_nothing_is_left_alone() {
     }
 }
 
-/// Mean over half vectors of what a pixel that covers a whole texture mirrors: the mean of D over all of its normals.
+/// D of a pixel that covers a whole texture: the mean over all of its normals.
 fn mean_lobe(normals: &Texture, alpha: f64, h: DVec3) -> f64 {
     let d = |t: &[u8; 4]| d_ggx(DVec3::from(unit_normal(*t).map(f64::from)), h, alpha);
     normals.texels().map(d).sum::<f64>() / f64::from(normals.width * normals.height)
 }
 
 #[test]
-fn widened_roughness_mirrors_what_all_normals_together_do() {
+fn widened_roughness_matches_the_mean_lobe_of_all_normals() {
     let roughness: u8 = 80;
     let alpha = (f64::from(roughness) / 255.0).powi(2);
     for lean in [20, 45] {
@@ -201,7 +201,7 @@ fn widened_roughness_mirrors_what_all_normals_together_do() {
 }
 
 #[test]
-fn widening_is_its_f64_twin_s_where_sizes_differ_too() {
+fn widening_agrees_with_its_f64_twin_for_different_sizes_too() {
     for (surface, normals) in [([16, 16], [16, 16]), ([16, 16], [64, 32]), ([32, 32], [8, 8]), ([12, 10], [31, 33])] {
         let map = bumpy(normals, 60);
         let levels = orm_levels(texture(surface, |_, _| [255, 60, 0, 255]), Some(&NormalLoss::new(&map)));
@@ -215,7 +215,7 @@ fn widening_is_its_f64_twin_s_where_sizes_differ_too() {
                 let own = (60.0f64 / 255.0).powi(4);
                 let widening = if full || level == 0 { Widening::None } else { Widening::Fisher };
                 let truth = widening.alpha_squared(own, mean.truncate().length()).powf(0.25) * 255.0;
-                // Means of means of uneven sizes are not quite the mean.
+                // The mean of means of uneven sizes is not exactly the mean.
                 let even = surface == normals || normals.iter().chain(&surface).all(|s| s.is_power_of_two());
                 let tolerance = if even { 0.6 } else { 6.0 };
                 assert!(
@@ -229,7 +229,7 @@ fn widening_is_its_f64_twin_s_where_sizes_differ_too() {
 }
 
 #[test]
-fn the_fast_width_is_the_reference_s() {
+fn the_f32_width_agrees_with_the_reference() {
     for r in [0.0f32, 0.01, 0.5, 0.9, 0.999, 1.0] {
         let truth = mip::fisher_width(f64::from(r));
         assert!((f64::from(fisher_width(r)) - truth).abs() <= 1e-4 * truth.max(1e-3), "{r}");

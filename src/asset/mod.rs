@@ -1,4 +1,5 @@
-//! Bytes to checked CPU data: models, materials, textures with mips, panoramas, pictures, KTX2; a cache; limits and warnings.
+//! Files to checked CPU data (models, materials, textures with mips, panoramas, pictures, KTX2), writing results, the
+//! cache.
 
 pub mod cache;
 mod compress;

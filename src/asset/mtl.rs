@@ -1,6 +1,6 @@
-//! MTL material libraries: the old Phong keys and the PBR ones, as written; what they mean is the scene's business.
+//! MTL material libraries: the Phong and the PBR keys, as written; `scene::material` interprets them.
 //!
-//! `tobj`'s own reader takes `-bm 0.5 file` for a file name and panics on a short colour; hence this one.
+//! `tobj`'s own reader is not used: it takes `-bm 0.5 file` for a file name and panics on an incomplete colour.
 
 use std::path::{Path, PathBuf};
 
@@ -13,9 +13,9 @@ const MAX_FILE_BYTES: u64 = 64 << 20;
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Mtl {
     pub name: String,
-    /// The file it stands in, for messages and as the folder of its maps.
+    /// Its file, for messages; maps are relative to its folder.
     pub path: PathBuf,
-    /// Diffuse colour or albedo.
+    /// Diffuse colour or base color.
     pub kd: Option<[f32; 3]>,
     /// Specular colour of the Phong model.
     pub ks: Option<[f32; 3]>,
@@ -32,25 +32,28 @@ pub struct Mtl {
     pub map_d: Option<Map>,
     pub map_metallic: Option<Map>,
     pub map_roughness: Option<Map>,
-    /// `norm`: a normal map for certain.
+    /// `norm`: always a normal map.
     pub norm: Option<Map>,
-    /// `bump` or `map_Bump`: a height map, or a normal map that says nothing of it.
+    /// `bump` or `map_Bump`: a height map, or a normal map (many exporters write it so).
     pub bump: Option<Map>,
 }
 
-/// A texture as a material names it.
+/// A texture as a material refers to it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Map {
     /// Key and line as written, for messages.
     pub key: String,
     pub line: usize,
-    /// As written, without options and quotes.
+    /// File name without options and quotes.
     pub file: String,
     /// `-bm`, else 1.
     pub bump_strength: f32,
 }
 
-/// Reads every material of a library. What cannot be understood is left out with a warning that names line and key.
+/// Reads every material of a library. Values that cannot be parsed are skipped with a warning that names line and key.
+///
+/// # Errors
+/// The file cannot be read, or is larger than 64 MiB.
 pub fn load(path: &Path, report: &Report) -> Result<Vec<Mtl>> {
     let bytes = file::read(path, "material library", MAX_FILE_BYTES)?;
     Ok(parse(path, &bytes, report))
@@ -80,9 +83,9 @@ fn read_key(material: &mut Mtl, key: &str, value: &str, line: usize) -> std::res
         "ks" => material.ks = Some(colour(value)?),
         "ke" => material.ke = Some(colour(value)?),
         "ns" => material.ns = Some(number(value)?),
-        // `-halo` makes it depend on the view; the number is last all the same.
+        // `-halo` makes it depend on the view; the number comes last in either case.
         "d" => material.dissolve = Some(number(value.trim_start_matches("-halo"))?),
-        // Some writers give three; `d` is the clearer word where both stand.
+        // Some exporters write three numbers; `d` takes precedence.
         "tr" => material.dissolve = material.dissolve.or(Some(1.0 - number(value)?)),
         "pm" => material.metallic = Some(number(value)?),
         "pr" => material.roughness = Some(number(value)?),
@@ -104,7 +107,7 @@ fn number(text: &str) -> std::result::Result<f32, &'static str> {
     word.parse().ok().filter(|v: &f32| v.is_finite()).ok_or("not a number")
 }
 
-/// Three numbers, or one that stands for all three.
+/// Three numbers, or one for all three channels.
 fn colour(text: &str) -> std::result::Result<[f32; 3], &'static str> {
     let values = text.split_whitespace().map(number).collect::<std::result::Result<Vec<_>, _>>();
     match values.map_err(|_| "not an RGB colour")?[..] {
@@ -133,7 +136,7 @@ fn read_map(key: &str, value: &str, line: usize) -> std::result::Result<Map, &'s
     Ok(Map { key: key.to_owned(), line, file: file.to_owned(), bump_strength })
 }
 
-/// How many words follow a map option, at least and at most; beyond the least only numbers are taken.
+/// Minimum and maximum number of words after a map option; beyond the minimum only numbers count.
 fn option_arity(option: &str) -> Option<(usize, usize)> {
     Some(match option {
         "-blendu" | "-blendv" | "-cc" | "-clamp" | "-imfchan" | "-type" | "-texres" | "-bm" | "-boost" => (1, 1),
@@ -152,7 +155,7 @@ fn skip_words(text: &str, least: usize, most: usize) -> &str {
     let mut rest = text;
     for count in 0..most {
         let (word, after) = next_word(rest);
-        // A last word is the file's name, even where it looks like a number.
+        // The last word is the file name, even where it looks like a number.
         if count >= least && (word.parse::<f32>().is_err() || after.trim().is_empty()) {
             break;
         }
@@ -224,7 +227,7 @@ mod tests {
     }
 
     #[test]
-    fn nonsense_is_told_and_left_out() {
+    fn invalid_values_are_warned_of_and_skipped() {
         let (materials, warnings) =
             parsed(b"newmtl a\nKd 1 2\nNs NaN\nPr\nmap_Kd\nmap_d -bm 1\nbump -bm x y.png\nKd 1 1 1 1");
         assert_eq!(warnings.len(), 7, "{warnings:?}");
@@ -233,7 +236,7 @@ mod tests {
     }
 
     #[test]
-    fn bytes_that_are_no_text_do_not_stop_it() {
+    fn invalid_utf8_does_not_stop_parsing() {
         let (materials, _) = parsed(b"newmtl Gr\xfc\xdfe\nKd 1 0 0\n\xff\xfe\nmap_Kd st\xe4in.png\n");
         assert_eq!(materials[0].kd, Some([1.0, 0.0, 0.0]));
         assert_eq!(materials[0].name, "Gr\u{fffd}\u{fffd}e");

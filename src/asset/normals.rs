@@ -1,4 +1,4 @@
-//! Normals for models that lack them or have unusable ones.
+//! Normals for models without, or with unusable ones.
 
 use glam::Vec3;
 use rayon::slice::ParallelSliceMut;
@@ -7,16 +7,16 @@ use super::mesh::Submesh;
 
 /// Faces that meet at a sharper angle than 60° keep their edge.
 const CREASE_COSINE: f32 = 0.5;
-/// Where more corners than this meet, all are smoothed together: comparing each with each would take too long.
+/// Where more corners than this meet, all are smoothed together: comparing each with each is quadratic.
 const MAX_COMPARED: usize = 256;
 
-/// A vector at unit length; zero where it has no direction. Takes every finite length, down to the tiniest.
+/// A vector normalised, of any finite length down to the smallest; zero where it has no direction.
 pub fn unit(v: Vec3) -> Vec3 {
     let largest = v.abs().max_element();
     if v.is_finite() && largest > 0.0 { (v / largest).normalize_or_zero() } else { Vec3::ZERO }
 }
 
-/// One triangle's corner, by the bits of its position.
+/// A triangle's corner, sortable by the bits of its position.
 struct Place {
     position: [u32; 3],
     submesh: u32,
@@ -55,7 +55,7 @@ fn submesh_places(submeshes: &[Submesh], index: usize) -> impl Iterator<Item = P
         let here = corner - first;
         let (next, previous) = (unit(at(here + 1) - at(here)), unit(at(here + 2) - at(here)));
         Place {
-            // −0 and 0 are one place.
+            // −0 and 0 are the same place.
             position: (at(here) + Vec3::ZERO).to_array().map(f32::to_bits),
             submesh: index as u32,
             corner: corner as u32,
@@ -73,7 +73,7 @@ fn smooth_normal(own: &Place, around: &[Place], all: Vec3) -> Vec3 {
     let compare = own.face != Vec3::ZERO && around.len() <= MAX_COMPARED;
     let joined = |other: &&Place| other.face.dot(own.face) >= CREASE_COSINE;
     let mean = if compare { weighted_mean(around.iter().filter(joined)) } else { all };
-    // Where only triangles without area meet, nothing is ever seen; any direction will do.
+    // Where only triangles without area meet, nothing is visible: any direction will do.
     [mean, own.face].into_iter().find(|normal| *normal != Vec3::ZERO).unwrap_or(Vec3::Y)
 }
 
@@ -121,7 +121,7 @@ mod tests {
     }
 
     #[test]
-    fn gentle_folds_are_smooth_and_sharp_ones_are_not() {
+    fn flat_folds_are_smooth_and_sharp_ones_are_not() {
         let mut gentle = flip_up(fold(40.0));
         complete(&mut gentle);
         let (a, b) = (gentle[0].corners[0].normal, gentle[1].corners[0].normal);
@@ -141,7 +141,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_makes_it_fail_or_slow() {
+    fn degenerate_and_huge_fans_neither_fail_nor_take_long() {
         let mut submeshes = vec![submesh(&[[Vec3::ONE; 3], [Vec3::ZERO, Vec3::X, Vec3::X * 2.0]])];
         complete(&mut submeshes);
         assert!(submeshes[0].corners.iter().all(|c| c.normal.is_normalized()));

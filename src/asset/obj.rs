@@ -1,7 +1,7 @@
-//! OBJ models: text made safe for `tobj`, and its meshes made whole: checked positions, normals everywhere.
+//! OBJ models: preprocesses the text for `tobj`, then checks positions and completes normals.
 //!
-//! `tobj` reads lines like `l 1 2 3` as triangles, overflows on relative indices that lead before the file's start,
-//! and shifts the coordinates of meshes where only some corners have them; all three are met here.
+//! The text is preprocessed because `tobj` reads lines like `l 1 2 3` as triangles, overflows on relative indices
+//! before the start of the file, and shifts the coordinates of meshes where only some corners have them.
 
 use std::io::Cursor;
 use std::path::Path;
@@ -16,9 +16,9 @@ use crate::{Error, Result};
 const MAX_FILE_BYTES: u64 = 1 << 30;
 /// 1.5 GB of corners. The thesis's largest scene has 262,267.
 const MAX_TRIANGLES: usize = 16 << 20;
-/// Beyond this, products of lengths leave the range of f32; and so they do below its inverse.
+/// Beyond this, or below its inverse, products of lengths leave the range of f32.
 pub const MAX_COORDINATE: f32 = 1e9;
-/// Beyond this, f32 cannot tell texels apart.
+/// Beyond this, f32 cannot resolve texels.
 const MAX_UV: f32 = 1e6;
 
 /// The triangles and materials of one file.
@@ -30,9 +30,12 @@ pub struct Model {
 
 /// Reads a model and the material libraries it names.
 ///
-/// Polygons become fans. Missing, zero or non-finite normals are computed from the triangles around. A missing library
-/// or material is a warning; an unreadable line, an index out of range, a position that is no number and a file
-/// without triangles are errors.
+/// Polygons become fans. Missing, zero or non-finite normals are computed from the adjacent triangles. A missing
+/// library or material is a warning.
+///
+/// # Errors
+/// The file cannot be read or is too large; a line cannot be parsed; an index is out of range; a position is not
+/// finite; there are no triangles.
 pub fn load(path: &Path, report: &Report) -> Result<Model> {
     let bytes = file::read(path, "model", MAX_FILE_BYTES)?;
     let source = ObjText::new(path, &bytes)?;
@@ -51,7 +54,7 @@ pub fn load(path: &Path, report: &Report) -> Result<Model> {
     Ok(Model { submeshes, materials })
 }
 
-/// A file's lines, cut down to what `tobj` is to read, with the same line numbers after one line of our own.
+/// The lines of a file that `tobj` needs, after one additional line: the others are empty, so that line numbers stay.
 struct ObjText {
     text: String,
     /// Line and file name of each `mtllib`.
@@ -62,7 +65,7 @@ struct ObjText {
 
 impl ObjText {
     fn new(path: &Path, bytes: &[u8]) -> Result<Self> {
-        // `tobj` learns every material from this line, so that libraries may be named anywhere.
+        // `tobj` gets all materials with this line, so that libraries may be named anywhere.
         let mut source = Self { text: "mtllib all\n".into(), libraries: Vec::new(), uses: Vec::new() };
         source.text.reserve(bytes.len());
         let mut counts = Counts::default();
@@ -85,7 +88,7 @@ impl ObjText {
             }
             source.text.push('\n');
         }
-        // The last line may promise one more.
+        // The last line may end in a continuation, too.
         source.add_line(path, last, &joined, &mut counts)?;
         Ok(source)
     }
@@ -104,7 +107,7 @@ impl ObjText {
             }
             "usemtl" => {
                 self.uses.push((number, rest.trim().to_owned()));
-                // Nobody is called so; `tobj` refuses an empty name.
+                // `tobj` rejects an empty name; no material has this one.
                 self.text.push_str(if rest.trim().is_empty() { "usemtl \u{0}" } else { "usemtl " });
                 self.text.push_str(rest.trim());
             }
@@ -114,7 +117,7 @@ impl ObjText {
         Ok(())
     }
 
-    /// The number and words of each line that starts with `key`, as the user's editor counts.
+    /// Line number in the user's file, and words, of each line that starts with `key`.
     fn lines<'a>(&'a self, key: &'a str) -> impl Iterator<Item = (usize, std::str::SplitWhitespace<'a>)> {
         self.text.lines().enumerate().filter_map(move |(number, line)| {
             let mut words = line.split_whitespace();
@@ -123,7 +126,7 @@ impl ObjText {
     }
 }
 
-/// What has been read so far.
+/// What the lines so far have defined.
 #[derive(Default)]
 struct Counts {
     /// Positions, texture coordinates, normals.
@@ -150,7 +153,7 @@ impl Counts {
         Ok(())
     }
 
-    /// Indices that `tobj`'s sums would overflow on; the others it checks itself.
+    /// Rejects indices on which `tobj`'s sums would overflow; the others it checks itself.
     fn check_face(&self, path: &Path, number: usize, line: &str) -> Result<()> {
         for corner in line.split_ascii_whitespace().skip(1) {
             for (index, count) in corner.split('/').zip(self.data) {
@@ -169,7 +172,7 @@ fn load_libraries(path: &Path, source: &ObjText, report: &Report) -> Vec<Mtl> {
     let short = file::short_name(path);
     let mut materials = Vec::new();
     for (line, names) in &source.libraries {
-        // The rest of the line is one name with spaces, or several names.
+        // The rest of the line is one name with spaces or several names.
         let whole = file::find(folder, names.trim_matches('"'));
         let found: Vec<_> = match whole {
             Some(found) => vec![(names.as_str(), Some(found))],
@@ -218,7 +221,7 @@ fn run_tobj(path: &Path, text: &str, materials: &[Mtl]) -> Result<Vec<tobj::Mode
     match tobj::load_obj_buf(&mut reader, &options, library) {
         Ok((models, _)) => Ok(models),
         Err(error) => {
-            // `tobj` stops right after the line that it could not take; our first line is not the user's.
+            // `tobj` stops right after the line with the error; the first line is not the user's.
             let read = &text.as_bytes()[..reader.position() as usize];
             let line = read.iter().filter(|b| **b == b'\n').count().saturating_sub(1);
             Err(broken(path, explain(error, line, text)))
@@ -229,7 +232,7 @@ fn run_tobj(path: &Path, text: &str, materials: &[Mtl]) -> Result<Vec<tobj::Mode
 fn explain(error: tobj::LoadError, line: usize, text: &str) -> String {
     use tobj::LoadError as E;
     match error {
-        // Told when an object ends, long after the line that is wrong.
+        // `tobj` reports these at the end of the object, long after the line with the error.
         E::FaceVertexOutOfBounds | E::FaceTexCoordOutOfBounds | E::FaceNormalOutOfBounds => {
             index_out_of_range(text).unwrap_or_else(|| format!("{error} in the object that ends at line {line}"))
         }
@@ -238,7 +241,7 @@ fn explain(error: tobj::LoadError, line: usize, text: &str) -> String {
     }
 }
 
-/// Names the first face index that no vertex answers to.
+/// Describes the first face index that is out of range.
 fn index_out_of_range(text: &str) -> Option<String> {
     let count = |key: &str| text.lines().filter(|line| line.split_whitespace().next() == Some(key)).count() as i64;
     let counts = [count("v"), count("vt"), count("vn")];

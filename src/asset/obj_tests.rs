@@ -1,4 +1,4 @@
-//! Tests of reading OBJ models: what is understood, what is mended, what is refused.
+//! Tests of reading OBJ models: what is read, what is repaired, what is rejected.
 
 use super::*;
 
@@ -28,7 +28,7 @@ fn sizes(model: &Model) -> Vec<usize> {
 }
 
 #[test]
-fn objects_and_materials_make_parts() {
+fn objects_and_materials_make_submeshes() {
     let obj = format!(
         "mtllib My Lib.mtl\no one\nusemtl red\n{TRIANGLE}f 1/1/1 2/2/1 3/3/1\nusemtl blue\nf 1/1/1 2/2/1 3/3/1\ng two\nf 3/1/1 2/2/1 1/3/1"
     );
@@ -46,9 +46,9 @@ fn a_library_may_be_named_late_in_any_case_or_not_at_all() {
     let faces = format!("usemtl red\n{TRIANGLE}f 1/1/1 2/2/1 3/3/1\n");
     let (model, warnings) = loaded(format!("{faces}mtllib my lib.MTL\n"), "newmtl red\n");
     assert_eq!(model.unwrap().submeshes[0].material, Some(0));
-    // Windows itself does not tell the two names apart.
-    let told = ["a.obj:10: mtllib my lib.MTL: found as My Lib.mtl"];
-    assert_eq!(warnings, told[usize::from(cfg!(windows))..]);
+    // Windows file names ignore case anyway.
+    let expected = ["a.obj:10: mtllib my lib.MTL: found as My Lib.mtl"];
+    assert_eq!(warnings, expected[usize::from(cfg!(windows))..]);
     let (model, warnings) = loaded(format!("mtllib no.mtl\n{faces}"), "");
     assert_eq!(model.unwrap().submeshes[0].material, None);
     assert_eq!(warnings.len(), 2);
@@ -72,7 +72,7 @@ fn ends_of_lines_tabs_comments_and_continuations() {
 }
 
 #[test]
-fn names_that_are_no_text() {
+fn names_that_are_not_utf8() {
     let obj = [b"g Gr\xfc\xdfe\nusemtl st\xe4in\n", TRIANGLE.as_bytes(), b"f 1 2 3\n# \xff"].concat();
     assert_eq!(good(obj).submeshes[0].name, "Gr\u{fffd}\u{fffd}e");
 }
@@ -96,7 +96,7 @@ fn corners_that_differ_in_kind() {
 }
 
 #[test]
-fn texture_coordinates_without_use_are_zero() {
+fn unusable_texture_coordinates_become_zero() {
     let (model, warnings) = loaded("v 0 0 0\nv 1 0 0\nv 0 1 0\nvt inf 0\nvt 1 1e9\nvt 0.5 1\nf 1/1 2/2 3/3", "");
     let uvs: Vec<_> = model.unwrap().submeshes[0].corners.iter().map(|c| c.uv).collect();
     assert_eq!(uvs, [Vec2::ZERO, Vec2::X, Vec2::new(0.5, 1.0)]);
@@ -104,7 +104,7 @@ fn texture_coordinates_without_use_are_zero() {
 }
 
 #[test]
-fn refusals_name_the_line() {
+fn errors_name_the_line() {
     for (text, expected) in [
         ("", "no triangles"),
         ("v 0 0 0\nf 1 2\n", "no triangles"),
@@ -127,14 +127,14 @@ fn refusals_name_the_line() {
 }
 
 #[test]
-fn too_many_triangles_are_refused_before_they_are_made() {
+fn too_many_triangles_are_rejected_before_they_are_allocated() {
     let polygon = format!("v 0 0 0\nf{}\n", " 1".repeat(1 << 20)).replace("f 1", "f 1 1 1");
     let obj = polygon + &format!("f{}\n", " 1".repeat(1 << 20)).repeat(16);
     assert!(matches!(loaded(obj, "").0, Err(Error::TooLarge { .. })));
 }
 
 #[test]
-fn a_mark_before_utf8_hides_no_line_and_the_last_may_promise_one_more() {
+fn a_byte_order_mark_hides_no_line_and_the_last_may_end_in_a_continuation() {
     let (model, warnings) =
         loaded(format!("\u{feff}mtllib My Lib.mtl\nusemtl red\n{TRIANGLE}f 1 2 3\nf 3 2 1\\"), "newmtl red\n");
     let model = model.unwrap();

@@ -1,4 +1,4 @@
-//! OpenEXR pictures as panoramas: which layer and channels hold the light, and where they lie on the sphere.
+//! OpenEXR pictures as panoramas: choosing layer and channels, placing the data window, checks against hostile files.
 
 use std::io::Cursor;
 use std::panic::catch_unwind;
@@ -16,24 +16,24 @@ use super::radiance_image::{RadianceImage, SizeCheck};
 use super::{Report, file};
 use crate::{Error, Result};
 
-/// All layers and channels of a file together; the one layer that is used is not known before all are read.
+/// Limit for all layers and channels of a file together: which layer is used is known only after all are read.
 const MAX_SAMPLE_BYTES: u64 = 4 << 30;
 
-/// Which of a DWA chunk's leading 64-bit counters count what is decompressed: of unknown, run-length (twice), AC and DC
-/// data. The others are bounded by the chunk itself.
+/// Indices of a DWA chunk's leading 64-bit counters that give decompressed sizes: of unknown, run-length (twice), AC
+/// and DC data. The others are bounded by the chunk itself.
 const DWA_SIZES: [usize; 5] = [1, 6, 7, 8, 9];
 
 type FlatLayer = Layer<AnyChannels<FlatSamples>>;
 
-/// Does the content look like OpenEXR?
+/// Whether the content begins like an OpenEXR file.
 pub fn is_openexr(bytes: &[u8]) -> bool {
     bytes.starts_with(&[0x76, 0x2f, 0x31, 0x01])
 }
 
 /// Decodes the first layer with R, G and B channels, else the first with Y alone; other channels are ignored.
 ///
-/// The display window is the whole sphere: a smaller data window leaves black around it (with a warning), and what
-/// lies outside is cut off.
+/// The display window is the whole sphere: what the data window leaves out of it is black (with a warning), and what
+/// lies outside of it is cropped.
 pub fn decode(path: &Path, bytes: &[u8], check_size: SizeCheck, report: &Report) -> Result<RadianceImage> {
     let image = guarded(path, bytes, check_size, read_layers)?;
     let (layer, channels) = image
@@ -47,22 +47,22 @@ pub fn decode(path: &Path, bytes: &[u8], check_size: SizeCheck, report: &Report)
     place(path, layer, channels, image.attributes.display_window, report)
 }
 
-/// Does `read`, whose errors become the file's, after looking at what the decoder takes on trust.
+/// Runs the decoder `read` after checking what it would trust; its errors and panics become errors that name the file.
 pub fn guarded<T>(
     path: &Path,
     bytes: &[u8],
     check_size: SizeCheck,
     read: fn(&[u8]) -> exr::error::Result<T>,
 ) -> Result<T> {
-    // The decoder subtracts and slices unchecked on some broken files (B44 for one); a panic there is a broken file.
+    // The decoder panics on some broken files (B44 for one).
     catch_unwind(|| {
         check_header(path, bytes, check_size)?;
         check_dwa(bytes).and_then(|()| read(bytes)).map_err(|error| broken(path, error.to_string()))
     })
-    .unwrap_or_else(|_| Err(broken(path, "its compressed data make no sense".into())))
+    .unwrap_or_else(|_| Err(broken(path, "its compressed data are invalid".into())))
 }
 
-/// In one thread: a worker of the decoder that panics would end the process.
+/// In one thread: a panic in a worker thread of the decoder would end the process.
 fn read_layers(bytes: &[u8]) -> exr::error::Result<FlatImage> {
     read()
         .no_deep_data()
@@ -97,7 +97,7 @@ fn check_header(path: &Path, bytes: &[u8], check_size: SizeCheck) -> Result<()> 
     Ok(())
 }
 
-/// The decoder takes memory for what DWA chunks say of themselves, without looking at it first: so we do.
+/// The decoder allocates what DWA chunks declare, unchecked; so their sizes are checked here first.
 fn check_dwa(bytes: &[u8]) -> exr::error::Result<()> {
     let reader = exr::block::read(Cursor::new(bytes), false)?;
     let headers = reader.headers().to_vec();
@@ -117,7 +117,7 @@ fn is_dwa(header: &Header) -> bool {
     matches!(header.compression, Compression::DWAA(_) | Compression::DWAB(_))
 }
 
-/// No size can honestly be much larger than the chunk's pixels, rounded up to the method's blocks of 8×8.
+/// No valid size is much larger than the chunk's pixels, rounded up to the method's blocks of 8×8.
 fn check_dwa_chunk(header: &Header, chunk: &Chunk) -> exr::error::Result<()> {
     let data = match &chunk.compressed_block {
         CompressedBlock::ScanLine(CompressedScanLineBlock { compressed_pixels_le, .. })
@@ -127,7 +127,7 @@ fn check_dwa_chunk(header: &Header, chunk: &Chunk) -> exr::error::Result<()> {
     let size =
         header.get_absolute_block_pixel_coordinates(header.get_block_data_indices(&chunk.compressed_block)?)?.size;
     let texel_bytes = header.channels.bytes_per_pixel;
-    // Where compression does not help, the texels themselves are there.
+    // Where compression does not help, texels are stored as they are.
     if data.len() == size.area() * texel_bytes {
         return Ok(());
     }
@@ -135,7 +135,7 @@ fn check_dwa_chunk(header: &Header, chunk: &Chunk) -> exr::error::Result<()> {
     let counters = data.as_chunks().0;
     let excessive = |index: usize| counters.get(index).is_some_and(|bytes| u64::from_le_bytes(*bytes) > limit);
     if DWA_SIZES.into_iter().any(excessive) {
-        return Err(ExrError::Invalid("a DWA chunk claims more than its pixels".into()));
+        return Err(ExrError::Invalid("a DWA chunk declares more data than its pixels".into()));
     }
     Ok(())
 }
@@ -166,7 +166,7 @@ fn find_rgb(layer: &FlatLayer) -> Option<[&FlatSamples; 3]> {
         .find_map(|prefix| Some([find(layer, prefix, "R")?, find(layer, prefix, "G")?, find(layer, prefix, "B")?]))
 }
 
-/// Y, unless chroma channels say that the colour is elsewhere.
+/// Y, unless there are chroma channels.
 fn find_luminance(layer: &FlatLayer) -> Option<[&FlatSamples; 3]> {
     prefixes(layer).iter().find_map(|prefix| {
         let grey = find(layer, prefix, "RY").is_none() && find(layer, prefix, "BY").is_none();
@@ -183,7 +183,7 @@ fn place(
 ) -> Result<RadianceImage> {
     let (width, height) = (display.size.width(), display.size.height());
     let data_width = layer.size.width();
-    // Positions are 32-bit numbers: their differences need more.
+    // Differences of 32-bit positions need more bits.
     let offset = |display: i32, data: i32| i64::from(display) - i64::from(data);
     let left = offset(display.position.x(), layer.attributes.layer_position.x());
     let top = offset(display.position.y(), layer.attributes.layer_position.y());
@@ -205,7 +205,7 @@ fn place(
         }
     }
     if missing == (width * height) as u64 {
-        return Err(broken(path, "its data lie wholly outside its display window".into()));
+        return Err(broken(path, "its data lie entirely outside its display window".into()));
     }
     if missing > 0 {
         let name = file::short_name(path);

@@ -1,4 +1,4 @@
-//! Where results go: looked at before the work that makes them, so that none is lost, and none lands on what it is made of.
+//! Checks of output paths before the work begins: writable, not written twice, not an input of the same command.
 
 use std::io::{Error as IoError, ErrorKind};
 use std::path::{Path, PathBuf};
@@ -6,16 +6,16 @@ use std::path::{Path, PathBuf};
 use super::file::create_beside;
 use crate::{Error, Result};
 
-/// What a command reads, and what it is to write.
+/// The files that a command reads, and those that it will write.
 pub struct Outputs {
     inputs: Vec<PathBuf>,
     files: Vec<PathBuf>,
-    /// Folders that are made if they are not there.
+    /// Folders that will be created if they do not exist.
     folders: Vec<PathBuf>,
 }
 
 impl Outputs {
-    /// Of a command that reads these.
+    /// For a command that reads these files.
     pub fn of<P: AsRef<Path>>(inputs: impl IntoIterator<Item = P>) -> Self {
         Self {
             inputs: inputs.into_iter().map(|path| real(path.as_ref())).collect(),
@@ -24,14 +24,15 @@ impl Outputs {
         }
     }
 
-    /// Adds a file that is to be written.
+    /// Adds a file that will be written.
     ///
-    /// Errors: [`Error::Usage`] where it is an input or another output, [`Error::Write`] where it cannot be written.
+    /// # Errors
+    /// [`Error::Usage`] if it is an input or another output, [`Error::Write`] if it cannot be written.
     pub fn file(&mut self, path: &Path) -> Result<()> {
         let failed = |error| Err(Error::write(path)(error));
         match path.metadata() {
             Ok(data) if data.is_dir() => return failed(ErrorKind::IsADirectory.into()),
-            // Devices and pipes take anything, any number of times.
+            // Devices and pipes may be written several times.
             Ok(data) if !data.is_file() => return Ok(()),
             Err(error) if error.kind() != ErrorKind::NotFound => return failed(error),
             _ => {}
@@ -44,12 +45,12 @@ impl Outputs {
         self.add(path, place)
     }
 
-    /// Adds a file where there is a name for it.
+    /// [`Self::file`] where there is a path.
     pub fn file_if(&mut self, path: Option<&Path>) -> Result<()> {
         path.map_or(Ok(()), |path| self.file(path))
     }
 
-    /// Adds files in a folder, which is made later if it is not there.
+    /// Adds files in a folder, which may not exist yet.
     pub fn folder(&mut self, folder: &Path, names: &[&str]) -> Result<()> {
         let place = real(folder);
         check_folder(&place.join("file")).map_err(Error::write(folder))?;
@@ -71,7 +72,7 @@ impl Outputs {
     }
 }
 
-/// Where a path leads, links followed as far as it is there.
+/// The absolute path with links resolved, as far as it exists.
 fn real(path: &Path) -> PathBuf {
     let path = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
     let found = path.ancestors().find_map(|there| Some((there, there.canonicalize().ok()?)));
@@ -83,7 +84,7 @@ fn real(path: &Path) -> PathBuf {
     }
 }
 
-/// Whether a file can be made in the folder of `place`, or in the nearest above that is there.
+/// Whether a file can be created in the folder of `place`, or in its nearest ancestor that exists.
 fn check_folder(place: &Path) -> std::io::Result<()> {
     let there = |folder: &&Path| folder.symlink_metadata().is_ok();
     let Some(folder) = place.ancestors().skip(1).find(there) else { return Ok(()) };
@@ -100,7 +101,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_read_or_written_already_is_refused() {
+    fn inputs_and_repeated_outputs_are_rejected() {
         let folder = tempfile::tempdir().unwrap();
         let at = |name: &str| folder.path().join(name);
         std::fs::create_dir(at("sub")).unwrap();
@@ -120,13 +121,13 @@ mod tests {
             outputs.file(Path::new("/dev/null")).unwrap();
         }
         outputs.folder(&at("new/folder"), &["x"]).unwrap();
-        assert!(!at("new").exists(), "looked at, not made");
+        assert!(!at("new").exists(), "checked, not created");
         assert!(refused(outputs.folder(&at("new/folder"), &["x"])));
         outputs.file(&at("new/folder/y")).unwrap();
     }
 
     #[test]
-    fn what_cannot_be_written_is_told_beforehand() {
+    fn unwritable_outputs_are_errors_beforehand() {
         let folder = tempfile::tempdir().unwrap();
         let at = |name: &str| folder.path().join(name);
         std::fs::write(at("file"), "").unwrap();

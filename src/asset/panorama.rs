@@ -9,7 +9,7 @@ use super::radiance_image::RadianceImage;
 use super::{Report, file, openexr, radiance};
 use crate::{Error, Result};
 
-/// Largest picture taken, in texels: 1.6 GB in memory.
+/// Largest accepted width and height: 1.6 GB in memory.
 const MAX_SIZE: (u64, u64) = (16384, 8192);
 const MAX_FILE_BYTES: u64 = 2 << 30;
 
@@ -29,8 +29,10 @@ pub struct Panorama {
 impl Panorama {
     /// Reads a Radiance (.hdr) or OpenEXR file; its first bytes decide which it is.
     ///
-    /// Values that are negative or not finite become 0, with a warning. Errors: the file cannot be read, is neither
-    /// format, is broken, or is larger than 16384×8192.
+    /// Values that are negative or not finite become 0, with a warning.
+    ///
+    /// # Errors
+    /// The file cannot be read, has neither format, is broken, or is larger than 16384×8192.
     pub fn load(path: &Path, report: &Report) -> Result<Self> {
         let bytes = file::read(path, "panorama", MAX_FILE_BYTES)?;
         let decoded = if openexr::is_openexr(&bytes) {
@@ -56,7 +58,7 @@ impl Panorama {
         Ok(Self { name: file::short_name(path), width, height, texels })
     }
 
-    /// The same radiance from everywhere.
+    /// The same radiance from all directions.
     pub fn uniform(radiance: Vec3) -> Self {
         Self::from_fn(8, 4, |_| radiance)
     }
@@ -98,10 +100,10 @@ fn check_size(path: &Path, width: u64, height: u64) -> Result<()> {
     Ok(())
 }
 
-/// Negative values down to this part of the mean radiance are what lossy compression leaves around bright texels.
+/// Negative values down to this part of the mean radiance are ringing of lossy compression around bright texels.
 const RINGING: f64 = 0.01;
 
-/// One NaN would spread to the whole last level of every filtered copy, so it never gets past here.
+/// Sets negative and non-finite values to 0: a single NaN would spread over the whole last level of every filtered map.
 fn clear_unusable(path: &Path, width: u32, texels: &mut [[f32; 3]], report: &Report) {
     let unusable = |texel: &[f32; 3]| !texel.iter().all(|v| v.is_finite() && *v >= 0.0);
     let bad: Vec<usize> = (0..texels.len()).filter(|i| unusable(&texels[*i])).collect();
@@ -166,7 +168,7 @@ mod tests {
     }
 
     #[test]
-    fn unusable_values_become_zero_and_are_told() {
+    fn unusable_values_become_zero_with_a_warning() {
         let report = Report::silent();
         let mut texels = [[1.0; 3], [0.5, f32::NAN, 2.0], [1.0; 3], [f32::INFINITY, -1.0, 3.0]];
         clear_unusable(Path::new("sky.exr"), 2, &mut texels, &report);

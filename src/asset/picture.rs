@@ -1,4 +1,4 @@
-//! Finished pictures: reading them to compare, writing them, and how far two are apart.
+//! Rendered pictures: reading, writing, comparing.
 
 use std::{
     io::Cursor,
@@ -22,17 +22,17 @@ use crate::{
     reference::{metrics, tone},
 };
 
-/// Largest picture that is read, in pixels: 8K (7680 × 4320) and a little.
+/// Largest picture that is read, in pixels: a little more than 8K (7680 × 4320).
 const MAX_PIXELS: u64 = 1 << 25;
 
-/// Largest file that is read, in bytes: the largest picture as an uncompressed EXR of four floats, and as much again.
+/// Largest file that is read, in bytes: twice the largest picture as an uncompressed EXR of four floats.
 const MAX_FILE: u64 = MAX_PIXELS * 32;
 
-/// What a picture's numbers mean.
+/// The unit of a picture's values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Kind {
-    /// sRGB-encoded, 0 to 1: what a viewer sees. PNG, JPEG, TGA.
+    /// Display values: sRGB-encoded, 0 to 1. PNG, JPEG, TGA.
     Display,
     /// Linear RGB scene radiance, without exposure or tone curve. EXR, HDR.
     Radiance,
@@ -41,7 +41,7 @@ pub enum Kind {
 /// A picture in memory.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Picture {
-    /// Its file, or what it shows; for messages.
+    /// Its file or content, for messages.
     pub name: String,
     pub width: u32,
     pub height: u32,
@@ -50,17 +50,18 @@ pub struct Picture {
     pub pixels: Vec<[f32; 3]>,
 }
 
-/// How far a picture is from another, as `pbr-vr compare --json` writes it.
+/// The difference of two pictures, as `pbr-vr compare --json` writes it.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Comparison {
     pub width: u32,
     pub height: u32,
-    /// What the numbers below are of: `Display` compares sRGB-encoded values, `Radiance` linear ones.
+    /// What the numbers below compare: `Display` sRGB-encoded values, `Radiance` linear ones.
     pub kind: Kind,
-    /// LDR-FLIP of the pictures' eight-bit display values; radiance goes through the program's tone curve at 0 EV first.
+    /// LDR-FLIP of the pictures' eight-bit display values; radiance goes through the program's tone curve at 0 EV
+    /// first.
     pub flip_mean: f32,
     pub flip_max: f32,
-    /// Of visual angle: how near the pictures are seen.
+    /// Pixels per degree of visual angle: the viewing distance.
     pub flip_pixels_per_degree: f32,
     /// Mean of (test − reference)² / (reference² + 0.01) over pixels and channels.
     pub relative_mse: f64,
@@ -75,7 +76,7 @@ pub struct Comparison {
 }
 
 impl Comparison {
-    /// FLIP pixel by pixel, dark where the pictures agree.
+    /// FLIP of each pixel as a picture, dark where the two agree.
     pub fn flip_map(&self) -> Picture {
         let pixels = metrics::flip_colours(&self.flip).into_iter().map(|p| p.map(|c| f32::from(c) / 255.0)).collect();
         Picture { name: "FLIP".into(), width: self.width, height: self.height, kind: Kind::Display, pixels }
@@ -95,14 +96,17 @@ impl Picture {
         Self { name: name.into(), width, height, kind: Kind::Radiance, pixels }
     }
 
-    /// Reads a PNG, JPEG, TGA, HDR or EXR file; told apart by content, TGA by its name. Alpha and colour profiles are
-    /// left out, EXR gives the first layer with R, G and B.
+    /// Reads a PNG, JPEG, TGA, HDR or EXR file, recognised by content (TGA by name). Alpha and colour profiles are
+    /// ignored; of an EXR the first layer with R, G and B is read.
+    ///
+    /// # Errors
+    /// The file cannot be read, is broken or of another format, or is larger than 8K.
     pub fn read(path: &Path) -> Result<Self> {
         let bytes = file::read(path, "the picture", MAX_FILE)?;
         if openexr::is_openexr(&bytes) {
             read_exr(path, &bytes)
         } else if radiance::is_radiance(&bytes) {
-            // The `image` crate's decoder leaves out the header's exposure.
+            // The `image` crate's decoder ignores the header's exposure.
             let RadianceImage { width, height, texels } = radiance::decode(path, &bytes, check_size)?;
             Ok(Self { name: path.display().to_string(), width, height, kind: Kind::Radiance, pixels: texels })
         } else {
@@ -110,8 +114,11 @@ impl Picture {
         }
     }
 
-    /// Writes a display picture as .png (RGB, 8 bits) or a radiance picture as .exr (RGB, f32, ZIP). The file appears
-    /// whole or not at all, and the same picture always gives the same bytes.
+    /// Writes a display picture as .png (RGB, 8 bits) or a radiance picture as .exr (RGB, f32, ZIP), atomically. The
+    /// same picture always gives the same bytes.
+    ///
+    /// # Errors
+    /// The file cannot be written, or its extension does not fit the kind of picture.
     pub fn write(&self, path: &Path) -> Result<()> {
         if self.pixels.len() as u64 != u64::from(self.width) * u64::from(self.height) || self.pixels.is_empty() {
             let problem = format!("{} pixels for {} × {}", self.pixels.len(), self.width, self.height);
@@ -131,7 +138,7 @@ impl Picture {
         write_atomically(path, &bytes.map_err(|e| Error::write(path)(std::io::Error::other(e)))?)
     }
 
-    /// What a viewer sees of it: radiance exposed by `ev` stops and through the tone curve; display pictures as they are.
+    /// As a display picture: radiance is exposed by `ev` stops and tone-mapped; display pictures are unchanged.
     pub fn to_display(&self, ev: f32) -> Self {
         let pixels = match self.kind {
             Kind::Display => self.pixels.clone(),
@@ -179,13 +186,18 @@ impl Picture {
     }
 }
 
-/// How far `test` is from `reference`, seen as [`metrics::PIXELS_PER_DEGREE`] says; both of one size and kind, all their
-/// values finite.
+/// Compares two pictures at [`metrics::PIXELS_PER_DEGREE`].
+///
+/// # Errors
+/// Their sizes or kinds differ, or a value is not finite.
 pub fn compare(test: &Picture, reference: &Picture) -> Result<Comparison> {
     compare_seen(test, reference, metrics::PIXELS_PER_DEGREE)
 }
 
-/// The same for a viewer with so many pixels in a degree, one of [`metrics::PIXELS_PER_DEGREE_RANGE`].
+/// The same for another viewing distance, in [`metrics::PIXELS_PER_DEGREE_RANGE`].
+///
+/// # Errors
+/// As for [`compare`], and where the distance is out of range.
 pub fn compare_seen(test: &Picture, reference: &Picture, pixels_per_degree: f32) -> Result<Comparison> {
     check_pair(test, reference)?;
     let size @ [width, height] = [test.width, test.height];
@@ -276,7 +288,8 @@ fn read_exr(path: &Path, bytes: &[u8]) -> Result<Picture> {
     Ok(Picture { name: path.display().to_string(), width, height, kind: Kind::Radiance, pixels })
 }
 
-/// Size and pixels of the first layer with R, G and B. In one thread: a worker of the decoder that panics would end the process.
+/// Size and pixels of the first layer with R, G and B. In one thread: a panic in a worker thread of the decoder would
+/// end the process.
 fn read_layer(bytes: &[u8]) -> exr::error::Result<([u32; 2], Vec<[f32; 3]>)> {
     let image = exr::prelude::read()
         .no_deep_data()
@@ -331,7 +344,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_written_is_said() {
+    fn unwritable_pictures_are_errors() {
         let folder = tempfile::tempdir().unwrap();
         let at = |name: &str| folder.path().join(name);
         for (picture, name) in [(display(), "a.exr"), (radiance(), "a.png"), (display(), "a.bmp"), (display(), "a")] {
@@ -390,17 +403,17 @@ mod tests {
                 assert!(matches!(error, Error::Broken { .. }) && error.to_string().contains("broken"), "{error}");
             }
             for at in 0..bytes.len().min(1500) {
-                let mut bent = bytes.clone();
-                bent[at] ^= 0xff;
-                fs::write(&path, &bent).unwrap();
-                let _ = Picture::read(&path); // may be fine or an error; must not panic
+                let mut corrupted = bytes.clone();
+                corrupted[at] ^= 0xff;
+                fs::write(&path, &corrupted).unwrap();
+                let _ = Picture::read(&path); // may succeed or fail, but not panic
             }
         }
         assert!(matches!(Picture::read(&folder.path().join("none.png")).unwrap_err(), Error::Read { .. }));
     }
 
     #[test]
-    fn a_giant_is_refused_before_memory_is_taken() {
+    fn a_huge_picture_is_rejected_before_memory_is_allocated() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("giant.png");
         let mut bytes = Vec::new();

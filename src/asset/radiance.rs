@@ -1,6 +1,6 @@
 //! Radiance pictures (.hdr, .pic): RGBE texels, flat or with either run-length coding.
 //!
-//! The `image` crate's decoder overflows on chains of empty runs and misreads narrow pictures; hence this one.
+//! The `image` crate's decoder is not used: it overflows on chains of empty runs and misreads narrow pictures.
 //! Format: Ward, "Real Pixels", Graphics Gems II (1991), and the file format notes of Radiance.
 
 use std::path::Path;
@@ -8,12 +8,15 @@ use std::path::Path;
 use super::radiance_image::{RadianceImage, SizeCheck};
 use crate::{Error, Result};
 
-/// Does the content look like a Radiance picture?
+/// Whether the content begins like a Radiance picture.
 pub fn is_radiance(bytes: &[u8]) -> bool {
     bytes.starts_with(b"#?")
 }
 
-/// Decodes a whole file; radiance has the header's exposure and colour correction divided out.
+/// Decodes a file; the header's exposure and colour correction are divided out.
+///
+/// # Errors
+/// The file is broken or of another colour format, or `check_size` rejects its size.
 pub fn decode(path: &Path, bytes: &[u8], check_size: SizeCheck) -> Result<RadianceImage> {
     let mut bytes = Bytes { rest: bytes, path };
     let header = read_header(&mut bytes)?;
@@ -22,7 +25,7 @@ pub fn decode(path: &Path, bytes: &[u8], check_size: SizeCheck) -> Result<Radian
     // 2^(e − 136) for every exponent byte e; e = 0 means black.
     let powers: Vec<f64> = (0..256).map(|e| if e == 0 { 0.0 } else { 2f64.powi(e - 136) }).collect();
     let mut line = vec![[0; 4]; width];
-    // Grows with what the file really holds, not with what it says.
+    // Grows with the data that the file holds, not with the size that it declares.
     let mut texels = Vec::new();
     for _ in 0..header.height {
         read_line(&mut bytes, &mut line)?;
@@ -37,7 +40,7 @@ pub fn decode(path: &Path, bytes: &[u8], check_size: SizeCheck) -> Result<Radian
 struct Header {
     width: u32,
     height: u32,
-    /// What turns stored values into radiance, per channel.
+    /// Factor from stored values to radiance, per channel.
     scale: [f64; 3],
 }
 
@@ -89,7 +92,7 @@ fn numbers<const N: usize>(bytes: &Bytes, key: &str, text: &str) -> Result<[f64;
 
 fn read_line(bytes: &mut Bytes, line: &mut [[u8; 4]]) -> Result<()> {
     let first = bytes.texel()?;
-    // New coding marks its lines by a texel no writer normalises to, and exists for these widths only.
+    // The new coding marks its lines by a texel that no normalised colour has, and exists for these widths only.
     let new_coding = first[0] == 2 && first[1] == 2 && first[2] < 128 && (8..32768).contains(&line.len());
     if !new_coding {
         return read_old_line(bytes, first, line);
@@ -144,7 +147,7 @@ fn read_old_line(bytes: &mut Bytes, first: [u8; 4], line: &mut [[u8; 4]]) -> Res
     }
 }
 
-/// What is left of a file.
+/// The unread part of a file.
 struct Bytes<'a> {
     rest: &'a [u8],
     path: &'a Path,

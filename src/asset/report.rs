@@ -52,7 +52,8 @@ impl Report {
         }
     }
 
-    /// Adds a warning: something that the user should know but that stops nothing. File first, then key, then what was done.
+    /// Adds a warning: something that the user should know but that stops nothing. File first, then key, then what was
+    /// done.
     pub fn warn(&self, message: impl Into<String>) {
         let message = shown(&message.into(), false);
         let mut warnings = self.lock();
@@ -82,8 +83,8 @@ impl Report {
         bar
     }
 
-    /// Runs `work` and adds its duration to the times under `label`. Concurrent threads each add their own, so that a sum can
-    /// exceed the elapsed time; `work` must not wait for other threads, or their work would be counted twice.
+    /// Runs `work` and adds its duration to the times under `label`. Concurrent threads each add their own, so that a
+    /// sum can exceed the elapsed time; `work` must not wait for other threads, or their work would be counted twice.
     pub fn time<T>(&self, label: &'static str, work: impl FnOnce() -> T) -> T {
         let start = Instant::now();
         let done = work();

@@ -1,13 +1,13 @@
-//! Where the files that come with the program lie, and those that do not.
+//! Paths of the assets that come with the program, and of the large scenes that do not.
 
 use std::path::{Path, PathBuf};
 
 use crate::{Error, Result};
 
-/// The scene that is shown when none is named.
+/// The default scene.
 pub const DEMO: &str = "scenes/demo.toml";
 
-/// The panorama for models and scenes that name none.
+/// The panorama of models and scenes without one.
 pub const PANORAMA: &str = "panoramas/courtyard.exr";
 
 /// All panoramas that come with the program.

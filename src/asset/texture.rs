@@ -1,4 +1,4 @@
-//! Decoded material textures, and what is done to them before the GPU sees them: constants found, channels packed.
+//! Decoded material textures: finding constants, packing channels, height maps to normal maps.
 
 use std::io::Cursor;
 use std::path::Path;
@@ -9,20 +9,20 @@ use image::{DynamicImage, GrayImage, ImageError, ImageFormat, ImageReader, Limit
 use super::{file, jpeg};
 use crate::{Error, Result};
 
-/// Largest side taken, in texels: what every Vulkan 1.3 desktop GPU can hold.
+/// Largest accepted side, in texels: what every Vulkan 1.3 desktop GPU supports.
 pub const MAX_SIDE: u32 = 16384;
-/// Bytes of a picture file at most.
+/// Largest picture file, in bytes.
 pub const MAX_FILE_BYTES: u64 = 1 << 30;
-/// For the decoder's own buffers: the largest picture at 16 bits a channel.
+/// Limit of the decoder's own buffers: the largest picture at 16 bits per channel.
 const MAX_DECODER_BYTES: u64 = 2 << 30;
 
-/// Values that differ by no more than this count as one: it is what JPEG makes of a constant picture.
+/// Values that differ by no more than this count as equal: JPEG makes such a difference in a constant picture.
 const CONSTANT_SPREAD: u8 = 1;
 
-/// At `-bm 1` a height map's black and white are this part of its width apart.
+/// Height between black and white of a height map at `-bm 1`, as a part of its width.
 const BUMP_DEPTH: f32 = 0.01;
 
-/// How a texture's eight-bit values are to be read.
+/// The meaning of a texture's eight-bit values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Encoding {
     /// RGB is sRGB-encoded colour; alpha is linear coverage.
@@ -33,7 +33,7 @@ pub enum Encoding {
     Normal,
 }
 
-/// A picture in memory: RGBA, 8 bits a channel, rows from the top.
+/// A picture in memory: RGBA, 8 bits per channel, rows from the top.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Texture {
     /// For messages and GPU debug names.
@@ -46,9 +46,10 @@ pub struct Texture {
 }
 
 impl Texture {
-    /// Decodes a PNG, JPEG or TGA file of any bit depth, grey or colour, palette or not; its first bytes decide which.
+    /// Decodes a PNG, JPEG or TGA file (recognised by content) of any bit depth, grey or colour, palette or not.
     ///
-    /// Errors: the file cannot be read, is broken or of another format, or is larger than [`MAX_SIDE`] on a side.
+    /// # Errors
+    /// The file cannot be read, is broken or of another format, or is larger than [`MAX_SIDE`] on a side.
     pub fn load(path: &Path, encoding: Encoding) -> Result<Self> {
         let bytes = file::read(path, "texture", MAX_FILE_BYTES)?;
         let picture = decode(path, &bytes)?.into_rgba8();
@@ -56,7 +57,7 @@ impl Texture {
         Ok(Self { name: file::short_name(path), width, height, encoding, pixels: picture.into_raw() })
     }
 
-    /// The one value of every texel, where no channel varies by more than JPEG's rounding.
+    /// The value of all texels, if no channel varies by more than JPEG's rounding.
     pub fn constant(&self) -> Option<[u8; 4]> {
         let (min, max) = self.texels().fold(([255; 4], [0; 4]), |(min, max): ([u8; 4], [u8; 4]), texel| {
             (std::array::from_fn(|c| min[c].min(texel[c])), std::array::from_fn(|c| max[c].max(texel[c])))
@@ -65,7 +66,7 @@ impl Texture {
         (constant && !self.pixels.is_empty()).then_some(max)
     }
 
-    /// Red, green and blue of every texel, where they do not vary; alpha may.
+    /// Red, green and blue of all texels, if they do not vary; alpha may.
     pub fn constant_colour(&self) -> Option<[u8; 3]> {
         let [r, g, b] = [0, 1, 2].map(|c| self.channel(c).constant());
         Some([r?, g?, b?])
@@ -77,7 +78,7 @@ impl Texture {
         Channel { width: self.width, height: self.height, values }
     }
 
-    /// Writes `mask` into alpha, resized to this picture.
+    /// Replaces alpha by `mask`, resized to this picture.
     pub fn set_alpha(&mut self, mask: &Channel) {
         let mask = mask.resized(self.width, self.height);
         for (texel, alpha) in self.pixels.chunks_exact_mut(4).zip(mask.values) {
@@ -97,8 +98,8 @@ impl Texture {
         self.pixels.chunks_exact_mut(4).for_each(|texel| texel[3] = 255);
     }
 
-    /// Three channels as red, green and blue, all resized to the largest of them; where one is absent, 255.
-    /// `None` when all are absent.
+    /// Packs three channels into red, green and blue, resized to the largest of them; absent ones become 255. `None` if
+    /// all are absent.
     pub fn packed(name: String, channels: [Option<&Channel>; 3]) -> Option<Self> {
         let width = channels.iter().flatten().map(|c| c.width).max()?;
         let height = channels.iter().flatten().map(|c| c.height).max()?;
@@ -112,9 +113,9 @@ impl Texture {
         Some(Self { name, width, height, encoding: Encoding::Linear, pixels })
     }
 
-    /// Turns a picture named by `bump` into a normal map. A picture that is one already (mostly blue, vectors of about
-    /// unit length) stays as it is; any other is a height map, white high, whose black and white are `strength`
-    /// hundredths of its width apart. The picture repeats at its borders.
+    /// Converts a picture named by `bump` to a normal map. A picture that is one already (mostly blue, vectors of about
+    /// unit length) is unchanged; any other is a height map, white high, with `strength` hundredths of its width
+    /// between black and white. The picture repeats at its borders.
     pub fn into_normal_map(mut self, strength: f32) -> Self {
         self.encoding = Encoding::Normal;
         if self.looks_like_normals() {
@@ -173,30 +174,31 @@ pub struct Channel {
 }
 
 impl Channel {
-    /// The red channel of a picture file (of a grey one: its grey); as [`Texture::load`].
+    /// The red channel of a picture file, or its grey; errors as of [`Texture::load`].
     pub fn load(path: &Path) -> Result<Self> {
         Ok(Texture::load(path, Encoding::Linear)?.channel(0))
     }
 
-    /// The coverage in a picture file: its alpha channel where that varies, else its red one.
+    /// The coverage in a picture file: its alpha channel if that varies, else its red one; errors as of
+    /// [`Texture::load`].
     pub fn load_mask(path: &Path) -> Result<Self> {
         let texture = Texture::load(path, Encoding::Linear)?;
         let alpha = texture.channel(3);
         Ok(if alpha.constant().is_none() { alpha } else { texture.channel(0) })
     }
 
-    /// The one value of every texel, where it varies by no more than JPEG's rounding.
+    /// The value of all texels, if it varies by no more than JPEG's rounding.
     pub fn constant(&self) -> Option<u8> {
         let (min, max) = self.range()?;
         (max - min <= CONSTANT_SPREAD).then_some(max)
     }
 
-    /// Its least and its greatest value.
+    /// Its minimum and maximum.
     pub fn range(&self) -> Option<(u8, u8)> {
         Some((*self.values.iter().min()?, *self.values.iter().max()?))
     }
 
-    /// Does it leave some texels out and some in, as a cutout does?
+    /// Whether some texels are below and some above one half, as in a cutout.
     pub fn cuts_out(&self) -> bool {
         self.values.iter().any(|v| *v < 128) && self.values.iter().any(|v| *v >= 128)
     }
@@ -293,7 +295,7 @@ mod tests {
     }
 
     #[test]
-    fn content_decides_not_the_name() {
+    fn formats_are_recognised_by_content() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("really-png.jpg");
         let picture = DynamicImage::new_rgb8(2, 2);
@@ -304,7 +306,7 @@ mod tests {
     }
 
     #[test]
-    fn a_jpeg_cut_short_is_refused_however_much_is_there() {
+    fn a_truncated_jpeg_is_rejected_wherever_it_ends() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.jpg");
         let noise = |x: u32, y: u32| Rgb([(x * 97 + y * 31) as u8, (x * y) as u8, (x ^ y) as u8]);
@@ -344,9 +346,9 @@ mod tests {
 
     #[test]
     fn masks_go_into_alpha() {
-        let mut albedo = texture(2, &[[1, 2, 3, 255]; 4]);
-        albedo.set_alpha(&grey(1, &[0]));
-        assert_eq!(albedo.pixels, [1, 2, 3, 0].repeat(4));
+        let mut base_color = texture(2, &[[1, 2, 3, 255]; 4]);
+        base_color.set_alpha(&grey(1, &[0]));
+        assert_eq!(base_color.pixels, [1, 2, 3, 0].repeat(4));
         assert!(grey(1, &[0, 255]).cuts_out() && !grey(1, &[0, 0]).cuts_out() && !grey(1, &[200, 255]).cuts_out());
     }
 

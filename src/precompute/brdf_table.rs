@@ -14,7 +14,8 @@ use crate::reference::lobe::kernel_spread;
 use crate::reference::quadrature::gauss_legendre;
 use crate::reference::table::{SplitSum, table_arguments, table_place};
 
-/// Texels along n·v (`glsl/brdf_table.comp` knows it, too) and along roughness: what bilinear lookups lose is below 1e-3.
+/// Texels along n·v (`glsl/brdf_table.comp` knows it, too) and along roughness: what bilinear lookups lose is below
+/// 1e-3.
 pub const SIZE: [u32; 2] = [128, 96];
 /// Quadrature nodes over φ and s; `glsl/brdf_table.comp` knows them, too.
 const NODES: [usize; 2] = [8, 16];
@@ -120,8 +121,8 @@ mod tests {
     use crate::asset::cache::Key;
 
     /// The shader is part of the cache's key; this pins what the CPU gives it. Where it fails because the numbers have
-    /// changed on purpose: raise the version of [`CACHE_KIND`], and put the new hash here. Linux only: the last digits of
-    /// sines and logarithms are those of the system's library.
+    /// changed on purpose: raise the version of [`CACHE_KIND`], and put the new hash here. Linux only: the last digits
+    /// of sines and logarithms are those of the system's library.
     #[test]
     #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
     fn numbers_change_only_with_the_version() {

@@ -60,8 +60,8 @@ fn load(cache: &Cache, key: &str, image: &Image) -> Option<Ktx2> {
     cache.load(key, limit, |texture| fits(texture, image))
 }
 
-/// What all maps of one kind and source share. `shaders` are names and SPIR-V words; only those of the kind count. In debug
-/// builds their words hold the GLSL source, so that even a comment there empties the cache.
+/// What all maps of one kind and source share. `shaders` are names and SPIR-V words; only those of the kind count. In
+/// debug builds their words hold the GLSL source, so that even a comment there empties the cache.
 fn common_key(kind: &CacheKind, shaders: &[(&str, Vec<u32>)], machine: [&str; 2], source: &[&[u8]]) -> Key {
     let mut key = Key::new(kind.copying, kind.version);
     machine.iter().for_each(|text| key.add(text.as_bytes()));

@@ -42,8 +42,8 @@ pub fn texels(gpu: &Arc<Gpu>, image: &Image, part: Subresource) -> Vec<DVec3> {
     floats.iter().map(|t| DVec3::new(t[0].into(), t[1].into(), t[2].into())).collect()
 }
 
-/// Compares what the GPU says with the truth; when it goes, it prints for each quantity how much of its bound was used, and
-/// fails if that was more than all of it.
+/// Compares what the GPU says with the truth; when it goes, it prints for each quantity how much of its bound was used,
+/// and fails if that was more than all of it.
 #[derive(Default)]
 pub struct Judge(BTreeMap<&'static str, Worst>);
 

@@ -77,9 +77,9 @@ impl InteractionLists {
     }
 }
 
-/// A node's radius may be this part of the lobe's own scale where it lies, α at its centre and half the distance from it
-/// far outside; what the lobe bends over that enters by the second moment. Less for wide lobes, whose levels are small
-/// and cost little.
+/// A node's radius may be this part of the lobe's own scale where it lies, α at its centre and half the distance from
+/// it far outside; what the lobe bends over that enters by the second moment. Less for wide lobes, whose levels are
+/// small and cost little.
 fn node_per_lobe(alpha: f64) -> f64 {
     match alpha {
         a if a < 0.04 => 0.9,
@@ -88,12 +88,12 @@ fn node_per_lobe(alpha: f64) -> f64 {
     }
 }
 
-/// Nodes that the horizon crosses are at most this wide, in radians, for the clamped cosine: it turns sharply there, and
-/// the second moment knows nothing of that. Narrower lobes have less weight at the horizon.
+/// Nodes that the horizon crosses are at most this wide, in radians, for the clamped cosine: it turns sharply there,
+/// and the second moment knows nothing of that. Narrower lobes have less weight at the horizon.
 const NODE_AT_HORIZON: f64 = 0.08;
 
-/// The largest radius of a node that the horizon crosses. The error grows with its square and with the kernel's slope at
-/// the horizon, c/q² → 1/q², as part of its integral; for the cosine that is 1/π.
+/// The largest radius of a node that the horizon crosses. The error grows with its square and with the kernel's slope
+/// at the horizon, c/q² → 1/q², as part of its integral; for the cosine that is 1/π.
 fn width_at_horizon(alpha: f64) -> f64 {
     let q = 0.5 * (1.0 + alpha * alpha);
     NODE_AT_HORIZON * (kernel_integral(alpha) * q * q / PI).sqrt()

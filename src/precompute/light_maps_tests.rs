@@ -128,7 +128,8 @@ fn errors(level: &Level, truth: impl Fn(DVec3) -> DVec3 + Sync) -> [f64; 2] {
     [each.iter().sum::<f64>() / each.len() as f64, each.iter().copied().fold(0.0, f64::max)]
 }
 
-/// Checks irradiance and specular levels 1.. against the truth; bounds are [mean, greatest], for irradiance and for levels.
+/// Checks irradiance and specular levels 1.. against the truth; bounds are [mean, greatest], for irradiance and for
+/// levels.
 fn judge(what: &str, maps: &Maps, truth: PanoramaView<'_>, bounds: [[f64; 2]; 2]) {
     let pi = std::f64::consts::PI;
     let mut measured = vec![errors(&maps.irradiance, |n| irradiance(truth, n) / pi)];
@@ -144,8 +145,8 @@ fn judge(what: &str, maps: &Maps, truth: PanoramaView<'_>, bounds: [[f64; 2]; 2]
 }
 
 /// The shaders are part of the cache's key; this pins what the CPU gives them. Where it fails because the numbers have
-/// changed on purpose: raise the version of [`CACHE_KIND`], and put the new hash here. Linux only: the last digits of sines
-/// and logarithms are those of the system's library.
+/// changed on purpose: raise the version of [`CACHE_KIND`], and put the new hash here. Linux only: the last digits of
+/// sines and logarithms are those of the system's library.
 #[test]
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
 fn numbers_change_only_with_the_version() {
@@ -202,7 +203,8 @@ static NOISE: LazyLock<(Panorama, Panorama, Maps)> = LazyLock::new(|| {
 #[test]
 fn noise_comes_out_right() {
     let (coarse, _, maps) = &*NOISE;
-    // Measured: irradiance 0.02 (at most 0.05) %, level 1 0.35 (at most 0.99) %, falling to 0.03 (at most 0.07) % at level 8.
+    // Measured: irradiance 0.02 (at most 0.05) %, level 1 0.35 (at most 0.99) %, falling to 0.03 (at most 0.07) % at
+    // level 8.
     judge("noise", maps, view(coarse), [[0.001, 0.002], [0.006, 0.02]]);
 }
 
@@ -217,8 +219,8 @@ fn sunny(row: u32) -> Panorama {
     panorama
 }
 
-/// Cases 5 and 6 of tests/stability.rs: at middle latitudes, and by the pole. What is lost is lost where the cube's taps miss parts of a
-/// sun of one texel. Measured: mean 0.3 (at most 0.8) %, by the pole 2.4 (at most 4.6) %.
+/// Cases 5 and 6 of tests/stability.rs: at middle latitudes, and by the pole. What is lost is lost where the cube's
+/// taps miss parts of a sun of one texel. Measured: mean 0.3 (at most 0.8) %, by the pole 2.4 (at most 4.6) %.
 #[test]
 fn a_small_sun_keeps_its_energy() {
     for (row, irradiance, levels, energy) in

@@ -25,9 +25,9 @@ pub enum Geometry {
     /// Height-correlated Smith (Heitz 2014) for every light, and a diffuse part that keeps the energy.
     #[default]
     Smith = 0,
-    /// The thesis's: Schlick's G1 with Karis's two values of k (2013), and Lambert times 1 − F(v·h); for the environment,
-    /// times what its specular part leaves. The thesis's Fresnel by roughness on top of the table, which holds it already, is
-    /// charted alone (`measure causes`).
+    /// The thesis's: Schlick's G1 with Karis's two values of k (2013), and Lambert times 1 − F(v·h); for the
+    /// environment, times what its specular part leaves. The thesis's Fresnel by roughness on top of the table, which
+    /// holds it already, is charted alone (`measure causes`).
     Karis2013 = 1,
 }
 
@@ -39,8 +39,8 @@ pub fn alpha_from_roughness(roughness: f64) -> f64 {
 /// What [`widened_roughness`] adds to α² at most: the bound of Tokuyoshi and Kaplanyan (2019).
 pub const MOST_WIDENED: f64 = 0.18;
 
-/// Roughness whose lobe, seen once, is as wide as that of a pixel's normals all together; `variance` is that of the normals,
-/// both axes summed. Tokuyoshi and Kaplanyan, "Improved Geometric Specular Antialiasing" (2019).
+/// Roughness whose lobe, seen once, is as wide as that of a pixel's normals all together; `variance` is that of the
+/// normals, both axes summed. Tokuyoshi and Kaplanyan, "Improved Geometric Specular Antialiasing" (2019).
 pub fn widened_roughness(roughness: f64, variance: f64) -> f64 {
     let alpha = alpha_from_roughness(roughness);
     (alpha * alpha + variance.min(MOST_WIDENED)).min(1.0).powf(0.25)
@@ -137,14 +137,14 @@ pub fn specular(n: DVec3, v: DVec3, l: DVec3, f0: DVec3, roughness: f64, geometr
     f_schlick(f0, 0.5 * h.length()) * (d * v_direct(n.dot(l), n.dot(v), roughness, geometry))
 }
 
-/// Phong exponent whose lobe is as wide as Beckmann's of this roughness: 2/α² − 2 is the exponent over n·h (Walter et al.
-/// 2007, section 5.2); the angle to the mirror direction is twice that to h, which takes a quarter of it.
+/// Phong exponent whose lobe is as wide as Beckmann's of this roughness: 2/α² − 2 is the exponent over n·h (Walter et
+/// al. 2007, section 5.2); the angle to the mirror direction is twice that to h, which takes a quarter of it.
 pub fn phong_exponent(roughness: f64) -> f64 {
     0.5 / alpha_from_roughness(roughness).powi(2) - 0.5
 }
 
-/// Energy-normalised Phong lobe in 1/sr for a specular reflectance of 1: Lafortune and Willems, "Using the Modified Phong
-/// Reflectance Model for Physically Based Rendering" (1994), section 3.
+/// Energy-normalised Phong lobe in 1/sr for a specular reflectance of 1: Lafortune and Willems, "Using the Modified
+/// Phong Reflectance Model for Physically Based Rendering" (1994), section 3.
 pub fn phong_specular(n: DVec3, v: DVec3, l: DVec3, roughness: f64) -> f64 {
     let exponent = phong_exponent(roughness);
     let rv = (2.0 * n.dot(l) * n - l).dot(v).clamp(MIN_COS, 1.0);
@@ -165,8 +165,8 @@ mod tests {
         DVec3::new(polar.sin() * azimuth.cos(), polar.sin() * azimuth.sin(), polar.cos())
     }
 
-    /// Integral of f over the upper hemisphere: midpoints in azimuth and in t with tan(polar) = scale · tan(t), so that a
-    /// lobe of that width around n is resolved.
+    /// Integral of f over the upper hemisphere: midpoints in azimuth and in t with tan(polar) = scale · tan(t), so that
+    /// a lobe of that width around n is resolved.
     fn over_hemisphere(scale: f64, f: impl Fn(DVec3) -> DVec3) -> DVec3 {
         const STEPS: usize = 400;
         let dt = PI / 2.0 / STEPS as f64;

@@ -68,7 +68,8 @@ pub fn panorama_direction(uv: DVec2) -> DVec3 {
     DVec3::new(cos_latitude * cos_longitude, sin_latitude, cos_latitude * sin_longitude)
 }
 
-/// Solid angle in sr of a texel in `row` of a panorama of size [width, height], exactly: the zone between two latitudes.
+/// Solid angle in sr of a texel in `row` of a panorama of size [width, height], exactly: the zone between two
+/// latitudes.
 pub fn panorama_texel_solid_angle(row: u32, size: [u32; 2]) -> f64 {
     let step_radians = PI / f64::from(size[1]);
     let polar = (f64::from(row) + 0.5) * step_radians;

@@ -1,8 +1,9 @@
-//! What microfacets that shadow each other give back by second and later bounces, and a diffuse part that takes what the
-//! specular part leaves: in f64, for light of any direction.
+//! What microfacets that shadow each other give back by second and later bounces, and a diffuse part that takes what
+//! the specular part leaves: in f64, for light of any direction.
 //!
-//! Of three ways this is Kulla and Conty's, because it is reciprocal and keeps the energy exactly: Turquin's scaled lobe keeps
-//! the energy too, but is not the same with light and eye exchanged; Fdez-Agüera's works for the environment alone.
+//! Of three ways this is Kulla and Conty's, because it is reciprocal and keeps the energy exactly: Turquin's scaled
+//! lobe keeps the energy too, but is not the same with light and eye exchanged; Fdez-Agüera's works for the environment
+//! alone.
 
 use std::f64::consts::{FRAC_1_PI, PI};
 
@@ -14,8 +15,8 @@ use super::brdf::{DIELECTRIC_F0, Geometry};
 use super::quadrature::gauss_legendre;
 use super::table::{Entry, coarse_table_entry, table_arguments, table_entry, table_place};
 
-/// Share of the incoming light that must be at stake for multiple scattering to be modelled: half a step of an 8-bit sRGB
-/// picture at white, 1 − (254/255)^2.2 = 0.9 %.
+/// Share of the incoming light that must be at stake for multiple scattering to be modelled: half a step of an 8-bit
+/// sRGB picture at white, 1 − (254/255)^2.2 = 0.9 %.
 pub const VISIBLE: f64 = 0.0045;
 
 /// Least share that is divided by: below, a lobe is 0 over 0.
@@ -48,9 +49,9 @@ impl Energy {
         Self { mean: mean(NODES, |cosine| table_entry(cosine, roughness, geometry)), scattering }
     }
 
-    /// What the lost light is multiplied by before it comes back. Kulla and Conty, "Revisiting Physically Based Shading at
-    /// Imageworks" (2017), section on Fresnel: Σ Favg (Favg (1 − Eavg))ⁿ Favg Eavg over bounces n, with Schlick's mean
-    /// F0 + (1 − F0) / 21. 0 with single scattering.
+    /// What the lost light is multiplied by before it comes back. Kulla and Conty, "Revisiting Physically Based Shading
+    /// at Imageworks" (2017), section on Fresnel: Σ Favg (Favg (1 − Eavg))ⁿ Favg Eavg over bounces n, with Schlick's
+    /// mean F0 + (1 − F0) / 21. 0 with single scattering.
     pub fn multiple_share(&self, f0: DVec3) -> DVec3 {
         if self.scattering == Scattering::Single {
             return DVec3::ZERO;
@@ -65,7 +66,8 @@ impl Energy {
         self.multiple_share(DVec3::splat(DIELECTRIC_F0)).lerp(self.multiple_share(albedo), metallic)
     }
 
-    /// Multiple scattering as a BRDF in 1/sr for a share and the table's entries at n·l and n·v: Kulla and Conty (2017).
+    /// Multiple scattering as a BRDF in 1/sr for a share and the table's entries at n·l and n·v: Kulla and Conty
+    /// (2017).
     pub fn multiple(&self, share: DVec3, at_l: Entry, at_v: Entry) -> DVec3 {
         let [lost_l, lost_v, lost] = [at_l, at_v, self.mean].map(lost);
         share * (lost_l * lost_v * FRAC_1_PI / lost.max(LEAST_LOST))
@@ -144,18 +146,19 @@ fn lost(entry: Entry) -> f64 {
     (1.0 - entry.scale - entry.bias).max(0.0)
 }
 
-/// Whether multiple scattering changes what a material with at most this roughness, metalness and largest albedo reflects
-/// under even light by more than [`VISIBLE`] of that light, seen from anywhere.
+/// Whether multiple scattering changes what a material with at most this roughness, metalness and largest albedo
+/// reflects under even light by more than [`VISIBLE`] of that light, seen from anywhere.
 pub fn is_multi_scatter_visible(roughness: f64, metallic: f64, albedo: f64) -> bool {
-    // A dielectric mirrors too little, whatever its roughness: F² is 0.7 %, of which half is not lost in the first place.
+    // A dielectric mirrors too little, whatever its roughness: F² is 0.7 %, of which half is not lost in the first
+    // place.
     if metallic <= 0.0 {
         return false;
     }
     most_changed(roughness.clamp(0.0, 1.0), metallic, albedo) > VISIBLE
 }
 
-/// Most of even light that multiple scattering gives back, seen from anywhere. A dielectric's diffuse part loses what its
-/// specular part gains, times the albedo: at most all of it stays.
+/// Most of even light that multiple scattering gives back, seen from anywhere. A dielectric's diffuse part loses what
+/// its specular part gains, times the albedo: at most all of it stays.
 fn most_changed(roughness: f64, metallic: f64, albedo: f64) -> f64 {
     let entry = |cosine| coarse_table_entry(cosine, roughness, Geometry::Smith);
     let energy = Energy { mean: mean(NODES / 3, entry), scattering: Scattering::Multiple };
@@ -164,8 +167,8 @@ fn most_changed(roughness: f64, metallic: f64, albedo: f64) -> f64 {
     share * lost.into_iter().fold(0.0, f64::max)
 }
 
-/// Share of even light from all sides that a surface sends towards v, all terms integrated over the light's directions: what a
-/// white furnace shows. With height-correlated Smith.
+/// Share of even light from all sides that a surface sends towards v, all terms integrated over the light's directions:
+/// what a white furnace shows. With height-correlated Smith.
 pub fn furnace(albedo: DVec3, metallic: f64, roughness: f64, nv: f64, scattering: Scattering) -> DVec3 {
     let geometry = Geometry::Smith;
     let energy = Energy::new(roughness, geometry, scattering);
@@ -211,7 +214,8 @@ mod tests {
         row.nodes.iter().map(|([nl, weight], at_l)| f(*nl, *at_l) * 2.0 * PI * weight * nl).sum()
     }
 
-    /// Case 20 of tests/stability.rs, over 21 × 11 × 16 roughnesses, metalnesses and views; and what single scattering loses.
+    /// Case 20 of tests/stability.rs, over 21 × 11 × 16 roughnesses, metalnesses and views; and what single scattering
+    /// loses.
     #[test]
     fn a_white_furnace_hides_every_white_surface() {
         let rows: Vec<Row> = (0..ROUGHNESSES).into_par_iter().map(row).collect();

@@ -5,9 +5,9 @@ use std::f64::consts::FRAC_1_PI;
 use glam::{DVec2, DVec3};
 
 /// Real harmonic of degree l and order m in [−l, l] for unit d, polar axis z, without the Condon–Shortley sign: fully
-/// normalised, by Holmes and Featherstone, "A Unified Approach to the Clenshaw Summation and the Recursive Computation of
-/// Very High Degree and Order Normalised Associated Legendre Functions" (2002), eqs. 11 to 13; the factor sin^m of the
-/// polar angle is taken into (x + iy)^m, so that the poles need no care.
+/// normalised, by Holmes and Featherstone, "A Unified Approach to the Clenshaw Summation and the Recursive Computation
+/// of Very High Degree and Order Normalised Associated Legendre Functions" (2002), eqs. 11 to 13; the factor sin^m of
+/// the polar angle is taken into (x + iy)^m, so that the poles need no care.
 pub fn harmonic(l: i32, m: i32, d: DVec3) -> f64 {
     let order = m.abs();
     let mut p = (0.25 * FRAC_1_PI).sqrt();

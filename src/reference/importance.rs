@@ -1,4 +1,5 @@
-//! A panorama as a light to draw samples from: an alias table over cells of a grid, in the layout of `glsl/importance.glsl`.
+//! A panorama as a light to draw samples from: an alias table over cells of a grid, in the layout of
+//! `glsl/importance.glsl`.
 
 use bytemuck::{Pod, Zeroable};
 
@@ -18,8 +19,8 @@ pub struct Cell {
 /// The table for `width · height` cells that hold the mean radiance of a panorama's part each, rows from the top.
 ///
 /// Walker (1977), built with Vose's two lists ("A Linear Algorithm for Generating Random Numbers with a Given
-/// Distribution" (1991)). A cell weighs what it and, because light between texel centres is interpolated, a little of what
-/// its neighbours hold, times its solid angle; a black panorama is sampled evenly.
+/// Distribution" (1991)). A cell weighs what it and, because light between texel centres is interpolated, a little of
+/// what its neighbours hold, times its solid angle; a black panorama is sampled evenly.
 ///
 /// # Panics
 /// If there are not as many texels as the size says: a defect of the caller.

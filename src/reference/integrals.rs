@@ -56,7 +56,8 @@ impl<'a> PanoramaView<'a> {
         (count > 0 && count == texels.len() as u64).then_some(Self { width, height, texels, interpolated: false })
     }
 
-    /// Bilinear between texel centres in u and v, round the seam, clamped at the poles: what `--shading reference` shows.
+    /// Bilinear between texel centres in u and v, round the seam, clamped at the poles: what `--shading reference`
+    /// shows.
     pub fn interpolated(self) -> Self {
         Self { interpolated: true, ..self }
     }
@@ -90,8 +91,9 @@ impl<'a> PanoramaView<'a> {
         DVec3::new(r, g, b)
     }
 
-    /// Σ term(direction, radiance · solid angle, solid angle) over cells that each lie in one texel and are hardly wider
-    /// than `cell_radians` at their direction; rows in parallel, added in order, so that the sum is always the same.
+    /// Σ term(direction, radiance · solid angle, solid angle) over cells that each lie in one texel and are hardly
+    /// wider than `cell_radians` at their direction; rows in parallel, added in order, so that the sum is always the
+    /// same.
     fn sum<T: Default + Add<Output = T> + Send>(
         &self,
         cell_radians: impl Fn(DVec3) -> f64 + Sync,
@@ -112,8 +114,8 @@ impl<'a> PanoramaView<'a> {
         rows.into_iter().fold(T::default(), T::add)
     }
 
-    /// Hands a cell of a texel of this radiance to `add`, or, where it is too wide at its middle, its quarters: so cells
-    /// shrink towards a lobe's centre wherever in the texel that lies.
+    /// Hands a cell of a texel of this radiance to `add`, or, where it is too wide at its middle, its quarters: so
+    /// cells shrink towards a lobe's centre wherever in the texel that lies.
     fn visit(
         &self,
         cell: Cell,
@@ -163,8 +165,8 @@ pub fn irradiance(panorama: PanoramaView, n: DVec3) -> DVec3 {
     panorama.sum(|_| SMOOTH_RADIANS, |l, light, _| light * n.dot(l).max(0.0))
 }
 
-/// Panorama blurred for a roughness in [0, 1] around unit direction r, with n = v = r: ∫ L D n·l dl / ∫ D n·l dl, what the
-/// split sum's prefiltered levels hold (Karis 2013, the sum below eq. 7, which weights its GGX samples by n·l).
+/// Panorama blurred for a roughness in [0, 1] around unit direction r, with n = v = r: ∫ L D n·l dl / ∫ D n·l dl, what
+/// the split sum's prefiltered levels hold (Karis 2013, the sum below eq. 7, which weights its GGX samples by n·l).
 pub fn prefiltered(panorama: PanoramaView, r: DVec3, roughness: f64) -> DVec3 {
     let alpha = roughness * roughness;
     if alpha < 1e-6 {
@@ -197,9 +199,9 @@ fn lobe_cell_radians(r: DVec3, l: DVec3, alpha: f64) -> f64 {
 /// Alpha below which a surface is a mirror; the same in `glsl/exact.frag`.
 const MIRROR_ALPHA: f64 = 1e-4;
 
-/// All light that `surface` reflects to the eye from an unoccluded panorama, with the whole BRDF (Fresnel at v·h, not the
-/// split sum) and the environment's visibility of `geometry`; any roughness from 0, as in `glsl/exact.frag`. What is scattered
-/// more than once is specular.
+/// All light that `surface` reflects to the eye from an unoccluded panorama, with the whole BRDF (Fresnel at v·h, not
+/// the split sum) and the environment's visibility of `geometry`; any roughness from 0, as in `glsl/exact.frag`. What
+/// is scattered more than once is specular.
 pub fn reflected(panorama: PanoramaView, surface: &Surface, geometry: Geometry, scattering: Scattering) -> Reflected {
     reflected_by(panorama, surface, &Terms::new(surface.roughness, geometry), scattering)
 }

@@ -8,9 +8,9 @@ use super::lobe::kernel_spread;
 /// Specular levels: a mirror and nine lobes. Two share a texel size, half as many texels a side for each two: even
 /// levels are the mips of one cube map, odd levels those of another.
 pub const LEVELS: usize = 10;
-/// The fourth root of the spread grows by `ROOT_STEP` from level to level and would be `FIRST_ROOT` at level 0: so mixing two
-/// neighbours is about equally good everywhere. The last level's spread is 0.4: more than the cosine's 1/3 (α = 1), because
-/// rough surfaces seen at grazing angles have wider lobes.
+/// The fourth root of the spread grows by `ROOT_STEP` from level to level and would be `FIRST_ROOT` at level 0: so
+/// mixing two neighbours is about equally good everywhere. The last level's spread is 0.4: more than the cosine's 1/3
+/// (α = 1), because rough surfaces seen at grazing angles have wider lobes.
 const FIRST_ROOT: f64 = 0.165;
 const ROOT_STEP: f64 = 0.07;
 
@@ -37,9 +37,9 @@ pub fn alpha_from_spread(spread: f64) -> f64 {
     low.exp()
 }
 
-/// The fractional level for a lobe of this spread; beyond the last level's, the last level. Between the mirror and the first
-/// lobe the root of the spread (about α) decides: measured on noise it halves the error, and so small a spread does no harm
-/// to linear light.
+/// The fractional level for a lobe of this spread; beyond the last level's, the last level. Between the mirror and the
+/// first lobe the root of the spread (about α) decides: measured on noise it halves the error, and so small a spread
+/// does no harm to linear light.
 pub fn level_from_spread(spread: f64) -> f64 {
     let first = spread_from_level(1);
     if spread < first {

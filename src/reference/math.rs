@@ -6,8 +6,8 @@ use glam::DVec3;
 /// lies below is noise; a maximum, unlike an added epsilon, changes nothing above it.
 pub const MIN_COS: f64 = 1e-7;
 
-/// Smallest divisor where the dividend vanishes too: far above f32's smallest normal (1.2e-38), far below any value that a
-/// term reaches with unit vectors.
+/// Smallest divisor where the dividend vanishes too: far above f32's smallest normal (1.2e-38), far below any value
+/// that a term reaches with unit vectors.
 pub const TINY: f64 = 1e-30;
 
 /// The unit vector along v, or `otherwise` (unit) where v has no direction: zero, NaN, or as good as infinite.

@@ -2,12 +2,13 @@
 
 use std::ops::RangeInclusive;
 
-/// Pixels per degree of visual angle for FLIP where nothing else is said: 0.7 m from a screen of 0.7 m and 3840 pixels across,
-/// the default of Andersson et al., "FLIP: A Difference Evaluator for Alternating Images" (2020), section 6.
+/// Pixels per degree of visual angle for FLIP where nothing else is said: 0.7 m from a screen of 0.7 m and 3840 pixels
+/// across, the default of Andersson et al., "FLIP: A Difference Evaluator for Alternating Images" (2020), section 6.
 pub const PIXELS_PER_DEGREE: f32 = 67.0;
 
-/// Pixels per degree that FLIP takes: with fewer its narrowest filter (standard deviation 0.041 degrees) falls between pixels
-/// and weighs nothing; with more, filters are wider than 130 pixels, and no display is seen so (an eye tells apart about 120).
+/// Pixels per degree that FLIP takes: with fewer its narrowest filter (standard deviation 0.041 degrees) falls between
+/// pixels and weighs nothing; with more, filters are wider than 130 pixels, and no display is seen so (an eye tells
+/// apart about 120).
 pub const PIXELS_PER_DEGREE_RANGE: RangeInclusive<f32> = 4.0..=500.0;
 
 /// Mean and maximum of a FLIP error map, both in [0, 1].
@@ -20,7 +21,8 @@ pub struct Flip {
 }
 
 /// LDR-FLIP (Andersson et al. 2020) of two pictures of sRGB bytes, `width · height` each, as a viewer with
-/// `pixels_per_degree` (in [`PIXELS_PER_DEGREE_RANGE`]) flips between them; `None` where a size does not fit or is zero.
+/// `pixels_per_degree` (in [`PIXELS_PER_DEGREE_RANGE`]) flips between them; `None` where a size does not fit or is
+/// zero.
 pub fn flip(size: [u32; 2], test: &[[u8; 3]], reference: &[[u8; 3]], pixels_per_degree: f32) -> Option<Flip> {
     let [width, height] = size;
     let count = u64::from(width) * u64::from(height);
@@ -35,7 +37,8 @@ pub fn flip(size: [u32; 2], test: &[[u8; 3]], reference: &[[u8; 3]], pixels_per_
     Some(Flip { mean: (sum / count as f64) as f32, max: errors.iter().copied().fold(0.0, f32::max), errors })
 }
 
-/// FLIP's errors, 0 to 1, as sRGB colours from black over violet to light yellow: its authors' choice, matplotlib's magma.
+/// FLIP's errors, 0 to 1, as sRGB colours from black over violet to light yellow: its authors' choice, matplotlib's
+/// magma.
 pub fn flip_colours(errors: &[f32]) -> Vec<[u8; 3]> {
     let ramp = nv_flip::magma_lut().to_vec();
     let last = ramp.len() / 3 - 1;
@@ -47,8 +50,8 @@ pub fn flip_colours(errors: &[f32]) -> Vec<[u8; 3]> {
 }
 
 /// Mean over pixels and channels of (test − reference)² / (reference² + 0.01): Rousselle et al., "Adaptive Sampling and
-/// Reconstruction using Greedy Error Minimization" (2011), section 4, whose 0.01 keeps black pixels from deciding alone.
-/// 0 for empty pictures; compares as many pixels as both have.
+/// Reconstruction using Greedy Error Minimization" (2011), section 4, whose 0.01 keeps black pixels from deciding
+/// alone. 0 for empty pictures; compares as many pixels as both have.
 pub fn relative_mse(test: &[[f32; 3]], reference: &[[f32; 3]]) -> f64 {
     let terms = pairs(test, reference).map(|(t, r)| (t - r).powi(2) / (r * r + 0.01));
     mean(terms)

@@ -39,8 +39,8 @@ pub fn frame_tangent(frame: DVec4) -> DVec4 {
 }
 
 /// The frame of a unit normal and a unit tangent with the bitangent's sign, each number · 32767; of the nearest numbers
-/// those that give the least angle (Cigolle et al., "A Survey of Efficient Representations for Independent Unit Vectors"
-/// (2014), section 3, do the same with four).
+/// those that give the least angle (Cigolle et al., "A Survey of Efficient Representations for Independent Unit
+/// Vectors" (2014), section 3, do the same with four).
 pub fn pack_frame(normal: DVec3, tangent: DVec4) -> [i16; 4] {
     let (direction, sign) = (tangent.truncate(), if tangent.w < 0.0 { -1.0 } else { 1.0 });
     let n = octahedral_encode(normal);

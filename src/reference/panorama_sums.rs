@@ -10,8 +10,9 @@ use super::lobe::kernel;
 /// A lobe bends little over cells of this many times its own scale: sums are good to about 1e-4.
 const CELL: f64 = 0.15;
 
-/// ∫ L K(r·l) dl / ∫ K dl around each r, for a panorama of constant texels (`width · height`, rows from the top) and a lobe
-/// of `alpha` > 0. Divided by the sum of its own weights; rows are added in order, so that the result is always the same.
+/// ∫ L K(r·l) dl / ∫ K dl around each r, for a panorama of constant texels (`width · height`, rows from the top) and a
+/// lobe of `alpha` > 0. Divided by the sum of its own weights; rows are added in order, so that the result is always
+/// the same.
 pub fn prefiltered_around(
     directions: &[DVec3],
     alpha: f64,
@@ -37,7 +38,8 @@ pub fn prefiltered_around(
                 if c < -radians {
                     continue;
                 }
-                // The lobe's scale is alpha at its centre and grows with the distance; (1 - c) / 2 is that, squared, halved.
+                // The lobe's scale is alpha at its centre and grows with the distance; (1 - c) / 2 is that, squared,
+                // halved.
                 let scale = (alpha * alpha + 0.5 * (1.0 - c)).sqrt();
                 let kernel = if radians <= CELL * scale {
                     kernel(c, alpha)

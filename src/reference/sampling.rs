@@ -14,8 +14,9 @@ pub fn radical_inverse(i: u32) -> f64 {
     f64::from(i.reverse_bits()) / 2f64.powi(32)
 }
 
-/// Point i of the 2^log2_count points of Hammersley's set (Niederreiter, "Random Number Generation and Quasi-Monte Carlo Methods" (1992), chapter 3); i < 2^log2_count, log2_count ≤ 31.
-/// The GLSL twin drops all but the upper 24 bits of both.
+/// Point i of the 2^log2_count points of Hammersley's set (Niederreiter, "Random Number Generation and Quasi-Monte
+/// Carlo Methods" (1992), chapter 3); i < 2^log2_count, log2_count ≤ 31. The GLSL twin drops all but the upper 24 bits
+/// of both.
 pub fn hammersley(i: u32, log2_count: u32) -> DVec2 {
     DVec2::new(f64::from(i) / 2f64.powi(log2_count as i32), radical_inverse(i))
 }
@@ -172,7 +173,8 @@ mod tests {
             for alpha in [0.4, 1.0] {
                 let good = chi_squared_per_cell(v, alpha, sample_vndf, pdf_vndf);
                 assert!(good < 1.0, "visible normals: {good} at n·v {nv}, alpha {alpha}");
-                // h seen from behind reflects below; its density is not defined there, so only steep views are compared.
+                // h seen from behind reflects below; its density is not defined there, so only steep views are
+                // compared.
                 if nv == 1.0 {
                     let good = chi_squared_per_cell(v, alpha, ggx, pdf_ggx);
                     assert!(good < 1.0, "normals: {good} at n·v {nv}, alpha {alpha}");

@@ -26,9 +26,9 @@ pub struct Entry {
 static NODES: LazyLock<Vec<[f64; 2]>> = LazyLock::new(|| tanh_sinh(60));
 static FEW_NODES: LazyLock<Vec<[f64; 2]>> = LazyLock::new(|| tanh_sinh(7));
 
-/// Nodes in (0, 1) and weights of the tanh-sinh rule, one in the middle and `half` to each side: Takahasi and Mori, "Double
-/// Exponential Formulas for Numerical Integration" (1974). It crowds its nodes at the ends, where the integrand below turns
-/// sharply.
+/// Nodes in (0, 1) and weights of the tanh-sinh rule, one in the middle and `half` to each side: Takahasi and Mori,
+/// "Double Exponential Formulas for Numerical Integration" (1974). It crowds its nodes at the ends, where the integrand
+/// below turns sharply.
 fn tanh_sinh(half: i32) -> Vec<[f64; 2]> {
     let step = 3.2 / f64::from(half); // beyond 3.2 the weights are below 1e-15
     let node = |i: i32| {
@@ -49,8 +49,8 @@ pub enum SplitSum {
     /// radiance is linear in direction.
     #[default]
     Moment,
-    /// The same for two halves of the lobe, one nearer to the eye and one nearer to the horizon: twice the fetches, less
-    /// error on dielectrics, not on metals (`measure causes`).
+    /// The same for two halves of the lobe, one nearer to the eye and one nearer to the horizon: twice the fetches,
+    /// less error on dielectrics, not on metals (`measure causes`).
     Slices,
 }
 
@@ -121,15 +121,15 @@ fn entry_of(lobe: &Lobe) -> Entry {
 
 /// The lobe at n·v = nv in [0, 1] and a roughness in [0, 1]; relative to the integrals good to 1e-7.
 ///
-/// Integrates V · 4 nl · vh / nh over half vectors drawn from D (Walter et al. 2007, eqs. 14 and 35), with weights
-/// (1 − v·h)⁵ apart. h is (θ, φ); l is above the surface exactly for θ < (ψ + π/2) / 2 with tan ψ = tan(θv) cos φ, and there
+/// Integrates V · 4 nl · vh / nh over half vectors drawn from D (Walter et al. 2007, eqs. 14 and 35), with weights (1 −
+/// v·h)⁵ apart. h is (θ, φ); l is above the surface exactly for θ < (ψ + π/2) / 2 with tan ψ = tan(θv) cos φ, and there
 /// nl = R sin(2 (θmax − θ)), so the integrand is smooth inside and the horizon costs no accuracy.
 pub fn table_lobe(nv: f64, roughness: f64, geometry: Geometry) -> Lobe {
     lobe_by(&NODES, nv, roughness, geometry)
 }
 
-/// The lobe's two halves: where the half vector leans towards the eye, and where it leans away. Their weights add up to the
-/// whole's.
+/// The lobe's two halves: where the half vector leans towards the eye, and where it leans away. Their weights add up to
+/// the whole's.
 pub fn table_slices(nv: f64, roughness: f64, geometry: Geometry) -> [Lobe; 2] {
     slice_sums(&NODES, nv, roughness, geometry).map(|mut slice| {
         slice.divide();

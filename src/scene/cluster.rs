@@ -1,4 +1,4 @@
-//! A scene's triangles as they are drawn: one range per material and neighbourhood, in the order that GPUs like.
+//! A scene's triangles as they are drawn: clusters of one material and neighbourhood, ordered for the GPU's caches.
 
 use std::collections::HashMap;
 use std::mem::offset_of;
@@ -11,14 +11,14 @@ use super::Instance;
 use super::culling_bounds::connected_components;
 use super::mesh::{Bounds, Mesh, Vertex};
 
-/// Larger neighbourhoods are cut: small enough that what is behind the eye is mostly left out and that three corners a
-/// triangle have 16-bit indices, large enough that drawing one costs the CPU nothing that counts.
+/// Larger neighbourhoods are split. Small enough for frustum culling and for 16-bit indices (three corners per
+/// triangle), large enough that the CPU's cost per draw is negligible.
 pub const MOST_TRIANGLES: usize = 4096;
 const _: () = assert!(3 * MOST_TRIANGLES <= 1 << 16);
-/// How much worse the vertex cache may get so that near triangles come before far ones (meshoptimizer's own advice).
+/// How much worse the vertex cache may get for less overdraw (as meshoptimizer recommends).
 const OVERDRAW_THRESHOLD: f32 = 1.05;
 
-/// Triangles of one material, near each other, placed wherever `placements` says.
+/// Triangles of one material near each other, with all their instances.
 pub struct Cluster {
     pub vertices: Vec<Vertex>,
     /// Three per triangle, each below `vertices.len()`; at most 3 · [`MOST_TRIANGLES`].
@@ -27,20 +27,21 @@ pub struct Cluster {
     pub material: usize,
     /// Local space.
     pub bounds: Bounds,
-    /// Where these are closed surfaces: what encloses them, in local space. From outside of it no back face is seen.
+    /// For closed surfaces: their bounds in local space, from outside of which no back face is visible, so that back
+    /// faces can be culled. `None` for open ones.
     pub culling_bounds: Option<Bounds>,
-    /// SceneResources from local.
+    /// World from local, for each instance.
     pub placements: Vec<Mat4>,
 }
 
-/// What a scene's instances show, cut into neighbourhoods. Meshes that share material and places are drawn as one.
+/// Splits a scene's instances into clusters. Meshes with the same material and transforms are merged.
 pub fn clusters(meshes: &[Mesh], instances: &[Instance]) -> Vec<Cluster> {
     let groups = groups(meshes, instances);
     let cut = |group: &Group<'_>| cut_group(group);
     groups.par_iter().flat_map_iter(cut).collect()
 }
 
-/// Meshes of one material at the same places.
+/// Meshes of one material with the same transforms.
 struct Group<'a> {
     meshes: Vec<&'a Mesh>,
     material: usize,
@@ -66,11 +67,11 @@ fn groups<'a>(meshes: &'a [Mesh], instances: &[Instance]) -> Vec<Group<'a>> {
     groups
 }
 
-/// Triangles that stay together.
+/// Triangles that are not split.
 struct Unit {
     triangles: Vec<[u32; 3]>,
     centre: Vec3,
-    /// What encloses the closed surface that they are part of.
+    /// Bounds of the closed surface that they are part of; `None` if it is open.
     culling_bounds: Option<Bounds>,
 }
 
@@ -78,7 +79,7 @@ fn cut_group(group: &Group<'_>) -> Vec<Cluster> {
     let mut vertices: Vec<Vertex> = Vec::new();
     let (mut closed, mut open) = (Vec::new(), Vec::new());
     for mesh in &group.meshes {
-        // OBJ files of 2^32 vertices are turned away when they are read.
+        // OBJ files of 2^32 vertices are rejected when they are read.
         let first = vertices.len() as u32;
         for component in connected_components(&mesh.vertices, &mesh.indices) {
             let triangles: Vec<[u32; 3]> = component.triangles.iter().map(|t| t.map(|corner| corner + first)).collect();
@@ -123,7 +124,7 @@ fn split<'a>(units: &'a mut [Unit], parts: &mut Vec<&'a [Unit]>) {
     let size = bounds.max - bounds.min;
     let axis = (0..3).fold(0, |best, axis| if size[axis] > size[best] { axis } else { best });
     let middle = units.len() / 2;
-    // The first triangle's corners decide where centres coincide, so that the same file is always cut the same way.
+    // Where centres coincide, the corners of the first triangle decide, so that the same file is always split alike.
     units.select_nth_unstable_by(middle, |a, b| {
         a.centre[axis].total_cmp(&b.centre[axis]).then(a.triangles[0].cmp(&b.triangles[0]))
     });
@@ -132,8 +133,8 @@ fn split<'a>(units: &'a mut [Unit], parts: &mut Vec<&'a [Unit]>) {
     split(high, parts);
 }
 
-/// A range of its own: only its vertices, in the order of use, and triangles ordered for the vertex cache and, roughly,
-/// from the outside in.
+/// Makes a cluster with its own vertices in the order of use, and triangles ordered for the vertex cache and against
+/// overdraw.
 fn cluster(units: &[Unit], all: &[Vertex], group: &Group<'_>) -> Cluster {
     let mut known: HashMap<u32, u32> = HashMap::new();
     let mut vertices: Vec<Vertex> = Vec::new();
@@ -156,7 +157,7 @@ fn cluster(units: &[Unit], all: &[Vertex], group: &Group<'_>) -> Cluster {
     let around = |a: Bounds, b: Bounds| Bounds::of([a.min, a.max, b.min, b.max]);
     Cluster {
         bounds: Bounds::of(vertices.iter().map(corner_position)),
-        // At most three per triangle, which the assertion above keeps in 16 bits.
+        // At most three per triangle, which fit 16 bits, as asserted above.
         indices: indices.into_iter().map(|i| i as u16).collect(),
         vertices,
         material: group.material,
@@ -204,7 +205,7 @@ mod tests {
     }
 
     #[test]
-    fn clusters_hold_every_triangle_once_with_its_corners_as_they_were() {
+    fn clusters_hold_every_triangle_once_with_unchanged_corners() {
         let meshes = [
             mesh(ball(70, 1.0), 0, Vec3::ZERO),
             mesh(ball(20, 0.5), 0, Vec3::X * 3.0),
@@ -236,7 +237,7 @@ mod tests {
     }
 
     #[test]
-    fn meshes_at_the_same_places_are_merged_and_others_are_not() {
+    fn only_meshes_with_the_same_transforms_are_merged() {
         let meshes = [0.0, 3.0, 6.0].map(|x| mesh(ball(6, 1.0), 0, Vec3::X * x));
         let there = Mat4::from_translation(Vec3::Y);
         let one = clusters(&meshes, &[0, 1, 2].map(|i| placed(i, there)));

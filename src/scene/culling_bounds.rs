@@ -1,4 +1,5 @@
-//! The connected parts of a mesh, and which of them are closed: seen from outside, these never show their back faces.
+//! Bounds for back-face culling: the connected components of a mesh, and which of them are closed surfaces with their
+//! front faces outwards. From outside of its bounds, no back face of such a component is visible.
 
 use std::collections::HashMap;
 
@@ -6,23 +7,24 @@ use glam::{DVec2, DVec3, Vec3};
 
 use super::mesh::{Bounds, Vertex};
 
-/// Corners nearer than this part of the mesh's size are one point: files round the two sides of a texture's seam apart.
+/// Corners nearer than this part of the mesh's size are welded: files may round the two sides of a texture seam
+/// differently.
 const WELD_PART: f32 = 1.0 / (1 << 20) as f32;
-/// Rays that must not leave a surface which they have not entered, in each direction.
+/// Test rays per direction, see [`is_outward`].
 const RAYS: usize = 32;
 
-/// Triangles that hang together at their corners.
+/// Triangles connected by common corners.
 pub struct Component {
     /// Corners as indices into the mesh's vertices.
     pub triangles: Vec<[u32; 3]>,
     /// Local space.
     pub bounds: Bounds,
-    /// Nothing but front faces can be seen from outside of `bounds`.
+    /// Whether only front faces are visible from outside of `bounds`.
     pub closed: bool,
 }
 
-/// Cuts a mesh into its connected parts, each with its triangles in their old order. Triangles without area whose corners
-/// coincide exactly are left out: they cover nothing.
+/// Splits a mesh into its connected components; triangles keep their order. Triangles with coinciding corners are
+/// dropped: they cover nothing.
 pub fn connected_components(vertices: &[Vertex], indices: &[u32]) -> Vec<Component> {
     let points = weld(vertices);
     let position = |corner: u32| vertices[corner as usize].position;
@@ -56,7 +58,7 @@ pub fn connected_components(vertices: &[Vertex], indices: &[u32]) -> Vec<Compone
     found.into_iter().map(component).collect()
 }
 
-/// For each vertex the first one at its place.
+/// For each vertex the index of the first one at its position.
 fn weld(vertices: &[Vertex]) -> Vec<u32> {
     let bounds = Bounds::of(vertices.iter().map(|v| v.position.into()));
     let cells = (bounds.max - bounds.min).max_element().max(f32::MIN_POSITIVE) * WELD_PART;
@@ -65,7 +67,7 @@ fn weld(vertices: &[Vertex]) -> Vec<u32> {
     (0u32..).zip(vertices).map(|(i, vertex)| *first.entry(cell(vertex)).or_insert(i)).collect()
 }
 
-/// Disjoint sets of points (Tarjan 1975, with halved paths).
+/// Disjoint sets of points (Tarjan 1975, with path halving).
 struct Groups(Vec<u32>);
 
 impl Groups {
@@ -88,7 +90,8 @@ impl Groups {
     }
 }
 
-/// Every edge is run through as often one way as the other: only then is it defined how often a point is enclosed.
+/// Whether every edge is traversed equally often in both directions: only then is the winding number of a point
+/// defined.
 fn has_no_border(triangles: &[[u32; 3]]) -> bool {
     let mut balance: HashMap<[u32; 2], i32> = HashMap::with_capacity(triangles.len() * 2);
     for [a, b, c] in triangles.iter().copied() {
@@ -99,9 +102,10 @@ fn has_no_border(triangles: &[[u32; 3]]) -> bool {
     balance.values().all(|sum| *sum == 0)
 }
 
-/// Rays from outside through some triangles' middles: none may meet a back face before the front face that belongs to it.
+/// Whether the front faces point outwards: of rays from outside through the centres of some triangles, none may hit a
+/// back face before the front face that belongs to it.
 fn is_outward(triangles: &[[u32; 3]], vertices: &[Vertex]) -> bool {
-    // Askew, so that rays miss the edges of boxes and of surfaces of revolution.
+    // Oblique, so that rays miss the edges of boxes and of surfaces of revolution.
     let directions = [DVec3::new(0.3, 0.85, 0.43), DVec3::new(-0.77, 0.29, 0.57)];
     let (mut sound, mut rays) = (0, 0);
     for direction in directions {
@@ -119,7 +123,7 @@ fn is_outward(triangles: &[[u32; 3]], vertices: &[Vertex]) -> bool {
             match enclosure(hits(&flat, triangle.iter().map(|(p, _)| *p).sum::<DVec2>() / 3.0)) {
                 (0, 0) => sound += 1,
                 (0, _) => return false,
-                // It met an edge, and counted twice or not at all.
+                // It hit an edge, which counts twice or not at all.
                 _ => {}
             }
         }
@@ -127,14 +131,14 @@ fn is_outward(triangles: &[[u32; 3]], vertices: &[Vertex]) -> bool {
     2 * sound > rays
 }
 
-/// How often a ray is inside at its end, and at the least on its way.
+/// The winding number at the end of a ray, and its minimum on the way.
 fn enclosure(mut hits: Vec<(f64, i32)>) -> (i32, i32) {
-    // At one depth: first in, then out.
+    // At the same depth front faces first.
     hits.sort_by(|a, b| a.0.total_cmp(&b.0).then(b.1.cmp(&a.1)));
     hits.iter().fold((0, 0), |(inside, least), (_, step)| (inside + step, least.min(inside + step)))
 }
 
-/// Where a ray meets which sides: depth, and 1 for a front, -1 for a back.
+/// Hits of a ray: depth, and 1 for a front face, -1 for a back face.
 fn hits(flat: &[[(DVec2, f64); 3]], at: DVec2) -> Vec<(f64, i32)> {
     let hit = |triangle: &[(DVec2, f64); 3]| {
         let [a, b, c] = triangle.map(|(p, _)| p - at);
@@ -151,7 +155,7 @@ fn hits(flat: &[[(DVec2, f64); 3]], at: DVec2) -> Vec<(f64, i32)> {
 pub mod tests {
     use super::*;
 
-    /// A ball of `rows` by `2 rows` quadrilaterals about the origin, its seam rounded apart.
+    /// A sphere of `rows` by `2 rows` quadrilaterals about the origin; rounding separates the two sides of its seam.
     pub fn ball(rows: u32, radius: f32) -> (Vec<Vertex>, Vec<u32>) {
         let columns = 2 * rows;
         let (mut vertices, mut indices) = (Vec::new(), Vec::new());
@@ -178,7 +182,7 @@ pub mod tests {
     }
 
     #[test]
-    fn a_ball_is_closed_though_its_seam_stands_twice() {
+    fn a_ball_is_closed_although_its_seam_is_duplicated() {
         let (vertices, indices) = ball(16, 2.0);
         let components = connected_components(&vertices, &indices);
         assert_eq!(components.len(), 1);
@@ -214,7 +218,7 @@ pub mod tests {
     }
 
     #[test]
-    fn parts_are_told_apart() {
+    fn components_are_separated() {
         let (mut vertices, mut indices) = ball(8, 1.0);
         let (second, more) = ball(8, 0.5);
         let start = vertices.len() as u32;
@@ -227,7 +231,7 @@ pub mod tests {
     }
 
     #[test]
-    fn nothing_and_nonsense_have_no_closed_parts() {
+    fn empty_and_degenerate_meshes_have_no_components() {
         assert!(connected_components(&[], &[]).is_empty());
         let v = Vertex { position: [0.0; 3], normal: [0.0, 1.0, 0.0], uv: [0.0; 2], tangent: [1.0, 0.0, 0.0, 1.0] };
         assert!(connected_components(&[v; 3], &[0, 1, 2]).is_empty());

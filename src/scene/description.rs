@@ -1,4 +1,4 @@
-//! Scene descriptions: the TOML that says which models, lights and cameras make a scene.
+//! Scene descriptions: TOML files with the environment, models, lights and cameras of a scene.
 
 use std::path::{Path, PathBuf};
 
@@ -12,19 +12,19 @@ use crate::error::shortened;
 use crate::{Error, Result};
 
 const MAX_FILE_BYTES: u64 = 16 << 20;
-/// How names of files in the folder of the large scenes begin; nothing else is expanded, and only there.
+/// Prefix of files in the folder of the large scenes; no other variable is expanded.
 const LARGE_SCENES: &str = "${PBR_VR_SCENES}/";
 const LARGE_SCENES_REMEDY: &str = "; it does not come with the program: set PBR_VR_SCENES to the folder that holds it, or see `tools/fetch-assets --list`";
-/// Of places in metres, and of scales.
+/// Limit of positions in metres, and of scales.
 pub const MAX_LENGTH: f32 = obj::MAX_COORDINATE;
-/// Stops of exposure, up or down; single floats reach 127.
+/// Limit of the exposure in stops, in both directions; the range of f32 is 127.
 const MAX_EXPOSURE: f32 = 100.0;
 const BACKSLASH: &str = "in \"…\" a backslash begins an escape: write / instead, or put the name between '…'";
-/// Characters of a key that are told.
+/// Characters of a key or value that messages quote.
 const MAX_KEY: usize = 80;
 const DEFAULT_FOV_DEGREES: f32 = 45.0;
 
-/// A checked description: paths lead from where the program runs, numbers are finite and make sense.
+/// A checked description: paths are relative to the working directory, numbers are finite and in their range.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Description {
     pub environment: Option<EnvironmentFile>,
@@ -53,7 +53,8 @@ impl Description {
     /// Reads and checks a description; file names in it are relative to its folder, or begin with `${PBR_VR_SCENES}/`
     /// for [`shipped::large_scenes`].
     ///
-    /// Errors: unreadable file; [`Error::SceneKey`], with its line, for unknown or missing keys and bad values.
+    /// # Errors
+    /// The file cannot be read; [`Error::SceneKey`] with the line for unknown or missing keys and bad values.
     pub fn load(path: &Path) -> Result<Self> {
         let bytes = file::read(path, "scene description", MAX_FILE_BYTES)?;
         let text = String::from_utf8(bytes).map_err(|error| Error::Broken {
@@ -136,13 +137,13 @@ struct CameraKeys {
     vertical_fov_degrees: Option<Spanned<f32>>,
 }
 
-/// Looks at values with their places in the text at hand.
+/// Checks values; knows the text for the line numbers of errors.
 struct Check<'a> {
     path: &'a Path,
     text: &'a str,
 }
 
-/// What numbers come in: one, or three.
+/// A number, or three.
 trait Finite {
     fn is_finite_number(&self) -> bool;
     fn largest(&self) -> f32;
@@ -183,7 +184,7 @@ impl Check<'_> {
         value.map_or(Ok(default), |value| self.finite(key, &value))
     }
 
-    /// Of no more than `most`, up or down.
+    /// A value whose numbers have a magnitude of at most `most`.
     fn within<T: Finite + Copy>(&self, most: f32, key: &str, value: Option<Spanned<T>>, default: T) -> Result<T> {
         let Some(value) = value else { return Ok(default) };
         let number = self.finite(key, &value)?;
@@ -206,7 +207,7 @@ impl Check<'_> {
         };
         if text.is_empty() || !path.is_file() {
             let remedy = if text.contains(char::is_control) {
-                // A `\n` or `\t` was part of a path.
+                // An escape such as `\n` or `\t` was meant as a part of the path.
                 format!("; {BACKSLASH}")
             } else if text.starts_with(LARGE_SCENES) {
                 LARGE_SCENES_REMEDY.into()
@@ -278,7 +279,7 @@ fn line_at(text: &str, byte: usize) -> usize {
     text.bytes().take(byte).filter(|b| *b == b'\n').count() + 1
 }
 
-/// What `toml` says of a mistake, shorter where it repeats a long key, and with the remedy for the usual ones.
+/// The message of `toml`, with long keys shortened, and with a remedy for common mistakes.
 fn explain(message: &str, key: &str) -> String {
     let message = message.replace(key, &shortened(key, MAX_KEY));
     if message.contains("expected a sequence") && ["model", "light", "camera"].contains(&key) {
@@ -290,7 +291,7 @@ fn explain(message: &str, key: &str) -> String {
     }
 }
 
-/// The key that stands at, or belongs to what stands at, a byte of the text; a table's name for a table.
+/// The key at a byte of the text, or the key whose value is there; for a table its name.
 fn key_at(text: &str, byte: usize) -> String {
     let is_key = |c: char| c.is_alphanumeric() || c == '_' || c == '-' || c == '.' || c == '"';
     let byte = (0..=byte.min(text.len())).rev().find(|b| text.is_char_boundary(*b)).unwrap_or(0);

@@ -74,7 +74,7 @@ fn errors_name_line_and_key() {
 }
 
 #[test]
-fn usual_mistakes_get_their_remedy_and_long_keys_are_cut() {
+fn common_mistakes_get_a_remedy_and_long_keys_are_shortened() {
     let long = "k".repeat(5000);
     for (text, part) in [
         ("[model]\nfile = 'sub/a.obj'", "`[[model]]`"),
@@ -90,14 +90,14 @@ fn usual_mistakes_get_their_remedy_and_long_keys_are_cut() {
 }
 
 #[test]
-fn a_mark_before_utf8_does_not_hide_the_first_line() {
+fn a_byte_order_mark_does_not_hide_the_first_line() {
     let error = parsed("\u{feff}exposure = 1").unwrap_err();
     assert!(matches!(&error, Error::SceneKey { line: 1, key, .. } if key == "exposure"), "{error}");
     assert_eq!(parsed("\u{feff}exposure_ev = 1").unwrap().exposure_ev, 1.0);
 }
 
 #[test]
-fn text_that_is_no_utf8() {
+fn invalid_utf8_is_an_error() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.toml");
     std::fs::write(&path, b"# \xff").unwrap();
@@ -105,7 +105,7 @@ fn text_that_is_no_utf8() {
 }
 
 #[test]
-fn only_the_folder_of_large_scenes_is_expanded_and_what_is_not_there_says_how_to_get_it() {
+fn only_the_folder_of_large_scenes_is_expanded_and_a_missing_file_gets_a_remedy() {
     for (file, part) in [
         ("${PBR_VR_SCENES}/not/there.obj", "set PBR_VR_SCENES to the folder that holds it"),
         ("${HOME}/a.obj", "only `${PBR_VR_SCENES}/` can begin with `$`"),

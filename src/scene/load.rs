@@ -1,4 +1,4 @@
-//! A scene file, or a bare model, to everything a frame needs.
+//! Loading a scene description or a single model with all files that it names.
 
 use std::collections::{BTreeSet, HashMap};
 use std::ops::Range;
@@ -17,10 +17,10 @@ use crate::{Error, Result};
 
 const AUTO_FOV_DEGREES: f32 = 45.0;
 
-/// What fills in for a scene that does not say.
+/// Defaults for a scene, and options of loading.
 #[derive(Clone, Debug, Default)]
 pub struct LoadOptions {
-    /// For an .obj, or a description without `environment`; without it such a scene is lit evenly.
+    /// For an .obj, or a description without `environment`; with `None` such a scene is lit by uniform radiance 1.
     pub default_panorama: Option<PathBuf>,
     /// How textures are made.
     pub textures: TextureOptions,
@@ -28,8 +28,10 @@ pub struct LoadOptions {
 
 /// Loads a scene description (.toml) or a model (.obj) with all it names.
 ///
-/// A scene without cameras gets one named `auto` that sees all of it. Errors: the scene, a model or the panorama is
-/// missing, broken or too large, or a key of the description is wrong.
+/// A scene without cameras gets one named `auto` that sees all of it.
+///
+/// # Errors
+/// The scene, a model or the panorama is missing, broken or too large, or a key of the description is wrong.
 pub fn load(path: &Path, options: &LoadOptions, report: &Report) -> Result<Scene> {
     let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase());
     let description = match extension.as_deref() {
@@ -69,7 +71,8 @@ pub fn load(path: &Path, options: &LoadOptions, report: &Report) -> Result<Scene
     Ok(scene)
 }
 
-/// A scene's own file and those that it names: panorama and models, but not what these name. What cannot be read names none.
+/// A scene's file and the files that it names: panorama and models, but not their libraries and textures. Of a
+/// description that cannot be read, only its own file.
 pub fn files(path: &Path) -> Vec<PathBuf> {
     let is_description = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml"));
     let description = is_description.then(|| Description::load(path).ok()).flatten();
@@ -88,7 +91,7 @@ fn environment(path: &Path, description: &Description, options: &LoadOptions, re
     let panorama = match file {
         Some(file) => Panorama::load(file, report)?,
         None => {
-            report.warn(format!("{}: no environment; lit evenly by radiance 1", file::short_name(path)));
+            report.warn(format!("{}: no environment; lit by uniform radiance 1", file::short_name(path)));
             Panorama::uniform(Vec3::ONE)
         }
     };
@@ -100,7 +103,7 @@ struct Models {
     /// Their materials are indices into `mtls`; `mtls.len()` is the default material.
     meshes: Vec<Mesh>,
     instances: Vec<Instance>,
-    /// Only those in use.
+    /// Only those that are used.
     mtls: Vec<Mtl>,
 }
 
@@ -141,7 +144,7 @@ impl Models {
     }
 }
 
-/// Leaves out materials that no submesh has, so that nobody reads their textures.
+/// Drops materials that no submesh uses, so that their textures are not loaded.
 fn keep_used(submeshes: &mut [Submesh], mtls: Vec<Mtl>) -> Vec<Mtl> {
     let used: BTreeSet<usize> = submeshes.iter().filter_map(|submesh| submesh.material).collect();
     let new_index: HashMap<usize, usize> = used.iter().enumerate().map(|(new, old)| (*old, new)).collect();
@@ -151,7 +154,7 @@ fn keep_used(submeshes: &mut [Submesh], mtls: Vec<Mtl>) -> Vec<Mtl> {
     mtls.into_iter().enumerate().filter(|(index, _)| used.contains(index)).map(|(_, mtl)| mtl).collect()
 }
 
-/// Sees all of a box: from +Z, a little from above and from the right.
+/// A camera that sees all of a box: from +Z, slightly from above and from the right.
 fn auto_camera(bounds: Bounds) -> Camera {
     let (target, radius) = if bounds.radius() > 0.0 { (bounds.centre(), bounds.radius()) } else { (Vec3::ZERO, 1.0) };
     let distance = radius / (AUTO_FOV_DEGREES.to_radians() * 0.5).sin();

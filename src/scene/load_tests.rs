@@ -45,7 +45,7 @@ fn a_description_with_everything() {
 }
 
 #[test]
-fn a_bare_model_gets_light_and_a_camera_that_sees_it() {
+fn a_single_model_gets_light_and_a_camera_that_sees_it() {
     let folder = folder();
     let (report, path) = (Report::silent(), folder.path().join("a.obj"));
     let options = LoadOptions { default_panorama: Some(folder.path().join("sky.hdr")), ..LoadOptions::default() };
@@ -90,7 +90,7 @@ fn what_is_missing_or_broken_is_one_error() {
 }
 
 #[test]
-fn models_beyond_what_numbers_hold_are_refused() {
+fn models_beyond_the_largest_coordinate_are_rejected() {
     let folder = folder();
     let toml = |scale: &str| format!("[[model]]\nfile = \"a.obj\"\nscale = {scale}\n");
     let error = loaded(&folder, &toml("9e8"), &LoadOptions::default()).0.unwrap_err().to_string();
@@ -99,7 +99,7 @@ fn models_beyond_what_numbers_hold_are_refused() {
 }
 
 #[test]
-fn a_scene_tells_which_files_it_is_made_of() {
+fn a_scene_lists_its_files() {
     let folder = folder();
     let path = folder.path().join("scene.toml");
     std::fs::write(&path, "environment = { panorama = \"sky.hdr\" }\n[[model]]\nfile = \"a.obj\"\n").unwrap();

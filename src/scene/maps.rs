@@ -1,5 +1,5 @@
-//! From picture files to the textures of materials: constants found, channels packed, levels made, compressed; or all of
-//! it found in the cache.
+//! From picture files to the textures of materials: finds constants, packs channels, makes mips, compresses; or takes
+//! the result from the cache.
 
 use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};
@@ -18,26 +18,26 @@ use crate::asset::{Cache, MipChain, Report, Storage, Texture, TextureOptions, fi
 /// Version of the textures in the cache. Raise it whenever the same pictures give other texels or other facts: after a
 /// change of decoding, packing, mips or compression, or of a crate that does one of them.
 pub const TEXTURES_VERSION: u32 = 1;
-/// Fragments with less alpha than this are not there.
+/// Fragments with less alpha than this are discarded.
 pub const ALPHA_CUTOFF: f32 = 0.5;
-/// A normal map whose every x and y is within one step of 128 bends nothing.
+/// A normal map with all x and y within one step of 128 is flat.
 const FLAT_NORMAL: std::ops::RangeInclusive<u8> = 127..=129;
 /// The largest texture, compressed, is smaller.
 const MAX_ENTRY_BYTES: u64 = 512 << 20;
-/// What an entry of the cache says beside the texture: 12 bytes of factor, a byte for each of cutout, "holds the
-/// roughness" and "there is a texture", and 6 of ranges.
+/// Metadata key of the result's other values: 12 bytes of factor, a byte for each of `cutout`, `holds_roughness` and
+/// whether there is a texture, and 6 bytes of ranges.
 const FACTS: &str = "pbrvrFacts";
 
-/// Where a normal map comes from.
+/// Source of a normal map.
 #[derive(Clone, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Normals {
-    /// A certain normal map.
+    /// A file that is a normal map.
     Map(PathBuf),
-    /// A height map or a normal map. Bits of the strength, so that it can be compared.
+    /// A file that is a height map or a normal map, and the bits of the strength (`f32` has no `Ord`).
     Bump(PathBuf, u32),
 }
 
-/// A texture of the scene that is to be made; equal tasks are done once.
+/// A texture to be made; equal tasks are done once.
 #[derive(Clone, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum TextureTask {
     BaseColor {
@@ -45,7 +45,7 @@ pub enum TextureTask {
         mask: Option<PathBuf>,
     },
     Normal(Normals),
-    /// Occlusion, roughness, metallic; the roughness factor with its map, and without it, as bits.
+    /// Occlusion, roughness, metallic; the bits of the roughness factor with its map, and without it.
     Orm {
         maps: [Option<PathBuf>; 3],
         normals: Option<Normals>,
@@ -53,19 +53,19 @@ pub enum TextureTask {
     },
 }
 
-/// What a task comes to: a texture, or what it would say everywhere, or both.
+/// The result of a task: a texture, a constant factor instead, or both.
 pub struct TextureResult {
     pub texture: Option<MipChain>,
-    /// Albedo (linear), or occlusion, roughness, metallic: 1 where the texture says it.
+    /// Linear base color, or occlusion, roughness, metallic; 1 where the texture holds the value.
     pub factor: Vec3,
-    /// Least and most of a surface's occlusion, roughness and metallic maps, 255 where there is none.
+    /// Minimum and maximum of the occlusion, roughness and metallic maps; 255 where there is none.
     pub ranges: [[u8; 2]; 3],
     pub cutout: bool,
-    /// The texture's roughness has the material's factor in it.
+    /// Whether the texture's roughness includes the material's factor.
     pub holds_roughness: bool,
     /// Which of the task's pictures could be read: the colour, or occlusion, roughness, metallic.
     pub read: [bool; 3],
-    /// Files that could not be used, and why.
+    /// Files that could not be read, with the error.
     pub problems: Vec<(PathBuf, String)>,
 }
 
@@ -83,7 +83,7 @@ impl TextureResult {
     }
 }
 
-/// What a picture of which one channel counts is read for.
+/// What a single channel of a picture is used for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 enum ChannelUse {
     Red,
@@ -92,21 +92,21 @@ enum ChannelUse {
 
 type Digest = Result<[u8; 32], String>;
 
-/// The files of all tasks, and how textures are made of them.
+/// Makes textures from the files of all tasks.
 pub struct Pictures<'a> {
     options: &'a TextureOptions,
     report: &'a Report,
     cache: Option<&'a Cache>,
     /// Only where there is a cache.
     digests: BTreeMap<PathBuf, Digest>,
-    /// Channels that several tasks want are decoded once.
+    /// Channels that several tasks use, decoded once.
     shared: BTreeMap<(PathBuf, ChannelUse), OnceLock<Result<Channel, String>>>,
 }
 
 impl<'a> Pictures<'a> {
-    /// Reads and hashes every file, if there is a cache to be asked.
+    /// Hashes every file, if there is a cache.
     pub fn new(tasks: &BTreeSet<TextureTask>, options: &'a TextureOptions, report: &'a Report) -> Self {
-        // What is not compressed is made as fast as it is read.
+        // Uncompressed textures are made as fast as they are read from the cache.
         let cache = options.cache.as_ref().filter(|_| options.storage == Storage::Bc);
         let mut uses: BTreeMap<(PathBuf, ChannelUse), u32> = BTreeMap::new();
         for scalar in tasks.iter().flat_map(scalars) {
@@ -123,7 +123,7 @@ impl<'a> Pictures<'a> {
         Self { options, report, cache, digests: files.into_par_iter().map(digest).collect(), shared }
     }
 
-    /// Does a task, or finds it in the cache.
+    /// Does a task, or takes its result from the cache.
     pub fn make(&self, task: &TextureTask) -> TextureResult {
         let key = self.cache.and_then(|_| self.key(task));
         let Some((cache, key)) = self.cache.zip(key) else { return self.work(task) };
@@ -132,14 +132,14 @@ impl<'a> Pictures<'a> {
             return made;
         }
         let made = self.work(task);
-        // A file may be readable and still be no picture; that is found out, and told, each time.
+        // Results with problems are not cached, so that their warnings come at each start.
         if made.problems.is_empty() {
             self.report.time("cache", || cache.keep(&key, to_entry(&made)));
         }
         made
     }
 
-    /// All that a task depends on; `None` where a file cannot be read.
+    /// The hash of everything that a task depends on; `None` if a file cannot be read.
     fn key(&self, task: &TextureTask) -> Option<String> {
         let mut key = Key::new("texture", TEXTURES_VERSION);
         let mut add = |path: Option<&PathBuf>| -> Option<()> {
@@ -230,7 +230,7 @@ impl<'a> Pictures<'a> {
         MipChain::base_color(texture, Some(ALPHA_CUTOFF), self.options.storage, self.report)
     }
 
-    /// The decoded normal map; `None` for one that bends nothing.
+    /// The decoded normal map; `None` if it is flat.
     fn normal_map(&self, normals: &Normals) -> Result<Option<Texture>, String> {
         let mut texture = match normals {
             Normals::Map(path) => self.load(path, Encoding::Normal)?,
@@ -243,8 +243,9 @@ impl<'a> Pictures<'a> {
         Ok((!flat).then_some(texture))
     }
 
-    /// Packs what varies. Constant roughness and metallic become factors; occlusion has none, so if it darkens, it stays.
-    /// With a normal map, roughness varies by level even if not from place to place, and the texture holds all of it.
+    /// Packs the channels that vary. Constant roughness and metallic become factors; occlusion has no factor, so it
+    /// stays in
+    /// the texture if it is below 1. With a normal map roughness varies between levels, so the texture holds all of it.
     fn orm(&self, maps: &[Option<PathBuf>; 3], normals: Option<&Normals>, roughness: [f32; 2]) -> TextureResult {
         let mut made = TextureResult::nothing();
         let channels: [Option<Cow<'_, Channel>>; 3] = maps
@@ -260,11 +261,11 @@ impl<'a> Pictures<'a> {
         let name = names.map(|path| file::short_name(path)).collect::<Vec<_>>().join("+");
         let factor = |i: usize| constants[i].map_or(1.0, |value| f32::from(value) / 255.0);
         made.factor = Vec3::new(1.0, factor(1), factor(2));
-        // A constant counts as what its factor says.
+        // For a constant, the value of its factor.
         let range = |i: usize| constants[i].map(|c| (c, c)).or(channels[i]?.range());
         made.ranges = [0, 1, 2].map(|i| range(i).map_or([255; 2], |(least, most)| [least, most]));
         let mut texture = Texture::packed(name, varying);
-        // A broken normal map is told by its own task.
+        // A broken normal map is reported by its own task.
         let normals = normals.and_then(|normals| self.normal_map(normals).ok().flatten());
         let loss = normals.as_ref().map(|normals| self.report.time("mips", || NormalLoss::new(normals)));
         if let Some(normals) = normals {
@@ -314,13 +315,13 @@ impl Normals {
     }
 }
 
-/// White where `mask` lets it be.
+/// A white texture with `mask` as alpha.
 fn white(mask: &Channel) -> Texture {
     let pixels = mask.values.iter().flat_map(|alpha| [255, 255, 255, *alpha]).collect();
     Texture { name: "mask".into(), width: mask.width, height: mask.height, encoding: Encoding::Srgb, pixels }
 }
 
-/// 1 in all channels, of another's size.
+/// A texture of 1 in all channels, with the size of another.
 fn plain(like: &Texture) -> Texture {
     let pixels = vec![255; like.pixels.len()];
     Texture { name: "roughness".into(), encoding: Encoding::Linear, pixels, ..*like }
@@ -359,7 +360,7 @@ fn to_entry(made: &TextureResult) -> Ktx2 {
     entry
 }
 
-/// Factor, the three truths, ranges.
+/// Factor; cutout, holds roughness, has a texture; ranges.
 type Facts = ([f32; 3], [bool; 3], [[u8; 2]; 3]);
 
 fn facts(entry: &Ktx2) -> Option<Facts> {
@@ -369,7 +370,7 @@ fn facts(entry: &Ktx2) -> Option<Facts> {
     Some((factor, [12, 13, 14].map(|at| facts[at] == 1), ranges))
 }
 
-/// What was stored for a task whose files could all be read.
+/// The result that [`to_entry`] stored; only tasks without problems are stored.
 fn from_entry(entry: Ktx2, task: &TextureTask) -> Option<TextureResult> {
     let (factor, [cutout, holds_roughness, has_texture], ranges) = facts(&entry)?;
     let texture = if has_texture { Some(MipChain::from_ktx2(entry)?) } else { None };

@@ -1,4 +1,4 @@
-//! Materials as MTL files write them, to materials as the renderer draws them: factors, packed maps, nothing constant.
+//! From MTL materials to metallic–roughness materials with factors and packed maps; constant maps become factors.
 
 use std::collections::{BTreeSet, HashMap, HashSet};
 use std::path::{Path, PathBuf};
@@ -11,15 +11,15 @@ use super::maps::{ALPHA_CUTOFF, Normals, Pictures, TextureResult, TextureTask};
 use crate::asset::mtl::{Map, Mtl};
 use crate::asset::{MipChain, Report, TextureOptions, file};
 
-/// For materials that say nothing of it: neither mirror nor chalk.
+/// Roughness of materials without any key for it.
 const DEFAULT_ROUGHNESS: f32 = 0.5;
-/// What stands in for a material that a model names and nothing defines: grey, dielectric, half rough.
+/// The material of submeshes whose material is not defined: grey, dielectric, half rough.
 pub fn default_material() -> Material {
     Material::plain("default", Vec3::splat(0.8), 0.0, DEFAULT_ROUGHNESS)
 }
 
 impl Material {
-    /// The same all over.
+    /// A material without maps.
     pub fn plain(name: &str, base_color: Vec3, metallic: f32, roughness: f32) -> Self {
         Self {
             name: name.into(),
@@ -39,11 +39,11 @@ impl Material {
 
 /// One material for each of `mtls`, and the textures they share.
 ///
-/// Metallic and roughness are factor times map, the factor 1 where only the map is given. Where neither is, metallic
-/// is 0, and roughness comes from the Phong keys: 1 without a highlight (`Ks` 0), else from `Ns`
-/// by alpha² = 2/(Ns + 2) (Walter et al. 2007, section 5.2), else 0.5. Occlusion is `map_ao`, else `map_Ka`, unless that
-/// repeats `map_Kd`, as the Phong model's ambient colour did. Cutouts come from `map_d`, else from alpha of `map_Kd`.
-/// A texture that is absent or broken is left out with a warning that names file and key.
+/// Metallic and roughness are factor times map, the factor 1 where only the map is given. Where neither is, metallic is
+/// 0, and roughness comes from the Phong keys: 1 without a highlight (`Ks` 0), else from `Ns` by alpha² = 2/(Ns + 2)
+/// (Walter et al. 2007, section 5.2), else 0.5. Occlusion is `map_ao`, else `map_Ka`, unless that repeats `map_Kd`, as
+/// the Phong model's ambient colour did. Cutouts come from `map_d`, else from alpha of `map_Kd`. A texture that is
+/// absent or broken is left out with a warning that names file and key.
 pub fn build(mtls: &[Mtl], options: &TextureOptions, report: &Report) -> (Vec<Material>, Vec<MipChain>) {
     let mut warned = HashSet::new();
     let plans: Vec<Plan> = mtls.iter().map(|mtl| Plan::new(mtl, &mut warned, report)).collect();
@@ -65,7 +65,7 @@ pub fn build(mtls: &[Mtl], options: &TextureOptions, report: &Report) -> (Vec<Ma
     (plans.iter().map(|plan| plan.material(&results, report)).collect(), textures)
 }
 
-/// What a task came to, with its texture among the scene's.
+/// The result of a task, with its texture moved to the scene's list.
 struct IndexedResult {
     texture: Option<usize>,
     result: TextureResult,
@@ -81,7 +81,7 @@ impl IndexedResult {
     }
 }
 
-/// One material's maps, found on disk.
+/// A material with the files of its maps.
 struct Plan<'a> {
     mtl: &'a Mtl,
     base_color: Option<MapFile<'a>>,
@@ -128,7 +128,7 @@ impl<'a> Plan<'a> {
         norm.or_else(|| self.bump.as_ref().map(bump))
     }
 
-    /// The roughness that the map is multiplied by, and what stands for it where it is absent or broken, are a part of it.
+    /// Includes the roughness factor with the map, and the one for when the map is absent or broken.
     fn orm_task(&self) -> Option<TextureTask> {
         let maps = self.orm.each_ref().map(path);
         let normals = self.normals();
@@ -150,7 +150,7 @@ impl<'a> Plan<'a> {
             warn_unusable(self.mtl, result, files, report);
         }
         warn_unusable(self.mtl, orm, &self.orm.each_ref(), report);
-        warn_of_the_unmodelled(self.mtl, report);
+        warn_of_unsupported(self.mtl, report);
         let is_read = |i: usize| orm.is_some_and(|o| o.result.read[i]);
         let has_colour = base_color.is_some_and(|b| b.result.read[0]);
         let factor = |result: Option<&IndexedResult>| result.map_or(Vec3::ONE, |result| result.result.factor);
@@ -162,7 +162,7 @@ impl<'a> Plan<'a> {
             name: self.mtl.name.clone(),
             base_color_factor: base_color_factor(self.mtl, has_colour, report) * factor(base_color),
             metallic_factor: metallic * factor(orm).z,
-            // A map that is widened where normals lose detail holds all of the roughness.
+            // A map that is widened where normals lose detail includes the factor.
             roughness_factor: if orm.is_some_and(|o| o.result.holds_roughness) { 1.0 } else { roughness },
             base_color_map: base_color.and_then(|b| b.texture),
             normal_map: normal.and_then(|normal| normal.texture),
@@ -183,7 +183,7 @@ fn place(mtl: &Mtl, map: &Map) -> String {
     format!("{}:{}: {} {}", file::short_name(&mtl.path), map.line, map.key, map.file)
 }
 
-/// The map's file. What was said of a name is put into `warned` and not said again.
+/// The map's file. Each name is warned of once: `warned` holds those of before.
 fn find<'a>(mtl: &Mtl, map: &'a Map, warned: &mut HashSet<(PathBuf, String)>, report: &Report) -> Option<MapFile<'a>> {
     let folder = mtl.path.parent().unwrap_or(Path::new(""));
     let found = file::find(folder, &map.file);
@@ -202,7 +202,7 @@ fn find<'a>(mtl: &Mtl, map: &'a Map, warned: &mut HashSet<(PathBuf, String)>, re
     Some(MapFile { map, path: found.path })
 }
 
-/// Tells of each of a task's files that could not be read.
+/// Warns of each of a task's files that could not be read.
 fn warn_unusable(mtl: &Mtl, result: Option<&IndexedResult>, files: &[&Option<MapFile>], report: &Report) {
     for file in files.iter().copied().flatten() {
         let problems = result.iter().flat_map(|result| &result.result.problems);
@@ -212,13 +212,13 @@ fn warn_unusable(mtl: &Mtl, result: Option<&IndexedResult>, files: &[&Option<Map
     }
 }
 
-fn warn_of_the_unmodelled(mtl: &Mtl, report: &Report) {
+fn warn_of_unsupported(mtl: &Mtl, report: &Report) {
     let place = format!("{}: material {}", file::short_name(&mtl.path), mtl.name);
     if mtl.dissolve.is_some_and(|d| d < 1.0) && mtl.map_d.is_none() {
-        report.warn(format!("{place}: d {}: transparency is not modelled; drawn opaque", mtl.dissolve.unwrap_or(1.0)));
+        report.warn(format!("{place}: d {}: transparency is not supported; drawn opaque", mtl.dissolve.unwrap_or(1.0)));
     }
     if mtl.ke.is_some_and(|ke| ke != [0.0; 3]) {
-        report.warn(format!("{place}: Ke: emission is not modelled; left out"));
+        report.warn(format!("{place}: Ke: emission is not supported; ignored"));
     }
 }
 
@@ -227,9 +227,9 @@ fn base_color_factor(mtl: &Mtl, has_map: bool, report: &Report) -> Vec3 {
         return if has_map { Vec3::ONE } else { default_material().base_color_factor };
     };
     let place = format!("{}: material {}", file::short_name(&mtl.path), mtl.name);
-    // Some exporters write 0 beside a map, meaning "the map"; a product would be black.
+    // Some exporters write 0 with a map; the product would be black.
     if has_map && kd == Vec3::ZERO {
-        report.warn(format!("{place}: Kd 0 beside map_Kd; taken as 1"));
+        report.warn(format!("{place}: Kd 0 with map_Kd; taken as 1"));
         return Vec3::ONE;
     }
     let clamped = kd.clamp(Vec3::ZERO, Vec3::ONE);

@@ -1,4 +1,4 @@
-//! Tests of what MTL keys and maps come to.
+//! Tests of the materials and textures that MTL keys and maps give.
 
 use image::{GrayImage, Luma, Rgb, RgbImage, Rgba, RgbaImage};
 
@@ -53,7 +53,7 @@ impl Folder {
     }
 }
 
-/// So that texels can be looked at.
+/// Uncompressed, so that tests can compare texels.
 const RAW: TextureOptions =
     TextureOptions { storage: Storage::Raw, cache: None, budget_bytes: None, dropped_levels: 0, anisotropy: 1 };
 
@@ -116,7 +116,7 @@ fn varying_maps_are_packed() {
 }
 
 #[test]
-fn ranges_are_what_factors_and_maps_come_to() {
+fn ranges_are_those_of_factor_times_map() {
     let folder = Folder::new();
     let ranges = |keys: &str| {
         let material = only(&folder, keys).0;
@@ -137,7 +137,7 @@ fn ambient_maps_are_occlusion_unless_they_repeat_the_colour() {
     assert!(only(&folder, "map_Kd coloured.png\nmap_Ka vary.png").0.orm_map.is_some());
     assert!(only(&folder, "map_Kd coloured.png\nmap_Ka COLOURED.png").0.orm_map.is_none());
     let both = only(&folder, "map_Ka vary.png\nmap_ao grey255.png");
-    assert!(both.0.orm_map.is_none(), "map_ao is the clearer word");
+    assert!(both.0.orm_map.is_none(), "map_ao takes precedence");
 }
 
 #[test]
@@ -182,7 +182,7 @@ fn textures_are_shared() {
 }
 
 #[test]
-fn missing_and_broken_textures_are_told_and_left_out() {
+fn missing_and_broken_textures_are_warned_of_and_ignored() {
     let folder = Folder::new();
     let keys = "map_Kd no.png\nKd 0.5 0.5 0.5\nnorm broken.png\nmap_Pr broken.png\nmap_Pm vary.png\nmap_d gone.png";
     let (material, textures, warnings) = only(&folder, keys);
@@ -198,7 +198,7 @@ fn missing_and_broken_textures_are_told_and_left_out() {
 }
 
 #[test]
-fn other_letter_case_is_found_and_told() {
+fn other_letter_case_is_found_with_a_warning() {
     let folder = Folder::new();
     let (material, _, warnings) = only(&folder, "map_Kd COLOURED.PNG\nmap_ao COLOURED.PNG");
     assert!(material.base_color_map.is_some());
@@ -208,7 +208,7 @@ fn other_letter_case_is_found_and_told() {
 }
 
 #[test]
-fn what_is_not_modelled_is_told() {
+fn unsupported_keys_are_warned_of() {
     let (_, _, warnings) = only(&Folder::new(), "d 0.5\nKe 1 1 1");
     assert_eq!(warnings.len(), 2, "{warnings:?}");
 }
@@ -232,7 +232,7 @@ fn roughness_without_a_map_gets_one_where_normals_lose_detail() {
 }
 
 #[test]
-fn what_is_found_in_the_cache_is_what_was_made_and_is_not_decoded() {
+fn cached_textures_equal_new_ones_and_are_not_decoded() {
     let folder = Folder::new();
     let options = TextureOptions {
         storage: Storage::Bc,
@@ -256,15 +256,15 @@ fn what_is_found_in_the_cache_is_what_was_made_and_is_not_decoded() {
         assert!(decoded(&folder.build_with(&mtl.replace(from, to), &options).2), "{to}");
     }
     assert!(!decoded(&folder.build_with(mtl, &options).2));
-    // Broken pictures are told of every time.
+    // Broken pictures are warned of every time.
     for _ in 0..2 {
         let (_, _, report) = folder.build_with("newmtl a\nmap_Kd coloured.png\nmap_Pr broken.png", &options);
         assert_eq!(report.warnings().len(), 1, "{:?}", report.warnings());
     }
 }
 
-/// Where this fails because texels or facts have changed on purpose: raise [`TEXTURES_VERSION`], and put the new hash here.
-/// Linux only: the last digits of powers are those of the system's library.
+/// Where this fails because texels or facts have changed on purpose: raise [`TEXTURES_VERSION`], and put the new hash
+/// here. Linux only: the last digits of powers are those of the system's library.
 #[test]
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
 fn cached_textures_change_only_with_their_version() {
@@ -286,7 +286,7 @@ fn cached_textures_change_only_with_their_version() {
 }
 
 #[test]
-fn broken_entries_of_the_cache_are_made_again() {
+fn broken_entries_of_the_cache_are_recreated() {
     let folder = Folder::new();
     let options = TextureOptions {
         storage: Storage::Bc,
@@ -309,8 +309,8 @@ fn broken_entries_of_the_cache_are_made_again() {
         ("truncated", |bytes, _| bytes[..bytes.len() / 2].to_vec()),
         ("empty", |_, _| Vec::new()),
         ("garbage", |bytes, _| vec![0x5a; bytes.len()]),
-        ("another's", |_, other| other.to_vec()),
-        ("a bent texel", |bytes, _| [&bytes[..bytes.len() - 1], &[bytes[bytes.len() - 1] ^ 0x40]].concat()),
+        ("of another texture", |_, other| other.to_vec()),
+        ("a corrupted texel", |bytes, _| [&bytes[..bytes.len() - 1], &[bytes[bytes.len() - 1] ^ 0x40]].concat()),
     ];
     for (name, harm) in harms {
         for (i, (path, bytes)) in whole.iter().enumerate() {

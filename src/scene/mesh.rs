@@ -1,8 +1,8 @@
-//! Indexed triangles as the GPU reads them.
+//! Indexed triangles, and axis-aligned bounds.
 
 use glam::{BVec3, Mat4, Vec3};
 
-/// One vertex: 48 bytes. The GPU reads it packed.
+/// One vertex: 48 bytes. `render` packs it for the GPU.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
 pub struct Vertex {
@@ -37,15 +37,15 @@ pub struct Bounds {
 }
 
 impl Bounds {
-    /// Holds nothing.
+    /// The empty box.
     pub const EMPTY: Self = Self { min: Vec3::INFINITY, max: Vec3::NEG_INFINITY };
 
-    /// The smallest box around some points.
+    /// The smallest box around points.
     pub fn of(points: impl IntoIterator<Item = Vec3>) -> Self {
         points.into_iter().fold(Self::EMPTY, |b, p| Self { min: b.min.min(p), max: b.max.max(p) })
     }
 
-    /// The smallest box around the corners of this one, moved by a transform; empty stays empty.
+    /// The bounds of this box after a transform; empty stays empty.
     pub fn placed(self, transform: Mat4) -> Self {
         if !self.min.cmple(self.max).all() {
             return Self::EMPTY;
@@ -54,7 +54,7 @@ impl Bounds {
         Self::of((0..8).map(|i| transform.transform_point3(corner(i))))
     }
 
-    /// Its middle.
+    /// Its centre.
     pub fn centre(self) -> Vec3 {
         (self.min + self.max) * 0.5
     }

@@ -1,4 +1,4 @@
-//! What is drawn, as plain data: meshes, materials, lights, cameras, surroundings.
+//! A scene as plain data: meshes, materials, lights, cameras, environment.
 
 pub mod cluster;
 mod culling_bounds;
@@ -17,7 +17,7 @@ pub use load::{LoadOptions, load};
 pub use mesh::{Bounds, Mesh, Vertex};
 pub use needs::{MaterialFeatures, Model, SceneFeatures};
 
-/// Everything one frame needs to know about the world. Right-handed, +Y up, metres.
+/// A loaded scene. World space is right-handed, +Y up, in metres.
 #[derive(Clone, Debug)]
 pub struct Scene {
     pub meshes: Vec<Mesh>,
@@ -33,19 +33,19 @@ pub struct Scene {
 }
 
 impl Scene {
-    /// Triangles in the world: those of each mesh as often as it is placed.
+    /// Number of triangles, those of a mesh counted for each instance.
     pub fn triangles(&self) -> usize {
         self.instances.iter().map(|i| self.meshes[i.mesh].indices.len() / 3).sum()
     }
 
-    /// A box around everything, in the world; empty without instances.
+    /// Bounds of everything in world space; empty without instances.
     pub fn bounds(&self) -> Bounds {
         let placed = self.instances.iter().map(|i| self.meshes[i.mesh].bounds.placed(i.world_from_local));
         Bounds::of(placed.filter(|b| *b != Bounds::EMPTY).flat_map(|b| [b.min, b.max]))
     }
 }
 
-/// One mesh, placed.
+/// A mesh with its transform.
 #[derive(Clone, Copy, Debug)]
 pub struct Instance {
     /// Index into [`Scene::meshes`].
@@ -60,23 +60,23 @@ pub struct Material {
     /// Linear RGB.
     pub base_color_factor: Vec3,
     pub metallic_factor: f32,
-    /// What a roughness texture holds: alpha = roughness².
+    /// Perceptual roughness: alpha = roughness².
     pub roughness_factor: f32,
     /// Indices into [`Scene::textures`].
     pub base_color_map: Option<usize>,
     pub normal_map: Option<usize>,
     /// Occlusion, roughness, metallic in R, G, B.
     pub orm_map: Option<usize>,
-    /// Least and most of what factor and map together say; smaller levels of a map may be rougher, where normals vary.
+    /// Minimum and maximum of factor times map; coarser levels of a map may be rougher, where normals vary.
     pub metallic_range: [f32; 2],
     pub roughness_range: [f32; 2],
     /// Whether occlusion in the ORM map darkens anything.
     pub occludes: bool,
-    /// With `Some(a)`, fragments whose albedo map has alpha < a are not there.
+    /// With `Some(a)`, fragments whose base color map has alpha < a are discarded.
     pub alpha_cutoff: Option<f32>,
 }
 
-/// A point light of no size.
+/// A point light.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PointLight {
     pub position: Vec3,

@@ -1,4 +1,4 @@
-//! What a scene needs modelled: what its pictures cannot be drawn without, and what would cost time and change nothing.
+//! The features of the renderer that a scene needs, and those that would cost time and not change the picture.
 
 pub mod findings;
 pub mod resolution;
@@ -10,29 +10,29 @@ use super::{Material, Scene};
 use crate::reference::energy::is_multi_scatter_visible;
 use resolution::{Viewpoint, first_levels};
 
-/// How much is modelled.
+/// Which features are used.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, ValueEnum)]
 pub enum Model {
-    /// What the scene needs.
+    /// Those that the scene needs.
     #[default]
     Needed,
-    /// Everything there is, needed or not: the same picture, slower; for measurements.
+    /// All, needed or not: the same picture, slower; for measurements.
     Everything,
 }
 
-/// Which share of a material's surface is metal; the same order as in `glsl/shared.glsl`.
+/// Which part of a material's surface is metal; the same order as in `glsl/shared.glsl`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Metalness {
-    /// Dielectric all over: reflects 4 % head on, without colour.
+    /// Dielectric everywhere: reflects 4 % at normal incidence, without colour.
     Dielectric,
-    /// Metal all over: no diffuse light.
+    /// Metal everywhere: no diffuse reflection.
     Metal,
     /// Both: a map or a factor between 0 and 1.
     Mixed,
 }
 
-/// What a material needs of its pipeline.
+/// The features that a material needs; each combination is a pipeline.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize)]
 pub struct MaterialFeatures {
     pub base_color_map: bool,
@@ -41,7 +41,7 @@ pub struct MaterialFeatures {
     pub orm_map: bool,
     pub alpha_mask: bool,
     pub metalness: Metalness,
-    /// Light that bounces more than once between microfacets; without it a rough metal is too dark.
+    /// Multiple scattering between microfacets; without it a rough metal is too dark.
     pub multi_scatter: bool,
 }
 
@@ -71,25 +71,25 @@ impl MaterialFeatures {
     }
 }
 
-/// Whether any part of a material could show more than one bounce. Maps multiply the albedo by at most 1.
+/// Whether multiple scattering could be visible on any part of a material. Maps multiply the base color by at most 1.
 fn multi_scatter(material: &Material) -> bool {
     let [roughness, metallic] = [material.roughness_range, material.metallic_range].map(|[_, most]| f64::from(most));
     is_multi_scatter_visible(roughness, metallic, material.base_color_factor.max_element().into())
 }
 
-/// What the renderer builds for a scene.
+/// The features that the renderer builds for a scene.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct SceneFeatures {
     /// One for each of the scene's materials.
     pub materials: Vec<MaterialFeatures>,
-    /// The number of point lights that shaders are made for; `None` for any number.
+    /// The number of point lights, a constant of the shaders; `None` for any number.
     pub lights: Option<u32>,
-    /// The finest level of each texture that is ever read.
+    /// The finest level of each texture that can be read.
     pub first_levels: Vec<u32>,
 }
 
 impl SceneFeatures {
-    /// Reads a scene that is seen from one place alone, or from anywhere.
+    /// The features for a scene seen from one viewpoint only, or from anywhere.
     pub fn of(scene: &Scene, model: Model, viewpoint: Option<Viewpoint>) -> Self {
         let whole = vec![0; scene.textures.len()];
         match model {
@@ -106,7 +106,7 @@ impl SceneFeatures {
         }
     }
 
-    /// Pipelines that differ.
+    /// Number of different pipelines.
     pub fn pipelines(&self) -> usize {
         self.materials.iter().collect::<std::collections::HashSet<_>>().len()
     }
@@ -136,7 +136,7 @@ mod tests {
     }
 
     #[test]
-    fn maps_that_are_not_there_are_not_needed() {
+    fn absent_maps_are_not_needed() {
         let all = Material {
             base_color_map: Some(0),
             normal_map: Some(1),
@@ -160,7 +160,7 @@ mod tests {
     }
 
     #[test]
-    fn metal_is_told_from_what_its_map_and_factor_come_to() {
+    fn metalness_follows_from_the_range_of_factor_times_map() {
         let metalness = |metallic_range| {
             let material = Material { metallic_range, ..default_material() };
             SceneFeatures::of(&scene(vec![material], 0), Model::Needed, None).materials[0].metalness

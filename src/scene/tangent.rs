@@ -1,4 +1,4 @@
-//! Triangles' corners to indexed vertices with tangents.
+//! From the corners of triangles to indexed vertices with tangents.
 
 use std::collections::HashMap;
 
@@ -8,10 +8,10 @@ use glam::{Vec3, Vec4};
 use super::mesh::{Bounds, Mesh, Vertex};
 use crate::asset::mesh::{Corner, Submesh};
 
-/// A mesh of `submesh`'s triangles, in their order; corners that agree in everything share a vertex.
+/// A mesh of `submesh`'s triangles, in their order; equal corners share a vertex.
 ///
 /// Tangents are MikkTSpace's, computed with v upwards, so that w · cross(normal, tangent) points to the picture's top;
-/// where there are no texture coordinates, or none of any area, some tangent at right angles to the normal.
+/// where there are no texture coordinates, or none of any area, any tangent perpendicular to the normal.
 pub fn mesh(submesh: &Submesh, material: usize) -> Mesh {
     let tangents = tangents(submesh);
     let mut vertices: Vec<Vertex> = Vec::new();
@@ -41,14 +41,14 @@ fn tangents(submesh: &Submesh) -> Vec<Vec4> {
     let mut corners = Corners { corners: &submesh.corners, tangents: vec![Vec4::ZERO; submesh.corners.len()] };
     if submesh.has_uvs {
         let done = bevy_mikktspace::generate_tangents(&mut corners);
-        // Its error has no cases today; if it gets some, every tangent below is mended.
+        // Its error type has no variants; unusable tangents are replaced below anyway.
         debug_assert!(done.is_ok());
     }
     let usable = corners.tangents.iter().zip(corners.corners);
     usable.map(|(tangent, corner)| usable_tangent(*tangent, corner.normal)).collect()
 }
 
-/// `tangent`, or any other where it is no unit vector at right angles to the normal.
+/// `tangent`, or any other one if it is not a unit vector perpendicular to the normal.
 fn usable_tangent(tangent: Vec4, normal: Vec3) -> Vec4 {
     let t = tangent.truncate();
     if tangent.is_finite() && (t.length() - 1.0).abs() < 1e-3 && t.dot(normal).abs() < 1e-2 {
@@ -138,7 +138,7 @@ mod tests {
             submesh.corners.iter().rev().map(|c| Corner { position: c.position * Vec3::new(-1.0, 1.0, 1.0), ..*c });
         submesh.corners = submesh.corners.clone().into_iter().chain(mirrored).collect();
         let mesh = mesh(&submesh, 0);
-        assert_eq!(mesh.vertices.len(), 8, "two vertices of the common edge stand twice");
+        assert_eq!(mesh.vertices.len(), 8, "two vertices of the common edge are duplicated");
         for v in &mesh.vertices {
             assert!((v.tangent[0].abs() - 1.0).abs() < 1e-6 && (bitangent(v) - Vec3::Y).length() < 1e-6, "{v:?}");
         }

@@ -1,7 +1,7 @@
 //! KTX 2.0 textures in memory: flat pictures and cube maps with mips, of floats, bytes or compressed blocks.
-//! Written and read here without supercompression.
+//! Written and read without supercompression.
 //!
-//! Facts are those of the "KTX File Format Specification", version 2.0 (Khronos, 2022), and of the "Khronos Data Format
+//! After the "KTX File Format Specification", version 2.0 (Khronos, 2022), and the "Khronos Data Format
 //! Specification", version 1.3 (2019).
 
 mod read;
@@ -9,12 +9,12 @@ mod write;
 
 use std::collections::BTreeMap;
 
-/// The key that names the program that wrote a file; the writer sets it.
+/// Key of the program that wrote a file; the writer sets it.
 pub const WRITER_KEY: &str = "KTXwriter";
-/// The key that says where x and y point; the writer sets it.
+/// Key of the directions of x and y; the writer sets it.
 pub const ORIENTATION_KEY: &str = "KTXorientation";
 
-/// How texels are stored; numbers little-endian.
+/// Storage of texels; numbers are little-endian.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum TexelFormat {
     /// R, G, B, A: bytes, 0 to 1.
@@ -50,7 +50,7 @@ impl TexelFormat {
         Self::Bc7Srgb,
     ];
 
-    /// Its number and its name among Vulkan's formats.
+    /// Number and name of its `VkFormat`.
     fn vulkan_entry(self) -> (u32, &'static str) {
         match self {
             Self::Rgba8 => (37, "R8G8B8A8_UNORM"),
@@ -65,32 +65,32 @@ impl TexelFormat {
         }
     }
 
-    /// Its number among Vulkan's formats.
+    /// Number of its `VkFormat`.
     pub fn vulkan(self) -> u32 {
         self.vulkan_entry().0
     }
 
-    /// Its name among Vulkan's formats.
+    /// Name of its `VkFormat`, without `VK_FORMAT_`.
     pub fn name(self) -> &'static str {
         self.vulkan_entry().1
     }
 
-    /// The format with this number among Vulkan's, if it is one of ours.
+    /// The format with this `VkFormat` number, if it is supported.
     pub fn from_vulkan(number: u32) -> Option<Self> {
         Self::ALL.into_iter().find(|format| format.vulkan() == number)
     }
 
-    /// Whether blocks of 4×4 texels are stored, not texels.
+    /// Whether it is block-compressed, in blocks of 4×4 texels.
     pub fn is_compressed(self) -> bool {
         self.block_side() > 1
     }
 
-    /// Texels along a side of what is stored as one: 1, or 4.
+    /// Texels along the side of a block: 4, or 1 if it is not compressed.
     pub fn block_side(self) -> u32 {
         if matches!(self, Self::Bc5 | Self::Bc7 | Self::Bc7Srgb) { 4 } else { 1 }
     }
 
-    /// Bytes of one number; 1 for blocks, which are bytes to KTX 2.0.
+    /// Bytes of one channel; 1 for blocks (`typeSize` of KTX 2.0).
     fn channel_bytes(self) -> u32 {
         match self {
             Self::Rgba8 | Self::Rgba8Srgb | Self::Bc5 | Self::Bc7 | Self::Bc7Srgb => 1,
@@ -99,7 +99,7 @@ impl TexelFormat {
         }
     }
 
-    /// Bytes of one texel, or of one block: a power of two of at least 4, so it is also what levels are aligned to.
+    /// Bytes of one texel or block: a power of two of at least 4, and thereby also the alignment of levels.
     pub fn bytes(self) -> u32 {
         match self {
             Self::Rg16Float | Self::Rg32Float => 2 * self.channel_bytes(),
@@ -108,13 +108,13 @@ impl TexelFormat {
         }
     }
 
-    /// The basic data format descriptor with its length before it: KTX 2.0, section 3.10; Data Format 1.3, chapter 5.
+    /// The basic data format descriptor, preceded by its length: KTX 2.0, section 3.10; Data Format 1.3, chapter 5.
     fn descriptor(self) -> Vec<u8> {
         /// Numbers of colour models: plain channels, and each block format's own.
         const RGBSDA: u32 = 1;
         const BC5: u32 = 132;
         const BC7: u32 = 134;
-        /// Channel number and kind: alpha; a float; signed; linear although the colour is not.
+        /// Channel number of alpha; qualifiers: float and signed; linear although the colour is not.
         const ALPHA: u32 = 15;
         const FLOAT: u32 = 0x80 | 0x40;
         const LINEAR: u32 = 0x10;
@@ -132,7 +132,7 @@ impl TexelFormat {
         };
         let block = 24 + 16 * samples.len() as u32;
         let transfer = if srgb { 2 } else { 1 };
-        // BT.709 primaries, alpha not premultiplied; sides of a block less 1; all in one plane.
+        // BT.709 primaries, alpha not premultiplied; sides of a block less 1; all bytes in plane 0.
         let side = self.block_side() - 1;
         let mut words = vec![
             4 + block,
@@ -158,35 +158,35 @@ pub struct Ktx2 {
     pub format: TexelFormat,
     /// Texels of level 0, width and height; a cube's faces are square.
     pub size: [u32; 2],
-    /// Elements of an array; 0 if it is none.
+    /// Elements of the array; 0 if the texture is no array.
     pub layers: u32,
     /// 6 for a cube, in the order +X −X +Y −Y +Z −Z, else 1.
     pub faces: u32,
     /// Level 0 first. Each holds layer after layer, face after face, rows from the top, tightly packed.
     pub levels: Vec<Vec<u8>>,
-    /// What is said about it, by key. Text ends with a NUL. Writer and orientation are added when it is written.
+    /// Metadata. Text ends with a NUL. Writer and orientation are added by [`Ktx2::write`].
     pub key_values: BTreeMap<String, Vec<u8>>,
 }
 
 impl Ktx2 {
-    /// Bytes of one level, as its header demands.
+    /// Bytes that one level must have.
     pub fn level_bytes(&self, level: u32) -> u64 {
         level_bytes(self.format, self.size, self.layers, self.faces, level)
     }
 
-    /// Says something in words.
+    /// Sets metadata to a text.
     pub fn set_text(&mut self, key: &str, value: &str) {
         self.key_values.insert(key.to_owned(), [value.as_bytes(), b"\0"].concat());
     }
 
-    /// What a key says in words.
+    /// Metadata as text; `None` if it is absent or not UTF-8.
     pub fn text(&self, key: &str) -> Option<&str> {
         let value = self.key_values.get(key)?;
         std::str::from_utf8(value.strip_suffix(b"\0").unwrap_or(value)).ok()
     }
 }
 
-/// Saturates: no file is that long.
+/// Bytes of one level; saturates, which is longer than any file.
 fn level_bytes(format: TexelFormat, size: [u32; 2], layers: u32, faces: u32, level: u32) -> u64 {
     let side = |i: usize| u64::from(size[i].checked_shr(level).unwrap_or(0).max(1).div_ceil(format.block_side()));
     [side(1), u64::from(layers.max(1)), u64::from(faces), u64::from(format.bytes())]
@@ -217,7 +217,7 @@ mod tests {
     }
 
     #[test]
-    fn the_half_float_descriptor_is_what_the_standard_says() {
+    fn the_half_float_descriptor_follows_the_standard() {
         let descriptor = TexelFormat::Rgba16Float.descriptor();
         assert_eq!(descriptor.len(), 4 + 24 + 4 * 16);
         let head = [92, 0, 0, 0, 0, 0, 0, 0, 2, 0, 88, 0, 1, 1, 1, 0, 0, 0, 0, 0, 8, 0, 0, 0, 0, 0, 0, 0];
@@ -227,7 +227,7 @@ mod tests {
     }
 
     #[test]
-    fn the_block_descriptors_are_what_the_standard_says() {
+    fn the_block_descriptors_follow_the_standard() {
         let descriptor = TexelFormat::Bc7Srgb.descriptor();
         let head = [44, 0, 0, 0, 0, 0, 0, 0, 2, 0, 40, 0, 134, 1, 2, 0, 3, 3, 0, 0, 16, 0, 0, 0, 0, 0, 0, 0];
         assert_eq!(descriptor[..28], head);

@@ -1,5 +1,5 @@
-//! KTX 2.0: a file's bytes, which may be hostile, as a texture. The `ktx2` crate decodes header, level index and key/value
-//! pairs; the limits, and the one layout that is accepted (as `write.rs` makes it), are checked here.
+//! KTX 2.0: a file's bytes, which may be hostile, as a texture. The `ktx2` crate decodes header, level index and
+//! key/value pairs; the limits, and the one layout that is accepted (as `write.rs` makes it), are checked here.
 //!
 //! `ktx2::Reader` is not used: version 0.5 panics on a descriptor whose blocks are 256 texels wide.
 
@@ -124,8 +124,8 @@ fn parse_key_values(bytes: &[u8]) -> Parsed<BTreeMap<String, Vec<u8>>> {
     if read == bytes.len() { Ok(all) } else { Err("its key/value data are broken".into()) }
 }
 
-/// The places of all levels, level 0 first. They must follow `from` one after another, aligned, the smallest first, up to
-/// the end of the file.
+/// The places of all levels, level 0 first. They must follow `from` one after another, aligned, the smallest first, up
+/// to the end of the file.
 fn check_levels(
     bytes: &[u8],
     header: &Header,

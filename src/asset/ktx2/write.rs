@@ -1,4 +1,4 @@
-//! KTX 2.0: a texture as the bytes of a file.
+//! KTX 2.0: writing.
 
 use std::path::Path;
 
@@ -9,10 +9,10 @@ use crate::asset::file::write_atomically;
 use crate::{Error, Result};
 
 impl Ktx2 {
-    /// Writes a file, whole or not at all.
+    /// Writes a file atomically.
     ///
     /// # Errors
-    /// The file cannot be written; or the texture is none (see [`Ktx2::to_bytes`]).
+    /// The file cannot be written, or the texture is invalid (see [`Ktx2::to_bytes`]).
     pub fn write(&self, path: &Path) -> Result<()> {
         write_atomically(path, &self.to_bytes(path)?)
     }
@@ -20,7 +20,7 @@ impl Ktx2 {
     /// The file's content; `path` names it in the error.
     ///
     /// # Errors
-    /// Levels that are not as long as format, size, layers and faces demand: a defect of the caller.
+    /// Levels whose lengths do not follow from format, size, layers and faces: a defect of the caller.
     pub fn to_bytes(&self, path: &Path) -> Result<Vec<u8>> {
         self.check(path)?;
         let descriptor = self.format.descriptor();
@@ -40,7 +40,7 @@ impl Ktx2 {
         let header = [format, channel, width, height, no_depth, layers, self.faces, levels, not_compressed];
         let index = [descriptor_at, descriptor.len(), key_values_at, key_values.len()].map(|n| n as u32);
         header.into_iter().chain(index).for_each(|word| bytes.extend(word.to_le_bytes()));
-        // No data that all levels share.
+        // Supercompression global data: none.
         bytes.extend([0; 16]);
         for (level, place) in self.levels.iter().zip(&places) {
             [*place, level.len(), level.len()].iter().for_each(|word| bytes.extend((*word as u64).to_le_bytes()));
@@ -54,7 +54,7 @@ impl Ktx2 {
         Ok(bytes)
     }
 
-    /// Where each level begins, the smallest first in the file, and where the last one ends.
+    /// Offset of each level (in the file the smallest comes first), and the length of the file.
     fn places(&self, start: usize) -> (Vec<usize>, usize) {
         let mut end = start;
         let mut places: Vec<usize> = Vec::with_capacity(self.levels.len());
@@ -90,7 +90,7 @@ impl Ktx2 {
         let count_fits = (1..=most as usize).contains(&self.levels.len());
         let keys_fit = self.key_values.keys().all(|key| !key.is_empty() && !key.contains('\0'));
         let problem = match () {
-            () if !sizes_fit || !count_fits => "its levels do not have the sizes they should",
+            () if !sizes_fit || !count_fits => "its levels have wrong sizes",
             () if !keys_fit => "a key is empty or holds a NUL",
             () => return Ok(()),
         };

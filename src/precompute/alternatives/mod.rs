@@ -1,7 +1,7 @@
 //! The usual ways to fill the maps: what the thesis and others do, kept as rivals that `measure` charts.
 //!
-//! All start from the same cube with mips and end in cubes of the same format as `LightMaps` has, so that time and error
-//! compare like with like.
+//! All start from the same cube with mips and end in cubes of the same format as `LightMaps` has, so that time and
+//! error compare like with like.
 
 mod environment;
 mod pass;

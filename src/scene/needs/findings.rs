@@ -1,4 +1,4 @@
-//! The decisions of `needs` in words: what is modelled for a scene, what is left out, and why.
+//! The decisions of `needs` in words: which features are used for a scene, which are not, and why.
 
 use std::f32::consts::PI;
 
@@ -38,7 +38,7 @@ pub struct MaterialFinding {
     pub occludes: bool,
 }
 
-/// A small part of the panorama that gives much of its light.
+/// A small part of the panorama with much of its light.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Sun {
     /// Unit vector towards it, in the panorama's frame.
@@ -47,13 +47,13 @@ pub struct Sun {
     pub share: f32,
 }
 
-/// Half the angle, in degrees, of what is taken for one sun: the disc (0.27) with what lenses and filters spread.
+/// Half the angle, in degrees, of what counts as the sun: the disc (0.27) and its glare in lenses and filters.
 const SUN_DEGREES: f32 = 2.5;
-/// Less than this share of all light casts no shadow that anyone would miss.
+/// Share of all light from which on a source casts a visible shadow.
 const SUN_SHARE: f32 = 0.1;
 
 impl Findings {
-    /// Reads a scene.
+    /// The decisions about a scene.
     pub fn of(scene: &Scene) -> Self {
         let features = SceneFeatures::of(scene, Model::Needed, None);
         let material = |(material, features): (&Material, &MaterialFeatures)| MaterialFinding {
@@ -70,7 +70,7 @@ impl Findings {
         Self { triangles: scene.triangles(), findings, materials, features }
     }
 
-    /// One line for each decision, what is modelled first.
+    /// One line for each decision, features that are used first.
     pub fn lines(&self) -> Vec<String> {
         let line = |mark, finding: &Finding| format!("{mark} {:22} {}", finding.subject, finding.why);
         let those = |modelled, mark| {
@@ -89,15 +89,15 @@ fn maps(materials: &[MaterialFinding]) -> Vec<Finding> {
         Finding { subject, modelled: count > 0, why }
     };
     vec![
-        finding("base color maps", &|m| m.features.base_color_map, "no material has one that varies: factors"),
-        finding("normal maps", &|m| m.features.normal_map, "no material has one that bends anything"),
+        finding("base color maps", &|m| m.features.base_color_map, "no material has one that varies: factors only"),
+        finding("normal maps", &|m| m.features.normal_map, "no material has one that is not flat"),
         finding(
             "roughness, metal maps",
             &|m| m.features.orm_map,
-            "no material's roughness, metalness or occlusion varies: factors",
+            "no material's roughness, metalness or occlusion varies: factors only",
         ),
-        finding("occlusion", &|m| m.occludes, "no map darkens anything"),
-        finding("cutouts", &|m| m.features.alpha_mask, "every surface is whole: no fragment is thrown away"),
+        finding("occlusion", &|m| m.occludes, "no occlusion map is below 1"),
+        finding("cutouts", &|m| m.features.alpha_mask, "no material has an alpha mask: no fragment is discarded"),
     ]
 }
 
@@ -105,8 +105,8 @@ fn metals(materials: &[MaterialFinding]) -> Finding {
     let count = |kind| materials.iter().filter(|m| m.features.metalness == kind).count();
     let (dielectric, metal, mixed) = (count(Metalness::Dielectric), count(Metalness::Metal), count(Metalness::Mixed));
     let why = match (dielectric, metal, mixed) {
-        (_, 0, 0) => "nothing is metallic: reflects 4 % head on".to_owned(),
-        (0, _, 0) => "metal all over: no diffuse light is looked up".to_owned(),
+        (_, 0, 0) => "nothing is metallic: reflects 4 % at normal incidence".to_owned(),
+        (0, _, 0) => "everything is metal: no diffuse light is looked up".to_owned(),
         _ => format!("{metal} material(s) all metal, {mixed} in parts, {dielectric} not at all"),
     };
     Finding { subject: "metalness", modelled: metal + mixed > 0, why }
@@ -116,8 +116,10 @@ fn multi_scatter(materials: &[MaterialFinding]) -> Finding {
     let (count, all) = (materials.iter().filter(|m| m.features.multi_scatter).count(), materials.len());
     let percent = format!("{:.2}", 100.0 * VISIBLE);
     let why = match count {
-        0 => format!("no rough metal: more bounces between microfacets would add less than {percent} %"),
-        _ => format!("{count} of {all} materials are metal rough enough to lose more than {percent} % of the light"),
+        0 => format!("no rough metal: multiple scattering between microfacets would add less than {percent} %"),
+        _ => format!(
+            "{count} of {all} materials are metals so rough that single scattering loses more than {percent} % of the light"
+        ),
     };
     Finding { subject: "multiple scattering", modelled: count > 0, why }
 }
@@ -132,12 +134,15 @@ fn roughness(materials: &[MaterialFinding]) -> Finding {
 
 fn lights(scene: &Scene) -> Finding {
     let count = scene.lights.len();
-    let why =
-        if count == 0 { "the panorama alone gives light".to_owned() } else { format!("{count}, counted exactly") };
+    let why = if count == 0 {
+        "the panorama is the only light".to_owned()
+    } else {
+        format!("{count}, a constant of the shaders")
+    };
     Finding { subject: "point lights", modelled: count > 0, why }
 }
 
-/// What is not modelled although the scene would show it.
+/// Features that are not implemented although the scene would show them.
 fn shadows(scene: &Scene, sun: Option<Sun>) -> Vec<Finding> {
     let sources = scene.lights.len() + usize::from(sun.is_some());
     let shadows = if sources == 0 {
@@ -160,8 +165,8 @@ fn shadows(scene: &Scene, sun: Option<Sun>) -> Vec<Finding> {
     ]
 }
 
-/// The panorama's sun, if it has one: what lies within [`SUN_DEGREES`] of its brightest texel, for a share of all light of
-/// [`SUN_SHARE`] or more.
+/// The panorama's sun, if it has one: the part within [`SUN_DEGREES`] of its brightest texel, if it has [`SUN_SHARE`]
+/// or more of all light.
 pub fn sun(panorama: &Panorama) -> Option<Sun> {
     let (width, height) = (panorama.width as usize, panorama.height as usize);
     let power = |texel: &[f32; 3]| texel.iter().map(|c| f64::from(*c)).sum::<f64>();
@@ -172,7 +177,7 @@ pub fn sun(panorama: &Panorama) -> Option<Sun> {
     let towards = direction(brightest % width, brightest / width);
     let near = SUN_DEGREES.to_radians().cos();
     let rows = (0..height).into_par_iter().map(|y| {
-        // A row's texels are as large as the sine of its angle from the pole says.
+        // The solid angle of a row's texels is proportional to the sine of its polar angle.
         let area = f64::from((PI * (y as f32 + 0.5) / height as f32).sin());
         let row = &panorama.texels[y * width..(y + 1) * width];
         let all: f64 = row.iter().map(power).sum();
@@ -180,7 +185,7 @@ pub fn sun(panorama: &Panorama) -> Option<Sun> {
         let sun: f64 = row.iter().enumerate().filter(inside).map(|(_, texel)| power(texel)).sum();
         (sun * area, all * area)
     });
-    // Collected first: a parallel sum's order, and so its rounding, would vary.
+    // Collected first: the order of a parallel sum, and so its rounding, would vary.
     let sums = rows.collect::<Vec<_>>().into_iter().fold((0.0, 0.0), |sum, row| (sum.0 + row.0, sum.1 + row.1));
     let share = (sums.0 / sums.1) as f32;
     (share >= SUN_SHARE).then_some(Sun { towards: Vec3::to_array(&towards), share })

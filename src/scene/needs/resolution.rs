@@ -1,4 +1,4 @@
-//! Which levels of its textures a picture from a known viewpoint can ever read.
+//! The texture levels that a picture from a known viewpoint can read.
 
 use glam::{Mat4, Vec2, Vec3};
 use rayon::prelude::*;
@@ -6,19 +6,19 @@ use rayon::prelude::*;
 use crate::asset::MipChain;
 use crate::scene::{Mesh, Scene};
 
-/// Where a picture is taken from, and how fine it is.
+/// Position and resolution of a picture.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Viewpoint {
-    /// SceneResources, metres.
+    /// World space, metres.
     pub position: Vec3,
-    /// Eyes may be this far from it, metres.
+    /// Largest distance of an eye from it, metres.
     pub around_metres: f32,
     /// Tangent of the angle that the smallest pixel spans, seen from the eye; the sides of its square.
     pub pixel_tangent: f32,
 }
 
 impl Viewpoint {
-    /// Of a frustum with these tangents (left, right, down, up) over `size` pixels.
+    /// For a frustum with these tangents (left, right, down, up) over `size` pixels.
     ///
     /// Pixels are equal on the image plane; seen from the eye those in the corner are smaller by the squared cosine.
     pub fn new(position: Vec3, around_metres: f32, tangents: [f32; 4], size: [u32; 2]) -> Self {
@@ -32,11 +32,11 @@ impl Viewpoint {
 /// Half a level for what hardware rounds, and for derivatives that are differences between neighbouring pixels.
 const MARGIN_LEVELS: f32 = 0.5;
 
-/// For each of the scene's textures, the finest level that the viewpoint may read; 0 where it may be the whole.
+/// For each of the scene's textures, the finest level that a picture from the viewpoint may read.
 ///
-/// A pixel's footprint on a triangle is no smaller than `pixel_tangent` times the distance to its box, in any direction; so
-/// its shorter axis spans at least that times the smallest texel density of the triangle's texture coordinates. Anisotropic
-/// filtering takes its level from the shorter axis, or from something longer.
+/// A pixel's footprint on a triangle is no smaller than `pixel_tangent` times the distance to its box, in any
+/// direction; so its shorter axis spans at least that times the smallest texel density of the triangle's texture
+/// coordinates. Anisotropic filtering takes its level from the shorter axis, or from something longer.
 pub fn first_levels(scene: &Scene, viewpoint: Viewpoint) -> Vec<u32> {
     let nearest = scene.instances.par_iter().map(|instance| {
         let mesh = &scene.meshes[instance.mesh];
@@ -64,7 +64,7 @@ fn side(texture: &MipChain) -> Vec2 {
 /// The level at which this many texels of level 0 along the shorter axis of a footprint are less than one.
 fn first_level(texels: f32, texture: &MipChain) -> u32 {
     let last = texture.levels.len().saturating_sub(1) as u32;
-    // A texture that nothing shows keeps its last level; `as` saturates.
+    // A texture that is not visible keeps its last level; `as` saturates.
     ((texels.log2() - MARGIN_LEVELS).max(0.0).floor() as u32).min(last)
 }
 
@@ -85,8 +85,8 @@ fn footprints(mesh: &Mesh, world_from_local: Mat4, sizes: [Vec2; 3], viewpoint: 
     least
 }
 
-/// Smallest singular value of the map from the triangle's plane, in metres, to texels; 0 for triangles without area, which
-/// therefore keep all levels.
+/// Smallest singular value of the map from the triangle's plane, in metres, to texels; 0 for triangles without area,
+/// which therefore keep all levels.
 fn smallest_density([along, other]: [Vec3; 2], [t_along, t_other]: [Vec2; 2]) -> f32 {
     let length = along.length();
     let x = along / length;
@@ -97,7 +97,8 @@ fn smallest_density([along, other]: [Vec3; 2], [t_along, t_other]: [Vec2; 2]) ->
     // Texels per metre along x, and along y in the plane.
     let per_x = t_along / length;
     let per_y = (t_other - per_x * other.dot(x)) / height;
-    // The singular values' squares are the roots of s² − (|x|² + |y|²) s + det²; the smaller one as det² over the larger.
+    // The singular values' squares are the roots of s² − (|x|² + |y|²) s + det²; the smaller one as det² over the
+    // larger.
     let half = 0.5 * (per_x.length_squared() + per_y.length_squared());
     let det = per_x.perp_dot(per_y);
     let larger = half + (half * half - det * det).max(0.0).sqrt();
