@@ -1,4 +1,4 @@
-//! brdf and sampling of glsl/ against their twins in f64, on the GPU.
+//! glsl/brdf.glsl and glsl/sampling.glsl on the GPU against their twins in f64.
 
 use bytemuck::{Pod, Zeroable};
 use glam::{DVec2, DVec3, Vec3};
@@ -110,7 +110,7 @@ fn random_inputs() -> Vec<BrdfInput> {
     inputs
 }
 
-/// Compares all but the lobes around directions, whose bounds depend on the directions.
+/// Compares all terms but the lobes, whose error bounds depend on the directions.
 fn judge_terms(judge: &mut Judge, i: &BrdfInput, o: &BrdfOutput) {
     let [r, alpha, nl, nv, vh, metallic] = [i.roughness, i.alpha, i.nl, i.nv, i.vh, i.metallic].map(f64::from);
     let albedo = dvec3(i.albedo);

@@ -14,10 +14,10 @@ use crate::reference::lobe::kernel_spread;
 use crate::reference::quadrature::gauss_legendre;
 use crate::reference::table::{SplitSum, table_arguments, table_place};
 
-/// Texels along n·v (`glsl/brdf_table.comp` knows it, too) and along roughness: what bilinear lookups lose is below
+/// Texels along n·v (the same in `glsl/brdf_table.comp`) and along roughness: the error of bilinear lookups is below
 /// 1e-3.
 pub const SIZE: [u32; 2] = [128, 96];
-/// Quadrature nodes over φ and s; `glsl/brdf_table.comp` knows them, too.
+/// Quadrature nodes over φ and s; the same in `glsl/brdf_table.comp`.
 const NODES: [usize; 2] = [8, 16];
 
 const SHADER: &str = "brdf_table.comp";
@@ -25,7 +25,7 @@ const SHADER: &str = "brdf_table.comp";
 pub(super) const CACHE_KIND: CacheKind =
     CacheKind { copying: "BRDF table from the cache", version: 1, shaders: &[SHADER] };
 
-/// Layers in f32, halves being too coarse near 1: the two parts' albedos and `along`, and their `across`
+/// Layers in f32 (half floats are too coarse near 1): the two parts' albedos and `along`; their `across`
 /// (`reference::table`) with the albedos' means (`reference::energy`); for [`SplitSum::Slices`] three more.
 pub struct BrdfTable {
     pub image: Arc<Image>,
@@ -33,13 +33,16 @@ pub struct BrdfTable {
 }
 
 impl BrdfTable {
-    /// What a texel says, for other programs.
+    /// Description of the texels, for other programs.
     pub const MEANING: &str = "specular albedo = F0 * A + B. Layer 0: A, B, then for the lobes of A and of B \
         sqrt(1 - m.r), m being a lobe's mean vector and r = reflect(-v, n). Layer 1: for both lobes \
         m.t / sqrt(1 - (n.v)^2), t being perpendicular to r, towards n; then A and B averaged over directions, 2 ∫ A n.v d(n.v), the same for all n.v. x: log(1 + 1024 n.v) / log(1025), \
         y: cbrt(roughness), 0 and 1 at the centres of the outermost texels";
 
-    /// Computes the table for one geometry term and one way to look up the environment, or takes it from the cache.
+    /// Computes the table for one geometry term and one kind of environment lookup, or takes it from the cache.
+    ///
+    /// # Errors
+    /// No memory, or a failed Vulkan call.
     pub fn new(gpu: &Arc<Gpu>, geometry: Geometry, split_sum: SplitSum, cache: Option<&Cache>) -> Result<Self> {
         let copies = ImageUsageFlags::TRANSFER_SRC | ImageUsageFlags::TRANSFER_DST;
         let usage = ImageUsageFlags::SAMPLED | ImageUsageFlags::STORAGE | copies;
@@ -54,7 +57,7 @@ impl BrdfTable {
     }
 }
 
-/// Fills the table and waits; `choices` are the shader's constants.
+/// Fills the table and waits; `choices` are the shader's specialization constants.
 fn compute(gpu: &Arc<Gpu>, image: &Arc<Image>, choices: [u32; 2]) -> Result<Vec<PassTime>> {
     let nodes = storage(gpu, "quadrature", &quadrature())?;
     let spreads = storage(gpu, "kernel spreads", &classic_spreads())?;
@@ -92,8 +95,8 @@ fn quadrature() -> Vec<[f32; 2]> {
     phi.into_iter().chain(crowded).map(|node| node.map(|v| v as f32)).collect()
 }
 
-/// What each column weighs in 2 ∫ f(n·v) n·v d(n·v) of a function that is looked up between them: the integrals of the
-/// columns' hats, which add up to 1. So what shaders integrate over lookups comes to the mean.
+/// The weight of each column in 2 ∫ f(n·v) n·v d(n·v) of a function that is interpolated between columns. The weights
+/// add up to 1. Derivation: src/precompute/README.md.
 fn mean_weights() -> Vec<f32> {
     let mut weights = vec![0.0; SIZE[0] as usize];
     for column in 0..SIZE[0] - 1 {

@@ -8,7 +8,7 @@ use crate::asset::cache::{Cache, Key};
 use crate::asset::ktx2::Ktx2;
 use crate::gpu::{Gpu, Image, PassTime, compute_shaders, write_mips};
 
-/// What an entry's header, key and values may take beside its texels.
+/// Limit of an entry's header, key and values, in bytes.
 const HEAD_BYTES: u64 = 1 << 16;
 
 /// A kind of cached maps.
@@ -22,8 +22,9 @@ pub(super) struct CacheKind {
     pub shaders: &'static [&'static str],
 }
 
-/// Fills `images` from the cache, or else by `compute`, and then keeps them. `source` is all that they depend on beside
-/// their kind, names, formats and sizes, and the GPU. Returns the GPU times of `compute`, or that of copying.
+/// Fills `images` from the cache, or else by `compute`, and then stores them. `source` is everything that they depend
+/// on in addition to their kind, names, formats and sizes, and the GPU. Returns the GPU times of `compute`, or that of
+/// copying.
 pub(super) fn cached(
     gpu: &Arc<Gpu>,
     cache: Option<&Cache>,
@@ -33,7 +34,7 @@ pub(super) fn cached(
     compute: impl FnOnce() -> Result<Vec<PassTime>>,
 ) -> Result<Vec<PassTime>> {
     let Some(cache) = cache else { return compute() };
-    // Two GPUs, or two drivers, need not round alike.
+    // Other GPUs or drivers may round differently.
     let machine = [gpu.info().name.as_str(), gpu.info().driver.as_str()];
     let common = common_key(kind, &compute_shaders()?, machine, source);
     let keys: Vec<String> = images.iter().map(|(name, image)| image_key(&common, name, image)).collect();
@@ -60,8 +61,9 @@ fn load(cache: &Cache, key: &str, image: &Image) -> Option<Ktx2> {
     cache.load(key, limit, |texture| fits(texture, image))
 }
 
-/// What all maps of one kind and source share. `shaders` are names and SPIR-V words; only those of the kind count. In
-/// debug builds their words hold the GLSL source, so that even a comment there empties the cache.
+/// The part of the key that all maps of one kind and source share. Of `shaders` (names and SPIR-V words) only those of
+/// the kind count. In debug builds their words include the GLSL source, so that even a comment in it invalidates
+/// entries.
 fn common_key(kind: &CacheKind, shaders: &[(&str, Vec<u32>)], machine: [&str; 2], source: &[&[u8]]) -> Key {
     let mut key = Key::new(kind.copying, kind.version);
     machine.iter().for_each(|text| key.add(text.as_bytes()));
@@ -113,7 +115,7 @@ mod tests {
     }
 
     #[test]
-    fn every_kind_s_shaders_are_there() {
+    fn the_shaders_of_every_kind_exist() {
         let all = compute_shaders().unwrap();
         for name in [light_maps::CACHE_KIND, brdf_table::CACHE_KIND].iter().flat_map(|kind| kind.shaders) {
             assert!(all.iter().any(|(known, _)| known == name), "{name}");

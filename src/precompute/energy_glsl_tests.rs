@@ -1,4 +1,4 @@
-//! energy of glsl/ and the means of the split sum's table against their twins in f64, on the GPU.
+//! glsl/energy.glsl and the means of the split sum's table on the GPU against their twins in f64.
 
 use bytemuck::{Pod, Zeroable};
 use glam::{DVec3, Vec3};
@@ -39,7 +39,7 @@ fn entry([scale, bias]: [f32; 2]) -> Entry {
     Entry { scale: scale.into(), bias: bias.into() }
 }
 
-/// Of any A and B with A + B ≤ 1, also of none lost and of rounding above 1.
+/// Any A and B with A + B ≤ 1, also with no loss and with rounding above 1.
 fn inputs() -> Vec<Input> {
     let mut random = Random(6);
     let mut inputs = Vec::new();

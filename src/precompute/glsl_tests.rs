@@ -1,4 +1,4 @@
-//! math, levels, tone and cube of glsl/ against their twins in f64, on the GPU.
+//! glsl/math.glsl, levels.glsl, tone.glsl and cube.glsl on the GPU against their twins in f64.
 
 use bytemuck::{Pod, Zeroable};
 use glam::{DVec2, DVec3, Vec3};

@@ -1,4 +1,4 @@
-//! For tests: a GPU under validation, a shader run over a list of inputs, texels read back, numbers compared.
+//! Helpers of tests: a GPU with validation, running a shader over a list of inputs, reading texels, comparing numbers.
 
 use std::collections::BTreeMap;
 use std::fmt::Debug;
@@ -15,7 +15,7 @@ use crate::gpu::{
 
 pub use crate::gpu::with_gpu;
 
-/// What `tests/glsl/{shader}` makes of each input; both structs are in scalar layout there.
+/// The outputs of `tests/glsl/{shader}` for each input; both structs have scalar layout there.
 pub fn evaluate<I: Pod, O: Pod>(gpu: &Arc<Gpu>, shader: &str, inputs: &[I]) -> Vec<O> {
     let from = Buffer::with_bytes(gpu, "inputs", BufferKind::StorageFromCpu, bytemuck::cast_slice(inputs)).unwrap();
     let to = Buffer::new(gpu, "outputs", BufferKind::Storage, (size_of::<O>() * inputs.len()) as u64).unwrap();
@@ -42,20 +42,20 @@ pub fn texels(gpu: &Arc<Gpu>, image: &Image, part: Subresource) -> Vec<DVec3> {
     floats.iter().map(|t| DVec3::new(t[0].into(), t[1].into(), t[2].into())).collect()
 }
 
-/// Compares what the GPU says with the truth; when it goes, it prints for each quantity how much of its bound was used,
-/// and fails if that was more than all of it.
+/// Compares results of the GPU with the truth. When dropped, it prints for each quantity the largest share of its error
+/// bound, and panics if that is above 1.
 #[derive(Default)]
 pub struct Judge(BTreeMap<&'static str, Worst>);
 
 #[derive(Default)]
 struct Worst {
-    /// Error over bound.
+    /// Error divided by bound.
     used: f64,
     case: String,
 }
 
 impl Judge {
-    /// Wants every number of `got` finite and within `absolute + relative · |want|` of `want`.
+    /// Expects every number of `got` to be finite and within `absolute + relative · |want|` of `want`.
     pub fn near(
         &mut self,
         what: &'static str,
@@ -87,13 +87,14 @@ impl Drop for Judge {
             println!("{what}: at worst {:.2} of its bound", worst.used);
         }
         let failed: Vec<_> = self.0.iter().filter(|(_, worst)| worst.used > 1.0).collect();
-        let tell = |(what, worst): &(&&str, &Worst)| format!("{what}: {:.2} of its bound: {}", worst.used, worst.case);
-        let told: Vec<_> = failed.iter().map(tell).collect();
-        assert!(told.is_empty() || std::thread::panicking(), "{}", told.join("\n"));
+        let describe =
+            |(what, worst): &(&&str, &Worst)| format!("{what}: {:.2} of its bound: {}", worst.used, worst.case);
+        let failures: Vec<_> = failed.iter().map(describe).collect();
+        assert!(failures.is_empty() || std::thread::panicking(), "{}", failures.join("\n"));
     }
 }
 
-/// Numbers that look random and are the same in every run: Steele et al., "Fast Splittable Pseudorandom Number
+/// Pseudorandom numbers, the same in every run: Steele et al., "Fast Splittable Pseudorandom Number
 /// Generators" (2014), figure 16.
 pub struct Random(pub u64);
 

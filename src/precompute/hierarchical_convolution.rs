@@ -1,4 +1,6 @@
-//! The passes that sum light over nodes: panorama to cube and finest nodes, coarser nodes, specular levels, irradiance.
+//! Prefiltering of a panorama by a Barnes–Hut treecode: light is summed over nodes of six quadtrees, coarse ones far
+//! from a lobe's centre and fine ones near it. Passes: panorama to cube and finest nodes, coarser nodes, specular
+//! levels, irradiance. Derivation: src/precompute/README.md.
 
 use std::sync::Arc;
 
@@ -65,8 +67,8 @@ struct Sum {
     across: u32,
 }
 
-/// Everything the passes need, for one panorama and its maps. Each pipeline in two variants: for light, and for the
-/// white light that norms are the sums of.
+/// Pipelines and descriptor sets for one panorama and its maps. Pipelines have two variants: for the panorama's light,
+/// and for uniform white light, whose sums are the norms by which the light's sums are divided.
 pub struct HierarchicalConvolution<'a> {
     specular: &'a [Arc<Image>; 2],
     irradiance: &'a Arc<Image>,
@@ -84,7 +86,10 @@ const LIGHT: usize = 0;
 const WHITE: usize = 1;
 
 impl<'a> HierarchicalConvolution<'a> {
-    /// Makes pipelines and lists; the levels' faces are a power of two, at least 2, texels wide.
+    /// Creates pipelines and lists; the faces of all levels are a power of two, at least 2, texels wide.
+    ///
+    /// # Errors
+    /// No memory, or a failed Vulkan call.
     pub fn new(
         gpu: &Arc<Gpu>,
         panorama: &Arc<Image>,
@@ -108,7 +113,7 @@ impl<'a> HierarchicalConvolution<'a> {
         };
         let variants = |shader, constant, taps: Option<u32>, layout: &DescriptorSetLayout, push_bytes: usize| {
             let variant = |white: usize| {
-                // White light needs few taps: it is the same all over a texel.
+                // White light needs few samples: it is constant over a texel.
                 let taps = taps.map(|taps| (0, if white == WHITE { 2 } else { taps }));
                 let constants: Vec<_> = taps.into_iter().chain([(constant, white as u32)]).collect();
                 Pipeline::compute(gpu, shader, &constants, &[layout], push_bytes as u32)
@@ -156,7 +161,10 @@ impl<'a> HierarchicalConvolution<'a> {
         Ok(Self { specular, irradiance, to_cube, to_cube_set, merge, merge_set, sum, sums })
     }
 
-    /// Fills the maps with radiance / `scale` and waits.
+    /// Fills the maps with radiance / `scale` and waits; returns the GPU times of the passes.
+    ///
+    /// # Errors
+    /// A failed Vulkan call.
     pub fn run(&self, gpu: &Arc<Gpu>, scale: f32) -> Result<Vec<PassTime>> {
         submit_and_wait(gpu, |commands| {
             let maps = [&self.specular[0], &self.specular[1], self.irradiance];
@@ -192,7 +200,7 @@ impl<'a> HierarchicalConvolution<'a> {
         commands.buffers_written();
     }
 
-    /// For light all faces; white light looks the same from each.
+    /// All faces for light, one for white light, whose sums are the same for each face.
     fn sum(&self, commands: &mut Commands<'_>, variant: usize, sum: &Sum) {
         let pipeline = &self.sum[variant];
         commands.bind(pipeline, &[&sum.set]);
@@ -209,7 +217,7 @@ fn filled(gpu: &Arc<Gpu>, name: &str, bytes: &[u8]) -> Result<Arc<Buffer>> {
     Ok(buffer)
 }
 
-/// Hash of what the CPU gives the passes for these sizes: with the shaders, all that the maps depend on.
+/// Hash of the inputs from the CPU for these sizes: with the shaders, everything that the maps depend on.
 #[cfg(test)]
 pub(super) fn input_hash(panorama: [u32; 2], face_size: u32, irradiance_size: u32) -> String {
     let mut key = crate::asset::cache::Key::default();

@@ -1,4 +1,5 @@
-//! Which nodes each tile of a prefiltered cube map is summed from; depends on sizes and lobes alone, not on the light.
+//! The interaction lists of the treecode: for each tile of a prefiltered cube map, the nodes that it is summed from.
+//! They depend on sizes and lobes only, not on the light. Derivation of the criteria: src/precompute/README.md.
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
@@ -8,21 +9,23 @@ use rayon::prelude::*;
 use crate::reference::cube::cube_direction;
 use crate::reference::lobe::kernel_integral;
 
-/// Texels along a tile's side; `glsl/hierarchical_convolution.comp` knows it, too.
+/// Texels along a tile's side; the same in `glsl/hierarchical_convolution.comp`.
 pub const TILE: u32 = 8;
 
-/// A cube map to be summed: texels along its faces, and its lobe's alpha.
+/// A cube map to be computed: texels along a face, and alpha of its lobe.
 #[derive(Clone, Copy, Debug)]
 pub struct Target {
     pub size: u32,
     pub alpha: f64,
 }
 
-/// Node numbers, tile after tile.
+/// Interaction lists of all tiles.
 #[derive(Default)]
 pub struct InteractionLists {
+    /// Interaction lists of all tiles.
+    /// Node numbers, tile after tile.
     pub entries: Vec<u32>,
-    /// For each tile, faces first, then rows: its first entry and their number.
+    /// For each tile (by face, then row): its first entry and the number of entries.
     pub tiles: Vec<[u32; 2]>,
     /// For each target, the number of its first tile.
     pub first_tile: Vec<u32>,
@@ -44,7 +47,7 @@ pub fn tiles_across(size: u32) -> u32 {
     size.div_ceil(TILE)
 }
 
-/// A node: texel (x, y) of a face of 2^level texels.
+/// A node of a quadtree: texel (x, y) of a face of 2^level texels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Cell {
     face: u32,
@@ -61,7 +64,7 @@ impl InteractionLists {
         for target in targets {
             lists.first_tile.push(lists.tiles.len() as u32);
             let across = tiles_across(target.size);
-            // The lists of one face, turned, are those of the others.
+            // The lists of one face, rotated, are those of the others.
             let cells: Vec<Vec<Cell>> = (0..across * across)
                 .into_par_iter()
                 .map(|tile| shapes.cells(target, [tile % across, tile / across]))
@@ -77,9 +80,8 @@ impl InteractionLists {
     }
 }
 
-/// A node's radius may be this part of the lobe's own scale where it lies, α at its centre and half the distance from
-/// it far outside; what the lobe bends over that enters by the second moment. Less for wide lobes, whose levels are
-/// small and cost little.
+/// Acceptance criterion: largest radius of a node as a part of the lobe's scale there, which is α at the lobe's centre
+/// and half the distance from it far outside. Smaller for wide lobes, whose levels are small and cost little.
 fn node_per_lobe(alpha: f64) -> f64 {
     match alpha {
         a if a < 0.04 => 0.9,
@@ -88,12 +90,11 @@ fn node_per_lobe(alpha: f64) -> f64 {
     }
 }
 
-/// Nodes that the horizon crosses are at most this wide, in radians, for the clamped cosine: it turns sharply there,
-/// and the second moment knows nothing of that. Narrower lobes have less weight at the horizon.
+/// Largest radius in radians of a node that the horizon crosses, for the clamped cosine, which has a kink there.
 const NODE_AT_HORIZON: f64 = 0.08;
 
-/// The largest radius of a node that the horizon crosses. The error grows with its square and with the kernel's slope
-/// at the horizon, c/q² → 1/q², as part of its integral; for the cosine that is 1/π.
+/// The same for any lobe: the error grows with the square of the radius and with the kernel's slope at the horizon,
+/// c/q² → 1/q², relative to its integral; for the cosine that is 1/π.
 fn width_at_horizon(alpha: f64) -> f64 {
     let q = 0.5 * (1.0 + alpha * alpha);
     NODE_AT_HORIZON * (kernel_integral(alpha) * q * q / PI).sqrt()
@@ -170,11 +171,11 @@ struct Tile {
 }
 
 fn angle(a: DVec3, b: DVec3) -> f64 {
-    // By the chord, which keeps its digits where the angle is small.
+    // By the chord, which is accurate for small angles.
     (2.0 * (0.5 * a.distance(b)).min(1.0).asin()).min(PI)
 }
 
-/// Along s and t of each face, and to its middle: the table that `cube_direction` follows, in whole numbers.
+/// Axes of s and t of each face, and towards its centre, as in `cube_direction`, in integers.
 const AXES: [[IVec3; 3]; 6] = [
     [IVec3::NEG_Z, IVec3::NEG_Y, IVec3::X],
     [IVec3::Z, IVec3::NEG_Y, IVec3::NEG_X],
@@ -184,7 +185,7 @@ const AXES: [[IVec3; 3]; 6] = [
     [IVec3::NEG_X, IVec3::NEG_Y, IVec3::NEG_Z],
 ];
 
-/// A direction turned as face 0 is turned to `face`.
+/// A direction rotated as face 0 is to `face`.
 fn on_axes(face: u32, d: DVec3) -> DVec3 {
     let ([s, t, middle], [s0, t0, middle0]) = (AXES[face as usize], AXES[0]);
     s.as_dvec3() * d.dot(s0.as_dvec3())
@@ -193,20 +194,20 @@ fn on_axes(face: u32, d: DVec3) -> DVec3 {
 }
 
 impl Cell {
-    /// The node that lies here when face 0 is turned to `face`.
+    /// This node rotated as face 0 is to `face`.
     fn turned(self, face: u32) -> Self {
         let n = 1 << self.level;
         let ([s, t, middle], [s0, t0, middle0]) = (AXES[face as usize], AXES[0]);
         let [own_s, own_t, own_middle] = AXES[self.face as usize];
         let at = own_s * (2 * self.x as i32 + 1 - n) + own_t * (2 * self.y as i32 + 1 - n) + own_middle * n;
         let at = s * at.dot(s0) + t * at.dot(t0) + middle * at.dot(middle0);
-        // On the face whose middle it is nearest to; all other components are smaller than n.
+        // On the face whose axis component is n; all other components are smaller.
         let face = (0..5).find(|face| at.dot(AXES[*face][2]) == n).unwrap_or(5);
         let coordinate = |axis: IVec3| ((at.dot(axis) + n - 1) / 2) as u32;
         Self { face: face as u32, level: self.level, x: coordinate(AXES[face][0]), y: coordinate(AXES[face][1]) }
     }
 
-    /// Its place among all nodes.
+    /// Its index among all nodes.
     fn number(self, finest: u32) -> u32 {
         let size = 1 << self.level;
         first_node(size, finest) + (self.face * size + self.y) * size + self.x
@@ -243,7 +244,7 @@ mod tests {
         }
     }
 
-    /// Every list holds all of the sphere above the horizon, and nothing twice.
+    /// Every list covers all of the sphere above the horizon, and nothing twice.
     #[test]
     fn lists_cover_what_the_tile_sees_once() {
         let finest = 16;

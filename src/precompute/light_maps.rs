@@ -1,4 +1,4 @@
-//! What a panorama becomes for shading: itself with mips, irradiance, and specular levels.
+//! The light maps of a panorama: the panorama with mips, irradiance, and specular levels.
 
 use std::sync::Arc;
 
@@ -10,18 +10,18 @@ use crate::gpu::{Format, Gpu, Image, ImageDesc, ImageUsageFlags, PassTime, Shape
 use crate::reference::levels::{LEVELS, alpha_from_level};
 use crate::{Error, Result};
 
-/// Texels along a face that specular levels 0 and 1 may have, powers of two.
+/// Accepted face sizes of specular levels 0 and 1, in texels; powers of two.
 const FACE_SIZES: std::ops::RangeInclusive<u32> = 16..=1024;
-/// Texels along a face that the irradiance map may have, powers of two.
+/// Accepted face sizes of the irradiance map, in texels; powers of two.
 const IRRADIANCE_SIZES: std::ops::RangeInclusive<u32> = 4..=128;
-/// Radiance that the half-float maps hold at most before they are scaled.
+/// Largest radiance in the half-float maps without scaling.
 const HALF_LIMIT: f32 = 60_000.0;
 
 /// Light maps in the cache: raise the version when interaction lists, lobes, sample counts or [`scale`] change.
 pub(super) const CACHE_KIND: CacheKind =
     CacheKind { copying: "light maps from the cache", version: 1, shaders: &hierarchical_convolution::SHADERS };
 
-/// Light of one panorama, ready for shading. Maps hold radiance / `scale`.
+/// The light maps of a panorama on the GPU. Irradiance and specular levels are divided by `scale`.
 pub struct LightMaps {
     /// The panorama with mips, in f32 and unscaled.
     pub panorama: Arc<Image>,
@@ -29,7 +29,7 @@ pub struct LightMaps {
     pub irradiance_over_pi: Arc<Image>,
     /// The even and the odd levels of `reference::levels`: level i is mip i / 2 of cube i % 2.
     pub specular: [Arc<Image>; 2],
-    /// A power of two, 1 unless the panorama is brighter than half floats go.
+    /// A power of two; 1 unless the panorama exceeds the range of half floats.
     pub scale: f32,
     pub times: Vec<PassTime>,
 }
@@ -38,7 +38,7 @@ impl LightMaps {
     /// Uploads a panorama and computes its maps, or takes them from the cache.
     ///
     /// # Errors
-    /// A face size that is none, a panorama wider than the GPU's images, or no memory.
+    /// A face size that is not accepted, a panorama larger than the GPU's largest image, or no memory.
     pub fn new(gpu: &Arc<Gpu>, panorama: &Panorama, options: &Options) -> Result<Self> {
         check_face_size(options.face_size)?;
         check_irradiance_size(options.irradiance_size)?;
@@ -71,12 +71,18 @@ fn scale(peak: f32) -> f32 {
     (peak / HALF_LIMIT).max(1.0).log2().ceil().exp2()
 }
 
-/// Fails with bad usage unless maps can be made with this many texels along a face.
+/// Checks the face size of specular levels.
+///
+/// # Errors
+/// [`Error::Usage`] if it is not a power of two from 16 to 1024.
 pub fn check_face_size(size: u32) -> Result<()> {
     check_size(size, FACE_SIZES)
 }
 
-/// The same for the irradiance map.
+/// Checks the face size of the irradiance map.
+///
+/// # Errors
+/// [`Error::Usage`] if it is not a power of two from 4 to 128.
 pub fn check_irradiance_size(size: u32) -> Result<()> {
     check_size(size, IRRADIANCE_SIZES)
 }
@@ -86,7 +92,7 @@ fn check_size(size: u32, sizes: std::ops::RangeInclusive<u32>) -> Result<()> {
         return Ok(());
     }
     let (least, most) = (sizes.start(), sizes.end());
-    Err(Error::Usage(format!("faces of {size} texels cannot be made; a power of two from {least} to {most} can")))
+    Err(Error::Usage(format!("a face cannot have {size} texels a side; choose a power of two from {least} to {most}")))
 }
 
 fn upload(gpu: &Arc<Gpu>, panorama: &Panorama) -> Result<Arc<Image>> {

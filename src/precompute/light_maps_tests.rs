@@ -1,4 +1,4 @@
-//! The maps that the GPU makes of panoramas, against sums over all of their texels in f64.
+//! The light maps of the GPU against sums over all texels of the panorama in f64.
 
 use std::sync::LazyLock;
 
@@ -62,7 +62,7 @@ impl Level {
     }
 }
 
-/// What the stage makes.
+/// Irradiance and specular levels of a panorama.
 struct Maps {
     irradiance: Level,
     specular: Vec<Level>,
@@ -136,11 +136,18 @@ fn judge(what: &str, maps: &Maps, truth: PanoramaView<'_>, bounds: [[f64; 2]; 2]
     for (i, level) in maps.specular.iter().enumerate().skip(1) {
         measured.push(errors(level, |r| prefiltered(truth, r, alpha_from_level(i).sqrt())));
     }
-    let tell = |m: &[f64; 2]| format!("{:.3} % (at most {:.3} %)", 100.0 * m[0], 100.0 * m[1]);
-    println!("{what}: irradiance, then levels 1 to 9: {}", measured.iter().map(tell).collect::<Vec<_>>().join(", "));
+    let describe = |m: &[f64; 2]| format!("{:.3} % (at most {:.3} %)", 100.0 * m[0], 100.0 * m[1]);
+    println!(
+        "{what}: irradiance, then levels 1 to 9: {}",
+        measured.iter().map(describe).collect::<Vec<_>>().join(", ")
+    );
     for (i, m) in measured.iter().enumerate() {
         let bound = bounds[i.min(1)];
-        assert!(m[0] <= bound[0] && m[1] <= bound[1], "{what}, level {i} (0: irradiance): {} of {bound:?}", tell(m));
+        assert!(
+            m[0] <= bound[0] && m[1] <= bound[1],
+            "{what}, level {i} (0: irradiance): {} of {bound:?}",
+            describe(m)
+        );
     }
 }
 

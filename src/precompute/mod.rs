@@ -1,5 +1,5 @@
-//! Panorama to cube, specular levels and irradiance; BRDF table. On the GPU, but for lists of what to sum; results are
-//! kept on disk.
+//! Precomputes light maps (specular levels, irradiance) and the BRDF table on the GPU, and caches them on disk. Methods
+//! and derivations: src/precompute/README.md.
 
 pub mod alternatives;
 mod brdf_table;
@@ -32,7 +32,7 @@ pub struct Options {
     pub face_size: u32,
     /// Texels along a face of the irradiance map: a power of two from 4 to 128.
     pub irradiance_size: u32,
-    /// `None` computes always, and keeps nothing.
+    /// With `None` the maps are computed at each start.
     pub cache: Option<Cache>,
 }
 

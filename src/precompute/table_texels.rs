@@ -1,4 +1,4 @@
-//! The split sum's table read back from the GPU, and looked up as shaders do.
+//! The split sum's table read back from the GPU, with the lookups of the shaders.
 
 use std::sync::Arc;
 
@@ -7,11 +7,11 @@ use crate::Result;
 use crate::gpu::{Gpu, Subresource, read_image};
 use crate::reference::table::{Entry, Lobe, LobePart, table_place};
 
-/// What the table says at n·v and a roughness.
+/// The table at n·v and a roughness.
 #[derive(Clone, Copy, Debug)]
 pub struct TableAt {
     pub lobe: Lobe,
-    /// The lobe's two halves; none where the table was not made for them.
+    /// The lobe's two halves; `None` if the table was not made for [`crate::reference::table::SplitSum::Slices`].
     pub slices: Option<[Lobe; 2]>,
     /// Both albedos averaged over directions.
     pub mean: Entry,
@@ -24,7 +24,10 @@ pub struct TableTexels {
 }
 
 impl TableTexels {
-    /// Reads it back.
+    /// Reads the table back.
+    ///
+    /// # Errors
+    /// No memory, or a failed Vulkan call.
     pub fn read(gpu: &Arc<Gpu>, table: &BrdfTable) -> Result<Self> {
         let layer = |layer| {
             Ok(bytemuck::pod_collect_to_vec(&read_image(gpu, &table.image, Subresource { mip: 0, layer }, 16)?))
@@ -40,7 +43,7 @@ impl TableTexels {
         let part = |weight, along: f64, across_over_sine| LobePart { weight, along: along.powi(2), across_over_sine };
         let whole = |i| part(value(0, i), value(0, 2 + i), value(1, i));
         let lobe = Lobe { base: whole(0), fresnel: whole(1) };
-        // The halves' `across` is stored as it is; where n = v it has no direction.
+        // `across` of the halves is stored without the division by the sine.
         let sine = (1.0 - nv * nv).sqrt().max(1e-9);
         let first = |i| part(value(2, i), value(2, 2 + i), value(3, i) / sine);
         let second = |i| part(value(0, i) - value(2, i), value(4, i), value(3, 2 + i) / sine);

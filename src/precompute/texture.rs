@@ -1,4 +1,4 @@
-//! Maps on the GPU as KTX2 textures on the CPU, bit for bit.
+//! Images of the GPU as KTX2 textures, bit for bit.
 
 use std::sync::Arc;
 
@@ -6,11 +6,10 @@ use crate::asset::ktx2::{Ktx2, TexelFormat};
 use crate::gpu::{Gpu, Image, Shape, read_mips};
 use crate::{Error, Result};
 
-/// Copies an image to the CPU; of several flat ones or cubes, which must have one shape, an array is made with a layer
-/// for each.
+/// Copies an image to the CPU. Several flat images or cubes of the same shape become an array.
 ///
 /// # Errors
-/// No memory, or images that no KTX2 texture of ours can hold: a defect of the caller.
+/// No memory, or images that a [`Ktx2`] cannot hold: a defect of the caller.
 pub fn read_texture(gpu: &Arc<Gpu>, images: &[&Image]) -> Result<Ktx2> {
     let mut texture = images.first().and_then(|image| blank(image)).ok_or_else(not_storable)?;
     let several = images.len() > 1;
@@ -35,7 +34,7 @@ pub(super) fn fits(texture: &Ktx2, image: &Image) -> bool {
     })
 }
 
-/// A texture of an image's format and shape with nothing in its levels.
+/// A texture with an image's format and shape, and empty levels.
 fn blank(image: &Image) -> Option<Ktx2> {
     let desc = image.desc();
     let format = u32::try_from(desc.format.as_raw()).ok().and_then(TexelFormat::from_vulkan)?;
@@ -50,5 +49,5 @@ fn blank(image: &Image) -> Option<Ktx2> {
 }
 
 fn not_storable() -> Error {
-    Error::Usage("these images cannot be made one texture; this is a defect of pbr-vr, please report it".into())
+    Error::Usage("these images cannot be stored as one texture; this is a defect of pbr-vr, please report it".into())
 }

@@ -1,4 +1,4 @@
-//! The BRDF's terms in f64, one function each, twins of `glsl/brdf.glsl`.
+//! The terms of the BRDF in f64, one function each: twins of `glsl/brdf.glsl`.
 //!
 //! n, v, l: unit vectors away from the surface (normal, to the eye, to the light); h = v + l of any length.
 //! nl, nv, vh: the cosines between them. Colours are linear RGB.
@@ -10,24 +10,25 @@ use glam::DVec3;
 
 use super::math::{MIN_COS, TINY};
 
-/// Reflectance of a dielectric seen head on: ((1.5 − 1) / (1.5 + 1))², 1.5 being the index of glass and most plastics.
+/// Reflectance of a dielectric at normal incidence: ((1.5 − 1) / (1.5 + 1))², 1.5 being the index of glass and most
+/// plastics.
 pub const DIELECTRIC_F0: f64 = 0.04;
 
-/// Roughness below which a light of no size is not sharpened further: there D falls to a quarter over 4α = 0.46°, less
-/// than the sun's disc (0.53°) and about five pixels of an HTC Vive (0.09°); a smaller highlight belongs to no real
-/// lamp and flickers between pixels.
+/// Smallest roughness for point lights: there D falls to a quarter over 4α = 0.46°, less than the sun's disc (0.53°)
+/// and about five pixels of an HTC Vive (0.09°). Real lights have no smaller highlights, and those would flicker
+/// between pixels.
 pub const MIN_ROUGHNESS: f64 = 0.045;
 
-/// Which set of terms; the values are those of the GLSL constants `GEOMETRY_…`.
+/// A set of terms; the values are those of the GLSL constants `GEOMETRY_…`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, ValueEnum)]
 #[repr(i32)]
 pub enum Geometry {
-    /// Height-correlated Smith (Heitz 2014) for every light, and a diffuse part that keeps the energy.
+    /// Height-correlated Smith (Heitz 2014) for every light, and an energy-conserving diffuse part.
     #[default]
     Smith = 0,
-    /// The thesis's: Schlick's G1 with Karis's two values of k (2013), and Lambert times 1 − F(v·h); for the
-    /// environment, times what its specular part leaves. The thesis's Fresnel by roughness on top of the table, which
-    /// holds it already, is charted alone (`measure causes`).
+    /// As in the thesis: Schlick's G1 with Karis's two values of k (2013), and Lambert times 1 − F(v·h); for the
+    /// environment, times 1 − specular albedo. The thesis's additional Fresnel by roughness, which the table includes
+    /// already, is measured separately (`measure causes`).
     Karis2013 = 1,
 }
 
@@ -36,11 +37,11 @@ pub fn alpha_from_roughness(roughness: f64) -> f64 {
     roughness.max(MIN_ROUGHNESS).powi(2)
 }
 
-/// What [`widened_roughness`] adds to α² at most: the bound of Tokuyoshi and Kaplanyan (2019).
+/// Upper bound of what [`widened_roughness`] adds to α²: Tokuyoshi and Kaplanyan (2019).
 pub const MOST_WIDENED: f64 = 0.18;
 
-/// Roughness whose lobe, seen once, is as wide as that of a pixel's normals all together; `variance` is that of the
-/// normals, both axes summed. Tokuyoshi and Kaplanyan, "Improved Geometric Specular Antialiasing" (2019).
+/// Roughness of a lobe that includes the variance of the normals within a pixel (both axes summed): Tokuyoshi and
+/// Kaplanyan, "Improved Geometric Specular Antialiasing" (2019).
 pub fn widened_roughness(roughness: f64, variance: f64) -> f64 {
     let alpha = alpha_from_roughness(roughness);
     (alpha * alpha + variance.min(MOST_WIDENED)).min(1.0).powf(0.25)
@@ -70,12 +71,12 @@ pub fn v_karis2013(nl: f64, nv: f64, k: f64) -> f64 {
     0.25 / ((nl * (1.0 - k) + k) * (nv * (1.0 - k) + k))
 }
 
-/// For point lights, k = (roughness + 1)² / 8: Karis (2013), eq. 4 and the remapping above it.
+/// The visibility for point lights, k = (roughness + 1)² / 8: Karis (2013), eq. 4 and the remapping above it.
 pub fn v_karis2013_direct(nl: f64, nv: f64, roughness: f64) -> f64 {
     v_karis2013(nl, nv, (roughness + 1.0).powi(2) / 8.0)
 }
 
-/// For the environment, k = roughness² / 2: Karis (2013), section on the geometric term.
+/// The visibility for the environment, k = roughness² / 2: Karis (2013), section on the geometric term.
 pub fn v_karis2013_ibl(nl: f64, nv: f64, roughness: f64) -> f64 {
     v_karis2013(nl, nv, roughness.powi(2) / 2.0)
 }
@@ -88,7 +89,7 @@ pub fn v_direct(nl: f64, nv: f64, roughness: f64, geometry: Geometry) -> f64 {
     }
 }
 
-/// The visibility of `geometry` for light from all around. Any roughness from 0: the integrals need no floor.
+/// The visibility of `geometry` for the environment. Any roughness from 0: integrals need no minimum.
 pub fn v_environment(nl: f64, nv: f64, roughness: f64, geometry: Geometry) -> f64 {
     match geometry {
         Geometry::Smith => v_smith_height_correlated(nl, nv, roughness * roughness),
@@ -101,13 +102,13 @@ pub fn schlick_weight(cosine: f64) -> f64 {
     (1.0 - cosine.clamp(0.0, 1.0)).powi(5)
 }
 
-/// Schlick, "An Inexpensive BRDF Model for Physically-based Rendering" (1994), eq. 15; reflects all at grazing angles.
+/// Schlick, "An Inexpensive BRDF Model for Physically-based Rendering" (1994), eq. 15; 1 at grazing angles.
 pub fn f_schlick(f0: DVec3, vh: f64) -> DVec3 {
     f0 + (DVec3::ONE - f0) * schlick_weight(vh)
 }
 
 /// Schlick's weight towards max(1 − roughness, f0) instead of 1: Lagarde, "Adopting a physically based shading model"
-/// (2011). A split-sum table holds this effect already; on top of one it counts Fresnel twice.
+/// (2011). With a split-sum table, which includes this effect, Fresnel would be applied twice.
 pub fn f_schlick_roughness(f0: DVec3, nv: f64, roughness: f64) -> DVec3 {
     f0 + (f0.max(DVec3::splat(1.0 - roughness)) - f0) * schlick_weight(nv)
 }
@@ -117,17 +118,19 @@ pub fn diffuse_lambert(albedo: DVec3) -> DVec3 {
     albedo * FRAC_1_PI
 }
 
-/// The thesis's, in 1/sr: Lambert times 1 − F(v·h), for light of no size. Reflects up to 1.86 times what it gets.
+/// The thesis's diffuse part for point lights, in 1/sr: Lambert times 1 − F(v·h). Reflects up to 1.86 of the incoming
+/// light.
 pub fn diffuse_karis2013(albedo: DVec3, f0: DVec3, vh: f64) -> DVec3 {
     (DVec3::ONE - f_schlick(f0, vh)) * diffuse_lambert(albedo)
 }
 
-/// Reflectance head on: a dielectric's, or the albedo of a metal. Karis (2013), section "Material Model".
+/// Reflectance at normal incidence: that of dielectrics, or the base color of a metal. Karis (2013), section "Material
+/// Model".
 pub fn f0_from_metallic(albedo: DVec3, metallic: f64) -> DVec3 {
     DVec3::splat(DIELECTRIC_F0).lerp(albedo, metallic)
 }
 
-/// Single scattering for light of no size, in 1/sr; multiply by max(n·l, 0) and the light's irradiance.
+/// Single scattering for a point light, in 1/sr; multiply by max(n·l, 0) and the light's irradiance.
 ///
 /// F V D: Cook and Torrance, "A Reflectance Model for Computer Graphics" (1982), with V = G / (4 nl nv);
 /// v·h = |v + l| / 2 for unit vectors.
@@ -137,7 +140,7 @@ pub fn specular(n: DVec3, v: DVec3, l: DVec3, f0: DVec3, roughness: f64, geometr
     f_schlick(f0, 0.5 * h.length()) * (d * v_direct(n.dot(l), n.dot(v), roughness, geometry))
 }
 
-/// Phong exponent whose lobe is as wide as Beckmann's of this roughness: 2/α² − 2 is the exponent over n·h (Walter et
+/// Phong exponent of a lobe as wide as Beckmann's for this roughness: 2/α² − 2 is the exponent over n·h (Walter et
 /// al. 2007, section 5.2); the angle to the mirror direction is twice that to h, which takes a quarter of it.
 pub fn phong_exponent(roughness: f64) -> f64 {
     0.5 / alpha_from_roughness(roughness).powi(2) - 0.5
@@ -357,7 +360,7 @@ mod tests {
         DVec3::new((1.0 - nv * nv).sqrt(), 0.0, nv)
     }
 
-    /// Share of light from all sides that a white metal reflects, by quadrature over h.
+    /// Directional albedo of a white metal, by quadrature over h.
     fn metal_albedo(nv: f64, roughness: f64, geometry: Geometry) -> f64 {
         let v = eye(nv);
         let at = |h: DVec3| {
@@ -369,7 +372,7 @@ mod tests {
     }
 
     #[test]
-    fn a_white_metal_reflects_no_more_than_it_gets() {
+    fn a_white_metal_conserves_energy() {
         for roughness in [0.05, 0.3, 0.6, 1.0] {
             for nv in [0.05, 0.3, 0.7, 1.0] {
                 for (geometry, least) in [(Geometry::Smith, 0.3), (Geometry::Karis2013, 0.05)] {
@@ -387,9 +390,9 @@ mod tests {
         assert!((head_on - 0.31).abs() < 0.005, "{head_on}");
     }
 
-    /// `reference::energy` has one that does not.
+    /// The diffuse part of `reference::energy` does not.
     #[test]
-    fn the_thesis_s_white_dielectric_reflects_more_than_it_gets() {
+    fn the_white_dielectric_of_the_thesis_reflects_more_than_it_receives() {
         let f0 = DVec3::splat(DIELECTRIC_F0);
         let mut most = 0.0f64;
         for nv in [0.01, 0.05, 0.1, 0.2, 0.4, 0.7, 1.0] {
@@ -399,17 +402,17 @@ mod tests {
                 most = most.max(diffuse + specular_albedo(f0, nv, roughness, Geometry::Smith).x);
             }
         }
-        assert!((1.8..1.87).contains(&most), "1 − F(v·h) no longer breaks the rule: {most}");
+        assert!((1.8..1.87).contains(&most), "1 − F(v·h) no longer creates energy: {most}");
     }
 
     #[test]
-    fn phong_reflects_all_head_on_and_is_as_wide_as_beckmann() {
+    fn phong_reflects_all_at_normal_incidence_and_is_as_wide_as_beckmann() {
         for roughness in [0.1, 0.3, 0.7, 1.0] {
             let scale = 2.0 * alpha_from_roughness(roughness);
             let share = over_hemisphere(scale, |l| DVec3::splat(phong_specular(Z, Z, l, roughness) * l.z)).x;
             assert!((share - 1.0).abs() < 1e-4, "roughness {roughness}: {share}");
         }
-        // Near the lobe's centre both fall off alike.
+        // Near the lobe's centre both fall off equally.
         let alpha = 0.04;
         let l = direction(0.2 * alpha, 0.0);
         let beckmann = (-(0.1 * alpha).tan().powi(2) / (alpha * alpha)).exp();

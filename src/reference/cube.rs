@@ -1,4 +1,4 @@
-//! Directions on cube maps and panoramas, and what their texels cover, in f64: twins of `glsl/cube.glsl`.
+//! Directions of cube maps and panoramas, and solid angles of their texels, in f64: twins of `glsl/cube.glsl`.
 
 use std::f64::consts::{FRAC_1_PI, PI, TAU};
 
@@ -21,7 +21,7 @@ pub fn cube_direction(face: u32, st: DVec2) -> DVec3 {
     d.normalize()
 }
 
-/// Face and point st that direction d (of any length but 0) meets; ties go to z, then y, as the specification has it.
+/// Face and point st of direction d (of any length but 0); ties go to z, then y, as in the specification.
 pub fn cube_face(d: DVec3) -> (u32, DVec2) {
     let a = d.abs();
     let (face, p, major) = if a.z >= a.x && a.z >= a.y {
@@ -54,7 +54,7 @@ pub fn cube_texel_solid_angle(texel: [u32; 2], size: u32) -> f64 {
 }
 
 /// Panorama coordinates of direction d of any length: u = atan2(z, x)/2π + ½, v from the top = ½ − asin(y)/π.
-/// u is in [0, 1], v in [0, 1]; straight up and down, where atan2(0, 0) says nothing, u is ½.
+/// u and v are in [0, 1]; straight up and down, where atan2(0, 0) is undefined, u is ½.
 pub fn panorama_uv(d: DVec3) -> DVec2 {
     let across = d.x.hypot(d.z);
     let x = if across > 0.0 { d.x } else { 1.0 };
@@ -76,8 +76,8 @@ pub fn panorama_texel_solid_angle(row: u32, size: [u32; 2]) -> f64 {
     4.0 * PI / f64::from(size[0]) * polar.sin() * (0.5 * step_radians).sin()
 }
 
-/// d turned about +Y by an angle given as (cosine, sine), counter-clockwise seen from above.
-/// A panorama turned by θ is looked up with the direction turned by −θ.
+/// d rotated about +Y by an angle given as (cosine, sine), counter-clockwise seen from above.
+/// A panorama rotated by θ is looked up with the direction rotated by −θ.
 pub fn rotate_y(d: DVec3, cos_sin: DVec2) -> DVec3 {
     DVec3::new(cos_sin.x * d.x + cos_sin.y * d.z, d.y, cos_sin.x * d.z - cos_sin.y * d.x)
 }
@@ -95,7 +95,7 @@ mod tests {
     }
 
     #[test]
-    fn axes_meet_the_middle_of_their_faces() {
+    fn axes_hit_the_centres_of_their_faces() {
         for (face, axis) in [DVec3::X, -DVec3::X, DVec3::Y, -DVec3::Y, DVec3::Z, -DVec3::Z].into_iter().enumerate() {
             assert_eq!(cube_face(axis * 3.0), (face as u32, DVec2::splat(0.5)));
             assert_eq!(cube_direction(face as u32, DVec2::splat(0.5)), axis);

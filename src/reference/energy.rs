@@ -1,9 +1,6 @@
-//! What microfacets that shadow each other give back by second and later bounces, and a diffuse part that takes what
-//! the specular part leaves: in f64, for light of any direction.
-//!
-//! Of three ways this is Kulla and Conty's, because it is reciprocal and keeps the energy exactly: Turquin's scaled
-//! lobe keeps the energy too, but is not the same with light and eye exchanged; Fdez-Agüera's works for the environment
-//! alone.
+//! Multiple scattering between microfacets, and an energy-conserving diffuse part, in f64, for light of any direction.
+//! The method is Kulla and Conty's, because it is reciprocal and conserves energy exactly. Turquin's scaled lobe
+//! conserves energy, too, but is not reciprocal; Fdez-Agüera's method works for the environment only.
 
 use std::f64::consts::{FRAC_1_PI, PI};
 
@@ -15,27 +12,27 @@ use super::brdf::{DIELECTRIC_F0, Geometry};
 use super::quadrature::gauss_legendre;
 use super::table::{Entry, coarse_table_entry, table_arguments, table_entry, table_place};
 
-/// Share of the incoming light that must be at stake for multiple scattering to be modelled: half a step of an 8-bit
-/// sRGB picture at white, 1 − (254/255)^2.2 = 0.9 %.
+/// Share of the incoming light from which on multiple scattering counts as visible: half a step of an 8-bit sRGB
+/// picture at white, 1 − (254/255)^2.2 = 0.9 %.
 pub const VISIBLE: f64 = 0.0045;
 
-/// Least share that is divided by: below, a lobe is 0 over 0.
+/// Smallest divisor: below, the lobe is 0 / 0.
 const LEAST_LOST: f64 = 1e-6;
 
-/// Nodes over a cosine; E is smooth but for n·v → 0, which weighs nothing.
+/// Nodes over a cosine; E is smooth except for n·v → 0, which has no weight.
 const NODES: usize = 24;
 
-/// How often light may bounce between a surface's microfacets; with `Geometry::Karis2013` once, whatever is said here.
+/// Scattering between the microfacets of a surface; ignored with `Geometry::Karis2013`, which is always single.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, ValueEnum)]
 pub enum Scattering {
-    /// Once: rough metals lose up to 69 % of the light.
+    /// Single: rough metals lose up to 69 % of the light.
     Single,
-    /// As often as it takes, where that is visible: no light is lost.
+    /// Multiple, where that is visible: no light is lost.
     #[default]
     Multiple,
 }
 
-/// The terms at one roughness.
+/// The terms for one roughness.
 #[derive(Clone, Copy, Debug)]
 pub struct Energy {
     /// The table's entry averaged over directions, 2 ∫ E(μ) μ dμ.
@@ -49,7 +46,7 @@ impl Energy {
         Self { mean: mean(NODES, |cosine| table_entry(cosine, roughness, geometry)), scattering }
     }
 
-    /// What the lost light is multiplied by before it comes back. Kulla and Conty, "Revisiting Physically Based Shading
+    /// Factor of the light that single scattering loses: Kulla and Conty, "Revisiting Physically Based Shading
     /// at Imageworks" (2017), section on Fresnel: Σ Favg (Favg (1 − Eavg))ⁿ Favg Eavg over bounces n, with Schlick's
     /// mean F0 + (1 − F0) / 21. 0 with single scattering.
     pub fn multiple_share(&self, f0: DVec3) -> DVec3 {
@@ -61,7 +58,7 @@ impl Energy {
         f * f * mean / (DVec3::ONE - f * (DVec3::ONE - mean))
     }
 
-    /// The same for a surface that is in part metal.
+    /// The same for a mix of dielectric and metal.
     pub fn mixed_share(&self, albedo: DVec3, metallic: f64) -> DVec3 {
         self.multiple_share(DVec3::splat(DIELECTRIC_F0)).lerp(self.multiple_share(albedo), metallic)
     }
@@ -73,31 +70,32 @@ impl Energy {
         share * (lost_l * lost_v * FRAC_1_PI / lost.max(LEAST_LOST))
     }
 
-    /// Share of light from all sides that single and multiple scattering send towards v.
+    /// Directional albedo of single and multiple scattering.
     pub fn specular_albedo(&self, f0: DVec3, at_v: Entry) -> DVec3 {
         single(f0, at_v) + lost(at_v) * self.multiple_share(f0)
     }
 
-    /// The diffuse part as a BRDF in 1/sr: of what the dielectric's specular part leaves at both ends. Kelemen and
-    /// Szirmay-Kalos, "A Microfacet Based Coupled Specular-Matte BRDF Model with Importance Sampling" (2001), eq. 6.
+    /// The diffuse part as a BRDF in 1/sr, from what the dielectric's specular part does not reflect towards l and v:
+    /// Kelemen and Szirmay-Kalos, "A Microfacet Based Coupled Specular-Matte BRDF Model with Importance Sampling"
+    /// (2001), eq. 6.
     pub fn diffuse(&self, albedo: DVec3, at_l: Entry, at_v: Entry) -> DVec3 {
         let f0 = DVec3::splat(DIELECTRIC_F0);
         let left = |e: Entry| DVec3::ONE - self.specular_albedo(f0, e);
         albedo * left(at_l) * left(at_v) * FRAC_1_PI / left(self.mean).max(DVec3::splat(LEAST_LOST))
     }
 
-    /// All that is not single scattering, in 1/sr.
+    /// Diffuse reflection and multiple scattering, in 1/sr.
     pub fn beyond_single(&self, albedo: DVec3, metallic: f64, at_l: Entry, at_v: Entry) -> DVec3 {
         (1.0 - metallic) * self.diffuse(albedo, at_l, at_v)
             + self.multiple(self.mixed_share(albedo, metallic), at_l, at_v)
     }
 
-    /// Of light that comes evenly from all sides, the share that comes back diffuse: the integral over l, n·l included.
+    /// Diffuse albedo under uniform light: the integral over l, with n·l.
     pub fn diffuse_even(&self, albedo: DVec3, metallic: f64, at_v: Entry) -> DVec3 {
         (1.0 - metallic) * albedo * (DVec3::ONE - self.specular_albedo(DVec3::splat(DIELECTRIC_F0), at_v))
     }
 
-    /// And scattered more than once.
+    /// Albedo of multiple scattering under uniform light.
     pub fn multiple_even(&self, albedo: DVec3, metallic: f64, at_v: Entry) -> DVec3 {
         lost(at_v) * self.mixed_share(albedo, metallic)
     }
@@ -114,11 +112,11 @@ fn mean(nodes: usize, entry: impl Fn(f64) -> Entry) -> Entry {
     mean
 }
 
-/// The table's entries at one roughness over cosines, interpolated: for sums over many directions.
+/// The table's entries for one roughness as an interpolated function of the cosine: for sums over many directions.
 pub struct Curve(Vec<Entry>);
 
 impl Curve {
-    /// Finer than `precompute::BrdfTable`: good to 1e-4.
+    /// Finer than `precompute::BrdfTable`: accurate to 1e-4.
     const COUNT: u32 = 129;
 
     /// For a roughness in [0, 1].
@@ -136,29 +134,28 @@ impl Curve {
     }
 }
 
-/// Single scattering's share: F0 A + B.
+/// Albedo of single scattering: F0 A + B.
 fn single(f0: DVec3, entry: Entry) -> DVec3 {
     f0 * entry.scale + DVec3::splat(entry.bias)
 }
 
-/// What single scattering loses where all is reflected, 1 − E.
+/// The share that single scattering loses for F = 1: 1 − E.
 fn lost(entry: Entry) -> f64 {
     (1.0 - entry.scale - entry.bias).max(0.0)
 }
 
-/// Whether multiple scattering changes what a material with at most this roughness, metalness and largest albedo
-/// reflects under even light by more than [`VISIBLE`] of that light, seen from anywhere.
+/// Whether multiple scattering changes the reflection of uniform light by more than [`VISIBLE`] of it, from any
+/// direction, for a material with at most this roughness, metalness and albedo.
 pub fn is_multi_scatter_visible(roughness: f64, metallic: f64, albedo: f64) -> bool {
-    // A dielectric mirrors too little, whatever its roughness: F² is 0.7 %, of which half is not lost in the first
-    // place.
+    // A dielectric reflects too little at any roughness: F² is 0.7 %, of which half is not lost.
     if metallic <= 0.0 {
         return false;
     }
     most_changed(roughness.clamp(0.0, 1.0), metallic, albedo) > VISIBLE
 }
 
-/// Most of even light that multiple scattering gives back, seen from anywhere. A dielectric's diffuse part loses what
-/// its specular part gains, times the albedo: at most all of it stays.
+/// Largest share of uniform light that multiple scattering adds, over all directions. The loss of a dielectric's
+/// diffuse part, which is at most as large, is neglected.
 fn most_changed(roughness: f64, metallic: f64, albedo: f64) -> f64 {
     let entry = |cosine| coarse_table_entry(cosine, roughness, Geometry::Smith);
     let energy = Energy { mean: mean(NODES / 3, entry), scattering: Scattering::Multiple };
@@ -167,15 +164,15 @@ fn most_changed(roughness: f64, metallic: f64, albedo: f64) -> f64 {
     share * lost.into_iter().fold(0.0, f64::max)
 }
 
-/// Share of even light from all sides that a surface sends towards v, all terms integrated over the light's directions:
-/// what a white furnace shows. With height-correlated Smith.
+/// White furnace: the share of uniform light that a surface reflects towards v, all terms integrated over the light's
+/// directions. With height-correlated Smith.
 pub fn furnace(albedo: DVec3, metallic: f64, roughness: f64, nv: f64, scattering: Scattering) -> DVec3 {
     let geometry = Geometry::Smith;
     let energy = Energy::new(roughness, geometry, scattering);
     let at_v = table_entry(nv, roughness, geometry);
     let f0 = DVec3::splat(DIELECTRIC_F0).lerp(albedo, metallic);
     let mut sum = single(f0, at_v);
-    // Other nodes than those of the mean: with the same the sum would be 1 whatever the terms are.
+    // Other nodes than those of the mean: with the same ones the sum would be 1 for any terms.
     for [nl, weight] in gauss_legendre(37) {
         let at_l = table_entry(nl, roughness, geometry);
         sum += energy.beyond_single(albedo, metallic, at_l, at_v) * (2.0 * PI * weight * nl);
@@ -189,7 +186,7 @@ mod tests {
 
     const ROUGHNESSES: usize = 21;
 
-    /// Entries at Gauss's nodes for one roughness, so that each is computed once.
+    /// Entries at the quadrature nodes for one roughness, each computed once.
     struct Row {
         energy: Energy,
         single: Energy,
@@ -204,7 +201,7 @@ mod tests {
         Row {
             energy,
             single: Energy { scattering: Scattering::Single, ..energy },
-            // Other nodes than those of the mean: with the same the sum would be 1 whatever the terms are.
+            // Other nodes than those of the mean: with the same ones the sum would be 1 for any terms.
             nodes: gauss_legendre(37).into_iter().map(|n| (n, at(n[0]))).collect(),
             views: (1..=16).map(|k| f64::from(k) / 16.0).map(|nv| (nv, at(nv))).collect(),
         }
@@ -217,7 +214,7 @@ mod tests {
     /// Case 20 of tests/stability.rs, over 21 × 11 × 16 roughnesses, metalnesses and views; and what single scattering
     /// loses.
     #[test]
-    fn a_white_furnace_hides_every_white_surface() {
+    fn white_surfaces_pass_the_white_furnace_test() {
         let rows: Vec<Row> = (0..ROUGHNESSES).into_par_iter().map(row).collect();
         let (mut worst, mut most, mut least_single) = (0.0f64, 0.0f64, 1.0f64);
         for row in &rows {
@@ -241,7 +238,7 @@ mod tests {
     }
 
     #[test]
-    fn terms_under_even_light_are_their_integrals() {
+    fn terms_for_uniform_light_equal_their_integrals() {
         for i in [3, 12, 20] {
             let Row { energy, nodes, views, .. } = &row(i);
             let albedo = DVec3::new(0.9, 0.5, 0.1);
@@ -268,7 +265,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_is_added_to_what_is_smooth_or_black() {
+    fn smooth_or_black_surfaces_have_no_multiple_scattering() {
         let smooth = Energy::new(0.0, Geometry::Smith, Scattering::Multiple);
         let at = table_entry(0.5, 0.0, Geometry::Smith);
         assert!(smooth.multiple(smooth.multiple_share(DVec3::ONE), at, at).x < 1e-6);
@@ -287,9 +284,9 @@ mod tests {
         }
     }
 
-    /// What `is_multi_scatter_visible` takes for granted.
+    /// The assumptions of `is_multi_scatter_visible`.
     #[test]
-    fn a_dielectric_never_needs_it_and_more_roughness_never_less() {
+    fn dielectrics_never_need_it_and_rougher_metals_need_it_more() {
         let roughnesses: Vec<f64> = (0..=8).map(|i| f64::from(i) / 8.0).collect();
         let changes = |metallic, albedo| -> Vec<f64> {
             roughnesses.par_iter().map(|r| most_changed(*r, metallic, albedo)).collect()
@@ -315,13 +312,13 @@ mod tests {
     }
 
     #[test]
-    fn the_furnace_s_number_is_that_of_its_terms() {
+    fn the_furnace_equals_the_sum_of_its_terms() {
         for (metallic, roughness, nv) in [(0.0, 0.5, 0.3), (1.0, 1.0, 0.9), (0.5, 0.7, 0.6)] {
             let share = |albedo, scattering| furnace(DVec3::splat(albedo), metallic, roughness, nv, scattering);
             let multiple = share(1.0, Scattering::Multiple);
             assert!(multiple.abs_diff_eq(DVec3::ONE, 0.005), "{multiple}");
             assert!(share(0.5, Scattering::Multiple).x < 0.75);
-            // What a dielectric does not mirror is diffuse, scattered once or more often; a metal has nothing else.
+            // A dielectric reflects the rest diffusely; a metal has no diffuse part.
             let single = share(1.0, Scattering::Single).x;
             assert!(if metallic == 0.0 { (single - 1.0).abs() < 0.005 } else { single < 0.95 }, "{single}");
         }

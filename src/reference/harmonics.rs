@@ -1,4 +1,4 @@
-//! Real spherical harmonics, and the clamped cosine in them, in f64: twins of `glsl/harmonics.glsl`.
+//! Real spherical harmonics and the coefficients of the clamped cosine, in f64: twins of `glsl/harmonics.glsl`.
 
 use std::f64::consts::FRAC_1_PI;
 
@@ -7,7 +7,7 @@ use glam::{DVec2, DVec3};
 /// Real harmonic of degree l and order m in [−l, l] for unit d, polar axis z, without the Condon–Shortley sign: fully
 /// normalised, by Holmes and Featherstone, "A Unified Approach to the Clenshaw Summation and the Recursive Computation
 /// of Very High Degree and Order Normalised Associated Legendre Functions" (2002), eqs. 11 to 13; the factor sin^m of
-/// the polar angle is taken into (x + iy)^m, so that the poles need no care.
+/// the polar angle is part of (x + iy)^m, so that the poles are no special case.
 pub fn harmonic(l: i32, m: i32, d: DVec3) -> f64 {
     let order = m.abs();
     let mut p = (0.25 * FRAC_1_PI).sqrt();
@@ -31,8 +31,9 @@ pub fn harmonic(l: i32, m: i32, d: DVec3) -> f64 {
     }
 }
 
-/// What the clamped cosine over π multiplies harmonics of degree l by: Ramamoorthi and Hanrahan, "An Efficient
-/// Representation for Irradiance Environment Maps" (2001), eq. 8, over π; even degrees by the ratio of neighbours.
+/// The factor of harmonics of degree l by convolution with the clamped cosine over π: Ramamoorthi and Hanrahan, "An
+/// Efficient Representation for Irradiance Environment Maps" (2001), eq. 8, over π; even degrees by the ratio of
+/// neighbours.
 pub fn cosine_lobe(l: i32) -> f64 {
     match l {
         0 => 1.0,

@@ -1,5 +1,4 @@
-//! A panorama as a light to draw samples from: an alias table over cells of a grid, in the layout of
-//! `glsl/importance.glsl`.
+//! Importance sampling of a panorama: an alias table over cells of a grid, in the layout of `glsl/importance.glsl`.
 
 use bytemuck::{Pod, Zeroable};
 
@@ -9,21 +8,21 @@ use super::cube::panorama_texel_solid_angle;
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 pub struct Cell {
-    /// Chance, given that this cell was hit, that it is taken itself and not its alias.
+    /// Probability that this cell is taken and not its alias.
     pub threshold: f32,
     pub alias: u32,
-    /// Of samples in this cell, 1/sr.
+    /// Probability density of samples in this cell, 1/sr.
     pub density: f32,
 }
 
-/// The table for `width · height` cells that hold the mean radiance of a panorama's part each, rows from the top.
+/// The table for `width · height` cells, each with the mean radiance of its part of a panorama, rows from the top.
 ///
 /// Walker (1977), built with Vose's two lists ("A Linear Algorithm for Generating Random Numbers with a Given
-/// Distribution" (1991)). A cell weighs what it and, because light between texel centres is interpolated, a little of
-/// what its neighbours hold, times its solid angle; a black panorama is sampled evenly.
+/// Distribution" (1991)). The weight of a cell is its solid angle times its radiance with a share of its neighbours'
+/// (radiance is interpolated between texel centres); a black panorama is sampled uniformly.
 ///
 /// # Panics
-/// If there are not as many texels as the size says: a defect of the caller.
+/// If the number of texels does not match the size: a defect of the caller.
 pub fn alias_table(size: [u32; 2], texels: &[[f32; 4]]) -> Vec<Cell> {
     let [width, height] = size.map(|s| s as usize);
     assert_eq!(texels.len(), width * height, "cells of another panorama");
@@ -51,7 +50,7 @@ pub fn alias_table(size: [u32; 2], texels: &[[f32; 4]]) -> Vec<Cell> {
     cells
 }
 
-/// What each cell weighs; positive in sum.
+/// The weight of each cell; their sum is positive.
 fn weights(size: [u32; 2], texels: &[[f32; 4]]) -> Vec<f64> {
     let [width, height] = size.map(|s| s as usize);
     let light = |x: usize, y: usize| texels[y * width + x][..3].iter().map(|c| f64::from(*c)).sum::<f64>();
@@ -76,7 +75,7 @@ fn weights(size: [u32; 2], texels: &[[f32; 4]]) -> Vec<f64> {
 mod tests {
     use super::*;
 
-    /// How often the table yields each cell.
+    /// The probability of each cell.
     fn chances(cells: &[Cell]) -> Vec<f64> {
         let mut chances = vec![0.0; cells.len()];
         for (i, cell) in cells.iter().enumerate() {
@@ -87,7 +86,7 @@ mod tests {
     }
 
     #[test]
-    fn the_table_yields_cells_as_often_as_their_density_says() {
+    fn the_probability_of_cells_matches_their_density() {
         let size = [16, 8];
         let mut texels: Vec<[f32; 4]> = (0..128).map(|i| [(i % 7) as f32, 0.5, 0.0, 1.0]).collect();
         texels[40] = [5e4, 5e4, 5e4, 1.0];
@@ -100,7 +99,7 @@ mod tests {
     }
 
     #[test]
-    fn a_black_panorama_is_sampled_evenly() {
+    fn a_black_panorama_is_sampled_uniformly() {
         let cells = alias_table([8, 4], &[[0.0; 4]; 32]);
         let even = 1.0 / (4.0 * std::f64::consts::PI);
         assert!(cells.iter().all(|c| (f64::from(c.density) / even - 1.0).abs() < 1e-6));

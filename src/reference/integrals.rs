@@ -1,4 +1,4 @@
-//! What a panorama lights up, by sums over all of its texels: slow, and right.
+//! Irradiance, prefiltered radiance and reflected light of a panorama, by sums over all of its texels: slow and exact.
 
 use std::ops::Add;
 
@@ -12,8 +12,7 @@ use super::{
     table::Entry,
 };
 
-/// A panorama as the integrals see it: each texel one constant radiance over its solid angle, or
-/// [interpolated](PanoramaView::interpolated).
+/// A panorama as a function of direction: constant over each texel, or [interpolated](PanoramaView::interpolated).
 #[derive(Clone, Copy, Debug)]
 pub struct PanoramaView<'a> {
     width: u32,
@@ -22,7 +21,7 @@ pub struct PanoramaView<'a> {
     interpolated: bool,
 }
 
-/// A point of a surface, looked at.
+/// A point of a surface, seen from direction `v`.
 #[derive(Clone, Copy, Debug)]
 pub struct Surface {
     /// Unit normal.
@@ -35,7 +34,7 @@ pub struct Surface {
     pub roughness: f64,
 }
 
-/// Radiance that leaves a surface towards the eye, by cause.
+/// Radiance that a surface reflects to the eye, by term.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Reflected {
     pub diffuse: DVec3,
@@ -50,14 +49,14 @@ impl Add for Reflected {
 }
 
 impl<'a> PanoramaView<'a> {
-    /// `width · height` texels of linear RGB radiance, rows from the top; `None` where their number is another or zero.
+    /// `width · height` texels of linear RGB radiance, rows from the top; `None` if their number is another, or zero.
     pub fn new(width: u32, height: u32, texels: &'a [[f32; 3]]) -> Option<Self> {
         let count = u64::from(width) * u64::from(height);
         (count > 0 && count == texels.len() as u64).then_some(Self { width, height, texels, interpolated: false })
     }
 
-    /// Bilinear between texel centres in u and v, round the seam, clamped at the poles: what `--shading reference`
-    /// shows.
+    /// Bilinear between texel centres in u and v, wrapped at the seam, clamped at the poles: as in `--shading
+    /// reference`.
     pub fn interpolated(self) -> Self {
         Self { interpolated: true, ..self }
     }
@@ -91,9 +90,8 @@ impl<'a> PanoramaView<'a> {
         DVec3::new(r, g, b)
     }
 
-    /// Σ term(direction, radiance · solid angle, solid angle) over cells that each lie in one texel and are hardly
-    /// wider than `cell_radians` at their direction; rows in parallel, added in order, so that the sum is always the
-    /// same.
+    /// Σ term(direction, radiance · solid angle, solid angle) over cells that each lie in one texel and are about
+    /// `cell_radians` wide at most. Rows are computed in parallel and added in order, so that the sum is deterministic.
     fn sum<T: Default + Add<Output = T> + Send>(
         &self,
         cell_radians: impl Fn(DVec3) -> f64 + Sync,
@@ -114,8 +112,8 @@ impl<'a> PanoramaView<'a> {
         rows.into_iter().fold(T::default(), T::add)
     }
 
-    /// Hands a cell of a texel of this radiance to `add`, or, where it is too wide at its middle, its quarters: so
-    /// cells shrink towards a lobe's centre wherever in the texel that lies.
+    /// Passes a cell of a texel with this radiance to `add`, or recursively its quarters if it is too wide: so cells
+    /// shrink towards a lobe's centre, wherever in the texel that is.
     fn visit(
         &self,
         cell: Cell,
@@ -123,13 +121,13 @@ impl<'a> PanoramaView<'a> {
         cell_radians: &impl Fn(DVec3) -> f64,
         add: &mut impl FnMut(DVec3, DVec3, f64),
     ) {
-        /// A texel's side over the smallest cell's, as a power of 2; bounds the time that a needle of a lobe takes.
+        /// Largest depth of the recursion; bounds the time for very narrow lobes.
         const DEEPEST: u32 = 16;
         let size = [self.width, self.height].map(|side| side.saturating_mul(1 << cell.depth));
         let [width, height] = size.map(f64::from);
         let d = panorama_direction(DVec2::new((f64::from(cell.x) + 0.5) / width, (f64::from(cell.y) + 0.5) / height));
         let radians = (std::f64::consts::TAU / width).max(std::f64::consts::PI / height);
-        // Where texels are interpolated, a texel's centre, where the slope changes, must be between cells.
+        // With interpolation the slope changes at a texel's centre, which must be between cells.
         let is_too_wide = radians > cell_radians(d) || (self.interpolated && cell.depth == 0);
         if is_too_wide && cell.depth < DEEPEST {
             return cell.quarters().into_iter().for_each(|quarter| self.visit(quarter, texel, cell_radians, add));
@@ -154,10 +152,10 @@ impl Cell {
     }
 }
 
-/// Width of the cells on which smooth integrands are sampled: cos(θ) by midpoints of 0.02 is good to 2e-5.
+/// Cell width for smooth integrands: the error of cos(θ) by midpoints of 0.02 is 2e-5.
 const SMOOTH_RADIANS: f64 = 0.02;
 
-/// Cells across a specular lobe's own scale.
+/// Cells per scale of a specular lobe.
 const CELLS_PER_LOBE: f64 = 12.0;
 
 /// Irradiance ∫ L n·l dl in W/m² on a surface with unit normal n. Not divided by π: a white Lambertian reflects it / π.
@@ -165,8 +163,8 @@ pub fn irradiance(panorama: PanoramaView, n: DVec3) -> DVec3 {
     panorama.sum(|_| SMOOTH_RADIANS, |l, light, _| light * n.dot(l).max(0.0))
 }
 
-/// Panorama blurred for a roughness in [0, 1] around unit direction r, with n = v = r: ∫ L D n·l dl / ∫ D n·l dl, what
-/// the split sum's prefiltered levels hold (Karis 2013, the sum below eq. 7, which weights its GGX samples by n·l).
+/// Prefiltered radiance for a roughness in [0, 1] around unit direction r, with n = v = r: ∫ L D n·l dl / ∫ D n·l dl,
+/// the content of the split sum's levels (Karis 2013, the sum below eq. 7, which weights its GGX samples by n·l).
 pub fn prefiltered(panorama: PanoramaView, r: DVec3, roughness: f64) -> DVec3 {
     let alpha = roughness * roughness;
     if alpha < 1e-6 {
@@ -196,17 +194,17 @@ fn lobe_cell_radians(r: DVec3, l: DVec3, alpha: f64) -> f64 {
     (2.0 * alpha).hypot(r.distance(l)) / CELLS_PER_LOBE
 }
 
-/// Alpha below which a surface is a mirror; the same in `glsl/exact.frag`.
+/// Alpha below which a surface is a mirror; the same in the shader of `--shading reference`.
 const MIRROR_ALPHA: f64 = 1e-4;
 
-/// All light that `surface` reflects to the eye from an unoccluded panorama, with the whole BRDF (Fresnel at v·h, not
-/// the split sum) and the environment's visibility of `geometry`; any roughness from 0, as in `glsl/exact.frag`. What
-/// is scattered more than once is specular.
+/// Light that `surface` reflects to the eye from an unoccluded panorama, with the full BRDF (Fresnel at v·h, no split
+/// sum) and the environment's visibility of `geometry`, for any roughness from 0. This is the shading integral, not
+/// light transport: other surfaces neither occlude nor reflect light. Multiple scattering counts as specular.
 pub fn reflected(panorama: PanoramaView, surface: &Surface, geometry: Geometry, scattering: Scattering) -> Reflected {
     reflected_by(panorama, surface, &Terms::new(surface.roughness, geometry), scattering)
 }
 
-/// The same with terms that are at hand.
+/// The same with precomputed terms.
 pub fn reflected_by(panorama: PanoramaView, surface: &Surface, terms: &Terms, scattering: Scattering) -> Reflected {
     let &Surface { n, v, albedo, metallic, roughness } = surface;
     let geometry = terms.geometry;
@@ -216,7 +214,7 @@ pub fn reflected_by(panorama: PanoramaView, surface: &Surface, terms: &Terms, sc
     let nv = n.dot(v);
     let mirror = 2.0 * nv * n - v;
     let beyond = Beyond::new(surface, terms, scattering);
-    // Seen at a grazing angle the lobe is narrower across by n·v, and in the end by its own width.
+    // At grazing angles the lobe is narrower by n·v in one direction, down to a limit.
     let narrow = if is_mirror { f64::INFINITY } else { alpha * nv.max(alpha.min(0.1)) };
     let mut light = panorama.sum(
         |l| lobe_cell_radians(mirror, l, narrow).min(SMOOTH_RADIANS),
@@ -239,10 +237,10 @@ pub fn reflected_by(panorama: PanoramaView, surface: &Surface, terms: &Terms, sc
     light
 }
 
-/// What of a BRDF depends on its roughness alone: made once, it serves many surfaces.
+/// The terms of a BRDF that depend on its roughness only: computed once for many surfaces.
 pub struct Terms {
     geometry: Geometry,
-    /// None in the thesis's geometry.
+    /// `None` with `Geometry::Karis2013`.
     energy: Option<(Energy, Curve)>,
 }
 
@@ -253,13 +251,13 @@ impl Terms {
         Self { geometry, energy: (geometry == Geometry::Smith).then(energy) }
     }
 
-    /// The table's entry averaged over directions; none in the thesis's geometry.
+    /// The table's entry averaged over directions; `None` with `Geometry::Karis2013`.
     pub fn mean_entry(&self) -> Option<Entry> {
         self.energy.as_ref().map(|(energy, _)| energy.mean)
     }
 }
 
-/// What a surface has beside single scattering: the thesis's diffuse part, or one that keeps the energy.
+/// The terms beside single scattering: the diffuse part of the thesis, or diffuse part and multiple scattering.
 enum Beyond<'a> {
     Karis2013 { albedo: DVec3 },
     Smith { energy: Energy, curve: &'a Curve, at_v: Entry, albedo: DVec3, share: DVec3 },
@@ -348,7 +346,7 @@ mod tests {
 
     /// Cases 5 and 6 of tests/stability.rs: the numbers of the truth.
     #[test]
-    fn the_sun_is_never_missed() {
+    fn a_small_sun_is_never_missed() {
         let texels = sunny(1024, 512);
         let view = PanoramaView::new(1024, 512, &texels).unwrap();
         for (roughness, truth) in [(0.25, 70.889), (0.5, 5.712)] {
@@ -374,9 +372,9 @@ mod tests {
         }
     }
 
-    /// Lobes narrower than a texel, somewhere in it.
+    /// Lobes narrower than a texel, at any point of it.
     #[test]
-    fn needles_of_lobes_lose_no_light_on_coarse_panoramas() {
+    fn narrow_lobes_lose_no_light_on_coarse_panoramas() {
         let texels = vec![[1.0; 3]; 64 * 32];
         let view = PanoramaView::new(64, 32, &texels).unwrap();
         for (nv, roughness) in
@@ -410,7 +408,7 @@ mod tests {
     }
 
     #[test]
-    fn a_white_furnace_hides_white_surfaces_that_scatter_more_than_once() {
+    fn multiple_scattering_passes_the_white_furnace_test() {
         let texels = white();
         let view = PanoramaView::new(32, 16, &texels).unwrap();
         for (nv, roughness, metallic) in [(0.9, 1.0, 1.0), (0.4, 0.6, 0.5), (0.7, 0.3, 0.0)] {
@@ -435,10 +433,10 @@ mod tests {
         let share = |geometry| {
             reflected(view, &surface, geometry, Scattering::Single).diffuse.x / (0.5 / PI * irradiance(view, n).x)
         };
-        // Head on, v·h is cos of half the angle to l, and at least 0.7: Fresnel takes 4.0 to 4.3 %.
+        // At normal incidence v·h is the cosine of half the angle to l, at least 0.7: Fresnel takes 4.0 to 4.3 %.
         let karis = share(Geometry::Karis2013);
         assert!((0.957..0.9601).contains(&karis), "{karis}");
-        // What comes back under even light is what is not mirrored; light from above enters a little more easily.
+        // Under uniform light the diffuse part is the rest of the specular part; for light from above slightly more.
         let left = 1.0 - specular_albedo(DVec3::splat(0.04), 1.0, 1.0, Geometry::Smith).x;
         let smith = share(Geometry::Smith);
         assert!((left..1.03 * left).contains(&smith), "{smith} and {left}");

@@ -1,16 +1,14 @@
-//! Which specular level holds which lobe, and which levels stand for a lobe; twin of `glsl/levels.glsl`.
-//!
-//! A lobe is known by its spread, 1 − |its mean vector|. Mixing two levels mixes their mean vectors, so the level for a
-//! spread is found on a straight line between the two: what it shows of a linear environment is exact.
+//! The lobes of the specular levels, and the level for a lobe: twin of `glsl/levels.glsl`.
+//! Levels are found by a lobe's spread, 1 − |mean vector|, linearly between neighbours. Derivation:
+//! src/precompute/README.md.
 
 use super::lobe::kernel_spread;
 
-/// Specular levels: a mirror and nine lobes. Two share a texel size, half as many texels a side for each two: even
-/// levels are the mips of one cube map, odd levels those of another.
+/// Specular levels: a mirror and nine lobes. Even levels are the mips of one cube map, odd levels those of another, so
+/// that the number of texels a side is halved every two levels.
 pub const LEVELS: usize = 10;
-/// The fourth root of the spread grows by `ROOT_STEP` from level to level and would be `FIRST_ROOT` at level 0: so
-/// mixing two neighbours is about equally good everywhere. The last level's spread is 0.4: more than the cosine's 1/3
-/// (α = 1), because rough surfaces seen at grazing angles have wider lobes.
+/// Fourth root of the spread: `FIRST_ROOT` + `ROOT_STEP` · level. The last level's spread is 0.4, more than the
+/// cosine's 1/3 (α = 1): at grazing angles rough surfaces have wider lobes.
 const FIRST_ROOT: f64 = 0.165;
 const ROOT_STEP: f64 = 0.07;
 
@@ -24,7 +22,7 @@ pub fn alpha_from_level(level: usize) -> f64 {
     alpha_from_spread(spread_from_level(level))
 }
 
-/// alpha of the lobe of this spread, by bisection; 0 for a mirror. Lobes have spreads up to 0.41; beyond, the widest.
+/// alpha of the lobe of this spread, by bisection; 0 for a mirror, the widest lobe for spreads above 0.41.
 pub fn alpha_from_spread(spread: f64) -> f64 {
     if spread <= 0.0 {
         return 0.0;
@@ -37,9 +35,8 @@ pub fn alpha_from_spread(spread: f64) -> f64 {
     low.exp()
 }
 
-/// The fractional level for a lobe of this spread; beyond the last level's, the last level. Between the mirror and the
-/// first lobe the root of the spread (about α) decides: measured on noise it halves the error, and so small a spread
-/// does no harm to linear light.
+/// The fractional level for a lobe of this spread, at most the last level. Between the mirror and the first lobe it is
+/// proportional to the root of the spread (about α), which halves the error measured on noise.
 pub fn level_from_spread(spread: f64) -> f64 {
     let first = spread_from_level(1);
     if spread < first {
@@ -55,7 +52,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn levels_hold_the_spread_they_are_found_by() {
+    fn levels_have_the_spread_by_which_they_are_found() {
         assert_eq!((level_from_spread(0.0), level_from_spread(0.6)), (0.0, 9.0));
         for level in 0..LEVELS {
             let spread = kernel_spread(alpha_from_level(level));
@@ -67,7 +64,7 @@ mod tests {
     }
 
     #[test]
-    fn a_mix_of_lobes_has_the_spread_asked_for() {
+    fn a_mix_of_lobes_has_the_requested_spread() {
         for i in 4..=390 {
             let spread = f64::from(i) / 1000.0;
             let level = level_from_spread(spread);

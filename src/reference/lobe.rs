@@ -1,4 +1,4 @@
-//! The lobe that specular levels are averaged with, in closed form: twin of `glsl/lobe.glsl`.
+//! The lobe of specular levels in closed form: twin of `glsl/lobe.glsl`.
 //!
 //! With n = v = r and c = r·l the half vector lies halfway between r and l, so (n·h)² = (1 + c)/2, and cos · GGX of the
 //! split sum's levels (Karis 2013, the sum below eq. 7) is, up to a factor, K(c) = c/q² with q = α² + k(1 − c),
@@ -27,7 +27,7 @@ pub fn kernel_integral(alpha: f64) -> f64 {
     let (k, a2) = (steepness(alpha), alpha * alpha);
     let x = k / a2;
     if x < 1e-3 {
-        // The same as a power series; the difference above has no digits left here.
+        // As a power series: the difference below would cancel.
         return TAU / (a2 * a2) * (0.5 - x / 3.0 + x * x / 4.0 - x.powi(3) / 5.0);
     }
     TAU / (k * k) * (x - x.ln_1p())
@@ -61,7 +61,7 @@ mod tests {
     use super::*;
     use crate::reference::brdf::d_ggx;
 
-    /// ∫ f(c) dω by midpoints in t, 1 − c = α² (e^t − 1): as fine as the lobe is where it peaks.
+    /// ∫ f(c) dω by midpoints in t, 1 − c = α² (e^t − 1), which resolves the peak.
     fn over_sphere(alpha: f64, f: impl Fn(f64) -> f64) -> f64 {
         const STEPS: u32 = 20_000;
         let a2 = alpha * alpha;
@@ -102,7 +102,7 @@ mod tests {
     }
 
     #[test]
-    fn the_second_derivative_is_one() {
+    fn the_second_derivative_agrees_with_differences() {
         for alpha in [0.05, 0.3, 1.0] {
             for c in [0.1, 0.6, 0.95] {
                 let h = 1e-4;

@@ -1,23 +1,23 @@
-//! Constants and vector helpers that every term uses: twins of `glsl/math.glsl`.
+//! Constants and vector helpers: twins of `glsl/math.glsl`.
 
 use glam::DVec3;
 
-/// Smallest cosine that the terms divide by. Cosines of f32 unit vectors carry an absolute error of about 1e-7, so what
-/// lies below is noise; a maximum, unlike an added epsilon, changes nothing above it.
+/// Smallest cosine that the terms divide by. Cosines of f32 unit vectors have an absolute error of about 1e-7, so
+/// smaller values are noise; a maximum, unlike an added epsilon, does not change larger values.
 pub const MIN_COS: f64 = 1e-7;
 
 /// Smallest divisor where the dividend vanishes too: far above f32's smallest normal (1.2e-38), far below any value
 /// that a term reaches with unit vectors.
 pub const TINY: f64 = 1e-30;
 
-/// The unit vector along v, or `otherwise` (unit) where v has no direction: zero, NaN, or as good as infinite.
-/// Divided by the sum of its sizes first, so that 1e-23 and 1e20 do not under- or overflow when squared in f32.
+/// The unit vector along v, or `otherwise` (unit) where v has no direction: zero, NaN, or above 1e30.
+/// Divided by its 1-norm first, so that 1e-23 and 1e20 do not under- or overflow when squared in f32.
 pub fn normalize_or(v: DVec3, otherwise: DVec3) -> DVec3 {
     let size = v.x.abs() + v.y.abs() + v.z.abs();
     if size > TINY && size < 1e30 { (v / size).normalize() } else { otherwise }
 }
 
-/// The nearest number of a half float's ten binary digits, for x ≥ 0 from 6e-5 on, ties upwards.
+/// x rounded to the ten mantissa bits of a half float, ties upwards; for 0 and x ≥ 6e-5.
 pub fn round_to_half(x: DVec3) -> DVec3 {
     x.map(|c| {
         if c == 0.0 {

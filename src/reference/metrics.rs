@@ -1,14 +1,13 @@
-//! How far two pictures are apart.
+//! Differences of two pictures: FLIP, relative MSE, mean and maximum error.
 
 use std::ops::RangeInclusive;
 
-/// Pixels per degree of visual angle for FLIP where nothing else is said: 0.7 m from a screen of 0.7 m and 3840 pixels
+/// Default pixels per degree of visual angle for FLIP: 0.7 m from a screen of 0.7 m and 3840 pixels
 /// across, the default of Andersson et al., "FLIP: A Difference Evaluator for Alternating Images" (2020), section 6.
 pub const PIXELS_PER_DEGREE: f32 = 67.0;
 
-/// Pixels per degree that FLIP takes: with fewer its narrowest filter (standard deviation 0.041 degrees) falls between
-/// pixels and weighs nothing; with more, filters are wider than 130 pixels, and no display is seen so (an eye tells
-/// apart about 120).
+/// Pixels per degree that FLIP accepts: with fewer its narrowest filter (standard deviation 0.041 degrees) falls
+/// between pixels; with more, filters are wider than 130 pixels, beyond any display (the eye resolves about 120).
 pub const PIXELS_PER_DEGREE_RANGE: RangeInclusive<f32> = 4.0..=500.0;
 
 /// Mean and maximum of a FLIP error map, both in [0, 1].
@@ -20,9 +19,8 @@ pub struct Flip {
     pub errors: Vec<f32>,
 }
 
-/// LDR-FLIP (Andersson et al. 2020) of two pictures of sRGB bytes, `width · height` each, as a viewer with
-/// `pixels_per_degree` (in [`PIXELS_PER_DEGREE_RANGE`]) flips between them; `None` where a size does not fit or is
-/// zero.
+/// LDR-FLIP (Andersson et al. 2020) of two pictures of sRGB bytes, `width · height` each, at `pixels_per_degree` (in
+/// [`PIXELS_PER_DEGREE_RANGE`]); `None` if a size does not match or is zero.
 pub fn flip(size: [u32; 2], test: &[[u8; 3]], reference: &[[u8; 3]], pixels_per_degree: f32) -> Option<Flip> {
     let [width, height] = size;
     let count = u64::from(width) * u64::from(height);
@@ -37,8 +35,7 @@ pub fn flip(size: [u32; 2], test: &[[u8; 3]], reference: &[[u8; 3]], pixels_per_
     Some(Flip { mean: (sum / count as f64) as f32, max: errors.iter().copied().fold(0.0, f32::max), errors })
 }
 
-/// FLIP's errors, 0 to 1, as sRGB colours from black over violet to light yellow: its authors' choice, matplotlib's
-/// magma.
+/// FLIP's errors, 0 to 1, as sRGB colours of matplotlib's magma (black, violet, light yellow), which its authors use.
 pub fn flip_colours(errors: &[f32]) -> Vec<[u8; 3]> {
     let ramp = nv_flip::magma_lut().to_vec();
     let last = ramp.len() / 3 - 1;
@@ -50,8 +47,8 @@ pub fn flip_colours(errors: &[f32]) -> Vec<[u8; 3]> {
 }
 
 /// Mean over pixels and channels of (test − reference)² / (reference² + 0.01): Rousselle et al., "Adaptive Sampling and
-/// Reconstruction using Greedy Error Minimization" (2011), section 4, whose 0.01 keeps black pixels from deciding
-/// alone. 0 for empty pictures; compares as many pixels as both have.
+/// Reconstruction using Greedy Error Minimization" (2011), section 4, whose 0.01 limits the weight of black pixels. 0
+/// for empty pictures; compares the pixels that both have.
 pub fn relative_mse(test: &[[f32; 3]], reference: &[[f32; 3]]) -> f64 {
     let terms = pairs(test, reference).map(|(t, r)| (t - r).powi(2) / (r * r + 0.01));
     mean(terms)
@@ -62,7 +59,7 @@ pub fn mean_error(test: &[[f32; 3]], reference: &[[f32; 3]]) -> f64 {
     mean(pairs(test, reference).map(|(t, r)| (t - r).abs()))
 }
 
-/// Largest |test − reference| of any channel, and the index of its pixel (the first, where several are alike).
+/// Largest |test − reference| of any channel, and the index of its pixel (the first of equal ones).
 pub fn max_error(test: &[[f32; 3]], reference: &[[f32; 3]]) -> (f64, usize) {
     let errors = pairs(test, reference).map(|(t, r)| (t - r).abs()).enumerate();
     let (error, channel) = errors.fold((0.0, 0), |worst, (i, e)| if e > worst.0 { (e, i) } else { worst });
@@ -111,7 +108,7 @@ mod tests {
     }
 
     #[test]
-    fn flip_refuses_sizes_that_do_not_fit() {
+    fn flip_rejects_sizes_that_do_not_match() {
         let pixels = vec![[0u8; 3]; 4];
         assert_eq!(flip([2, 3], &pixels, &pixels, PIXELS_PER_DEGREE), None);
         assert_eq!(flip([0, 0], &[], &[], PIXELS_PER_DEGREE), None);
@@ -122,7 +119,7 @@ mod tests {
     }
 
     #[test]
-    fn who_sees_fewer_pixels_in_a_degree_sees_more_of_each() {
+    fn fewer_pixels_per_degree_show_larger_errors() {
         let size = [48, 32];
         let even = vec![[128u8; 3]; 48 * 32];
         let odd: Vec<_> = (0..48 * 32u32).map(|i| [if (i % 48 + i / 48) % 2 == 0 { 108 } else { 148 }; 3]).collect();

@@ -1,12 +1,12 @@
-//! Smaller levels of textures in f64: box averages of any size, and how much rougher averaged normals make a surface.
+//! Mips in f64: box averages of any size, and roughness for the variance of averaged normals.
 //!
 //! `asset::mips` is the fast twin.
 
 use glam::DVec4;
 
-/// Least length of a mean normal: below it the normals point everywhere, and the lobe is as wide as it gets.
+/// Smallest length of a mean normal: below it the normals point in all directions, and the lobe has its maximum width.
 const SHORTEST: f64 = 1e-3;
-/// Most that one texel adds to α² in [`Widening::Clamped`]: the bound that Tokuyoshi and Kaplanyan (2019) recommend.
+/// Upper bound of what one texel adds to α² in [`Widening::Clamped`]: recommended by Tokuyoshi and Kaplanyan (2019).
 const MOST_ADDED: f64 = 0.18;
 
 /// Texel `i` of `to` along one axis covers [i, i + 1) · from / to texels of the larger level: the first of them and
@@ -39,10 +39,10 @@ pub fn box_average(texels: &[DVec4], from: [u32; 2], to: [u32; 2]) -> Vec<DVec4>
     (0..to[1]).flat_map(|y| (0..to[0]).map(move |x| (x, y))).map(|(x, y)| texel(x, y)).collect()
 }
 
-/// Ways to make up in roughness for normals that were averaged to a vector of length r ≤ 1.
+/// Methods to include in the roughness the variance of normals that were averaged to a vector of length r ≤ 1.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Widening {
-    /// Nothing: what plain mips do.
+    /// None: plain mips.
     None,
     /// Toksvig, "Mipmapping of Normal Maps" (2005): the exponent s becomes r s / (r + s (1 − r)), with
     /// α² = 2 / (s + 2) (Walter et al. 2007, section 5.2).
@@ -71,7 +71,7 @@ impl Widening {
         }
     }
 
-    /// α² of the widened lobe, from α² of the surface's own and the length r of the mean normal.
+    /// α² of the widened lobe, from the surface's own α² and the length r of the mean normal.
     pub fn alpha_squared(self, alpha_squared: f64, r: f64) -> f64 {
         let r = r.clamp(SHORTEST, 1.0);
         let widened = match self {
@@ -102,7 +102,7 @@ mod tests {
     use crate::reference::sampling::hammersley;
 
     #[test]
-    fn shares_add_up_and_no_texel_is_dropped() {
+    fn shares_add_up_to_one_and_no_texel_is_dropped() {
         for (from, to) in [(8, 4), (7, 3), (5, 2), (3, 1), (1, 1), (13, 6), (4, 6), (6, 4)] {
             let mut used = vec![0.0; from as usize];
             for i in 0..to {
@@ -115,7 +115,7 @@ mod tests {
         }
     }
 
-    /// Normals of a bumpy patch whose slopes are spread like a Gauss bell, as those of photographed bricks about are.
+    /// Normals of a patch with normally distributed slopes, similar to those of photographed bricks.
     fn bumps(deviation: f64) -> Vec<DVec3> {
         let normal = |i| {
             let u = hammersley(i, 8);
@@ -153,7 +153,7 @@ mod tests {
     }
 
     #[test]
-    fn equal_normals_widen_nothing_and_scattered_ones_never_beyond_one() {
+    fn equal_normals_do_not_widen_and_scattered_ones_never_beyond_one() {
         for widening in Widening::ALL {
             for alpha_squared in [1e-4, 0.04, 1.0] {
                 assert!((widening.alpha_squared(alpha_squared, 1.0) - alpha_squared).abs() < 1e-9, "{widening:?}");

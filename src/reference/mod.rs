@@ -1,4 +1,4 @@
-//! The truth in f64, no Vulkan: BRDF terms, sampling, integrals, colour, picture metrics.
+//! Reference implementations in f64, without Vulkan: BRDF terms, sampling, integrals, colour, picture metrics.
 //!
 //! `math`, `brdf`, `energy`, `sampling`, `cube`, `harmonics`, `octahedral` and `tone` are the twins of the files of the
 //! same name in `glsl/`: same functions, same arguments, same constants.

@@ -1,12 +1,12 @@
-//! Unit vectors in two numbers, and a vertex's normal and tangent in four of 16 bits; twins of `glsl/octahedral.glsl`.
+//! Octahedral unit vectors, and a vertex's normal and tangent in four 16-bit numbers: twins of `glsl/octahedral.glsl`.
 
 use glam::{DVec2, DVec3, DVec4, Vec2Swizzles as _};
 
-/// Largest angle between a normal and what is left of it in 2 · 16 bits, radians (measured: 6.4e-5). The tangent's
-/// second number shares its bits with a sign: twice this.
+/// Largest angle between a normal and its decoded 2 · 16 bits, radians (measured: 6.4e-5). The tangent's second number
+/// shares its bits with a sign: twice this.
 pub const NORMAL_ERROR_RADIANS: f64 = 7e-5;
 
-/// A 16-bit number's largest value; it stands for 1.
+/// The 16-bit value of 1.
 const STEPS: f64 = 32767.0;
 
 /// The unit vector `d` on the octahedron unfolded to [-1, 1]²: Meyer et al., "On Floating-Point Normal Vectors" (2010),
@@ -22,7 +22,7 @@ pub fn octahedral_decode(p: DVec2) -> DVec3 {
     (if z >= 0.0 { p } else { fold(p) }).extend(z).normalize()
 }
 
-/// Between a triangle of the square's corner and its mirror image towards the middle.
+/// Maps the triangles at the square's corners to their mirror images towards the centre, and back.
 fn fold(p: DVec2) -> DVec2 {
     (1.0 - p.yx().abs()) * DVec2::new(1f64.copysign(p.x), 1f64.copysign(p.y))
 }
@@ -46,7 +46,7 @@ pub fn pack_frame(normal: DVec3, tangent: DVec4) -> [i16; 4] {
     let n = octahedral_encode(normal);
     let t = octahedral_encode(direction);
     let [nx, ny] = nearest(n * STEPS, |p| octahedral_decode(p / STEPS).distance_squared(normal));
-    // At least 1, so that the sign is not lost.
+    // The magnitude is at least 1, so that the sign is kept.
     let [tx, ty] = nearest(DVec2::new(t.x, 0.5 * t.y + 0.5) * STEPS, |p| match p.y {
         1.0.. => octahedral_decode(DVec2::new(p.x / STEPS, 2.0 * p.y / STEPS - 1.0)).distance_squared(direction),
         _ => f64::INFINITY,
@@ -55,12 +55,12 @@ pub fn pack_frame(normal: DVec3, tangent: DVec4) -> [i16; 4] {
     [nx, ny, tx, sign * ty].map(|v| v as i16)
 }
 
-/// What the GPU reads: signed normalised numbers.
+/// Decoding by the GPU: signed normalised numbers.
 pub fn unpack_frame(frame: [i16; 4]) -> DVec4 {
     DVec4::from_array(frame.map(|v| (f64::from(v) / STEPS).max(-1.0)))
 }
 
-/// Of the nine whole points around `p` the one with the least error.
+/// The one of the nine integer points around `p` with the least error.
 fn nearest(p: DVec2, error: impl Fn(DVec2) -> f64) -> [f64; 2] {
     let steps = [0.0, -1.0, 1.0];
     let around = steps.iter().flat_map(|x| steps.map(|y| p.round() + DVec2::new(*x, y)));

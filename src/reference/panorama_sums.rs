@@ -1,5 +1,5 @@
-//! Prefiltered radiance around many directions at once, by sums over all texels of a panorama: what whole levels are
-//! judged by. The same integral as `integrals::prefiltered`, some ten times as fast.
+//! Prefiltered radiance around many directions at once, by sums over all texels of a panorama: the truth for whole
+//! levels. The same integral as `integrals::prefiltered`, about ten times as fast.
 
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
@@ -7,12 +7,12 @@ use rayon::prelude::*;
 use super::cube::{panorama_direction, panorama_texel_solid_angle};
 use super::lobe::kernel;
 
-/// A lobe bends little over cells of this many times its own scale: sums are good to about 1e-4.
+/// Largest cell as a part of the lobe's scale: the error of sums is about 1e-4.
 const CELL: f64 = 0.15;
 
 /// ∫ L K(r·l) dl / ∫ K dl around each r, for a panorama of constant texels (`width · height`, rows from the top) and a
-/// lobe of `alpha` > 0. Divided by the sum of its own weights; rows are added in order, so that the result is always
-/// the same.
+/// lobe of `alpha` > 0. Divided by the sum of its own weights; rows are added in order, so that the result is
+/// deterministic.
 pub fn prefiltered_around(
     directions: &[DVec3],
     alpha: f64,

@@ -1,6 +1,6 @@
 //! Nodes and weights for integrals over (0, 1).
 
-/// Gauss and Legendre's rule with `count` nodes in (0, 1); the weights add up to 1. Newton's method on the Legendre
+/// The Gauss–Legendre rule with `count` nodes in (0, 1); the weights add up to 1. Newton's method on the Legendre
 /// polynomial, from the estimate of Abramowitz and Stegun, "Handbook of Mathematical Functions" (1964), 22.16.6.
 pub fn gauss_legendre(count: usize) -> Vec<[f64; 2]> {
     let n = count as f64;

@@ -1,4 +1,5 @@
-//! Points, half vectors and their densities in f64, twins of `glsl/sampling.glsl`. Local space: +Z is the normal.
+//! Sample points, half vectors and their densities in f64: twins of `glsl/sampling.glsl`. Local space: +Z is the
+//! normal.
 
 use std::f64::consts::TAU;
 
@@ -15,8 +16,8 @@ pub fn radical_inverse(i: u32) -> f64 {
 }
 
 /// Point i of the 2^log2_count points of Hammersley's set (Niederreiter, "Random Number Generation and Quasi-Monte
-/// Carlo Methods" (1992), chapter 3); i < 2^log2_count, log2_count ≤ 31. The GLSL twin drops all but the upper 24 bits
-/// of both.
+/// Carlo Methods" (1992), chapter 3); i < 2^log2_count, log2_count ≤ 31. The GLSL twin keeps only the upper 24 bits of
+/// both.
 pub fn hammersley(i: u32, log2_count: u32) -> DVec2 {
     DVec2::new(f64::from(i) / 2f64.powi(log2_count as i32), radical_inverse(i))
 }
@@ -43,8 +44,8 @@ pub fn pdf_ggx(v: DVec3, h: DVec3, alpha: f64) -> f64 {
     d_ggx(DVec3::Z, h, alpha) * h.z / (4.0 * v.dot(h).max(MIN_COS))
 }
 
-/// Half vector among those that v sees: Dupuy and Benyoub, "Sampling Visible GGX Normals with Spherical Caps" (2023),
-/// section 3; u in [0, 1)².
+/// Half vector of the distribution of visible normals: Dupuy and Benyoub, "Sampling Visible GGX Normals with Spherical
+/// Caps" (2023), section 3; u in [0, 1)².
 pub fn sample_vndf(v: DVec3, u: DVec2, alpha: f64) -> DVec3 {
     let stretched = DVec3::new(alpha * v.x, alpha * v.y, v.z.max(MIN_COS)).normalize();
     let rise = (1.0 - u.y) * (1.0 + stretched.z);
@@ -67,7 +68,7 @@ pub fn pdf_vndf(v: DVec3, h: DVec3, alpha: f64) -> f64 {
 mod tests {
     use super::*;
 
-    /// The shader's way to a fraction.
+    /// The fraction as the shader computes it.
     fn unit_from_bits_f32(bits: u32) -> f32 {
         (bits >> 8) as f32 * (1.0 / 16_777_216.0)
     }

@@ -1,4 +1,4 @@
-//! The split sum's table: directional albedo and the lobe's mean vector, by quadrature good to 1e-7.
+//! The split sum's table: directional albedo and mean vector of the lobe, by quadrature, with a relative error of 1e-7.
 
 use std::{
     f64::consts::{FRAC_PI_2, PI},
@@ -13,7 +13,7 @@ use super::{
     math::{MIN_COS, TINY},
 };
 
-/// What the specular BRDF reflects of light from all sides, as a line in F0: F0 · scale + bias. Karis (2013), eq. 8.
+/// Directional albedo of the specular BRDF as a linear function of F0: F0 · scale + bias. Karis (2013), eq. 8.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Entry {
     /// A: the red channel of the table.
@@ -22,35 +22,35 @@ pub struct Entry {
     pub bias: f64,
 }
 
-/// Nodes for the truth, and for decisions: a hundredth of the time.
+/// Nodes for exact values, and for estimates in a hundredth of the time.
 static NODES: LazyLock<Vec<[f64; 2]>> = LazyLock::new(|| tanh_sinh(60));
 static FEW_NODES: LazyLock<Vec<[f64; 2]>> = LazyLock::new(|| tanh_sinh(7));
 
 /// Nodes in (0, 1) and weights of the tanh-sinh rule, one in the middle and `half` to each side: Takahasi and Mori,
-/// "Double Exponential Formulas for Numerical Integration" (1974). It crowds its nodes at the ends, where the integrand
-/// below turns sharply.
+/// "Double Exponential Formulas for Numerical Integration" (1974). Its nodes are dense at the ends, where the integrand
+/// below changes rapidly.
 fn tanh_sinh(half: i32) -> Vec<[f64; 2]> {
     let step = 3.2 / f64::from(half); // beyond 3.2 the weights are below 1e-15
     let node = |i: i32| {
         let t = f64::from(i) * step;
         let s = FRAC_PI_2 * t.sinh();
-        // (1 + tanh s) / 2, written so that it keeps its digits near 0.
+        // (1 + tanh s) / 2, accurate near 0.
         [1.0 / (1.0 + (-2.0 * s).exp()), step * PI / 4.0 * t.cosh() / s.cosh().powi(2)]
     };
     (-half..=half).map(node).collect()
 }
 
-/// How a pixel looks the environment up for the specular term.
+/// The environment lookup for the specular term.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, ValueEnum)]
 pub enum SplitSum {
     /// Along r, at the level of the roughness: Karis (2013), section "Environment Map Lighting" with n = v = r.
     Classic,
-    /// Along the mean vector of the BRDF's own lobe, at the level whose lobe has a mean vector as long: exact wherever
-    /// radiance is linear in direction.
+    /// Along the mean vector of the BRDF's lobe, at the level whose lobe has a mean vector of the same length: exact
+    /// for radiance that is linear in direction. Derivation: src/precompute/README.md.
     #[default]
     Moment,
-    /// The same for two halves of the lobe, one nearer to the eye and one nearer to the horizon: twice the fetches,
-    /// less error on dielectrics, not on metals (`measure causes`).
+    /// The same for two halves of the lobe, one towards the eye and one towards the horizon: twice the fetches; less
+    /// error on dielectrics, but not on metals (`measure causes`).
     Slices,
 }
 
@@ -61,7 +61,7 @@ pub struct LobePart {
     /// The part's integral.
     pub weight: f64,
     pub along: f64,
-    /// across / sin(θv), which has a limit where n = v.
+    /// across / sin(θv), which has a limit at n = v.
     pub across_over_sine: f64,
 }
 
@@ -73,7 +73,7 @@ pub struct Lobe {
 }
 
 impl Lobe {
-    /// Sums to means.
+    /// From sums to means.
     fn divide(&mut self) {
         for part in [&mut self.base, &mut self.fresnel] {
             part.along /= part.weight.max(TINY);
@@ -90,7 +90,7 @@ impl Lobe {
     }
 }
 
-/// How much finer the table is at n·v = 0 than at 1; the same in `glsl/table.glsl`.
+/// Ratio of the resolution at n·v = 0 to that at 1; the same in `glsl/table.glsl`.
 const STEEPNESS: f64 = 1024.0;
 
 /// n·v and roughness of a texel of a table of this size; twin of `table_arguments` in `glsl/table.glsl`.
@@ -99,18 +99,18 @@ pub fn table_arguments(texel: [u32; 2], size: [u32; 2]) -> [f64; 2] {
     [((1.0 + STEEPNESS).powf(x) - 1.0) / STEEPNESS, y.powi(3)]
 }
 
-/// Where in [0, 1]² from the first texel's centre to the last's the table holds n·v and a roughness; the inverse of
-/// [`table_arguments`], and what `table_coordinate` in `glsl/table.glsl` makes texture coordinates of.
+/// Position of n·v and a roughness in the table, 0 and 1 at the centres of the first and last texels; the inverse of
+/// [`table_arguments`]. `table_coordinate` in `glsl/table.glsl` converts it to texture coordinates.
 pub fn table_place(nv: f64, roughness: f64) -> [f64; 2] {
     [(STEEPNESS * nv).ln_1p() / STEEPNESS.ln_1p(), roughness.cbrt()]
 }
 
-/// The table's entry at n·v = nv in [0, 1] and a roughness in [0, 1]; relative to the integral good to 1e-7.
+/// The table's entry at n·v = nv in [0, 1] and a roughness in [0, 1]; relative error 1e-7.
 pub fn table_entry(nv: f64, roughness: f64, geometry: Geometry) -> Entry {
     entry_of(&table_lobe(nv, roughness, geometry))
 }
 
-/// The same good to 1e-3, in a hundredth of the time.
+/// The same with an error of 1e-3, in a hundredth of the time.
 pub fn coarse_table_entry(nv: f64, roughness: f64, geometry: Geometry) -> Entry {
     entry_of(&lobe_by(&FEW_NODES, nv, roughness, geometry))
 }
@@ -119,11 +119,11 @@ fn entry_of(lobe: &Lobe) -> Entry {
     Entry { scale: lobe.base.weight, bias: lobe.fresnel.weight }
 }
 
-/// The lobe at n·v = nv in [0, 1] and a roughness in [0, 1]; relative to the integrals good to 1e-7.
+/// The lobe at n·v = nv in [0, 1] and a roughness in [0, 1]; relative error 1e-7.
 ///
 /// Integrates V · 4 nl · vh / nh over half vectors drawn from D (Walter et al. 2007, eqs. 14 and 35), with weights (1 −
-/// v·h)⁵ apart. h is (θ, φ); l is above the surface exactly for θ < (ψ + π/2) / 2 with tan ψ = tan(θv) cos φ, and there
-/// nl = R sin(2 (θmax − θ)), so the integrand is smooth inside and the horizon costs no accuracy.
+/// v·h)⁵ separately. h is (θ, φ); l is above the surface exactly for θ < (ψ + π/2) / 2 with tan ψ = tan(θv) cos φ, and
+/// there nl = R sin(2 (θmax − θ)), so the integrand is smooth inside and the horizon costs no accuracy.
 pub fn table_lobe(nv: f64, roughness: f64, geometry: Geometry) -> Lobe {
     lobe_by(&NODES, nv, roughness, geometry)
 }
@@ -148,7 +148,7 @@ fn lobe_by(nodes: &[[f64; 2]], nv: f64, roughness: f64, geometry: Geometry) -> L
     whole
 }
 
-/// Both halves, their means not divided by their weights yet.
+/// Sums of both halves, not divided by their weights.
 fn slice_sums(nodes: &[[f64; 2]], nv: f64, roughness: f64, geometry: Geometry) -> [Lobe; 2] {
     let nv = nv.clamp(MIN_COS, 1.0 - 1e-9);
     let alpha = roughness * roughness;
@@ -198,8 +198,7 @@ fn slice_sums(nodes: &[[f64; 2]], nv: f64, roughness: f64, geometry: Geometry) -
     slices
 }
 
-/// Share of light from all sides that the specular BRDF reflects towards v; the same, by reciprocity, as the share of a
-/// beam along v that it reflects to all sides.
+/// Directional albedo of the specular BRDF: by reciprocity, the share of uniform light that it reflects towards v.
 pub fn specular_albedo(f0: DVec3, nv: f64, roughness: f64, geometry: Geometry) -> DVec3 {
     let entry = table_entry(nv, roughness, geometry);
     f0 * entry.scale + DVec3::splat(entry.bias)
@@ -210,7 +209,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn few_nodes_are_good_to_a_thousandth() {
+    fn few_nodes_have_an_error_below_a_thousandth() {
         for nv in [0.05, 0.2, 0.4, 0.7, 1.0] {
             for roughness in [0.03, 0.1, 0.3, 0.6, 1.0] {
                 let [few, all] = [coarse_table_entry, table_entry].map(|entry| entry(nv, roughness, Geometry::Smith));
@@ -300,7 +299,7 @@ mod tests {
     }
 
     #[test]
-    fn reflects_no_more_than_it_gets() {
+    fn the_albedo_conserves_energy() {
         for i in 0..=10 {
             for j in 0..=10 {
                 let (nv, roughness) = (f64::from(i) / 10.0, f64::from(j) / 10.0);

@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-/// What radiance is multiplied by for an exposure in stops.
+/// Factor of radiance for an exposure in stops.
 pub fn exposure_scale(ev: f64) -> f64 {
     ev.exp2()
 }
@@ -13,18 +13,18 @@ pub fn luminance(rgb: DVec3) -> f64 {
 }
 
 /// Khronos PBR Neutral Tone Mapper (Khronos Group, 2024, its specification's equations): linear RGB in, linear display
-/// RGB in [0, 1] out. Colours up to 0.8 − 0.04 come out as the albedo that went in, less the 4 % that a dielectric's
+/// RGB in [0, 1] out. Colours up to 0.8 − 0.04 are mapped to the base color, without the 4 % that a dielectric's
 /// surface adds.
 pub fn tone_neutral(rgb: DVec3) -> DVec3 {
-    /// The reflection of a dielectric, taken off again.
+    /// Specular reflection of a dielectric, which is subtracted.
     const FRESNEL: f64 = 0.04;
     /// Peak where compression starts.
     const START: f64 = 0.8 - FRESNEL;
-    /// Speed of the way to white.
+    /// Strength of the desaturation towards white.
     const DESATURATION: f64 = 0.15;
     const ROOM: f64 = 1.0 - START;
 
-    let rgb = rgb.clamp(DVec3::ZERO, DVec3::splat(1e30)); // keeps infinity out of infinity · 0
+    let rgb = rgb.clamp(DVec3::ZERO, DVec3::splat(1e30)); // avoids infinity · 0
     let low = rgb.min_element();
     let rgb = rgb - if low < 2.0 * FRESNEL { low - low * low / (4.0 * FRESNEL) } else { FRESNEL };
     let peak = rgb.max_element();
@@ -46,7 +46,7 @@ pub fn srgb_decode(encoded: DVec3) -> DVec3 {
     encoded.map(|c| if c <= 0.04045 { c / 12.92 } else { ((c + 0.055) / 1.055).powf(2.4) })
 }
 
-/// The bytes a viewer sees of linear radiance: exposed, through the tone curve, sRGB-encoded, rounded.
+/// Display bytes of linear radiance: exposed, tone-mapped, sRGB-encoded, rounded.
 pub fn display_bytes(radiance: DVec3, ev: f64) -> [u8; 3] {
     let encoded = srgb_encode(tone_neutral(radiance * exposure_scale(ev)));
     encoded.to_array().map(|c| (c * 255.0).round() as u8) // `as` saturates

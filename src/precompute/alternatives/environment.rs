@@ -1,4 +1,4 @@
-//! The cube with mips that the alternatives sample.
+//! The environment cube with mips that the alternative methods sample.
 
 use std::sync::Arc;
 
@@ -24,7 +24,7 @@ impl Environment {
             DescriptorSet::new(gpu, "environment", layout, bindings)
         };
 
-        // Two taps for each panorama texel that a cube texel spans at the equator.
+        // Two samples for each panorama texel that a cube texel spans at the equator.
         let taps = (panorama.desc().size[0].div_ceil(4 * size) * 2).clamp(2, 16);
         let layout =
             DescriptorSetLayout::new(gpu, "panorama to cube", &[BindingType::Sampled, BindingType::StorageImage])?;
@@ -59,7 +59,7 @@ impl Environment {
     }
 }
 
-/// A cube map in half floats that shaders fill and others sample.
+/// A cube map in half floats that shaders write and sample.
 pub(super) fn cube(gpu: &Arc<Gpu>, name: &str, size: u32, mips: u32) -> Result<Arc<Image>> {
     let usage = ImageUsageFlags::SAMPLED | ImageUsageFlags::STORAGE | ImageUsageFlags::TRANSFER_SRC;
     let flat = ImageDesc::flat(Format::R16G16B16A16_SFLOAT, [size; 2], usage);

@@ -1,7 +1,5 @@
-//! The usual ways to fill the maps: what the thesis and others do, kept as rivals that `measure` charts.
-//!
-//! All start from the same cube with mips and end in cubes of the same format as `LightMaps` has, so that time and
-//! error compare like with like.
+//! The common methods of prefiltering, of the thesis and others, for comparison by `measure`. All start from the same
+//! cube with mips and end in cubes of the format of `LightMaps`, so that times and errors are comparable.
 
 mod environment;
 mod pass;
@@ -11,10 +9,10 @@ mod pass_tests;
 pub use environment::Environment;
 pub use pass::AlternativePass;
 
-/// One way, with its parameter.
+/// A method with its parameter.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Method {
-    /// Specular: 2^n GGX half vectors at Hammersley's points, each one tap of mip 0; thesis, section 3-3-2-3.
+    /// Specular: 2^n GGX half vectors at Hammersley's points, each one sample of mip 0; thesis, section 3-3-2-3.
     MonteCarlo { log2_samples: u32 },
     /// Specular: the same half vectors, each reading the mip that fits it; Křivánek and Colbert (2008).
     FilteredSampling { log2_samples: u32 },
@@ -24,7 +22,7 @@ pub enum Method {
     Harmonics { order: u32 },
 }
 
-/// What a map holds.
+/// The quantity that a map holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, serde::Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Quantity {
@@ -35,14 +33,14 @@ pub enum Quantity {
 /// One map to fill.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Target {
-    /// The lobe's; 1 for irradiance, which is the same integral.
+    /// Alpha of the lobe; 1 for irradiance, which is the same integral.
     pub alpha: f64,
     /// Texels along a face.
     pub size: u32,
 }
 
 impl Method {
-    /// Which kind of map it fills.
+    /// The quantity of the maps that it fills.
     pub fn quantity(self) -> Quantity {
         match self {
             Self::MonteCarlo { .. } | Self::FilteredSampling { .. } => Quantity::Specular,

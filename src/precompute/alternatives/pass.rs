@@ -10,17 +10,17 @@ use crate::gpu::{
     PassTime, Pipeline, Sampler, submit_and_wait,
 };
 
-/// Faces of the mip that harmonics are projected from: fine enough that a texel's size costs degree 8 less than 0.2 %.
+/// Face size of the mip that harmonics are projected from: the error by the texels' size is below 0.2 % at degree 8.
 const PROJECTED_SIZE: u32 = 64;
 
-/// A method, ready to run; fills one cube per target.
+/// A method for one environment; fills a cube for each target.
 pub struct AlternativePass<'a> {
     environment: &'a Environment,
-    /// How the steps read the environment.
+    /// Access of the steps to the environment.
     reads: ImageAccess,
     pipelines: Vec<Pipeline>,
     steps: Vec<Step>,
-    /// One map per target, radiance or irradiance over π, both / the environment's scale.
+    /// One map per target: radiance, or irradiance over π, both divided by the environment's scale.
     pub cubes: Vec<Arc<Image>>,
     sampler: Arc<Sampler>,
 }
@@ -31,12 +31,15 @@ struct Step {
     set: DescriptorSet,
     push: Vec<u8>,
     groups: [u32; 3],
-    /// Reads a buffer that the step before wrote.
+    /// Whether it reads a buffer that the step before wrote.
     waits: bool,
 }
 
 impl<'a> AlternativePass<'a> {
-    /// Makes everything that `method` needs to fill `targets` from `environment`.
+    /// Creates everything that `method` needs to fill `targets` from `environment`.
+    ///
+    /// # Errors
+    /// No memory, or a failed Vulkan call.
     pub fn new(gpu: &Arc<Gpu>, environment: &'a Environment, method: Method, targets: &[Target]) -> Result<Self> {
         let cubes =
             targets.iter().map(|target| cube(gpu, method.name(), target.size, 1)).collect::<Result<Vec<_>>>()?;
@@ -53,7 +56,10 @@ impl<'a> AlternativePass<'a> {
         Ok(pass)
     }
 
-    /// Fills the maps and waits; returns the pass's time.
+    /// Fills the maps and waits; returns the GPU time of the pass.
+    ///
+    /// # Errors
+    /// A failed Vulkan call.
     pub fn run(&self, gpu: &Arc<Gpu>) -> Result<Vec<PassTime>> {
         submit_and_wait(gpu, |commands| {
             commands.prepare(&self.environment.cube, self.reads);

@@ -1,4 +1,4 @@
-//! Every method against f64 where the answer is known, and where the naive ones fail.
+//! Every method against f64 where the result is known, and where the simple methods fail.
 
 use std::sync::Arc;
 
@@ -22,7 +22,7 @@ fn direction(i: usize, size: u32) -> DVec3 {
     cube_direction(i / per_face, at / f64::from(size))
 }
 
-/// What `method` makes of a panorama, through a cube of `size`: for each target its texels with their directions.
+/// The maps of `method` for a panorama, by way of a cube of `size`: for each target its texels with their directions.
 fn fill(panorama: &Panorama, size: u32, method: Method, targets: &[Target]) -> Vec<Vec<(DVec3, DVec3)>> {
     with_gpu(|gpu| {
         let light = LightMaps::new(gpu, panorama, &Options { face_size: 16, ..Options::default() }).unwrap();
