@@ -157,6 +157,9 @@ pub fn shown(text: &str, lines: bool) -> String {
     out
 }
 
+/// Characters of a name or value from a file that messages quote.
+pub const MAX_QUOTED: usize = 80;
+
 /// The first `most` characters of a text, with an ellipsis where something was cut off.
 pub fn shortened(text: &str, most: usize) -> String {
     match text.char_indices().nth(most) {

@@ -121,6 +121,11 @@ pub fn lines(bytes: &[u8]) -> impl Iterator<Item = Cow<'_, str>> {
     bytes.split(move |byte| *byte == end).map(String::from_utf8_lossy)
 }
 
+/// Whether text begins with a byte order mark of UTF-16, which is not supported.
+pub fn is_utf16(bytes: &[u8]) -> bool {
+    bytes.starts_with(b"\xff\xfe") || bytes.starts_with(b"\xfe\xff")
+}
+
 /// A file found for a name, and its real name where that differs.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Found {

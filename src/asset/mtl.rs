@@ -5,7 +5,8 @@
 use std::path::{Path, PathBuf};
 
 use super::{Report, file};
-use crate::Result;
+use crate::error::{MAX_QUOTED, shortened};
+use crate::{Error, Result};
 
 const MAX_FILE_BYTES: u64 = 64 << 20;
 
@@ -56,6 +57,10 @@ pub struct Map {
 /// The file cannot be read, or is larger than 64 MiB.
 pub fn load(path: &Path, report: &Report) -> Result<Vec<Mtl>> {
     let bytes = file::read(path, "material library", MAX_FILE_BYTES)?;
+    if file::is_utf16(&bytes) {
+        let (problem, remedy) = ("it is UTF-16 text".into(), "save it again as UTF-8");
+        return Err(Error::Broken { path: path.into(), what: "material library", problem, remedy });
+    }
     Ok(parse(path, &bytes, report))
 }
 
@@ -70,6 +75,7 @@ fn parse(path: &Path, bytes: &[u8], report: &Report) -> Vec<Mtl> {
         } else if let Some(material) = materials.last_mut()
             && let Err(problem) = read_key(material, key, value, index + 1)
         {
+            let (key, value) = (shortened(key, MAX_QUOTED), shortened(value, MAX_QUOTED));
             report.warn(format!("{}:{}: {key} {value}: {problem}; ignored", file::short_name(path), index + 1));
         }
     }
@@ -233,6 +239,12 @@ mod tests {
         assert_eq!(warnings.len(), 7, "{warnings:?}");
         assert!(warnings[0].starts_with("a.mtl:2: Kd 1 2: not an RGB colour"));
         assert_eq!(materials, [Mtl { name: "a".into(), path: "folder/a.mtl".into(), ..Mtl::default() }]);
+    }
+
+    #[test]
+    fn long_values_are_shortened_in_warnings() {
+        let (_, warnings) = parsed(format!("newmtl a\nKd {}\n", "9e99 ".repeat(1000)).as_bytes());
+        assert!(warnings.len() == 1 && warnings[0].chars().count() < 200, "{warnings:?}");
     }
 
     #[test]

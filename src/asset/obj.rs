@@ -11,6 +11,7 @@ use glam::{Vec2, Vec3};
 use super::mesh::{Corner, Submesh};
 use super::mtl::{self, Mtl};
 use super::{Report, file, normals};
+use crate::error::{MAX_QUOTED, shortened};
 use crate::{Error, Result};
 
 const MAX_FILE_BYTES: u64 = 1 << 30;
@@ -38,6 +39,10 @@ pub struct Model {
 /// finite; there are no triangles.
 pub fn load(path: &Path, report: &Report) -> Result<Model> {
     let bytes = file::read(path, "model", MAX_FILE_BYTES)?;
+    if file::is_utf16(&bytes) {
+        let (problem, remedy) = ("it is UTF-16 text".into(), "save it again as UTF-8");
+        return Err(Error::Broken { path: path.into(), what: "OBJ model", problem, remedy });
+    }
     let source = ObjText::new(path, &bytes)?;
     drop(bytes);
     let materials = load_libraries(path, &source, report);
@@ -159,7 +164,10 @@ impl Counts {
             for (index, count) in corner.split('/').zip(self.data) {
                 let safe = -(count as i64)..=i64::from(u32::MAX);
                 if index.parse().is_ok_and(|i: i64| !safe.contains(&i)) {
-                    return Err(broken(path, format!("line {number}: index {index} of a face is not among {count}")));
+                    return Err(broken(
+                        path,
+                        format!("line {number}: index {} of a face is not among {count}", shortened(index, MAX_QUOTED)),
+                    ));
                 }
             }
         }
@@ -248,7 +256,7 @@ fn index_out_of_range(text: &str) -> Option<String> {
     text.lines().enumerate().filter(|(_, line)| line.starts_with('f')).find_map(|(number, line)| {
         let mut indices = line.split_whitespace().skip(1).flat_map(|corner| corner.split('/').zip(counts));
         let (index, count) = indices.find(|(index, count)| index.parse().is_ok_and(|i: i64| i == 0 || i > *count))?;
-        Some(format!("line {number}: index {index} of a face is not in 1..={count}"))
+        Some(format!("line {number}: index {} of a face is not in 1..={count}", shortened(index, MAX_QUOTED)))
     })
 }
 

@@ -104,6 +104,13 @@ fn unusable_texture_coordinates_become_zero() {
 }
 
 #[test]
+fn utf16_is_rejected_with_a_remedy() {
+    let text: Vec<u8> = "v 0 0 0\n".encode_utf16().flat_map(u16::to_le_bytes).collect();
+    let error = problem([b"\xff\xfe", &text[..]].concat());
+    assert!(error.contains("UTF-16 text; save it again as UTF-8"), "{error}");
+}
+
+#[test]
 fn errors_name_the_line() {
     for (text, expected) in [
         ("", "no triangles"),

@@ -57,7 +57,7 @@ pub fn guarded<T>(
     // The decoder panics on some broken files (B44 for one).
     catch_unwind(|| {
         check_header(path, bytes, check_size)?;
-        check_dwa(bytes).and_then(|()| read(bytes)).map_err(|error| broken(path, error.to_string()))
+        check_dwa(bytes).and_then(|()| read(bytes)).map_err(|error| decoder_error(path, &error))
     })
     .unwrap_or_else(|_| Err(broken(path, "its compressed data are invalid".into())))
 }
@@ -75,8 +75,7 @@ fn read_layers(bytes: &[u8]) -> exr::error::Result<FlatImage> {
 }
 
 fn check_header(path: &Path, bytes: &[u8], check_size: SizeCheck) -> Result<()> {
-    let meta =
-        MetaData::read_from_buffered(Cursor::new(bytes), false).map_err(|error| broken(path, error.to_string()))?;
+    let meta = MetaData::read_from_buffered(Cursor::new(bytes), false).map_err(|error| decoder_error(path, &error))?;
     let mut total = 0u64;
     for header in &meta.headers {
         let display = header.shared_attributes.display_window.size;
@@ -220,6 +219,17 @@ fn channel_names(layers: &[FlatLayer]) -> String {
     if names.is_empty() { "none".into() } else { names.join(", ") }
 }
 
+/// An error of the decoder, in plain words where the file ends too early.
+fn decoder_error(path: &Path, error: &ExrError) -> Error {
+    let text = error.to_string();
+    let is_cut = matches!(error, ExrError::Io(error) if error.kind() == std::io::ErrorKind::UnexpectedEof);
+    if !is_cut && !text.contains("reference to missing bytes") {
+        return broken(path, text);
+    }
+    let remedy = "copy or download it again";
+    Error::Broken { path: path.into(), what: "OpenEXR picture", problem: "it ends too early".into(), remedy }
+}
+
 fn broken(path: &Path, problem: String) -> Error {
     let remedy = "save it again as an RGB picture, one part, half or full float";
     Error::Broken { path: path.into(), what: "OpenEXR picture", problem, remedy }
@@ -277,6 +287,16 @@ mod tests {
                 let error = (r - v).abs().max((g - 2.0 * v).abs());
                 assert!(error <= tolerance * (1.0 + v) && b == 7.0, "{compression:?} {i}: {r} {g} {b} for {v}");
             }
+        }
+    }
+
+    #[test]
+    fn a_truncated_file_is_reported_as_such() {
+        let layer = flat(vec![("Y", FlatSamples::F32(vec![1.0; 64]))], (8, 8));
+        let bytes = write(|to| Image::from_layer(layer).write().to_buffered(to).unwrap());
+        for length in [bytes.len() / 2, bytes.len() - 20] {
+            let error = decoded(&bytes[..length], &Report::silent()).err().unwrap().to_string();
+            assert!(error.contains("it ends too early; copy or download it again"), "{length}: {error}");
         }
     }
 

@@ -38,8 +38,11 @@ impl Outputs {
             _ => {}
         }
         let place = real(path);
-        if place.parent().is_some_and(|folder| !folder.is_dir() && !self.folders.iter().any(|made| made == folder)) {
-            return failed(ErrorKind::NotFound.into());
+        if let Some(folder) =
+            place.parent().filter(|folder| !folder.is_dir() && !self.folders.iter().any(|f| f == folder))
+        {
+            let problem = format!("the folder {} does not exist", folder.display());
+            return failed(IoError::new(ErrorKind::NotFound, problem));
         }
         check_folder(&place).map_err(Error::write(path))?;
         self.add(path, place)
@@ -135,6 +138,7 @@ mod tests {
         for name in ["none/a", "file/a", ""] {
             assert!(matches!(outputs.file(&at(name)), Err(Error::Write { .. })), "{name}");
         }
+        assert!(outputs.file(&at("none/a")).unwrap_err().to_string().contains("none does not exist"));
         assert!(matches!(outputs.folder(&at("file/new"), &["a"]), Err(Error::Write { .. })));
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1, "a probe was left behind");
     }

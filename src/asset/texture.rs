@@ -216,16 +216,21 @@ impl Channel {
 }
 
 fn decode(path: &Path, bytes: &[u8]) -> Result<DynamicImage> {
+    // TGA has no signature: any other content is tried as TGA.
+    let known = image::guess_format(bytes).ok();
     let reader = || {
-        // TGA has no signature: it is what nothing else claims.
-        let format = image::guess_format(bytes).unwrap_or(ImageFormat::Tga);
-        let mut reader = ImageReader::with_format(Cursor::new(bytes), format);
+        let mut reader = ImageReader::with_format(Cursor::new(bytes), known.unwrap_or(ImageFormat::Tga));
         let mut limits = Limits::no_limits();
         limits.max_alloc = Some(MAX_DECODER_BYTES);
         reader.limits(limits);
         reader
     };
-    let (width, height) = reader().into_dimensions().map_err(|error| picture_error(path, error))?;
+    let (width, height) = reader().into_dimensions().map_err(|error| match (known, &error) {
+        (None, ImageError::Unsupported(_) | ImageError::Decoding(_) | ImageError::IoError(_)) => {
+            broken(path, "it is neither PNG nor JPEG, and not a valid TGA either".into())
+        }
+        _ => picture_error(path, error),
+    })?;
     if width == 0 || height == 0 || width > MAX_SIDE || height > MAX_SIDE {
         let (size, limit) = (format!("{width}x{height}"), format!("1x1 to {MAX_SIDE}x{MAX_SIDE}"));
         return Err(Error::TooLarge { path: path.into(), what: "texture", size, limit });
@@ -241,7 +246,15 @@ fn picture_error(path: &Path, error: ImageError) -> Error {
         let limit = format!("{MAX_DECODER_BYTES} bytes");
         return Error::TooLarge { path: path.into(), what: "texture", size: error.to_string(), limit };
     }
-    broken(path, error.to_string())
+    broken(path, decoder_problem(&error))
+}
+
+/// The message of a decoder, in plain words where the file ends too early.
+pub(super) fn decoder_problem(error: &ImageError) -> String {
+    match error {
+        ImageError::IoError(error) if error.kind() == std::io::ErrorKind::UnexpectedEof => "it ends too early".into(),
+        error => error.to_string(),
+    }
 }
 
 fn broken(path: &Path, problem: String) -> Error {
@@ -302,7 +315,13 @@ mod tests {
         picture.save_with_format(&path, ImageFormat::Png).unwrap();
         assert_eq!(Texture::load(&path, Encoding::Srgb).unwrap().width, 2);
         std::fs::write(&path, b"no picture at all, but long enough for a header").unwrap();
-        assert!(matches!(Texture::load(&path, Encoding::Srgb), Err(Error::Broken { .. })));
+        let error = Texture::load(&path, Encoding::Srgb).unwrap_err();
+        assert!(matches!(error, Error::Broken { .. }) && error.to_string().contains("neither PNG nor JPEG"), "{error}");
+        picture.save_with_format(&path, ImageFormat::Png).unwrap();
+        let whole = std::fs::read(&path).unwrap();
+        std::fs::write(&path, &whole[..20]).unwrap();
+        let error = Texture::load(&path, Encoding::Srgb).unwrap_err();
+        assert!(error.to_string().contains("it ends too early"), "{error}");
     }
 
     #[test]

@@ -8,7 +8,7 @@ use toml::Spanned;
 
 use super::{Camera, PointLight};
 use crate::asset::{file, obj, shipped};
-use crate::error::shortened;
+use crate::error::{MAX_QUOTED, shortened};
 use crate::{Error, Result};
 
 const MAX_FILE_BYTES: u64 = 16 << 20;
@@ -20,8 +20,8 @@ pub const MAX_LENGTH: f32 = obj::MAX_COORDINATE;
 /// Limit of the exposure in stops, in both directions; the range of f32 is 127.
 const MAX_EXPOSURE: f32 = 100.0;
 const BACKSLASH: &str = "in \"…\" a backslash begins an escape: write / instead, or put the name between '…'";
-/// Characters of a key or value that messages quote.
-const MAX_KEY: usize = 80;
+/// Characters of messages of `toml`, which may quote a value.
+const MAX_MESSAGE: usize = 300;
 const DEFAULT_FOV_DEGREES: f32 = 45.0;
 
 /// A checked description: paths are relative to the working directory, numbers are finite and in their range.
@@ -71,7 +71,7 @@ impl Description {
             let start = error.span().map_or(0, |span| span.start);
             let key = key_at(text, start);
             let problem = explain(error.message(), &key);
-            Error::SceneKey { path: path.into(), line: line_at(text, start), key: shortened(&key, MAX_KEY), problem }
+            Error::SceneKey { path: path.into(), line: line_at(text, start), key: shortened(&key, MAX_QUOTED), problem }
         })?;
         let check = Check { path, text };
         let folder = path.parent().unwrap_or(Path::new(""));
@@ -254,7 +254,11 @@ impl Check<'_> {
         let mut cameras: Vec<Camera> = Vec::new();
         for keys in all {
             if cameras.iter().any(|camera| camera.name == *keys.name.get_ref()) {
-                return Err(self.error("name", &keys.name, format!("there are two cameras `{}`", keys.name.get_ref())));
+                return Err(self.error(
+                    "name",
+                    &keys.name,
+                    format!("there are two cameras `{}`", shortened(keys.name.get_ref(), MAX_QUOTED)),
+                ));
             }
             cameras.push(self.camera(keys)?);
         }
@@ -281,7 +285,7 @@ fn line_at(text: &str, byte: usize) -> usize {
 
 /// The message of `toml`, with long keys shortened, and with a remedy for common mistakes.
 fn explain(message: &str, key: &str) -> String {
-    let message = message.replace(key, &shortened(key, MAX_KEY));
+    let message = shortened(&message.replace(key, &shortened(key, MAX_QUOTED)), MAX_MESSAGE);
     if message.contains("expected a sequence") && ["model", "light", "camera"].contains(&key) {
         format!("there may be several: write `[[{key}]]` instead of `[{key}]`")
     } else if message.contains("escape") || message.contains("unicode value") {

@@ -83,6 +83,7 @@ fn common_mistakes_get_a_remedy_and_long_keys_are_shortened() {
         ("[[model]]\nfile = \"C:\\users\\a.obj\"", "write / instead"),
         ("[[model]]\nfile = \"sub\\new.obj\"", "write / instead"),
         (&format!("{long} = 1"), "…"),
+        (&format!("exposure_ev = '{long}'"), "…"),
     ] {
         let error = parsed(text).unwrap_err().to_string();
         assert!(error.contains(part) && error.chars().count() < 600, "{text}: {error}");
