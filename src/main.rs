@@ -56,7 +56,7 @@ enum Command {
     /// Measure speed against accuracy: tables and charts.
     Measure(Measure),
     /// Say what is modelled for a scene, what is left out, and why.
-    SceneFeatures(NeedsArgs),
+    Needs(NeedsArgs),
     /// Say how different two pictures are.
     Compare(Compare),
     /// Say what this machine has, what is missing, and what to do.
@@ -287,7 +287,7 @@ fn run(cli: &Cli) -> Result<()> {
         Command::Render(render) => run_render(render, gpu, cache),
         Command::Bake(bake) => run_bake(bake, gpu, cache),
         Command::Measure(measure) => run_measure(measure, gpu, cache),
-        Command::SceneFeatures(needs) => run_needs(needs),
+        Command::Needs(needs) => run_needs(needs),
         Command::Compare(compare) => run_compare(compare),
         Command::Doctor => doctor::run(),
         Command::ProbeHeadset => {
