@@ -18,6 +18,7 @@ pub mod picture;
 mod radiance;
 pub mod report;
 pub mod shipped;
+mod synthetic;
 pub mod texture;
 
 pub use cache::Cache;
@@ -25,4 +26,5 @@ pub use mip_chain::{MipChain, Storage, TextureOptions};
 pub use output::Outputs;
 pub use panorama::Panorama;
 pub use report::Report;
+pub use synthetic::synthetic_panorama;
 pub use texture::Texture;
