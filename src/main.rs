@@ -54,7 +54,7 @@ enum Command {
     /// Write what a panorama is precomputed to, as KTX2 files.
     Bake(Bake),
     /// Measure speed against accuracy: tables and charts.
-    Measure(Measure),
+    Measure(MeasureRequest),
     /// Say what is modelled for a scene, what is left out, and why.
     Needs(NeedsArgs),
     /// Say how different two pictures are.
@@ -187,53 +187,6 @@ struct Bake {
 }
 
 #[derive(Args)]
-struct Measure {
-    /// What to measure; everything if left out, or for `all`. What ends in .toml or .obj is a scene for `ladder` and
-    /// `causes`.
-    #[arg(value_name = "NAME|SCENE")]
-    names: Vec<String>,
-    /// The folder for CSV, JSON and charts; made if it is not there.
-    #[arg(short, long, value_name = "DIR", required_unless_present = "list")]
-    output: Option<PathBuf>,
-    /// Write everything that was measured.
-    #[arg(long, value_name = "FILE")]
-    json: Option<PathBuf>,
-    /// A few sizes and parameters: minutes. The default.
-    #[arg(long, conflicts_with = "full")]
-    quick: bool,
-    /// All sizes and parameters, more texels: an hour on a CPU.
-    #[arg(long)]
-    full: bool,
-    /// Say what can be measured.
-    #[arg(long)]
-    list: bool,
-    /// Pixels of the pictures of ladder and causes.
-    #[arg(long, value_name = "WxH", value_parser = parse_size)]
-    picture: Option<[u32; 2]>,
-    /// Say which settings of a ladder are the quickest with an error (mean FLIP) of at most this.
-    #[arg(long, value_name = "FLIP", value_parser = parse_positive, conflicts_with = "budget_ms")]
-    tolerance: Option<f64>,
-    /// Say which settings of a ladder are the most accurate that take at most so long a frame.
-    #[arg(long, value_name = "MS", value_parser = parse_positive)]
-    budget_ms: Option<f64>,
-    /// Pixels in a degree of visual angle as the ladder's FLIP sees them: 67 on a monitor at arm's length, 11 in an HTC Vive.
-    #[arg(long, value_name = "N", default_value_t = PIXELS_PER_DEGREE, value_parser = parse_pixels_per_degree)]
-    pixels_per_degree: f32,
-    /// Measure with this panorama instead of the synthetic and shipped ones; may be repeated.
-    #[arg(long = "panorama", value_name = "FILE")]
-    panoramas: Vec<PathBuf>,
-    /// Measure this method alone; may be repeated.
-    #[arg(long = "method", value_name = "NAME")]
-    methods: Vec<String>,
-    /// Texels along the cube's faces; may be repeated.
-    #[arg(long = "size", value_name = "N")]
-    sizes: Vec<u32>,
-    /// Also judge cube maps that cmgen wrote (-f exr --no-mirror) from the one panorama.
-    #[arg(long, value_name = "DIR")]
-    judge: Option<PathBuf>,
-}
-
-#[derive(Args)]
 struct Compare {
     a: PathBuf,
     b: PathBuf,
@@ -286,7 +239,7 @@ fn run(cli: &Cli) -> Result<()> {
         Command::View(view) => run_view(view, gpu, cache),
         Command::Render(render) => run_render(render, gpu, cache),
         Command::Bake(bake) => run_bake(bake, gpu, cache),
-        Command::Measure(measure) => run_measure(measure, gpu, cache),
+        Command::Measure(request) => measure::run(request, gpu, cache, &Report::to_terminal()),
         Command::Needs(needs) => run_needs(needs),
         Command::Compare(compare) => run_compare(compare),
         Command::Doctor => doctor::run(),
@@ -367,31 +320,6 @@ fn run_bake(args: &Bake, gpu: GpuOptions<'_>, cache: Option<&Cache>) -> Result<(
         Some(path) => write_json(path, &facts),
         None => Ok(()),
     }
-}
-
-fn run_measure(args: &Measure, gpu: GpuOptions<'_>, cache: Option<&Cache>) -> Result<()> {
-    if args.list {
-        measure::MEASUREMENTS.iter().for_each(|m| say!("{:12} {}", m.name, m.what));
-        say!("methods      {}", measure::METHODS.join(", "));
-        return Ok(());
-    }
-    let (scenes, names): (Vec<String>, Vec<String>) = args.names.iter().cloned().partition(|name| is_scene(name));
-    let request = MeasureRequest {
-        names: &names,
-        scenes: &scenes.into_iter().map(PathBuf::from).collect::<Vec<_>>(),
-        picture: args.picture,
-        limit: limit(args.tolerance, args.budget_ms),
-        pixels_per_degree: args.pixels_per_degree,
-        cache,
-        output: args.output.as_deref().unwrap_or(std::path::Path::new(".")),
-        full: args.full,
-        panoramas: &args.panoramas,
-        methods: &args.methods,
-        sizes: &args.sizes,
-        judge: args.judge.as_deref(),
-        json: args.json.as_deref(),
-    };
-    measure::run(&request, gpu, &Report::to_terminal())
 }
 
 fn run_compare(args: &Compare) -> Result<()> {

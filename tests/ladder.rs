@@ -56,9 +56,9 @@ fn json(path: PathBuf) -> serde_json::Value {
     serde_json::from_slice(&std::fs::read(&path).expect("a JSON file")).expect("whole JSON")
 }
 
-/// The scene's settings.
-fn rungs(ladder: &serde_json::Value) -> &Vec<serde_json::Value> {
-    ladder["ladders"][0]["rungs"].as_array().expect("rungs")
+/// What was measured of the scene's settings.
+fn configs(ladder: &serde_json::Value) -> &Vec<serde_json::Value> {
+    ladder["ladders"][0]["configs"].as_array().expect("configs")
 }
 
 #[test]
@@ -72,23 +72,29 @@ fn a_ladder_tells_every_setting_apart_and_its_choices_are_taken() {
 
     let ladder = json(at.join("out/ladder.json"));
     assert_eq!(json(at.join("all.json")), ladder);
-    let rungs = rungs(&ladder);
+    let configs = configs(&ladder);
     let number = |flags: &str, key: &str| {
-        let rung = rungs.iter().find(|rung| rung["flags"] == flags).unwrap_or_else(|| panic!("no rung `{flags}`"));
-        rung[key].as_f64().unwrap_or_else(|| panic!("no number {key} in {rung}"))
+        let config = configs
+            .iter()
+            .find(|config| config["flags"] == flags)
+            .unwrap_or_else(|| panic!("no configuration `{flags}`"));
+        config[key].as_f64().unwrap_or_else(|| panic!("no number {key} in {config}"))
     };
-    for rung in rungs {
+    for config in configs {
         for key in ["ms", "flip", "relative_mse"] {
-            let value = number(rung["flags"].as_str().expect("flags"), key);
-            assert!(value.is_finite() && value > 0.0, "{key} of {rung}");
+            let value = number(config["flags"].as_str().expect("flags"), key);
+            assert!(value.is_finite() && value > 0.0, "{key} of {config}");
         }
     }
     // Karis' masking and one lobe for all, Phong, and light that bounces once are other light: farther from exact than the default by more than
     // what is left of the exact picture's own error, which is less than any error.
-    let floor = &ladder["ladders"][0]["exact"]["floor"];
+    let floor = &ladder["ladders"][0]["reference"]["floor"];
     let floor = ["flip", "relative_mse"].map(|key| floor[key].as_f64().expect("a floor"));
     for (key, floor) in ["flip", "relative_mse"].into_iter().zip(floor) {
-        assert!(rungs.iter().all(|rung| rung[key].as_f64().expect("an error") > floor), "{key}: {floor} of {ladder}");
+        assert!(
+            configs.iter().all(|config| config[key].as_f64().expect("an error") > floor),
+            "{key}: {floor} of {ladder}"
+        );
         for worse in ["--geometry karis2013 --split-sum classic", "--shading phong", "--scattering single"] {
             let [worse, default] = [worse, ""].map(|flags| number(flags, key));
             assert!(worse > default + floor, "{key}: {worse} against {default}, {floor}");
@@ -101,23 +107,21 @@ fn a_ladder_tells_every_setting_apart_and_its_choices_are_taken() {
         assert!((over - number(worse, "flip") + number("", "flip")).abs() < 1e-9, "{worse}");
     }
     assert_eq!(number("", "flip_noise"), 0.0, "the default beside itself");
-    assert!(rungs.iter().any(|rung| rung["dimension"] == "combined"), "nothing was combined");
-    let beaten = |rung: &&serde_json::Value| !rung["beaten_by"].is_null();
-    for rung in rungs.iter().filter(beaten) {
-        let by = rung["beaten_by"].as_str().map(|by| if by == "default" { "" } else { by }).expect("a name");
-        let of = |key: &str| rung[key].as_f64().expect("a number");
-        let no_worse = [number(by, "ms") <= of("ms"), number(by, "flip") <= of("flip")];
-        let (least, words) = if rung["within_noise"] == true { (1, "one of both") } else { (2, "both") };
-        assert!(no_worse.iter().filter(|no_worse| **no_worse).count() >= least, "{words}: {rung} by {by}");
+    assert!(configs.iter().any(|config| config["dimension"] == "combined"), "nothing was combined");
+    // Another one is better in time or in error.
+    for config in configs.iter().filter(|config| !config["dominated_by"].is_null()) {
+        let by = config["dominated_by"].as_str().map(|by| if by == "default" { "" } else { by }).expect("a name");
+        let of = |key: &str| config[key].as_f64().expect("a number");
+        assert!(number(by, "ms") < of("ms") || number(by, "flip") < of("flip"), "{config} by {by}");
     }
-    assert!(rungs.iter().any(|rung| rung["beaten_by"].is_null()), "there is a front");
+    assert!(configs.iter().any(|config| config["dominated_by"].is_null()), "there is a front");
 
     let csv = std::fs::read_to_string(at.join("out/ladder.csv")).expect("a table");
-    assert_eq!(csv.lines().count(), rungs.len() + 1);
+    assert_eq!(csv.lines().count(), configs.len() + 1);
     let table = std::fs::read_to_string(at.join("out/ladder.md")).expect("a table");
     let svg = std::fs::read_to_string(at.join("out/ladder-floor.svg")).expect("a chart");
     assert!(table.contains("67 pixels per degree") && svg.contains("67 pixels per degree"));
-    for part in ["samples 1", "default", "cube 64"] {
+    for part in ["samples 1", "cube 64"] {
         assert!(table.contains(&part.replace("cube ", "--cube-size ")) && svg.contains(part), "{part}");
     }
     assert!(svg.len() < 150_000 && !svg.contains("NaN"), "{} bytes", svg.len());
@@ -128,7 +132,7 @@ fn a_ladder_tells_every_setting_apart_and_its_choices_are_taken() {
     let chosen: &str =
         said.lines().find_map(|line| line.split_once("at most 1: ")?.1.split_once(" (")).expect("a choice").0;
     let quickest =
-        |key: &str| rungs.iter().map(|rung| rung[key].as_f64().expect("a number")).fold(f64::INFINITY, f64::min);
+        |key: &str| configs.iter().map(|config| config[key].as_f64().expect("a number")).fold(f64::INFINITY, f64::min);
     assert_eq!(
         number(if chosen == "default" { "" } else { chosen }, "ms"),
         quickest("ms"),
@@ -163,7 +167,7 @@ fn limits_and_settings_at_once_are_bad_usage() {
         (&["render", SCENE, "-o", "x.png", "--scale", "2"][..], "0.25 to 1"),
         (&["render", SCENE, "-o", "x.png", "--cube-size", "100"][..], "power of two"),
         (&["render", SCENE, "-o", "x.png", "--irradiance-size", "2"][..], "power of two"),
-        (&["measure", "frame", SCENE, "-o", "out"][..], "measure ladder"),
+        (&["measure", "furnace", SCENE, "-o", "out"][..], "measure ladder"),
     ] {
         fails(at, arguments, 2, part);
     }
@@ -191,10 +195,10 @@ fn what_a_ladder_had_when_it_was_stopped_stays() {
     let finished = rows();
     assert!(finished >= 2);
     let ladder = json(at.join("out/ladder.json"));
-    assert_eq!(ladder["ladders"][0]["exact"]["pixels_per_degree"], 11.0);
+    assert_eq!(ladder["ladders"][0]["reference"]["pixels_per_degree"], 11.0);
     assert!(std::fs::read_to_string(at.join("out/ladder.md")).expect("a table").contains("11 pixels per degree"));
-    assert!(rungs(&ladder).len() >= finished - 1, "JSON follows the table by a row at most");
-    assert!(rungs(&ladder).iter().all(|rung| rung["flip"].as_f64().is_some_and(|flip| flip > 0.0)), "{ladder}");
+    assert!(configs(&ladder).len() >= finished - 1, "JSON follows the table by a row at most");
+    assert!(configs(&ladder).iter().all(|config| config["flip"].as_f64().is_some_and(|flip| flip > 0.0)), "{ladder}");
     assert!(!at.join("out/ladder-floor.svg").exists(), "the chart comes last");
     fails(at, &["render", SCENE, "-o", "x.png", "--tolerance", "1"], 1, "have not been measured");
 }

@@ -4,7 +4,7 @@ use std::path::Path;
 use std::process::{Command, Output};
 
 use pbr_vr::asset::picture::Picture;
-use pbr_vr::measure::synthetic_panorama;
+use pbr_vr::asset::synthetic_panorama;
 
 fn run(folder: &Path, arguments: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_pbr-vr"))

@@ -21,6 +21,7 @@ mod radiance;
 mod radiance_image;
 pub mod report;
 pub mod shipped;
+mod synthetic;
 pub mod texture;
 
 pub use cache::Cache;
@@ -28,4 +29,5 @@ pub use mip_chain::{MipChain, Storage, TextureOptions};
 pub use output::Outputs;
 pub use panorama::Panorama;
 pub use report::Report;
+pub use synthetic::synthetic_panorama;
 pub use texture::Texture;

@@ -1,68 +1,38 @@
-//! Maps in memory, and what the program's own stage makes of a panorama.
+//! Light maps in memory, and those that the renderer uses, read back from the GPU.
 
 use std::sync::Arc;
 
-use half::f16;
-
-use super::texels::Texel;
 use crate::Result;
-use crate::gpu::{Gpu, Image, PassTime, Subresource, read_image};
-use crate::precompute::LightMaps;
+use crate::gpu::{Gpu, PassTime};
 use crate::precompute::alternatives::{Quantity, Target};
+use crate::precompute::{CubeTexels, LightMaps};
 use crate::reference::levels::{LEVELS, alpha_from_level};
 
-/// One map: its lobe, its size and, face by face and row by row, its texels.
+/// One map: its quantity, lobe and texels.
 pub struct Map {
     pub quantity: Quantity,
     pub level: u32,
-    pub target: Target,
-    pub texels: Vec<[f32; 3]>,
+    pub alpha: f64,
+    pub cube: CubeTexels,
 }
 
-impl Map {
-    pub fn at(&self, [x, y, face]: Texel) -> [f32; 3] {
-        let size = self.target.size;
-        self.texels[((face * size + y) * size + x) as usize]
-    }
-}
-
-/// Reads one mip of a cube map in half floats that holds radiance / `scale`.
-pub fn read_cube(gpu: &Arc<Gpu>, image: &Image, mip: u32, scale: f32) -> Result<Vec<[f32; 3]>> {
-    let mut texels = Vec::new();
-    for layer in 0..6 {
-        let bytes = read_image(gpu, image, Subresource { mip, layer }, 8)?;
-        let value = |b: &[u8]| f16::from_le_bytes([b[0], b[1]]).to_f32() * scale;
-        texels.extend(bytes.chunks_exact(8).map(|t| [value(&t[..2]), value(&t[2..4]), value(&t[4..6])]));
-    }
-    Ok(texels)
-}
-
-/// The specular maps that the program's own stage makes, scaled to cubes of `size`; the mirror level is left out.
+/// Level, lobe and size of the renderer's own specular maps for cubes of `size`; the mirror level is left out.
 pub fn specular_targets(size: u32) -> Vec<(u32, Target)> {
-    (1..LEVELS)
-        .map(|level| {
-            let target = Target { alpha: alpha_from_level(level), size: (size >> (level / 2)).max(1) };
-            (level as u32, target)
-        })
-        .collect()
+    let target = |level| Target { alpha: alpha_from_level(level), size: (size >> (level / 2)).max(1) };
+    (1..LEVELS).map(|level| (level as u32, target(level))).collect()
 }
 
-/// The irradiance map that the program's own stage makes.
+/// The renderer's own irradiance map.
 pub const IRRADIANCE: Target = Target { alpha: 1.0, size: 32 };
 
-/// Everything that the program's own stage makes, but for the mirror level.
-pub fn own_maps(gpu: &Arc<Gpu>, light: &LightMaps) -> Result<Vec<Map>> {
-    let mut maps = Vec::new();
-    for (level, target) in specular_targets(light.specular[0].desc().size[0]) {
-        let texels = read_cube(gpu, &light.specular[level as usize % 2], level / 2, light.scale)?;
-        maps.push(Map { quantity: Quantity::Specular, level, target, texels });
-    }
-    let texels = read_cube(gpu, &light.irradiance_over_pi, 0, light.scale)?;
-    maps.push(Map { quantity: Quantity::Irradiance, level: 0, target: IRRADIANCE, texels });
-    Ok(maps)
+/// All of the renderer's own maps: the specular levels, the mirror's first, and irradiance / π.
+pub fn own_maps(gpu: &Arc<Gpu>, light: &LightMaps) -> Result<(Vec<CubeTexels>, CubeTexels)> {
+    let level = |level: usize| CubeTexels::read(gpu, &light.specular[level % 2], (level / 2) as u32, light.scale);
+    let irradiance = CubeTexels::read(gpu, &light.irradiance_over_pi, 0, light.scale)?;
+    Ok(((0..LEVELS).map(level).collect::<Result<_>>()?, irradiance))
 }
 
-/// GPU time of the program's own stage for one quantity: all passes but the other quantity's own.
+/// GPU time for one quantity of the renderer's own maps: all passes but those of the other quantity alone.
 pub fn own_ms(times: &[PassTime], quantity: Quantity) -> f64 {
     let other = match quantity {
         Quantity::Specular => "irradiance",

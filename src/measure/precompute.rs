@@ -1,36 +1,79 @@
-//! The sweep over every way to fill the irradiance and specular maps.
+//! Time and error of every way to fill the irradiance and specular maps.
 
 use std::collections::HashMap;
-use std::path::PathBuf;
+use std::path::Path;
 use std::sync::Arc;
 
-use glam::{DVec3, Vec3};
+use glam::DVec3;
+use serde::Serialize;
 
-use super::clock::{cpu_ms, today};
-use super::maps::{IRRADIANCE, Map, own_maps, own_ms, read_cube, specular_targets};
-use super::table::{Csv, Row, Sweep};
-use super::texels::{Accuracy, Texel, prefiltered_truth, spread_texels};
-use super::{MeasureRequest, chart, judge, synthetic};
-use crate::asset::file::write_atomically;
-use crate::asset::{Panorama, Report, shipped};
-use crate::gpu::{Gpu, GpuOptions, Image, PassTime};
+use super::bench::Context;
+use super::cmgen;
+use super::machine::{Machine, cpu_ms};
+use super::maps::{IRRADIANCE, Map, own_maps, own_ms, specular_targets};
+use super::pareto::{Score, front};
+use super::plot::{Mark, Panel, Plot, Point, Series, YAxis};
+use super::report::{write_json, write_table};
+use super::request::MeasureRequest;
+use super::texels::{Accuracy, Texel, spread_texels, texel_direction};
+use crate::asset::picture::Picture;
+use crate::asset::{Panorama, synthetic_panorama};
+use crate::gpu::{Gpu, Image, PassTime};
 use crate::precompute::alternatives::{AlternativePass, Environment, Method, Quantity, Target};
-use crate::precompute::{LightMaps, Options};
-use crate::{Error, Result};
+use crate::precompute::{CubeTexels, LightMaps, Options};
+use crate::reference::levels::alpha_from_level;
+use crate::reference::panorama_sums::prefiltered_around;
+use crate::{Result, say};
 
-/// The ways by name: the program's own, then the usual ones.
+/// The ways by name: the renderer's own, then the usual ones.
 pub const METHODS: [&str; 6] =
     ["ours", "monte-carlo", "filtered-sampling", "fixed-step", "fixed-step-without-sine", "spherical-harmonics"];
+/// Texels across the synthetic panoramas.
+const WIDTH: u32 = 2048;
 
-/// What `error` means in the results.
+/// The meaning of errors in the results.
 const ERROR: &str = "|value - truth| / truth of a texel, both summed over RGB; truth: f64 sum over all panorama texels";
 
 /// Runs of one method, of which the fastest counts; one is enough where a run takes long.
 const RUNS: u32 = 3;
 const LONG_MS: f64 = 500.0;
 
+/// One map of one method.
+#[derive(Clone, Debug, Serialize)]
+struct Row {
+    panorama: String,
+    /// Texels along a face of the environment's cube.
+    cube_size: u32,
+    method: String,
+    /// Samples, step in radians, or degree; empty for methods without.
+    parameter: String,
+    quantity: Quantity,
+    level: u32,
+    alpha: f64,
+    /// Texels along a face of this map.
+    face_size: u32,
+    /// How many texels were judged.
+    judged: usize,
+    #[serde(flatten)]
+    error: Accuracy,
+    /// GPU time for all of this quantity's maps together, cube and mips included; `None` for other programs' maps.
+    gpu_ms: Option<f64>,
+    /// Processor time of the process for the same; for `ours` for both quantities, upload and pipelines included.
+    cpu_ms: Option<f64>,
+}
+
+#[derive(Serialize)]
+struct Results {
+    #[serde(flatten)]
+    machine: Machine,
+    error: &'static str,
+    rows: Vec<Row>,
+    charts: Vec<String>,
+    warnings: Vec<String>,
+}
+
 /// How much is measured.
-struct Extent {
+struct Sweep {
     sizes: Vec<u32>,
     methods: Vec<Method>,
     ours: bool,
@@ -38,14 +81,14 @@ struct Extent {
     texels: usize,
 }
 
-impl Extent {
-    fn new(request: &MeasureRequest<'_>) -> Self {
+impl Sweep {
+    fn new(request: &MeasureRequest) -> Self {
         let (default_sizes, log2_samples, steps, texels): (&[u32], &[u32], &[f32], usize) = if request.full {
             (&[128, 256, 512], &[4, 5, 6, 7, 8, 9, 10], &[0.2, 0.1, 0.05, 0.025, 0.0125], 1536)
         } else {
             (&[128, 256], &[4, 6, 8], &[0.2, 0.1, 0.05], 96)
         };
-        let sizes = if request.sizes.is_empty() { default_sizes } else { request.sizes }.to_vec();
+        let sizes = if request.sizes.is_empty() { default_sizes } else { &request.sizes }.to_vec();
         let wanted = |name: &str| request.methods.is_empty() || request.methods.iter().any(|m| m == name);
         let mut methods: Vec<Method> = log2_samples
             .iter()
@@ -61,111 +104,90 @@ impl Extent {
 }
 
 /// Maps of one method, and what they took.
-struct Made {
+struct Filled {
     method: String,
     parameter: String,
     cube_size: u32,
     maps: Vec<Map>,
-    /// By quantity.
-    gpu_ms: HashMap<Quantity, f64>,
+    /// By quantity: specular, irradiance.
+    gpu_ms: [Option<f64>; 2],
     cpu_ms: Option<f64>,
 }
 
 /// Measures and writes `precompute.csv`, `precompute.json` and one chart for each panorama and size.
-pub fn run(request: &MeasureRequest<'_>, gpu: GpuOptions<'_>, report: &Report) -> Result<()> {
-    let extent = Extent::new(request);
-    let panoramas = sources(request)?;
-    let mut csv = Csv::new(&request.output.join("precompute.csv"))?;
-    let gpu = Gpu::open(gpu)?;
-    let messages = gpu.messages();
-    let mut sweep = Sweep {
-        gpu: gpu.info().name.clone(),
-        driver: gpu.info().driver.clone(),
-        date: today(),
-        error: ERROR,
-        rows: Vec::new(),
-        charts: Vec::new(),
-        warnings: Vec::new(),
-    };
-    let steps = panoramas.len() * extent.sizes.len() * (extent.methods.len() + usize::from(extent.ours));
+pub fn run(request: &MeasureRequest, context: Context<'_>) -> Result<()> {
+    let Context { gpu, report, .. } = context;
+    let (sweep, folder) = (Sweep::new(request), request.folder());
+    let files = request.panorama_files()?;
+    let suns: &[bool] = if request.panoramas.is_empty() { &[true, false] } else { &[] };
+    let synthetic = suns.iter().map(|sun| Ok(synthetic_panorama(WIDTH, *sun)));
+    let mut rows: Vec<Row> = Vec::new();
+    let steps = (files.len() + suns.len()) * sweep.sizes.len() * (sweep.methods.len() + usize::from(sweep.ours));
     let bar = report.progress("measuring", steps as u64);
-    for source in &panoramas {
-        let panorama = source.load(report)?;
-        let mut truths = Truths { panorama: &panorama, most: extent.texels, known: HashMap::new() };
-        let mut keep = |made: Made| -> Result<()> {
-            let rows = truths.judge(&panorama.name, made);
-            csv.add(&rows)?;
-            sweep.rows.extend(rows);
-            Ok(())
+    for panorama in synthetic.chain(files.iter().map(|path| Panorama::load(path, report))) {
+        let panorama = panorama?;
+        let mut truths = Truths { panorama: &panorama, most: sweep.texels, known: HashMap::new() };
+        let mut keep = |filled: Filled| {
+            rows.extend(truths.judge(filled));
+            write(folder, &rows)
         };
-        if let Some(folder) = request.judge {
-            let maps = judge::read_maps(folder, report)?;
-            keep(foreign(maps))?;
+        if let Some(folder) = &request.judge {
+            keep(foreign(cmgen::read_maps(folder)?))?;
         }
-        for size in &extent.sizes {
-            let (light, ours) = own(&gpu, &panorama, *size)?;
-            if extent.ours {
+        for size in &sweep.sizes {
+            let (light, ours) = own(gpu, &panorama, *size)?;
+            if sweep.ours {
                 keep(ours)?;
                 bar.inc(1);
             }
             let environment = fastest(|| {
-                let environment = Environment::new(&gpu, &light.panorama, light.scale, *size)?;
+                let environment = Environment::new(gpu, &light.panorama, light.scale, *size)?;
                 let ms = total(&environment.times);
                 Ok((environment, ms))
             })?;
-            for method in &extent.methods {
-                keep(alternative(&gpu, &environment, *size, *method)?)?;
+            for method in &sweep.methods {
+                keep(alternative(gpu, &environment, *size, *method)?)?;
                 bar.inc(1);
             }
         }
     }
     bar.finish_and_clear();
-    drop(gpu);
-    messages.check()?;
-    sweep.charts = chart::write_all(request.output, &sweep)?;
-    sweep.warnings = report.warnings();
-    let path = request.output.join("precompute.json");
-    let text = serde_json::to_string_pretty(&sweep).map_err(|e| Error::write(&path)(e.into()))?;
-    write_atomically(&path, (text + "\n").as_bytes())
+    let machine = Machine::new(gpu);
+    let charts = charts(folder, &rows, &machine)?;
+    write_json(folder, "precompute", &Results { machine, error: ERROR, rows, charts, warnings: report.warnings() })
 }
 
-/// Where a panorama comes from; loaded one at a time.
-enum Source {
-    Synthetic { sun: bool },
-    File(PathBuf),
+fn write(folder: &Path, rows: &[Row]) -> Result<()> {
+    let columns =
+        "panorama cube_size method parameter quantity level alpha face_size judged mean p95 max gpu_ms cpu_ms";
+    write_table(folder, "precompute", ("Filling light maps", &[format!("Error: {ERROR}.")]), rows, columns)
 }
 
-impl Source {
-    fn load(&self, report: &Report) -> Result<Panorama> {
-        match self {
-            Self::Synthetic { sun } => Ok(synthetic::panorama(synthetic::WIDTH, *sun)),
-            Self::File(path) => Panorama::load(path, report),
-        }
+/// Writes the synthetic panoramas, `synthetic.exr` and `synthetic-sun.exr`.
+pub fn write_panoramas(folder: &Path) -> Result<()> {
+    for sun in [false, true] {
+        let Panorama { name, width, height, texels } = synthetic_panorama(WIDTH, sun);
+        let rgba: Vec<[f32; 4]> = texels.iter().map(|[r, g, b]| [*r, *g, *b, 1.0]).collect();
+        let path = folder.join(format!("{name}.exr"));
+        Picture::from_radiance(name, width, height, &rgba).write(&path)?;
+        say!("{}", path.display());
     }
+    Ok(())
 }
 
-fn sources(request: &MeasureRequest<'_>) -> Result<Vec<Source>> {
-    if !request.panoramas.is_empty() {
-        return Ok(request.panoramas.iter().cloned().map(Source::File).collect());
-    }
-    let folder = shipped::folder()?;
-    let files = shipped::PANORAMAS.map(|name| Source::File(folder.join(name)));
-    Ok([Source::Synthetic { sun: true }, Source::Synthetic { sun: false }].into_iter().chain(files).collect())
-}
-
-/// The fastest of several runs, with its GPU and processor time.
+/// The result of the fastest of several runs, with its GPU and processor time.
 struct Fastest<T> {
-    made: T,
+    result: T,
     ms: f64,
     cpu_ms: Option<f64>,
 }
 
-/// Runs `work`, which also tells its GPU time, `RUNS` times, or once if that took long.
+/// Runs `work`, which also returns its GPU time, [`RUNS`] times, or once if that took long.
 fn fastest<T>(mut work: impl FnMut() -> Result<(T, f64)>) -> Result<Fastest<T>> {
     let mut run = || {
         let before = cpu_ms();
-        let (made, ms) = work()?;
-        Ok(Fastest { made, ms, cpu_ms: cpu_ms().zip(before).map(|(now, before)| now - before) })
+        let (result, ms) = work()?;
+        Ok(Fastest { result, ms, cpu_ms: cpu_ms().zip(before).map(|(now, before)| now - before) })
     };
     let mut best = run()?;
     for _ in 1..RUNS {
@@ -180,61 +202,63 @@ fn fastest<T>(mut work: impl FnMut() -> Result<(T, f64)>) -> Result<Fastest<T>> 
     Ok(best)
 }
 
-/// The program's own stage.
-fn own(gpu: &Arc<Gpu>, panorama: &Panorama, size: u32) -> Result<(LightMaps, Made)> {
+/// The renderer's own maps.
+fn own(gpu: &Arc<Gpu>, panorama: &Panorama, size: u32) -> Result<(LightMaps, Filled)> {
     let options = Options { face_size: size, ..Options::default() };
-    let Fastest { made: light, cpu_ms, .. } = fastest(|| {
+    let Fastest { result: light, cpu_ms, .. } = fastest(|| {
         let light = LightMaps::new(gpu, panorama, &options)?;
         let ms = total(&light.times);
         Ok((light, ms))
     })?;
-    let gpu_ms = [Quantity::Specular, Quantity::Irradiance].map(|q| (q, own_ms(&light.times, q)));
-    let made = Made {
-        method: "ours".into(),
-        parameter: String::new(),
-        cube_size: size,
-        maps: own_maps(gpu, &light)?,
-        gpu_ms: gpu_ms.into(),
-        cpu_ms,
-    };
-    Ok((light, made))
+    let gpu_ms = [Quantity::Specular, Quantity::Irradiance].map(|quantity| Some(own_ms(&light.times, quantity)));
+    let (levels, irradiance) = own_maps(gpu, &light)?;
+    let specular = (0..).zip(levels).skip(1).map(|(level, cube)| Map {
+        quantity: Quantity::Specular,
+        level,
+        alpha: alpha_from_level(level as usize),
+        cube,
+    });
+    let irradiance = Map { quantity: Quantity::Irradiance, level: 0, alpha: IRRADIANCE.alpha, cube: irradiance };
+    let maps = specular.chain([irradiance]).collect();
+    let filled = Filled { method: METHODS[0].into(), parameter: String::new(), cube_size: size, maps, gpu_ms, cpu_ms };
+    Ok((light, filled))
 }
 
 /// One of the usual ways, from a cube of `size`.
-fn alternative(gpu: &Arc<Gpu>, environment: &Fastest<Environment>, size: u32, method: Method) -> Result<Made> {
+fn alternative(gpu: &Arc<Gpu>, environment: &Fastest<Environment>, size: u32, method: Method) -> Result<Filled> {
     let quantity = method.quantity();
     let targets: Vec<(u32, Target)> = match quantity {
         Quantity::Specular => specular_targets(size),
         Quantity::Irradiance => vec![(0, IRRADIANCE)],
     };
     let only: Vec<Target> = targets.iter().map(|(_, target)| *target).collect();
-    let job = AlternativePass::new(gpu, &environment.made, method, &only)?;
-    let own = fastest(|| Ok(((), total(&job.run(gpu)?))))?;
+    let pass = AlternativePass::new(gpu, &environment.result, method, &only)?;
+    let own = fastest(|| Ok(((), total(&pass.run(gpu)?))))?;
     let map = |(cube, (level, target)): (&Arc<Image>, &(u32, Target))| {
-        let texels = read_cube(gpu, cube, 0, environment.made.scale)?;
-        Ok(Map { quantity, level: *level, target: *target, texels })
+        let cube = CubeTexels::read(gpu, cube, 0, environment.result.scale)?;
+        Ok(Map { quantity, level: *level, alpha: target.alpha, cube })
     };
-    Ok(Made {
+    Ok(Filled {
         method: method.name().into(),
         parameter: method.parameter(),
         cube_size: size,
-        maps: job.cubes.iter().zip(&targets).map(map).collect::<Result<_>>()?,
-        gpu_ms: [(quantity, environment.ms + own.ms)].into(),
+        maps: pass.cubes.iter().zip(&targets).map(map).collect::<Result<_>>()?,
+        gpu_ms: [Some(environment.ms + own.ms); 2],
         cpu_ms: own.cpu_ms.zip(environment.cpu_ms).map(|(a, b)| a + b),
     })
 }
 
-fn foreign(maps: Vec<Map>) -> Made {
-    let cube_size = maps.iter().filter(|m| m.level == 0).map(|m| m.target.size).max().unwrap_or(0);
-    let maps = maps.into_iter().filter(|map| map.target.alpha > 0.0).collect();
-    Made { method: "cmgen".into(), parameter: String::new(), cube_size, maps, gpu_ms: HashMap::new(), cpu_ms: None }
+fn foreign(maps: Vec<Map>) -> Filled {
+    let cube_size = maps.iter().filter(|m| m.level == 0).map(|m| m.cube.size).max().unwrap_or(0);
+    let maps = maps.into_iter().filter(|map| map.alpha > 0.0).collect();
+    Filled { method: "cmgen".into(), parameter: String::new(), cube_size, maps, gpu_ms: [None; 2], cpu_ms: None }
 }
 
 fn total(times: &[PassTime]) -> f64 {
     times.iter().map(|pass| pass.ms).sum()
 }
 
-/// What maps of one panorama should hold, computed once for each lobe and size.
+/// What maps of one panorama should hold (f64 sums over all of its texels), computed once for each lobe and size.
 struct Truths<'a> {
     panorama: &'a Panorama,
     most: usize,
@@ -242,31 +266,98 @@ struct Truths<'a> {
 }
 
 impl Truths<'_> {
-    fn judge(&mut self, panorama: &str, made: Made) -> Vec<Row> {
+    fn judge(&mut self, filled: Filled) -> Vec<Row> {
         let mut rows = Vec::new();
-        for map in &made.maps {
-            let Target { alpha, size } = map.target;
+        for map in &filled.maps {
+            let (alpha, size) = (map.alpha, map.cube.size);
             let (texels, truths) = self.known.entry((alpha.to_bits(), size)).or_insert_with(|| {
                 let texels = spread_texels(size, self.most);
-                let truths = prefiltered_truth(self.panorama, &texels, size, alpha);
+                let directions: Vec<DVec3> = texels.iter().map(|texel| texel_direction(*texel, size)).collect();
+                let Panorama { width, height, texels: radiance, .. } = self.panorama;
+                let truths = prefiltered_around(&directions, alpha, [*width, *height], radiance);
                 (texels, truths)
             });
-            let values: Vec<DVec3> = texels.iter().map(|texel| Vec3::from(map.at(*texel)).as_dvec3()).collect();
+            let values: Vec<DVec3> = texels.iter().map(|texel| map.cube.at(*texel)).collect();
             rows.push(Row {
-                panorama: panorama.to_owned(),
-                cube_size: made.cube_size,
-                method: made.method.clone(),
-                parameter: made.parameter.clone(),
+                panorama: self.panorama.name.clone(),
+                cube_size: filled.cube_size,
+                method: filled.method.clone(),
+                parameter: filled.parameter.clone(),
                 quantity: map.quantity,
                 level: map.level,
                 alpha,
                 face_size: size,
                 judged: values.len(),
                 error: Accuracy::new(&values, truths),
-                gpu_ms: made.gpu_ms.get(&map.quantity).copied(),
-                cpu_ms: made.cpu_ms,
+                gpu_ms: filled.gpu_ms[map.quantity as usize],
+                cpu_ms: filled.cpu_ms,
             });
         }
         rows
+    }
+}
+
+/// Writes a chart for each panorama and cube size; returns their names.
+fn charts(folder: &Path, rows: &[Row], machine: &Machine) -> Result<Vec<String>> {
+    let mut names = Vec::new();
+    for row in rows.iter().filter(|row| row.gpu_ms.is_some()) {
+        let stem = Path::new(&row.panorama).file_stem().unwrap_or_default().to_string_lossy();
+        let name = format!("precompute-{stem}-{}", row.cube_size);
+        if names.contains(&name) {
+            continue;
+        }
+        let own = |other: &&Row| (&other.panorama, other.cube_size) == (&row.panorama, row.cube_size);
+        let own: Vec<&Row> = rows.iter().filter(own).collect();
+        let caption = [
+            format!(
+                "{}, {}. Error: mean over maps of the texels' mean relative error against f64 sums.",
+                machine.gpu, machine.date
+            ),
+            "Labels: samples, step in radians, degree.".into(),
+        ];
+        let plot = Plot {
+            title: format!("Filling light maps from {stem}, cube of {}² texels a face", row.cube_size),
+            panels: vec![
+                panel(&own, Quantity::Specular, "specular levels"),
+                panel(&own, Quantity::Irradiance, "irradiance"),
+            ],
+            caption: caption.into(),
+            key: Vec::new(),
+        };
+        plot.write(folder, &name)?;
+        names.push(name);
+    }
+    Ok(names)
+}
+
+/// Error over time, a series for each method and one for the Pareto front.
+fn panel(rows: &[&Row], quantity: Quantity, title: &str) -> Panel {
+    let rows: Vec<&Row> = rows.iter().copied().filter(|row| row.quantity == quantity && row.gpu_ms.is_some()).collect();
+    let mut series = vec![Series { name: "Pareto front".into(), colour: 6, mark: Mark::Band, ..Series::default() }];
+    for (colour, method) in METHODS.into_iter().enumerate() {
+        let own = || rows.iter().filter(|row| row.method == method);
+        let mut points: Vec<Point> = Vec::new();
+        for row in own() {
+            if points.iter().any(|point| point.label == row.parameter) {
+                continue;
+            }
+            let errors: Vec<f64> = own().filter(|o| o.parameter == row.parameter).map(|o| o.error.mean).collect();
+            let y = 100.0 * errors.iter().sum::<f64>() / errors.len() as f64;
+            points.push(Point { x: row.gpu_ms.unwrap_or(0.0), y, label: row.parameter.clone(), ..Point::default() });
+        }
+        if !points.is_empty() {
+            series.push(Series { name: method.into(), colour, joined: true, points, ..Series::default() });
+        }
+    }
+    let points: Vec<Point> = series.iter().flat_map(|series| &series.points).cloned().collect();
+    let scores: Vec<Score> = points.iter().map(|point| Score { ms: point.x, error: point.y }).collect();
+    let front = front(&scores).into_iter().map(|i| Point { label: String::new(), ..points[i].clone() });
+    series[0].points = front.collect();
+    Panel {
+        title: title.into(),
+        x_label: "GPU time, ms".into(),
+        y: YAxis::Log("mean relative error, %".into()),
+        series,
+        floor: None,
     }
 }

@@ -1,311 +1,269 @@
-//! The thesis's tables of frame rates: its six scenes on the desktop and in stereo, physically based and Phong, with what
-//! they need modelled and with everything; and what starting costs.
+//! What frames cost in the thesis's six scenes, on the desktop and in stereo: physically based and Phong, with the features that
+//! they need and with all, with each way to save time and without; and what starting costs.
 
-use std::collections::BTreeMap;
 use std::path::Path;
-use std::sync::Arc;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use serde::Serialize;
 
-use super::clock::{peak_ram_mib, reset_peak_ram, today};
-use super::turns::{Cost, Limits, Way, take_turns};
-use super::{scenes_chart, scenes_table};
+use super::bench::{Bench, Budget, Context, Cost, Spread, first_eye, interleaved, ratio, size_error};
+use super::machine::Machine;
+use super::plot::{Mark, Panel, Plot, Point};
+use super::report::{write_json, write_table};
+use super::request::MeasureRequest;
 use crate::asset::{Report, TextureOptions, shipped};
-use crate::gpu::{CommandBuffer, Gpu, GpuOptions, Subresource, read_image};
+use crate::gpu::Gpu;
 use crate::precompute::{self, Cache};
+use crate::reference::energy::Scattering;
 use crate::reference::metrics::{PIXELS_PER_DEGREE, flip};
-use crate::render::{Eye, IPD_METRES, Output, Renderer, Settings, Shading};
-use crate::scene::needs::SceneFeatures;
+use crate::render::{CullOptions, Eye, IPD_METRES, Order, Settings, Shading};
 use crate::scene::{Model, Scene};
 use crate::view::{QualityOptions, load_scene};
-use crate::{Error, Result, say};
+use crate::{Result, say};
 
 /// Samples per pixel of every picture.
-pub const SAMPLES: u32 = 4;
+const SAMPLES: u32 = 4;
 
-/// A scene of the thesis, and its Table of results (GTX 1070, HTC Vive; Sponza with 512² textures).
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Known {
+/// A scene of the thesis, with the results that it reports (GTX 1070, HTC Vive; Sponza with 512² textures).
+#[derive(Clone, Copy)]
+struct ThesisScene {
     /// The description's file name without `.toml`.
-    pub name: &'static str,
+    name: &'static str,
     /// The folder of a model that does not come with the program.
-    pub folder: Option<&'static str>,
-    pub thesis_triangles: usize,
+    folder: Option<&'static str>,
+    triangles: usize,
     /// Frames a second on the desktop, in stereo.
-    pub thesis_fps: [f64; 2],
+    fps: [f64; 2],
 }
 
-impl Known {
-    const fn new(name: &'static str, folder: Option<&'static str>, thesis_triangles: usize, fps: [f64; 2]) -> Self {
-        Self { name, folder, thesis_triangles, thesis_fps: fps }
-    }
+/// Smallest first, as in the thesis.
+#[rustfmt::skip]
+const SCENES: [ThesisScene; 6] = [
+    ThesisScene { name: "sphere", folder: None, triangles: 20_479, fps: [1000.0, 100.0] },
+    ThesisScene { name: "teapot", folder: None, triangles: 15_704, fps: [1000.0, 100.0] },
+    ThesisScene { name: "head", folder: Some("lee-perry-smith"), triangles: 9_923, fps: [1000.0, 100.0] },
+    ThesisScene { name: "tearoom", folder: None, triangles: 5_397, fps: [1000.0, 100.0] },
+    ThesisScene { name: "dabrovic-sponza", folder: Some("dabrovic-sponza"), triangles: 66_450, fps: [333.0, 100.0] },
+    ThesisScene { name: "crytek-sponza", folder: Some("crytek-sponza"), triangles: 262_267, fps: [90.0, 35.0] },
+];
 
+impl ThesisScene {
     /// Loads the shipped description.
-    pub fn load(&self, textures: &TextureOptions, report: &Report) -> Result<Scene> {
+    fn load(&self, textures: &TextureOptions, report: &Report) -> Result<Scene> {
         load_scene(&shipped::folder()?.join("scenes").join(self.name).with_extension("toml"), textures, report)
     }
 }
 
-/// Smallest first, as in the thesis.
-pub const SCENES: [Known; 6] = [
-    Known::new("sphere", None, 20_479, [1000.0, 100.0]),
-    Known::new("teapot", None, 15_704, [1000.0, 100.0]),
-    Known::new("head", Some("lee-perry-smith"), 9_923, [1000.0, 100.0]),
-    Known::new("tearoom", None, 5_397, [1000.0, 100.0]),
-    Known::new("dabrovic-sponza", Some("dabrovic-sponza"), 66_450, [333.0, 100.0]),
-    Known::new("crytek-sponza", Some("crytek-sponza"), 262_267, [90.0, 35.0]),
-];
-
-/// Those of the scenes whose files are there; the others are named in warnings.
-pub fn there(report: &Report) -> Result<Vec<Known>> {
-    let mut there = Vec::new();
-    for known in SCENES {
-        match known.folder {
+/// The scenes whose files are there; the others are named in warnings.
+fn available(report: &Report) -> Result<Vec<ThesisScene>> {
+    let mut available = Vec::new();
+    for scene in SCENES {
+        match scene.folder {
             Some(folder) if !shipped::large_scenes()?.join(folder).is_dir() => {
-                report.warn(format!(
-                    "{}: not there, not measured (set PBR_VR_SCENES, or tools/fetch-assets)",
-                    known.name
-                ));
+                let remedy = "set PBR_VR_SCENES, or tools/fetch-assets";
+                report.warn(format!("{}: not there, not measured ({remedy})", scene.name));
             }
-            _ => there.push(known),
+            _ => available.push(scene),
         }
     }
-    Ok(there)
+    Ok(available)
 }
 
-/// Sizes of pictures, and how long each is measured.
-pub struct BenchConfig {
-    pub desktop_size: [u32; 2],
-    pub eye_size: [u32; 2],
-    pub limits: Limits,
-}
-
-impl BenchConfig {
-    pub fn new(full: bool) -> Self {
-        let limits = |seconds| Limits { least: 3, most: 200, time: Duration::from_secs(seconds) };
-        if full {
-            Self { desktop_size: [1920, 1080], eye_size: [1512, 1680], limits: limits(10) }
-        } else {
-            Self { desktop_size: [480, 270], eye_size: [378, 420], limits: limits(2) }
-        }
-    }
-
-    /// As `pbr-vr view` has them on this GPU.
-    pub fn settings(&self, gpu: &Gpu, cache: Option<&Cache>, report: &Report) -> Settings {
-        Settings { samples: SAMPLES, ..QualityOptions::default().settings(gpu, cache, report) }
-    }
+/// As `pbr-vr view` has them on this GPU.
+fn settings(gpu: &Gpu, cache: Option<&Cache>) -> Settings {
+    Settings { samples: SAMPLES, ..QualityOptions::default().settings(gpu, cache, &Report::silent()) }
 }
 
 /// One scene drawn one way.
 #[derive(Clone, Debug, Serialize)]
-pub struct SceneRow {
-    pub scene: &'static str,
-    pub triangles: usize,
+struct Row {
+    scene: &'static str,
+    triangles: usize,
+    thesis_triangles: usize,
     /// `desktop` or `stereo`.
-    pub view: &'static str,
+    view: &'static str,
     /// Of each eye's picture.
-    pub size: [u32; 2],
-    /// `pbr` or `phong`.
-    pub shading: &'static str,
-    /// `needed` or `everything`.
-    pub model: &'static str,
-    /// Pipelines for materials.
-    pub pipelines: usize,
+    size: [u32; 2],
+    way: &'static str,
+    draws: usize,
     #[serde(flatten)]
-    pub cost: Cost,
+    cost: Cost,
     /// What the slower of GPU and recording thread allows.
-    pub fps: f64,
-    pub thesis_fps: f64,
-    /// Of this way's objects alone, once everything is uploaded.
-    pub gpu_mib: f64,
-    pub texture_mib: f64,
-    /// Mean FLIP, and the largest step of 255, against the same picture with what is needed.
-    pub flip_mean: f32,
-    pub largest_step: u8,
+    fps: f64,
+    thesis_fps: f64,
+    texture_mib: f64,
+    /// Wall time until the first desktop frame can be drawn, with an empty cache and with what that start left in it.
+    cold_ms: f64,
+    cached_ms: f64,
+    /// The way that this one is compared with, and how many times its time this one takes.
+    against: &'static str,
+    times: Spread,
+    /// Difference of both pictures: mean FLIP, and the largest step of 255.
+    flip_mean: f32,
+    largest_step: u8,
 }
 
-/// What it took until the first frame could be drawn.
-#[derive(Clone, Debug, Serialize)]
-pub struct StartRow {
-    pub scene: &'static str,
-    /// With an empty cache, and with what that start left in it; wall time.
-    pub cold_ms: f64,
-    pub cached_ms: f64,
-    /// By stage, over all threads together.
-    pub cold_stages_ms: BTreeMap<&'static str, f64>,
-    pub cached_stages_ms: BTreeMap<&'static str, f64>,
-    /// The process's most during the cold start, where the system tells it.
-    pub peak_ram_mib: Option<f64>,
-    /// The GPU's after it.
-    pub gpu_mib: f64,
-}
-
-/// Everything that was measured.
 #[derive(Serialize)]
-pub struct Results {
-    pub gpu: String,
-    pub driver: String,
-    pub date: String,
-    pub samples: u32,
-    pub rows: Vec<SceneRow>,
-    pub starts: Vec<StartRow>,
-    pub warnings: Vec<String>,
+struct Results {
+    #[serde(flatten)]
+    machine: Machine,
+    samples: u32,
+    rows: Vec<Row>,
+    warnings: Vec<String>,
 }
 
-/// Measures, and after each scene writes `scenes.csv`, `scenes-start.csv`, `scenes.json`, `scenes.md` and `scenes.svg`.
-pub fn run(folder: &Path, full: bool, gpu: GpuOptions<'_>, report: &Report) -> Result<()> {
-    let gpu = Gpu::open(gpu)?;
-    let messages = gpu.messages();
-    let stage = BenchConfig::new(full);
-    let (name, driver) = (gpu.info().name.clone(), gpu.info().driver.clone());
-    let known = there(report)?;
-    let warnings = report.warnings();
-    let mut results =
-        Results { gpu: name, driver, date: today(), samples: SAMPLES, rows: vec![], starts: vec![], warnings };
-    for known in &known {
-        let (scene, start, settings) = start(&gpu, known, &stage)?;
-        results.starts.push(start);
-        for view in [View::desktop(&stage), View::stereo(&stage)] {
-            let rows = measure(&gpu, known, &scene, &settings, &stage, view)?;
-            rows.iter().for_each(|row| say!("{}", scenes_table::line(row)));
+/// Measures, and after each scene writes `scenes.csv`, `scenes.json`, `scenes.md` and `scenes.svg`.
+pub fn run(request: &MeasureRequest, context: Context<'_>) -> Result<()> {
+    let [desktop, eye] = if request.full { [[1920, 1080], [1512, 1680]] } else { [[480, 270], [378, 420]] };
+    let budget = Budget { least: 3, seconds: if request.full { 10 } else { 2 } };
+    let views = [View { name: "desktop", size: desktop, eyes: 1 }, View { name: "stereo", size: eye, eyes: 2 }];
+    let available = available(context.report)?;
+    let (machine, warnings) = (Machine::new(context.gpu), context.report.warnings());
+    let mut results = Results { machine, samples: SAMPLES, rows: vec![], warnings };
+    for thesis in &available {
+        let (scene, start_ms, settings) = start(context, thesis, views[0])?;
+        for view in views {
+            let rows = measure(context, thesis, (&scene, start_ms), &settings, budget, view)?;
+            for Row { way, cost, fps, against, times, .. } in &rows {
+                let (name, ms, times) = (thesis.name, cost.gpu_ms.median, times.median);
+                say!("{name}, {}, {way}: {ms:.2} ms, {fps:.0} frames a second, {times:.2} times {against}", view.name);
+            }
             results.rows.extend(rows);
-            scenes_table::write(folder, &results)?;
+            write(request.folder(), &results)?;
         }
-        scenes_chart::write(folder, &results)?;
+        plot(&results).write(request.folder(), "scenes")?;
     }
-    drop(gpu);
-    messages.check()
-}
-
-/// Starts with an empty cache, then with the one that this made; returns what the second loaded.
-fn start(gpu: &Arc<Gpu>, known: &Known, stage: &BenchConfig) -> Result<(Scene, StartRow, Settings)> {
-    let folder = std::env::temp_dir().join(format!("pbr-vr-measure-{}-{}", std::process::id(), known.name));
-    let cache = Cache::in_folder(folder.clone());
-    let settings = stage.settings(gpu, Some(&cache), &Report::silent());
-    let once = || -> Result<_> {
-        let (report, started) = (Report::silent(), Instant::now());
-        let scene = known.load(&settings.textures, &report)?;
-        let own = settings.clone();
-        let renderer = Renderer::new(gpu, &scene, own, Shading::Pbr, stage.desktop_size, 1, &report)?;
-        let ms = started.elapsed().as_secs_f64() * 1e3;
-        let gpu_mib = settled_mib(gpu)?;
-        drop(renderer);
-        Ok((scene, ms, report.times_ms(), gpu_mib))
-    };
-    let can_tell_peak = reset_peak_ram();
-    let cold = once();
-    let peak_ram_mib = can_tell_peak.then(peak_ram_mib).flatten();
-    let cached = cold.and_then(|(_, ms, stages, gpu_mib)| Ok((ms, stages, gpu_mib, once()?)));
-    // What is left behind in a folder for such things harms nobody.
-    let _ = std::fs::remove_dir_all(&folder);
-    let (cold_ms, cold_stages_ms, gpu_mib, (scene, cached_ms, cached_stages_ms, _)) = cached?;
-    let scene_name = known.name;
-    let row =
-        StartRow { scene: scene_name, cold_ms, cached_ms, cold_stages_ms, cached_stages_ms, peak_ram_mib, gpu_mib };
-    // The rows' renderers keep nothing.
-    let precompute = precompute::Options { cache: None, ..settings.precompute.clone() };
-    Ok((scene, row, Settings { precompute, ..settings }))
-}
-
-/// What objects of this process take on the GPU once those given back are gone.
-fn settled_mib(gpu: &Arc<Gpu>) -> Result<f64> {
-    // An empty submission: what was given back lives until the next one has finished.
-    let mut recorder = CommandBuffer::new(gpu)?;
-    let (commands, _) = recorder.begin()?;
-    commands.submit(None)?;
-    recorder.finish()?;
-    gpu.wait_idle()?;
-    Ok(gpu.taken_memory() as f64 / f64::from(1 << 20))
+    Ok(())
 }
 
 /// Where a scene is seen.
 #[derive(Clone, Copy)]
 struct View {
     name: &'static str,
+    /// Of each eye's picture.
     size: [u32; 2],
     eyes: u32,
 }
 
 impl View {
-    fn desktop(stage: &BenchConfig) -> Self {
-        Self { name: "desktop", size: stage.desktop_size, eyes: 1 }
-    }
-
-    fn stereo(stage: &BenchConfig) -> Self {
-        Self { name: "stereo", size: stage.eye_size, eyes: 2 }
-    }
-
     fn eyes(self, scene: &Scene) -> Vec<Eye> {
-        // A loaded scene has a camera.
-        let eye = Eye::of_camera(&scene.cameras[0], self.size[0] as f32 / self.size[1] as f32);
+        let eye = first_eye(scene, self.size);
         if self.eyes == 2 { eye.stereo(IPD_METRES).to_vec() } else { vec![eye] }
     }
 }
 
-/// What is needed stands before everything, which is compared with it.
-const WAYS: [(&str, Shading, &str, Model); 4] = [
-    ("pbr", Shading::Pbr, "needed", Model::Needed),
-    ("pbr", Shading::Pbr, "everything", Model::Everything),
-    ("phong", Shading::Phong, "needed", Model::Needed),
-    ("phong", Shading::Phong, "everything", Model::Everything),
+/// Starts with an empty cache, then with the one that this left; returns the scene, both wall times in ms, and settings without a cache.
+fn start(context: Context<'_>, thesis: &ThesisScene, view: View) -> Result<(Scene, [f64; 2], Settings)> {
+    let folder = std::env::temp_dir().join(format!("pbr-vr-measure-{}-{}", std::process::id(), thesis.name));
+    let cache = Cache::in_folder(folder.clone());
+    let settings = settings(context.gpu, Some(&cache));
+    let once = || -> Result<_> {
+        let started = Instant::now();
+        let scene = thesis.load(&settings.textures, &Report::silent())?;
+        Bench::new(context, &scene, settings.clone(), Shading::Pbr, view.size, view.eyes(&scene))?;
+        Ok((scene, started.elapsed().as_secs_f64() * 1e3))
+    };
+    let both = once().and_then(|(_, cold_ms)| Ok((cold_ms, once()?)));
+    // A leftover in the folder for temporary files is harmless.
+    let _ = std::fs::remove_dir_all(&folder);
+    let (cold_ms, (scene, cached_ms)) = both?;
+    let precompute = precompute::Options { cache: None, ..settings.precompute.clone() };
+    Ok((scene, [cold_ms, cached_ms], Settings { precompute, ..settings }))
+}
+
+/// A name, the way that it is compared with, and what is different from the default settings.
+type Way = (&'static str, usize, fn(&mut Settings, &mut Shading, &mut CullOptions));
+
+const WAYS: [Way; 9] = [
+    ("physically based", 2, |_, _, _| ()),
+    ("physically based, everything", 0, |settings, _, _| settings.model = Model::Everything),
+    ("Phong", 2, |_, shading, _| *shading = Shading::Phong),
+    ("Phong, everything", 2, |settings, shading, _| (settings.model, *shading) = (Model::Everything, Shading::Phong)),
+    ("single scattering", 0, |settings, _, _| settings.scattering = Scattering::Single),
+    ("back faces drawn", 0, |_, _, culling| culling.backs = false),
+    ("no frustum culling", 0, |_, _, culling| culling.frusta = false),
+    ("order as listed", 0, |_, _, culling| culling.order = Order::Listed),
+    ("back faces drawn, order as listed", 0, |_, _, culling| (culling.backs, culling.order) = (false, Order::Listed)),
 ];
+/// The first of them, which the chart shows.
+const CHARTED: usize = 4;
 
 fn measure(
-    gpu: &Arc<Gpu>,
-    known: &Known,
-    scene: &Scene,
+    context: Context<'_>,
+    thesis: &ThesisScene,
+    (scene, [cold_ms, cached_ms]): (&Scene, [f64; 2]),
     settings: &Settings,
-    stage: &BenchConfig,
+    budget: Budget,
     view: View,
-) -> Result<Vec<SceneRow>> {
-    let (mut ways, mut mib) = (Vec::new(), Vec::new());
-    for (_, shading, _, model) in WAYS {
-        let before = settled_mib(gpu)?;
-        let settings = Settings { model, ..settings.clone() };
-        let renderer = Renderer::new(gpu, scene, settings, shading, view.size, view.eyes, &Report::silent())?;
-        mib.push(settled_mib(gpu)? - before);
-        ways.push(Way { renderer, pictures: vec![view.eyes(scene)] });
+) -> Result<Vec<Row>> {
+    let mut benches = Vec::new();
+    for (_, _, change) in WAYS {
+        let (mut settings, mut shading, mut culling) = (settings.clone(), Shading::Pbr, CullOptions::default());
+        change(&mut settings, &mut shading, &mut culling);
+        let mut bench = Bench::new(context, scene, settings, shading, view.size, view.eyes(scene))?;
+        *bench.renderer.culling() = culling;
+        benches.push(bench);
     }
-    let costs = take_turns(gpu, &mut ways, stage.limits)?;
-    let pictures = ways.iter().map(|way| picture(gpu, way, view)).collect::<Result<Vec<_>>>()?;
+    let times = interleaved(&mut benches.iter_mut().collect::<Vec<_>>(), budget)?;
+    let pictures = benches.iter().map(Bench::display).collect::<Result<Vec<_>>>()?;
+    let size = [view.size[0], view.size[1] * view.eyes];
     let mut rows = Vec::new();
-    for (i, (cost, (shading, _, model, kind))) in costs.into_iter().zip(WAYS).enumerate() {
-        let (flip_mean, largest_step) = difference(view, &pictures[i], &pictures[i / 2 * 2])?;
-        rows.push(SceneRow {
-            scene: known.name,
+    for (i, (way, against, _)) in WAYS.into_iter().enumerate() {
+        let ratio = ratio(context.gpu, &times[against], &times[i]);
+        let Some((cost, ratio)) = Cost::of(&times[i]).zip(ratio) else { continue };
+        let (test, reference) = (&pictures[i], &pictures[against]);
+        let steps = test.iter().flatten().zip(reference.iter().flatten()).map(|(a, b)| a.abs_diff(*b));
+        rows.push(Row {
+            scene: thesis.name,
             triangles: scene.triangles(),
+            thesis_triangles: thesis.triangles,
             view: view.name,
             size: view.size,
-            shading,
-            model,
-            pipelines: SceneFeatures::of(scene, kind, None).pipelines(),
+            way,
+            draws: benches[i].renderer.draw_counts()[0],
             cost,
             fps: 1e3 / cost.gpu_ms.median.max(cost.record_ms.median),
-            thesis_fps: known.thesis_fps[view.eyes as usize - 1],
-            gpu_mib: mib[i],
-            texture_mib: ways[i].renderer.texture_facts().bytes as f64 / f64::from(1 << 20),
-            flip_mean,
-            largest_step,
+            thesis_fps: thesis.fps[view.eyes as usize - 1],
+            texture_mib: benches[i].renderer.texture_facts().bytes as f64 / f64::from(1 << 20),
+            cold_ms,
+            cached_ms,
+            against: WAYS[against].0,
+            times: ratio,
+            flip_mean: flip(size, test, reference, PIXELS_PER_DEGREE).ok_or_else(size_error)?.mean,
+            largest_step: steps.max().unwrap_or(0),
         });
     }
     Ok(rows)
 }
 
-/// The last frame's pixels, one eye below the other.
-fn picture(gpu: &Arc<Gpu>, way: &Way, view: View) -> Result<Vec<[u8; 3]>> {
-    let mut pixels = Vec::new();
-    for layer in 0..view.eyes {
-        let bytes = read_image(gpu, way.renderer.picture(), Subresource { mip: 0, layer }, Output::Display.bytes())?;
-        pixels.extend(bytes.as_chunks::<4>().0.iter().map(|[r, g, b, _]| [*r, *g, *b]));
-    }
-    Ok(pixels)
+fn write(folder: &Path, results: &Results) -> Result<()> {
+    let columns = "scene triangles thesis_triangles view size_0 size_1 way draws frames gpu_ms_median gpu_ms_low gpu_ms_high \
+                   cpu_ms_median record_ms_median fps thesis_fps texture_mib cold_ms cached_ms against times_median flip_mean largest_step";
+    let mut notes = vec![
+        "Thesis: GTX 1070 (i7-6700, Windows 10; stereo: HTC Vive, 1080×1200 per eye, 90 Hz). Frames a second are what the slower of GPU \
+         and recording thread allows; times are medians, low and high deciles."
+            .into(),
+    ];
+    notes.extend(results.warnings.iter().map(|warning| format!("Left out: {warning}")));
+    write_table(folder, "scenes", ("Six scenes", &notes), &results.rows, columns)?;
+    write_json(folder, "scenes", results)
 }
 
-fn difference(view: View, test: &[[u8; 3]], reference: &[[u8; 3]]) -> Result<(f32, u8)> {
-    let size = [view.size[0], view.size[1] * view.eyes];
-    let steps = test.iter().flatten().zip(reference.iter().flatten()).map(|(a, b)| a.abs_diff(*b));
-    let flip = flip(size, test, reference, PIXELS_PER_DEGREE)
-        .ok_or_else(|| Error::Usage("pictures of different sizes; this is a defect, please report it".into()))?;
-    Ok((flip.mean, steps.max().unwrap_or(0)))
+/// GPU times: a line for each scene, a mark for each way of drawing.
+fn plot(results: &Results) -> Plot {
+    let Results { machine: Machine { gpu, date, .. }, rows, .. } = results;
+    let panel = |view: &str| {
+        let own = rows.iter().filter(|row| row.view == view && WAYS[..CHARTED].iter().any(|way| way.0 == row.way));
+        let point = |row: &Row| {
+            let Spread { median, low, high } = row.cost.gpu_ms;
+            let point = Point { x: median, x_range: Some([low, high]), ..Point::default() };
+            (row.way.to_owned(), Mark::Circle, row.scene.to_owned(), point)
+        };
+        let [width, height] = rows.iter().find(|row| row.view == view).map_or([0; 2], |row| row.size);
+        let each = if view == "stereo" { " per eye" } else { "" };
+        Panel::named(&format!("{view}, {width}×{height}{each}"), "ms", 0, own.map(point))
+    };
+    let caption = format!("{gpu}, {date}. Marks: medians; lines: from the first to the last decile.");
+    let panels = vec![panel("desktop"), panel("stereo")];
+    Plot { title: "GPU time of a frame".into(), panels, caption: vec![caption], key: Vec::new() }
 }

@@ -1,13 +1,11 @@
-//! Which texels of a map are judged, what they should hold, and how far off they are.
+//! The texels of a map that are judged, and their errors.
 
 use std::collections::HashSet;
 
 use glam::{DVec2, DVec3};
 use serde::Serialize;
 
-use crate::asset::Panorama;
 use crate::reference::cube::cube_direction;
-use crate::reference::panorama_sums::prefiltered_around;
 
 /// A texel of a cube map: column, row, face.
 pub type Texel = [u32; 3];
@@ -42,13 +40,6 @@ pub fn texel_direction([x, y, face]: Texel, size: u32) -> DVec3 {
     cube_direction(face, (DVec2::new(f64::from(x), f64::from(y)) + 0.5) / f64::from(size))
 }
 
-/// What texels of a map with lobes of `alpha` should hold: sums in f64 over all of the panorama's texels. For alpha = 1
-/// that is irradiance / π.
-pub fn prefiltered_truth(panorama: &Panorama, texels: &[Texel], size: u32, alpha: f64) -> Vec<DVec3> {
-    let directions: Vec<DVec3> = texels.iter().map(|texel| texel_direction(*texel, size)).collect();
-    prefiltered_around(&directions, alpha, [panorama.width, panorama.height], &panorama.texels)
-}
-
 /// Relative errors of a map's texels: Σ|value − truth| / Σ truth, both over the three channels.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Accuracy {
@@ -76,7 +67,6 @@ impl Accuracy {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use glam::Vec3;
 
     #[test]
     fn texels_are_distinct_and_spread_over_every_face() {
@@ -92,17 +82,6 @@ mod tests {
                     assert!(texels.iter().filter(inside).count() >= most / 48, "{size} {face} {quarter}");
                 }
             }
-        }
-    }
-
-    #[test]
-    fn the_truth_of_a_linear_panorama_is_linear() {
-        let panorama = Panorama::from_fn(256, 128, |d| Vec3::ONE + 0.5 * d);
-        let texels = spread_texels(32, 24);
-        for (texel, truth) in texels.iter().zip(prefiltered_truth(&panorama, &texels, 32, 1.0)) {
-            // The clamped cosine keeps 2/3 of what is linear.
-            let expected = DVec3::ONE + texel_direction(*texel, 32) / 3.0;
-            assert!(truth.abs_diff_eq(expected, 1e-3), "{truth} against {expected}");
         }
     }
 

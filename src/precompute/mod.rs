@@ -4,6 +4,7 @@
 pub mod alternatives;
 mod brdf_table;
 mod cache;
+mod cube_texels;
 mod hierarchical_convolution;
 mod light_maps;
 mod interaction_lists;
@@ -12,6 +13,7 @@ mod texture;
 
 pub use crate::asset::cache::Cache;
 pub use brdf_table::BrdfTable;
+pub use cube_texels::CubeTexels;
 pub use light_maps::{LightMaps, check_face_size, check_irradiance_size};
 pub use table_texels::{TableAt, TableTexels};
 pub use texture::read_texture;

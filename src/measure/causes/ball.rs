@@ -1,16 +1,14 @@
 //! A ball under panoramas: all its roughnesses and angles, and what each approximation changes of them.
 
-use std::sync::Arc;
-
 use glam::DVec3;
 
-use super::chain::{Cause, CauseSet, Point, Way, radiance};
-use super::stored::Stored;
+use super::super::bench::Context;
+use super::super::maps::own_maps;
+use super::chain::{Cause, Exact, Point, Stored, Variant, radiance};
+use super::rows::{Ablation, Kind, Row};
 use super::sums::Sums;
-use super::{Change, Row, Swap};
 use crate::asset::Panorama;
-use crate::gpu::Gpu;
-use crate::precompute::{BrdfTable, Cache, LightMaps, Options, TableTexels};
+use crate::precompute::{BrdfTable, LightMaps, Options, TableTexels};
 use crate::reference::brdf::Geometry;
 use crate::reference::energy::Scattering;
 use crate::reference::integrals::{Surface, Terms};
@@ -55,92 +53,61 @@ pub const FULL: Grid = Grid {
 
 /// One panorama's ball, ready to be judged.
 pub struct Ball<'a> {
-    gpu: &'a Arc<Gpu>,
+    context: Context<'a>,
     panorama: &'a Panorama,
     name: String,
-    cache: Option<&'a Cache>,
     stored: Stored,
     sums: Sums<'a>,
     /// By material.
     points: [Vec<Point>; MATERIALS.len()],
-    floor: [f64; MATERIALS.len()],
 }
 
 impl<'a> Ball<'a> {
     /// Precomputes the panorama with cubes of `size` and integrates the truth.
-    pub fn new(
-        gpu: &'a Arc<Gpu>,
-        panorama: &'a Panorama,
-        size: u32,
-        grid: &Grid,
-        cache: Option<&'a Cache>,
-    ) -> Result<Self> {
+    pub fn new(context: Context<'a>, panorama: &'a Panorama, size: u32, grid: &Grid) -> Result<Self> {
         let stem = std::path::Path::new(&panorama.name).file_stem().unwrap_or_default();
         let name = stem.to_string_lossy().into_owned();
         let no_texels = || Error::Usage(format!("{}: a panorama without texels", panorama.name));
         let sums = Sums::new(panorama).ok_or_else(no_texels)?;
-        let stored = maps(gpu, panorama, size, cache)?;
-        let table = BrdfTable::new(gpu, Geometry::Smith, SplitSum::Slices, cache)?;
-        let table = TableTexels::read(gpu, &table)?;
-        let even = Panorama::from_fn(64, 32, |_| glam::Vec3::ONE);
-        let even_sums = Sums::new(&even).ok_or_else(no_texels)?;
-        let (mut points, mut floor) = ([const { Vec::new() }; MATERIALS.len()], [0.0; MATERIALS.len()]);
+        let stored = maps(context, panorama, size)?;
+        let table = BrdfTable::new(context.gpu, Geometry::Smith, SplitSum::Slices, context.cache)?;
+        let table = TableTexels::read(context.gpu, &table)?;
+        let mut points = [const { Vec::new() }; MATERIALS.len()];
         for roughness in grid.roughness {
             let terms = Terms::new(*roughness, Geometry::Smith);
             for (material, points) in points.iter_mut().enumerate() {
-                for surface in surfaces(material, *roughness, grid) {
-                    points.push(Point::new(surface, &terms, &sums, &table));
-                }
-                // One normal tells as much as all.
-                for surface in surfaces(material, *roughness, grid).step_by(1 << grid.log2_normals) {
-                    let error = Point::new(surface, &terms, &even_sums, &table).even_error();
-                    floor[material] += error / (grid.roughness.len() * grid.nv.len()) as f64;
-                }
+                points.extend(surfaces(material, *roughness, grid).map(|s| Point::new(s, &terms, &sums, &table)));
             }
         }
-        Ok(Self { gpu, panorama, name, cache, stored, sums, points, floor })
+        Ok(Self { context, panorama, name, stored, sums, points })
     }
 
-    /// Every row: swaps, the chain, alternatives, the whole and the floor.
+    /// Every row: the whole, exact replacements and other settings.
     pub fn rows(&mut self, grid: &Grid) -> Result<Vec<Row>> {
         let mut rows = Vec::new();
-        let default = Way::default();
-        let seen = self.values(CauseSet::ALL, default, None);
+        let default = Variant::default();
+        let seen = self.values(Exact::Nothing, default, None);
         let truth = self.truth();
-        for (i, cause) in Cause::ALL.into_iter().enumerate() {
-            let exact = self.values(CauseSet::without(cause), default, None);
-            let [before, after] = [i, i + 1].map(|count| self.values(CauseSet::first(count), default, None));
-            let words = cause.words();
-            rows.extend(self.each(&truth, Swap::ReferenceAccumulator, words, &exact, &seen));
-            rows.extend(self.each(&truth, Swap::Chain, words, &before, &after));
+        rows.extend(self.each(&truth, Ablation::Whole, ["all", "as it is", "exact"], &truth, &seen));
+        for cause in Cause::ALL {
+            let exact = self.values(Exact::Only(cause), default, None);
+            rows.extend(self.each(&truth, Ablation::Exact, cause.words(), &exact, &seen));
         }
-        let classic = Way { split_sum: SplitSum::Classic, ..default };
-        let single = Way { scattering: Scattering::Single, ..default };
-        let slices = Way { split_sum: SplitSum::Slices, ..default };
-        let twice = Way { fresnel_twice: true, ..default };
-        for (way, words) in [
-            (twice, ["Fresnel", "in the table", "twice: by roughness, too"]),
-            (classic, ["n = v", "matched by its mean", "classic: along r, by roughness"]),
-            (slices, ["slices", "the whole lobe", "two halves, each matched"]),
-            (single, ["scattering", "as often as it takes", "once"]),
+        for (variant, words) in [
+            (Variant { fresnel_twice: true, ..default }, ["Fresnel", "in the table", "twice: by roughness, too"]),
+            (Variant { split_sum: SplitSum::Classic, ..default }, ["n = v", "matched by its mean", "classic: along r"]),
+            (Variant { split_sum: SplitSum::Slices, ..default }, ["slices", "the whole lobe", "two matched halves"]),
+            (Variant { scattering: Scattering::Single, ..default }, ["scattering", "as often as it takes", "once"]),
         ] {
-            let other = self.values(CauseSet::ALL, way, None);
-            rows.extend(self.each(&truth, Swap::Other, words, &other, &seen));
+            let other = self.values(Exact::Nothing, variant, None);
+            rows.extend(self.each(&truth, Ablation::Other, words, &other, &seen));
         }
         let own = self.stored.levels[0].size;
         for size in grid.cubes.iter().filter(|size| **size != own) {
-            let maps = maps(self.gpu, self.panorama, *size, self.cache)?;
-            let other = self.values(CauseSet::ALL, default, Some(&maps));
+            let maps = maps(self.context, self.panorama, *size)?;
+            let other = self.values(Exact::Nothing, default, Some(&maps));
             let words = ["cube resolution", &format!("{own}²"), &format!("{size}²")];
-            rows.extend(self.each(&truth, Swap::Other, words, &other, &seen));
-        }
-        for (material, (name, ..)) in MATERIALS.iter().enumerate() {
-            let whole = relative(&seen[material], &truth[material], &truth[material]);
-            let subject = format!("{}, {name}", self.name);
-            rows.push(Row::ball(&subject, Swap::Whole, ["all", "as it is", "exact"], Change::of(whole, whole, 0.0)));
-            let floor = self.floor[material];
-            let words = ["floor", "f64 sums", "even light's known answer"];
-            rows.push(Row::ball(&subject, Swap::Floor, words, Change::of(floor, floor, 0.0)));
+            rows.extend(self.each(&truth, Ablation::Other, words, &other, &seen));
         }
         Ok(rows)
     }
@@ -150,40 +117,41 @@ impl<'a> Ball<'a> {
     }
 
     /// What all points show, by material.
-    fn values(&mut self, set: CauseSet, way: Way, maps: Option<&Stored>) -> [Vec<DVec3>; MATERIALS.len()] {
+    fn values(&mut self, exact: Exact, variant: Variant, maps: Option<&Stored>) -> [Vec<DVec3>; MATERIALS.len()] {
         let (points, sums, stored) = (&self.points, &mut self.sums, maps.unwrap_or(&self.stored));
         loop {
             let values = std::array::from_fn(|material| {
-                points[material].iter().map(|point| radiance(point, set, way, stored, sums)).collect()
+                points[material].iter().map(|point| radiance(point, exact, variant, stored, sums)).collect()
             });
-            if !sums.answer() {
+            if !sums.compute() {
                 return values;
             }
         }
     }
 
-    /// A row for each material: from `other` to `seen`.
+    /// A row for each material: `seen` against `other`, which replaces it.
     fn each(
         &self,
         truth: &[Vec<DVec3>],
-        swap: Swap,
+        ablation: Ablation,
         words: [&str; 3],
         other: &[Vec<DVec3>],
         seen: &[Vec<DVec3>],
     ) -> Vec<Row> {
         let row = |material: usize| {
             let (truth, other, seen) = (&truth[material], &other[material], &seen[material]);
-            let change =
-                Change::of(relative(seen, other, truth), relative(seen, truth, truth), relative(other, truth, truth));
-            Row::ball(&format!("{}, {}", self.name, MATERIALS[material].0), swap, words, change)
+            let changes = [(seen, other), (seen, truth), (other, truth)].map(|(a, b)| 100.0 * relative(a, b, truth));
+            let subject = format!("{}, {}", self.name, MATERIALS[material].0);
+            Row::new(Kind::Ball, &subject, ablation, words, changes)
         };
         (0..MATERIALS.len()).map(row).collect()
     }
 }
 
-fn maps(gpu: &Arc<Gpu>, panorama: &Panorama, size: u32, cache: Option<&Cache>) -> Result<Stored> {
-    let options = Options { face_size: size, cache: cache.cloned(), ..Options::default() };
-    Stored::read(gpu, &LightMaps::new(gpu, panorama, &options)?)
+fn maps(context: Context<'_>, panorama: &Panorama, size: u32) -> Result<Stored> {
+    let options = Options { face_size: size, cache: context.cache.cloned(), ..Options::default() };
+    let (levels, irradiance) = own_maps(context.gpu, &LightMaps::new(context.gpu, panorama, &options)?)?;
+    Ok(Stored { levels, irradiance })
 }
 
 fn surfaces(material: usize, roughness: f64, grid: &Grid) -> impl Iterator<Item = Surface> {

@@ -1,12 +1,10 @@
-//! Means of a panorama under lobes, in f64: asked for one by one, summed many at once, each only once.
+//! Means of a panorama under lobes, in f64: requested one by one, computed many at once, each only once.
 
 use std::collections::HashMap;
 
-use glam::{DVec2, DVec3};
+use glam::DVec3;
 
-use super::super::texels::{Texel, texel_direction};
 use crate::asset::Panorama;
-use crate::reference::cube::cube_direction;
 use crate::reference::integrals::PanoramaView;
 use crate::reference::panorama_sums::prefiltered_around;
 
@@ -21,14 +19,14 @@ pub struct Sums<'a> {
     panorama: &'a Panorama,
     view: PanoramaView<'a>,
     known: HashMap<Key, DVec3>,
-    asked: Vec<(f64, DVec3)>,
+    requested: Vec<(f64, DVec3)>,
 }
 
 impl<'a> Sums<'a> {
     /// `None` for a panorama without texels.
     pub fn new(panorama: &'a Panorama) -> Option<Self> {
         let view = PanoramaView::new(panorama.width, panorama.height, &panorama.texels)?;
-        Some(Self { panorama, view, known: HashMap::new(), asked: Vec::new() })
+        Some(Self { panorama, view, known: HashMap::new(), requested: Vec::new() })
     }
 
     /// The panorama as the integrals see it.
@@ -37,7 +35,7 @@ impl<'a> Sums<'a> {
     }
 
     /// Mean radiance under a lobe of `alpha` around d, which has any length but 0; 0 where it is not known before the next
-    /// [`Self::answer`].
+    /// [`Self::compute`].
     pub fn around(&mut self, d: DVec3, alpha: f64) -> DVec3 {
         let d = d.normalize();
         if alpha < MIRROR_ALPHA {
@@ -45,34 +43,15 @@ impl<'a> Sums<'a> {
         }
         let key = (alpha.to_bits(), d.to_array().map(f64::to_bits));
         *self.known.entry(key).or_insert_with(|| {
-            self.asked.push((alpha, d));
+            self.requested.push((alpha, d));
             DVec3::ZERO
         })
     }
 
-    /// What a texel of a cube of `size`² faces should hold; of a mirror, the mean over its own solid angle.
-    pub fn texel(&mut self, texel: Texel, size: u32, alpha: f64) -> DVec3 {
-        if alpha < MIRROR_ALPHA { self.mirrored(texel, size) } else { self.around(texel_direction(texel, size), alpha) }
-    }
-
-    /// By as many points as `glsl/cube_and_nodes.comp` takes.
-    fn mirrored(&self, [x, y, face]: Texel, size: u32) -> DVec3 {
-        const TAPS: u32 = 4;
-        let (mut light, mut weights) = (DVec3::ZERO, 0.0);
-        for (u, v) in (0..TAPS).flat_map(|v| (0..TAPS).map(move |u| (u, v))) {
-            let tap = (DVec2::new(f64::from(u), f64::from(v)) + 0.5) / f64::from(TAPS);
-            let st = (DVec2::new(f64::from(x), f64::from(y)) + tap) / f64::from(size);
-            let weight = (1.0 + (2.0 * st - 1.0).length_squared()).powf(-1.5);
-            light += weight * self.view.interpolated().radiance(cube_direction(face, st));
-            weights += weight;
-        }
-        light / weights
-    }
-
-    /// Sums what was asked for; whether that was anything.
-    pub fn answer(&mut self) -> bool {
+    /// Computes what was requested; `false` if nothing was.
+    pub fn compute(&mut self) -> bool {
         let mut by_alpha: HashMap<u64, Vec<DVec3>> = HashMap::new();
-        for (alpha, d) in self.asked.drain(..) {
+        for (alpha, d) in self.requested.drain(..) {
             by_alpha.entry(alpha.to_bits()).or_default().push(d);
         }
         let size = [self.panorama.width, self.panorama.height];
@@ -93,15 +72,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn means_are_known_after_they_were_asked_for_and_only_then() {
+    fn means_are_known_after_they_were_requested_and_computed() {
         let panorama = Panorama::from_fn(64, 32, |d| Vec3::ONE + 0.5 * d);
         let mut sums = Sums::new(&panorama).unwrap();
         assert_eq!(sums.around(DVec3::X, 1.0), DVec3::ZERO);
-        assert!(sums.answer());
+        assert!(sums.compute());
         // The clamped cosine keeps 2/3 of what is linear.
         assert!(sums.around(2.0 * DVec3::X, 1.0).abs_diff_eq(DVec3::new(4.0 / 3.0, 1.0, 1.0), 2e-3));
-        assert!(!sums.answer());
-        let d = texel_direction([3, 4, 1], 16);
-        assert!(sums.texel([3, 4, 1], 16, 0.0).abs_diff_eq(DVec3::ONE + 0.5 * d, 0.01));
+        assert!(!sums.compute());
+        assert!(sums.around(DVec3::X, 0.0).abs_diff_eq(DVec3::new(1.5, 1.0, 1.0), 0.02), "a mirror is known at once");
     }
 }

@@ -1,41 +1,43 @@
-//! Made-up ladders: what is said of them, what is chosen, and what is tried together.
+//! Synthetic ladders: verdicts, choices, tables and charts, and what is tried together.
 
+use super::super::bench::{Cost, Spread};
+use super::super::noise::Halves;
+use super::super::pareto::Limit;
+use super::config::Standing;
+use super::reference::{PictureError, ReferenceFacts};
 use super::*;
+use crate::reference::metrics::PIXELS_PER_DEGREE;
 
-/// What of a difference of FLIP cannot be told in [`ladder`].
+/// Uncertainty of all differences of FLIP.
 const NOISE: f64 = 0.0005;
 
-/// Settings by flags, time and FLIP; the first must be the default.
-pub fn ladder(rungs: &[(&str, f64, f64)]) -> Ladder {
-    let default_ms = rungs[0].1;
-    let rung = |(index, &(flags, ms, flip)): (usize, &(&str, f64, f64))| {
+/// Configurations by flags, time and FLIP; the first must be the default.
+fn ladder(configs: &[(&str, f64, f64)]) -> Ladder {
+    let default_ms = configs[0].1;
+    let config = |(index, &(flags, ms, flip)): (usize, &(&str, f64, f64))| {
         // Noise in a block of its own: any two differ by it in two blocks.
         let half = |noise: f64| {
-            let mut blocks = vec![0.0; rungs.len() + 1];
-            (blocks[index], blocks[rungs.len()]) = (noise, flip);
+            let mut blocks = vec![0.0; configs.len() + 1];
+            (blocks[index], blocks[configs.len()]) = (noise, flip);
             blocks
         };
         let off = NOISE / 8f64.sqrt();
-        let ratio = ms / default_ms;
-        let spread = |middle: f64| Spread { median: middle, low: 0.99 * middle, high: 1.01 * middle };
+        let spread = |median: f64| Spread { median, low: 0.99 * median, high: 1.01 * median };
         let cost = Cost { frames: 100, gpu_ms: spread(ms), cpu_ms: None, record_ms: spread(0.1) };
-        let dimension = flags.split(' ').next().unwrap().to_owned();
-        Rung {
-            dimension,
+        let dimension = flags.split(' ').next().unwrap();
+        Config {
+            dimension: dimension.into(),
             flags: flags.into(),
             cost,
-            ratio: spread(ratio),
+            ratio: spread(ms / default_ms),
             default_gpu_ms: default_ms,
             ms,
             error: error(flip),
             halves: Halves([half(off), half(-off)]),
-            flip_over_default: 0.0,
-            flip_noise: 0.0,
-            beaten_by: None,
-            within_noise: false,
+            standing: Standing::default(),
         }
     };
-    let exact = ExactFacts {
+    let reference = ReferenceFacts {
         frames: 32,
         fineness: 4,
         gpu_ms: 2000.0,
@@ -45,13 +47,11 @@ pub fn ladder(rungs: &[(&str, f64, f64)]) -> Ladder {
     };
     let mut ladder = Ladder {
         scene: "a scene".into(),
-        gpu: "a GPU".into(),
-        driver: "a driver".into(),
-        date: "2026-01-31".into(),
+        machine: Machine { gpu: "a GPU".into(), driver: "a driver".into(), date: "2026-01-31".into() },
         size: [384, 216],
         time: "GPU time".into(),
-        exact,
-        rungs: rungs.iter().enumerate().map(rung).collect(),
+        reference,
+        configs: configs.iter().enumerate().map(config).collect(),
         notes: Vec::new(),
     };
     ladder.settle();
@@ -63,76 +63,74 @@ fn error(flip: f64) -> PictureError {
 }
 
 #[test]
-fn a_default_that_is_beaten_is_said_so_and_so_is_what_cannot_be_told() {
-    let said = |rungs: &[(&str, f64, f64)]| ladder(rungs).verdict().remove(0);
+fn verdicts_say_how_the_default_stands_and_what_is_within_noise() {
+    let verdict = |configs: &[(&str, f64, f64)]| ladder(configs).verdict().remove(0);
     let default = ("", 8.0, 0.010);
-    assert!(said(&[default, ("--a", 4.0, 0.02), ("--b", 9.0, 0.005)]).ends_with("is on the front"));
-    assert!(said(&[default, ("--a", 4.0, 0.009)]).contains("IS NOT ON THE FRONT: it is beaten by --a"));
-    let doubted = said(&[default, ("--a", 2.0, 0.0102), ("--b", 1.0, 0.0106)]);
-    let words =
-        "is on the front, but in FLIP cannot be told from --a at 0.25 ± 0.00 of its time (FLIP +0.00020 ± 0.00050)";
-    assert!(doubted.ends_with(words), "{doubted}");
-    let beaten = said(&[default, ("--a", 2.0, 0.0098)]);
-    let words =
-        "is beaten by --a at 0.25 ± 0.00 of its time (FLIP -0.00020 ± 0.00050), but in one of both by less than";
-    assert!(beaten.contains(words), "{beaten}");
-    let as_quick = said(&[default, ("--a", 8.0, 0.005)]);
+    assert!(verdict(&[default, ("--a", 4.0, 0.02), ("--b", 9.0, 0.005)]).ends_with("is on the Pareto front"));
     assert!(
-        as_quick.contains("but in time cannot be told from --a at 1.00") && as_quick.contains("FLIP -0.00500"),
-        "{as_quick}"
+        verdict(&[default, ("--a", 4.0, 0.009)])
+            .contains("is dominated by --a: 0.50 ± 0.00 of its time, FLIP -0.00100 ± 0.00050")
     );
-    assert!(said(&[default, ("--a", 7.999, 0.0099)]).ends_with("is on the front"), "as good, as far as can be told");
+    for flip in [0.0102, 0.0098] {
+        let words = verdict(&[default, ("--a", 2.0, flip), ("--b", 1.0, 0.0106)]);
+        assert!(words.contains("is dominated by --"), "{words}");
+    }
+    assert!(verdict(&[default, ("--a", 7.999, 0.0099)]).ends_with("is on the Pareto front"), "equal within noise");
     // Errors ten times as large: noise hides little of them, and a hundredth does not count.
-    let little = said(&[("", 8.0, 0.1), ("--a", 2.0, 0.1009)]);
-    assert!(little.contains("on the front, but in FLIP less than 1 % better than --a at 0.25"), "{little}");
-    assert!(said(&[("", 8.0, 0.1), ("--a", 2.0, 0.1011)]).ends_with("is on the front"), "told, and more than 1 %");
-    let blurred = ladder(&[("", 8.0, 0.001)]).verdict();
-    assert!(blurred[1].contains("own error"), "{blurred:?}");
+    assert!(verdict(&[("", 8.0, 0.1), ("--a", 2.0, 0.1009)]).contains("dominated by --a:"));
+    assert!(verdict(&[("", 8.0, 0.1), ("--a", 2.0, 0.1011)]).ends_with("is on the Pareto front"), "more than 1 %");
+    assert!(ladder(&[("", 8.0, 0.001)]).verdict()[1].contains("own error"));
 }
 
 #[test]
-fn what_the_default_and_others_differ_by_is_kept_without_what_it_came_from() {
-    let ladder = ladder(&[("", 8.0, 0.010), ("--a", 4.0, 0.0102)]);
-    let [default, other] = [0, 1].map(|i| (ladder.rungs[i].flip_over_default, ladder.rungs[i].flip_noise));
+fn times_are_multiples_of_the_default_s_median_and_differences_survive_a_round_trip_as_json() {
+    let mut ladder = ladder(&[("", 8.0, 0.010), ("--a", 16.0, 0.0102)]);
+    let [default, other] =
+        [0, 1].map(|i| (ladder.configs[i].standing.flip_over_default, ladder.configs[i].standing.flip_noise));
     assert_eq!(default, (0.0, 0.0), "the default differs from itself by nothing, for sure");
     assert!((other.0 - 0.0002).abs() < 1e-12 && (other.1 - NOISE).abs() < 1e-12, "{other:?}");
+    ladder.configs[0].ratio.median = 1.03;
+    ladder.configs[1].default_gpu_ms = 10.0;
+    ladder.settle();
     let text = serde_json::to_string(&ladder).unwrap();
     assert!(text.contains("\"flip_noise\":0.0005") && !text.contains("halves"), "{text}");
-    let kept: Ladder = serde_json::from_str(&text).unwrap();
-    assert_eq!(kept.choice(Limit::Tolerance(0.0102)).unwrap().flags, "--a");
-    assert_eq!(kept.rungs[1].flip_noise, other.1);
+    let stored: Ladder = serde_json::from_str(&text).unwrap();
+    assert_eq!([0, 1].map(|i| stored.configs[i].ms), [10.0, 20.0], "of two medians, the later");
 }
 
 #[test]
-fn a_default_drawn_twice_is_one_time_itself() {
-    let mut twice = ladder(&[("", 8.0, 0.01), ("--a", 16.0, 0.02)]);
-    twice.rungs[0].ratio.median = 1.03;
-    twice.rungs[1].default_gpu_ms = 10.0;
-    twice.settle();
-    assert_eq!(twice.rungs[0].ms, 10.0, "the median of the default's times; of two, the later");
-    assert_eq!(twice.rungs[1].ms, 20.0, "a ratio of it");
+fn a_tolerance_takes_the_quickest_that_holds_it_and_a_budget_the_most_accurate() {
+    let ladder = ladder(&[("", 8.0, 0.010), ("--a", 4.0, 0.02), ("--b", 9.0, 0.005), ("--c", 9.5, 0.005)]);
+    let name = |limit| ladder.choice(limit).map(Config::name);
+    assert_eq!(name(Limit::Tolerance(0.02)), Ok("--a"));
+    assert_eq!(name(Limit::Tolerance(0.01)), Ok("default"));
+    assert_eq!(name(Limit::BudgetMs(8.5)), Ok("default"));
+    assert_eq!(name(Limit::BudgetMs(100.0)), Ok("--b"), "of two as accurate, the quicker");
+    assert!(name(Limit::Tolerance(0.001)).unwrap_err().contains("the best has FLIP 0.0050"));
+    assert!(name(Limit::BudgetMs(1.0)).unwrap_err().contains("the best has 4.00 ms"));
+    let (limit, mut near) = (Limit::Tolerance(0.02), ladder.clone());
+    let config = ladder.choice(limit).unwrap();
+    let words = ladder.words(limit, config);
+    assert!(words.contains("--a (4.00 ms, FLIP 0.0200, measured at 384x216 on 2026-01-31)"), "{words}");
+    near.reference.pixels_per_degree = 11.0;
+    assert!(near.words(limit, config).contains("FLIP 0.0200 at 11 pixels per degree, measured"));
 }
 
 #[test]
-fn choices_are_said_in_a_line_and_so_is_that_there_is_none() {
-    let ladder = ladder(&[("", 8.0, 0.010), ("--a", 4.0, 0.02), ("--b", 9.0, 0.005)]);
-    let limit = Limit::Tolerance(0.02);
-    let rung = ladder.choice(limit).unwrap();
-    assert_eq!(rung.flags, "--a");
-    let said = ladder.words(limit, rung);
-    assert!(said.contains("--a (4.00 ms, FLIP 0.0200, measured at 384x216 on 2026-01-31)"), "{said}");
-    let mut near = ladder.clone();
-    near.exact.pixels_per_degree = 11.0;
-    assert!(near.words(limit, rung).contains("FLIP 0.0200 at 11 pixels per degree, measured"));
-    assert_eq!(ladder.choice(Limit::BudgetMs(8.5)).unwrap().name(), "default");
-    assert!(ladder.choice(Limit::Tolerance(0.001)).unwrap_err().contains("the best has FLIP 0.0050"));
-    assert!(ladder.choice(Limit::BudgetMs(1.0)).unwrap_err().contains("the best has 4.00 ms"));
-}
-
-#[test]
-fn settings_of_others_are_no_part_of_combinations() {
-    let mut ladder = ladder(&[("", 8.0, 0.010), ("--samples 1", 4.0, 0.02), ("--cube-size 64", 6.0, 0.02)]);
-    assert_eq!(ladder.combinations(), ["--samples 1 --cube-size 64"]);
-    ladder.rungs[2].dimension = rungs::KNOWN[0].0.into();
-    assert!(ladder.combinations().is_empty());
+fn the_chart_holds_every_configuration_and_how_it_stands() {
+    let ladder = ladder(&[
+        ("", 8.0, 0.010),
+        ("--samples 1", 4.0, 0.020),
+        ("--model everything", 9.0, 0.0102),
+        ("--anisotropy 4", 9.0, 0.013),
+        ("--samples 1 --scale 0.5 --cube-size 32", 1.0, 0.2),
+    ]);
+    let svg = chart::plot(&ladder).draw().unwrap();
+    for part in
+        ["a scene", "samples 1", "GPU time of a frame, ms", "cube 32", "0.0102 ± 0.00050", "67 pixels per degree"]
+    {
+        assert!(svg.contains(part), "{part}");
+    }
+    assert_eq!(svg.matches("<circle").count(), ladder.configs.len() + 3, "and the legend's");
+    assert!(chart::plot(&Ladder { configs: Vec::new(), ..ladder }).draw().is_ok(), "an empty one");
 }

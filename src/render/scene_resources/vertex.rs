@@ -10,7 +10,7 @@ use crate::reference::octahedral::pack_frame;
 use crate::scene::Vertex;
 
 /// Position and texture coordinates keep their 32 bits: in 16, walls that meet would come apart by a part of a pixel, and
-/// coordinates that run over several repetitions would miss a 2048² map's texels (`measure geometry` has the numbers).
+/// coordinates that run over several repetitions would miss a 2048² map's texels.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 pub struct PackedVertex {

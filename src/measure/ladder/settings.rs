@@ -2,7 +2,7 @@
 
 use clap::Parser;
 
-use super::front::Mark;
+use super::super::pareto::Score;
 use crate::view::QualityOptions;
 use crate::{Error, Result};
 
@@ -25,78 +25,68 @@ pub const DIMENSIONS: &[(&str, &[&str])] = &[
     ("slanted textures", &["--anisotropy 1", "--anisotropy 4", "--anisotropy 16"]),
 ];
 
-/// Ways of others that are settings together.
+/// Combinations that others are known for.
 pub const KNOWN: &[(&str, &str)] = &[("Karis 2013", "--geometry karis2013 --split-sum classic")];
 
-/// Settings that save less of time or error, as parts of the default's, are not worth combining, nor a place on the front.
+/// Differences of time and error below this share of the default's do not count.
 pub const WORTH: f64 = 0.01;
 
-/// Other shading stands for itself: most other settings do nothing to it.
+/// Other shading is combined last: most other settings do not affect it.
 const SHADING: &str = "shading";
 
-/// What a software renderer takes minutes a frame for.
+/// Not measured on a software renderer, which takes minutes for a frame.
 pub const NOT_FOR_SOFTWARE: &[&str] = &["--anisotropy 4", "--anisotropy 16"];
 
-/// The command line that has a look only.
+/// A command line of quality options alone.
 #[derive(Parser)]
 #[command(no_binary_name = true)]
 struct Flags {
     #[command(flatten)]
-    look: QualityOptions,
+    options: QualityOptions,
 }
 
-/// The look that flags, parted by spaces, stand for.
+/// The options of flags that are separated by spaces.
 ///
 /// # Errors
 /// Flags that this program does not know, such as those of another version's ladder.
-pub fn look(flags: &str) -> Result<QualityOptions> {
+pub fn options(flags: &str) -> Result<QualityOptions> {
     let parsed = Flags::try_parse_from(flags.split_whitespace());
-    parsed.map(|flags| flags.look).map_err(|_| Error::Usage(format!("`{flags}` are no settings of this program")))
+    parsed.map(|flags| flags.options).map_err(|_| Error::Usage(format!("`{flags}` are not settings of this program")))
 }
 
-/// A setting's dimension, flags and how it came out.
-pub struct Single<'a> {
-    pub dimension: &'a str,
-    pub flags: &'a str,
-    pub mark: Mark,
+/// A setting that was measured alone.
+pub struct Single {
+    pub dimension: String,
+    pub flags: String,
+    pub score: Score,
 }
 
 /// What is worth trying together, once each setting has been measured alone: a greedy walk from the default along the
-/// settings that save time, those first that give away least for it, each on top of those before; all that are quickest;
+/// settings that save time, those first that lose least accuracy for it, each on top of those before; all that are quickest;
 /// and all that are most accurate.
-pub fn combinations(default: Mark, singles: &[Single<'_>]) -> Vec<String> {
-    let of = |wanted: fn(&Single<'_>, &Single<'_>) -> bool| {
-        let mut best: Vec<&Single<'_>> = Vec::new();
-        for single in singles {
-            match best.iter_mut().find(|known| known.dimension == single.dimension) {
-                Some(known) if wanted(single, known) => *known = single,
-                Some(_) => {}
-                None => best.push(single),
-            }
-        }
-        best
+pub fn combinations(default: Score, singles: &[Single]) -> Vec<String> {
+    let best = |key: fn(&Single) -> f64, most: f64| {
+        let mut sorted: Vec<&Single> = singles.iter().filter(|single| key(single) < (1.0 - WORTH) * most).collect();
+        sorted.sort_by(|a, b| key(a).total_cmp(&key(b)));
+        let mut dimensions = Vec::new();
+        sorted.retain(|single| {
+            let is_first = !dimensions.contains(&&single.dimension);
+            dimensions.push(&single.dimension);
+            is_first
+        });
+        sorted
     };
-    let mut quick = of(|a, b| a.mark.ms < b.mark.ms);
-    quick.retain(|single| single.mark.ms < (1.0 - WORTH) * default.ms);
-    // Error per halving of the time.
-    let price = |single: &Single<'_>| (single.mark.error - default.error) / (default.ms / single.mark.ms).log2();
-    quick.sort_by(|a, b| price(a).total_cmp(&price(b)));
-    let joined = |singles: &[&Single<'_>]| singles.iter().map(|s| s.flags).collect::<Vec<_>>().join(" ");
-    let physical: Vec<&Single<'_>> = quick.iter().filter(|s| s.dimension != SHADING).copied().collect();
-    let mut combined: Vec<String> = (2..=physical.len()).map(|count| joined(&physical[..count])).collect();
-    combined.push(joined(&quick));
-    let mut accurate = of(|a, b| a.mark.error < b.mark.error);
-    accurate.retain(|single| single.mark.error < (1.0 - WORTH) * default.error);
-    combined.push(joined(&accurate));
+    let mut quick = best(|single| single.score.ms, default.ms);
+    // Error per halving of the time; other shading last.
+    let price = |single: &Single| (single.score.error - default.error) / (default.ms / single.score.ms).log2();
+    quick.sort_by(|a, b| (a.dimension == SHADING).cmp(&(b.dimension == SHADING)).then(price(a).total_cmp(&price(b))));
+    let joined = |singles: &[&Single]| singles.iter().map(|s| s.flags.as_str()).collect::<Vec<_>>().join(" ");
+    let mut combined: Vec<String> = (2..=quick.len()).map(|count| joined(&quick[..count])).collect();
+    combined.push(joined(&best(|single| single.score.error, default.error)));
     // One alone has been measured.
     combined.retain(|flags| flags.matches("--").count() > 1);
-    let mut kept: Vec<String> = Vec::new();
-    combined.into_iter().for_each(|flags| {
-        if !kept.contains(&flags) {
-            kept.push(flags);
-        }
-    });
-    kept
+    combined.dedup();
+    combined
 }
 
 #[cfg(test)]
@@ -106,17 +96,21 @@ mod tests {
     #[test]
     fn every_flag_is_one_of_the_program_s() {
         for flags in DIMENSIONS.iter().flat_map(|(_, all)| *all).chain(KNOWN.iter().map(|(_, flags)| flags)) {
-            assert_ne!(look(flags).unwrap(), QualityOptions::default(), "{flags}");
+            assert_ne!(options(flags).unwrap(), QualityOptions::default(), "{flags}");
         }
-        assert_eq!(look("").unwrap(), QualityOptions::default());
-        assert!(matches!(look("--antialiasing 4"), Err(Error::Usage(_))));
+        assert_eq!(options("").unwrap(), QualityOptions::default());
+        assert!(matches!(options("--antialiasing 4"), Err(Error::Usage(_))));
         assert!(NOT_FOR_SOFTWARE.iter().all(|flags| DIMENSIONS.iter().any(|(_, all)| all.contains(flags))));
     }
 
     #[test]
     fn combinations_go_from_the_best_bargain_to_the_quickest_and_the_most_accurate() {
-        let default = Mark { ms: 8.0, error: 0.010 };
-        let single = |dimension, flags, ms, error| Single { dimension, flags, mark: Mark { ms, error } };
+        let default = Score { ms: 8.0, error: 0.010 };
+        let single = |dimension, flags, ms, error| Single {
+            dimension: String::from(dimension),
+            flags: String::from(flags),
+            score: Score { ms, error },
+        };
         let singles = [
             single("shading", "--p", 2.0, 0.2),
             single("scale", "--s 1", 4.0, 0.030),
@@ -127,7 +121,7 @@ mod tests {
             single("samples", "--n", 4.0, 0.012),
             single("slant", "--a", 9.0, 0.008),
         ];
-        let expected = ["--n --c 1", "--n --c 1 --s 1", "--n --c 1 --s 1 --p", "--c 2 --a"];
+        let expected = ["--n --c 1", "--n --c 1 --s 1", "--n --c 1 --s 1 --p", "--a --c 2"];
         assert_eq!(combinations(default, &singles), expected);
         assert_eq!(combinations(default, &singles[5..6]), [""; 0], "what is slower alone is tried with nothing");
     }

@@ -1,15 +1,8 @@
 //! A panorama that is hard on every method: sky gradient, noise, checkers, bright windows and, if wanted, a small sun.
 
-use std::path::Path;
-
 use glam::{Vec2, Vec3};
 
-use crate::asset::Panorama;
-use crate::asset::picture::Picture;
-use crate::{Result, say};
-
-/// Texels across, as sweeps use it.
-pub const WIDTH: u32 = 2048;
+use super::Panorama;
 
 const SUN_RADIANCE: f32 = 2000.0;
 const SUN_RADIUS_DEGREES: f32 = 1.0;
@@ -18,7 +11,7 @@ const WINDOW_NITS: f32 = 22.0;
 
 /// A panorama of `width` by `width / 2` texels. The sun has a radius of 1° and a radiance of 2000, 40° above the horizon;
 /// texels on its edge hold their share, so that it carries the same light at any size.
-pub fn panorama(width: u32, sun: bool) -> Panorama {
+pub fn synthetic_panorama(width: u32, sun: bool) -> Panorama {
     let height = (width / 2).max(1);
     let mut panorama = Panorama::from_fn(width, height, ground_and_sky);
     panorama.name = if sun { "synthetic-sun" } else { "synthetic" }.into();
@@ -26,18 +19,6 @@ pub fn panorama(width: u32, sun: bool) -> Panorama {
         add_sun(&mut panorama);
     }
     panorama
-}
-
-/// Writes both panoramas, `synthetic.exr` and `synthetic-sun.exr`.
-pub fn write_panoramas(folder: &Path) -> Result<()> {
-    for sun in [false, true] {
-        let Panorama { name, width, height, texels } = panorama(WIDTH, sun);
-        let rgba: Vec<[f32; 4]> = texels.iter().map(|[r, g, b]| [*r, *g, *b, 1.0]).collect();
-        let path = folder.join(format!("{name}.exr"));
-        Picture::from_radiance(name, width, height, &rgba).write(&path)?;
-        say!("{}", path.display());
-    }
-    Ok(())
 }
 
 fn ground_and_sky(d: Vec3) -> Vec3 {
@@ -106,7 +87,7 @@ mod tests {
     fn the_sun_carries_the_same_light_at_any_size() {
         let expected = f64::from(SUN_RADIANCE) * std::f64::consts::TAU * (1.0 - 1f64.to_radians().cos());
         for width in [64, 256, 1024] {
-            let (with, without) = (panorama(width, true), panorama(width, false));
+            let (with, without) = (synthetic_panorama(width, true), synthetic_panorama(width, false));
             let size = [width, width / 2];
             let light: f64 = (0..with.texels.len())
                 .map(|i| {
@@ -120,11 +101,11 @@ mod tests {
 
     #[test]
     fn it_has_what_it_promises() {
-        let texels = panorama(512, true).texels;
+        let texels = synthetic_panorama(512, true).texels;
         let peak = texels.iter().flatten().copied().fold(0.0, f32::max);
         assert_eq!(peak, SUN_RADIANCE);
         assert!(texels.contains(&[WINDOW_NITS; 3]));
         assert!(texels.iter().flatten().all(|v| v.is_finite() && *v > 0.0));
-        assert_eq!(panorama(256, true), panorama(256, true));
+        assert_eq!(synthetic_panorama(256, true), synthetic_panorama(256, true));
     }
 }

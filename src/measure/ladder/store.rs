@@ -1,8 +1,10 @@
-//! Ladders in the cache: one for each scene, GPU and program, from which settings are chosen later.
+//! Ladders in the cache, one for each scene, GPU and version of the program, from which settings are chosen later.
 
 use std::path::{Path, PathBuf};
 
-use super::{Ladder, Limit, rungs};
+use super::super::pareto::Limit;
+use super::config::Ladder;
+use super::settings;
 use crate::asset::cache::Key;
 use crate::asset::file;
 use crate::gpu::{Gpu, GpuOptions};
@@ -13,8 +15,8 @@ use crate::{Error, Result, say};
 /// Bytes of a ladder, or of a scene's own file, that are read at most: a gigabyte, as of models.
 const MOST_BYTES: u64 = 1 << 30;
 
-/// Keeps a scene's ladder for [`choose`].
-pub fn keep(cache: &Cache, scene: &Path, gpu: &Gpu, ladder: &Ladder) -> Result<()> {
+/// Stores a scene's ladder for [`choose`].
+pub fn store(cache: &Cache, scene: &Path, gpu: &Gpu, ladder: &Ladder) -> Result<()> {
     let path = path(cache, scene, gpu)?;
     let folder = cache.beside(FOLDER);
     std::fs::create_dir_all(&folder).map_err(Error::write(&folder))?;
@@ -22,7 +24,7 @@ pub fn keep(cache: &Cache, scene: &Path, gpu: &Gpu, ladder: &Ladder) -> Result<(
     file::write_atomically(&path, text.as_bytes())
 }
 
-/// The look that a limit takes from the ladder of this scene (a description or model) on this GPU; one line says which.
+/// The options that a limit chooses from the ladder of this scene (a description or model) on this GPU; prints which.
 ///
 /// # Errors
 /// No ladder has been measured; nothing in it holds the limit; a file that cannot be read.
@@ -40,14 +42,14 @@ pub fn choose(scene: &Path, limit: Limit, gpu: GpuOptions<'_>, cache: Option<&Ca
     let remedy = "remove it, and run `pbr-vr measure ladder` for the scene again";
     let broken = |problem: String| Error::Broken { path: path.clone(), what: "ladder", problem, remedy };
     let ladder: Ladder = serde_json::from_slice(&bytes).map_err(|e| broken(e.to_string()))?;
-    let rung = ladder.choice(limit).map_err(Error::Unmet)?;
-    say!("pbr-vr: {}", ladder.words(limit, rung));
-    rungs::look(&rung.flags).map_err(|e| broken(e.to_string()))
+    let config = ladder.choice(limit).map_err(Error::Unmet)?;
+    say!("pbr-vr: {}", ladder.words(limit, config));
+    settings::options(&config.flags).map_err(|e| broken(e.to_string()))
 }
 
 const FOLDER: &str = "ladders";
-/// Counts up when what a ladder holds changes: those of another format have not been measured.
-const FORMAT: &str = "2";
+/// Increased with every change of the format: ladders of other formats are not found.
+const FORMAT: &str = "3";
 
 /// Named by all that a ladder depends on, but for files that a scene's own file names.
 fn path(cache: &Cache, scene: &Path, gpu: &Gpu) -> Result<PathBuf> {

@@ -1,0 +1,206 @@
+//! Renderers for measurements: a scene on the GPU, its frames drawn and timed one by one or interleaved, its pictures read back.
+
+use std::sync::Arc;
+use std::time::Instant;
+
+use cpu_time::ThreadTime;
+use glam::Vec3;
+use serde::{Deserialize, Serialize};
+
+use super::machine::cpu_ms;
+use crate::asset::Report;
+use crate::gpu::{CommandBuffer, Gpu, Subresource, read_image};
+use crate::precompute::Cache;
+use crate::render::{Eye, FRAMES_IN_FLIGHT, Renderer, Settings, Shading};
+use crate::scene::Scene;
+use crate::{Error, Result};
+
+/// Frames before the first that is timed: pipelines are finished with the first.
+const WARM_UP: usize = 2;
+
+/// What all measurements use.
+#[derive(Clone, Copy)]
+pub struct Context<'a> {
+    pub gpu: &'a Arc<Gpu>,
+    pub cache: Option<&'a Cache>,
+    pub report: &'a Report,
+}
+
+/// Milliseconds of one frame.
+#[derive(Clone, Copy, Debug)]
+pub struct FrameTime {
+    /// Of all GPU passes.
+    pub gpu: f64,
+    /// Processor time of all threads; `None` where the system does not report it.
+    pub cpu: Option<f64>,
+    /// Processor time of the thread that records and submits.
+    pub record: f64,
+}
+
+/// A renderer and the eyes that it draws.
+pub struct Bench {
+    gpu: Arc<Gpu>,
+    pub renderer: Renderer,
+    commands: CommandBuffer,
+    pub eyes: Vec<Eye>,
+    frame: usize,
+}
+
+impl Bench {
+    /// Uploads a scene and prepares pictures of `size` pixels for these eyes.
+    pub fn new(
+        context: Context<'_>,
+        scene: &Scene,
+        settings: Settings,
+        shading: Shading,
+        size: [u32; 2],
+        eyes: Vec<Eye>,
+    ) -> Result<Self> {
+        let gpu = context.gpu.clone();
+        let count = eyes.len() as u32;
+        let renderer = Renderer::new(&gpu, scene, settings, shading, size, count, &Report::silent())?;
+        Ok(Self { commands: CommandBuffer::new(&gpu)?, gpu, renderer, eyes, frame: 0 })
+    }
+
+    /// Draws a frame to its end.
+    pub fn draw(&mut self) -> Result<FrameTime> {
+        let (before, started) = (cpu_ms(), ThreadTime::now());
+        let slot = self.frame % FRAMES_IN_FLIGHT;
+        let (mut commands, _) = self.commands.begin()?;
+        self.renderer.record(&mut commands, slot, &self.eyes, None);
+        commands.submit(None)?;
+        let record = started.elapsed().as_secs_f64() * 1e3;
+        let gpu = self.commands.finish()?.total_ms();
+        self.frame += 1;
+        Ok(FrameTime { gpu, cpu: cpu_ms().zip(before).map(|(now, before)| now - before), record })
+    }
+
+    /// The last frame's picture as a viewer sees it (`Output::Display`): sRGB bytes, rows from the top, one eye below the
+    /// other.
+    pub fn display(&self) -> Result<Vec<[u8; 3]>> {
+        let pixels: Vec<[u8; 4]> = bytemuck::pod_collect_to_vec(&self.read(4)?);
+        Ok(pixels.into_iter().map(|[r, g, b, _]| [r, g, b]).collect())
+    }
+
+    /// The last frame's radiance (`Output::Linear`), likewise.
+    pub fn radiance(&self) -> Result<Vec<Vec3>> {
+        let pixels: Vec<[f32; 4]> = bytemuck::pod_collect_to_vec(&self.read(16)?);
+        Ok(pixels.into_iter().map(|[r, g, b, _]| Vec3::new(r, g, b)).collect())
+    }
+
+    fn read(&self, pixel_bytes: u64) -> Result<Vec<u8>> {
+        let layers = 0..self.eyes.len() as u32;
+        let read = |layer| read_image(&self.gpu, self.renderer.picture(), Subresource { mip: 0, layer }, pixel_bytes);
+        Ok(layers.map(read).collect::<Result<Vec<_>>>()?.concat())
+    }
+
+    /// Of [`Shading::Reference`]: mean over the pixels of the standard error over radiance, after the last frame.
+    pub fn standard_error(&self) -> Option<f64> {
+        let last = self.frame.checked_sub(1)? % FRAMES_IN_FLIGHT;
+        self.renderer.standard_error(last).map(|error| error.mean_relative)
+    }
+}
+
+/// A scene's first camera.
+pub fn first_eye(scene: &Scene, [width, height]: [u32; 2]) -> Eye {
+    // Every scene that has been loaded has a camera.
+    Eye::of_camera(&scene.cameras[0], width as f32 / height as f32)
+}
+
+/// Pictures that are compared must have one size.
+pub fn size_error() -> Error {
+    Error::Usage("pictures of different sizes; this is a defect, please report it".into())
+}
+
+/// How many frames are timed: at least so many, and no more than [`MOST_FRAMES`], until time is up.
+#[derive(Clone, Copy)]
+pub struct Budget {
+    pub least: usize,
+    /// Wall time for all benches together.
+    pub seconds: u64,
+}
+
+const MOST_FRAMES: usize = 200;
+
+/// Draws a frame of each bench in turn, so that whatever else the machine does disturbs all of them alike; returns each
+/// bench's times.
+pub fn interleaved(benches: &mut [&mut Bench], budget: Budget) -> Result<Vec<Vec<FrameTime>>> {
+    for bench in benches.iter_mut() {
+        for _ in 0..WARM_UP {
+            bench.draw()?;
+        }
+    }
+    let mut times = vec![Vec::new(); benches.len()];
+    let started = Instant::now();
+    for round in 0..MOST_FRAMES {
+        if round >= budget.least && started.elapsed().as_secs() >= budget.seconds {
+            break;
+        }
+        for (bench, times) in benches.iter_mut().zip(&mut times) {
+            times.push(bench.draw()?);
+        }
+    }
+    Ok(times)
+}
+
+/// Median and first and last decile of times in milliseconds, or of ratios.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Spread {
+    pub median: f64,
+    pub low: f64,
+    pub high: f64,
+}
+
+impl Spread {
+    /// `None` without values.
+    pub fn of(mut values: Vec<f64>) -> Option<Self> {
+        values.sort_by(f64::total_cmp);
+        let last = values.len().checked_sub(1)?;
+        let at = |share: f64| values[(share * last as f64).round() as usize];
+        Some(Self { median: at(0.5), low: at(0.1), high: at(0.9) })
+    }
+}
+
+/// What frames cost, as in [`FrameTime`].
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Cost {
+    pub frames: usize,
+    pub gpu_ms: Spread,
+    pub cpu_ms: Option<Spread>,
+    pub record_ms: Spread,
+}
+
+impl Cost {
+    /// `None` without frames.
+    pub fn of(times: &[FrameTime]) -> Option<Self> {
+        let spread = |time: fn(&FrameTime) -> f64| Spread::of(times.iter().map(time).collect());
+        let cpu: Option<Vec<f64>> = times.iter().map(|time| time.cpu).collect();
+        let (gpu_ms, record_ms) = (spread(|time| time.gpu)?, spread(|time| time.record)?);
+        Some(Self { frames: times.len(), gpu_ms, cpu_ms: cpu.and_then(Spread::of), record_ms })
+    }
+}
+
+/// How many times the first's time the second takes, frame by frame of two that were drawn interleaved: GPU time, or where
+/// the GPU is a software renderer, processor time, which other programs disturb less.
+pub fn ratio(gpu: &Gpu, first: &[FrameTime], second: &[FrameTime]) -> Option<Spread> {
+    let software = gpu.info().is_software();
+    let time = |frame: &FrameTime| frame.cpu.filter(|_| software).unwrap_or(frame.gpu);
+    let ratios = first.iter().zip(second).map(|(first, second)| time(second) / time(first));
+    Spread::of(ratios.filter(|ratio| ratio.is_finite()).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn one_slow_frame_does_not_move_the_median() {
+        let mut times: Vec<f64> = (1..=11).map(f64::from).collect();
+        let expected = Some(Spread { median: 6.0, low: 2.0, high: 10.0 });
+        assert_eq!(Spread::of(times.clone()), expected);
+        times[10] = 1e6;
+        times.reverse();
+        assert_eq!(Spread::of(times), expected);
+        assert_eq!(Spread::of(vec![]), None);
+    }
+}

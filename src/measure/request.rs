@@ -1,0 +1,166 @@
+//! The command line of `pbr-vr measure`.
+
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+
+use super::pareto::Limit;
+use crate::asset::shipped;
+use crate::precompute::check_face_size;
+use crate::reference::metrics::{PIXELS_PER_DEGREE, PIXELS_PER_DEGREE_RANGE};
+use crate::{Error, Result};
+
+/// The name for all measurements.
+const ALL: &str = "all";
+
+/// What to measure, on what, and where results go.
+#[derive(Args, Clone, Debug)]
+pub struct MeasureRequest {
+    /// What to measure; everything if left out, or for `all`. What ends in .toml or .obj is a scene for `ladder` and
+    /// `causes`.
+    #[arg(value_name = "NAME|SCENE")]
+    names: Vec<String>,
+    /// The folder for CSV, JSON and charts; created if missing.
+    #[arg(short, long, value_name = "DIR", required_unless_present = "list")]
+    output: Option<PathBuf>,
+    /// Write everything that was measured.
+    #[arg(long, value_name = "FILE")]
+    pub json: Option<PathBuf>,
+    /// A few sizes and parameters: minutes. The default.
+    #[arg(long, conflicts_with = "full")]
+    quick: bool,
+    /// All sizes and parameters, more texels: an hour on a CPU.
+    #[arg(long)]
+    pub full: bool,
+    /// List what can be measured.
+    #[arg(long)]
+    pub list: bool,
+    /// Size of the pictures of ladder and causes, in pixels.
+    #[arg(long, value_name = "WxH", value_parser = parse_size)]
+    pub picture: Option<[u32; 2]>,
+    /// Report the quickest settings of a ladder with an error (mean FLIP) of at most this.
+    #[arg(long, value_name = "FLIP", value_parser = parse_positive, conflicts_with = "budget_ms")]
+    tolerance: Option<f64>,
+    /// Report the most accurate settings of a ladder that take at most this long a frame.
+    #[arg(long, value_name = "MS", value_parser = parse_positive)]
+    budget_ms: Option<f64>,
+    /// Pixels in a degree of visual angle for the ladder's FLIP: 67 on a monitor at arm's length, 11 in an HTC Vive.
+    #[arg(long, value_name = "N", default_value_t = PIXELS_PER_DEGREE, value_parser = parse_pixels_per_degree)]
+    pub pixels_per_degree: f32,
+    /// Measure with this panorama instead of the synthetic and shipped ones; may be repeated.
+    #[arg(long = "panorama", value_name = "FILE")]
+    pub panoramas: Vec<PathBuf>,
+    /// Measure this method only; may be repeated.
+    #[arg(long = "method", value_name = "NAME")]
+    pub methods: Vec<String>,
+    /// Texels along the cube's faces; may be repeated.
+    #[arg(long = "size", value_name = "N")]
+    pub sizes: Vec<u32>,
+    /// Also judge cube maps that cmgen wrote (-f exr --no-mirror) from the one panorama.
+    #[arg(long, value_name = "DIR")]
+    pub judge: Option<PathBuf>,
+}
+
+impl MeasureRequest {
+    /// The folder for results.
+    pub fn folder(&self) -> &Path {
+        self.output.as_deref().unwrap_or(Path::new("."))
+    }
+
+    /// Whether a measurement was asked for.
+    pub fn wants(&self, name: &str) -> bool {
+        let mut names = self.names().peekable();
+        names.peek().is_none() || names.any(|n| n == name || n == ALL)
+    }
+
+    fn names(&self) -> impl Iterator<Item = &String> {
+        self.names.iter().filter(|name| !is_scene(name))
+    }
+
+    /// The scenes that were named; empty for some that are shipped.
+    pub fn scenes(&self) -> Vec<PathBuf> {
+        self.names.iter().filter(|name| is_scene(name)).map(PathBuf::from).collect()
+    }
+
+    /// What is to be chosen from each ladder.
+    pub fn limit(&self) -> Option<Limit> {
+        self.tolerance.map(Limit::Tolerance).or(self.budget_ms.map(Limit::BudgetMs))
+    }
+
+    /// Refuses names of measurements and methods that are not known, and flags that none of the wanted measurements uses.
+    pub fn check(&self, known: &[&'static str], methods: &[&str]) -> Result<()> {
+        let all: Vec<&str> = known.iter().copied().chain([ALL]).collect();
+        check_names("measurement", self.names(), &all)?;
+        check_names("method", self.methods.iter(), methods)?;
+        self.sizes.iter().try_for_each(|size| check_face_size(*size))?;
+        if self.judge.is_some() && self.panoramas.len() != 1 {
+            return Err(Error::Usage("--judge needs the one --panorama that its maps were made from".into()));
+        }
+        let (precompute, ladder) = (["precompute"].as_slice(), ["ladder"].as_slice());
+        let (both, pictures) = (["precompute", "causes"].as_slice(), ["ladder", "causes"].as_slice());
+        for (given, flag, users) in [
+            (!self.scenes().is_empty(), "a scene", pictures),
+            (!self.panoramas.is_empty(), "--panorama", both),
+            (!self.sizes.is_empty(), "--size", both),
+            (!self.methods.is_empty(), "--method", precompute),
+            (self.judge.is_some(), "--judge", precompute),
+            (self.picture.is_some(), "--picture", pictures),
+            (self.tolerance.is_some(), "--tolerance", ladder),
+            (self.budget_ms.is_some(), "--budget-ms", ladder),
+        ] {
+            if given && !users.iter().any(|name| self.wants(name)) {
+                let users = users.join("` and `measure ");
+                return Err(Error::Usage(format!("{flag} is for `measure {users}`; leave it out")));
+            }
+        }
+        Ok(())
+    }
+
+    /// All files that are read.
+    pub fn inputs(&self) -> Vec<PathBuf> {
+        self.scenes().into_iter().chain(self.panoramas.iter().cloned()).collect()
+    }
+
+    /// The named scenes, or these of the shipped ones.
+    pub fn scenes_or(&self, names: &[&str]) -> Result<Vec<PathBuf>> {
+        let folder = shipped::folder()?.join("scenes");
+        let shipped = names.iter().map(|name| folder.join(name).with_extension("toml")).collect();
+        Ok(Some(self.scenes()).filter(|named| !named.is_empty()).unwrap_or(shipped))
+    }
+
+    /// The files of the named panoramas, or of the shipped ones.
+    pub fn panorama_files(&self) -> Result<Vec<PathBuf>> {
+        let folder = shipped::folder()?;
+        let shipped = shipped::PANORAMAS.map(|name| folder.join(name)).into();
+        Ok(Some(self.panoramas.clone()).filter(|named| !named.is_empty()).unwrap_or(shipped))
+    }
+}
+
+/// Whether a name is that of a scene.
+fn is_scene(name: &str) -> bool {
+    [".toml", ".obj"].iter().any(|end| name.to_lowercase().ends_with(end))
+}
+
+fn check_names<'a>(what: &'static str, mut names: impl Iterator<Item = &'a String>, known: &[&str]) -> Result<()> {
+    names.find(|name| !known.contains(&name.as_str())).map_or(Ok(()), |name| {
+        Err(Error::UnknownName { what, name: name.clone(), known: known.iter().map(|k| (*k).to_owned()).collect() })
+    })
+}
+
+fn parse_size(text: &str) -> std::result::Result<[u32; 2], String> {
+    let problem = || format!("`{text}` is not WIDTHxHEIGHT in pixels, such as 1280x720");
+    let (width, height) = text.split_once(['x', 'X']).ok_or_else(problem)?;
+    let side = |s: &str| s.parse().ok().filter(|n| *n > 0).ok_or_else(problem);
+    Ok([side(width)?, side(height)?])
+}
+
+fn parse_positive(text: &str) -> std::result::Result<f64, String> {
+    let number = text.parse().ok().filter(|number: &f64| number.is_finite() && *number > 0.0);
+    number.ok_or_else(|| "a number above 0".into())
+}
+
+fn parse_pixels_per_degree(text: &str) -> std::result::Result<f32, String> {
+    let (least, most) = (PIXELS_PER_DEGREE_RANGE.start(), PIXELS_PER_DEGREE_RANGE.end());
+    let number = text.parse().ok().filter(|number| PIXELS_PER_DEGREE_RANGE.contains(number));
+    number.ok_or_else(|| format!("a number from {least} to {most}"))
+}
