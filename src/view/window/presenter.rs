@@ -1,4 +1,4 @@
-//! One window's pictures: swapchain and frames in flight, made anew whenever the window changes.
+//! The window's swapchain and frames in flight; the swapchain is recreated whenever the window changes.
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -14,13 +14,13 @@ use crate::gpu::{
 use crate::render::{Eye, FRAMES_IN_FLIGHT, Overlay, Renderer};
 use crate::{Error, Result};
 
-/// After an image could not be had, this long passes before the next try.
+/// How long after a failed acquisition the next one is tried.
 const RETRY: Duration = Duration::from_millis(20);
 /// A mirror that cannot be shown is tried again less often, and so is one whose window changes all the time: making a
 /// swapchain costs the headset frames.
 const MIRROR_RETRY: Duration = Duration::from_millis(250);
 
-/// Where frames go.
+/// Presents frames in one window.
 pub struct WindowPresenter {
     gpu: Arc<Gpu>,
     swapchain: Swapchain,
@@ -36,7 +36,7 @@ impl WindowPresenter {
     /// For a window on the display that the GPU was opened for.
     ///
     /// # Safety
-    /// The window must live until the canvas is dropped, and its event loop as long.
+    /// The window and its event loop must outlive the presenter.
     pub unsafe fn new(gpu: &Arc<Gpu>, window: &Window) -> Result<Self> {
         let no_handle = |e| Error::Window { problem: format!("it has no handle ({e})") };
         let display = window.display_handle().map_err(no_handle)?.as_raw();
