@@ -36,7 +36,7 @@ struct Global {
     /// Have every Vulkan call checked; any message is a failure.
     #[arg(long, global = true)]
     validate: bool,
-    /// Compute all light anew, and keep nothing for the next start.
+    /// Compute all light again, and keep nothing for the next start.
     #[arg(long, global = true)]
     no_cache: bool,
     /// Say more; twice, much more.

@@ -1,4 +1,4 @@
-//! Where the tracked play space stands in the scene, and how the user moves it: start, teleport, snap turn, grab.
+//! The rig: where the tracked play space stands in the scene, and how the user moves it (start, teleport, snap turn, grab).
 //!
 //! Pure. One metre of the room is one metre of the scene, the room's up is the scene's up, and nothing moves unless the
 //! user asked for it. Poses are rigid; a head or a hand looks along its −Z.
@@ -16,7 +16,7 @@ const PERSON_METRES: std::ops::RangeInclusive<f32> = 0.9..=2.3;
 /// Metres per second with which the teleport's arc leaves the hand, and m/s² that bend it.
 const ARC_SPEED: f32 = 6.5;
 const GRAVITY: f32 = 9.81;
-/// Farther along the floor than this, or steeper up than this, nobody aims on purpose.
+/// The limits of a deliberate aim: distance along the floor, and elevation.
 const FARTHEST_METRES: f32 = 7.0;
 const STEEPEST_DEGREES: f32 = 70.0;
 /// Seconds until an arc that meets no floor is given up.

@@ -129,7 +129,7 @@ fn steep_far_and_hopeless_arcs_land_nowhere() {
 fn a_blink_is_dark_when_it_moves_and_moves_once() {
     for frame in [1.0 / 90.0, 1.0 / 45.0, 0.5] {
         let mut blink = TeleportFade::default();
-        assert_eq!(blink.step(frame), (0.0, None), "nobody asked");
+        assert_eq!(blink.step(frame), (0.0, None), "none was begun");
         blink.begin(Vec3::X);
         let steps: Vec<_> = (0..40).map(|_| blink.step(frame)).collect();
         let moves: Vec<_> = steps.iter().filter(|(_, to)| to.is_some()).collect();

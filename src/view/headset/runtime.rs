@@ -72,7 +72,7 @@ impl Runtime {
         self.system().IsTrackedDeviceConnected.is_none_or(|call| unsafe { call(device) })
     }
 
-    /// Its maker and model, as far as they are told.
+    /// The headset's maker and model, as far as the runtime reports them.
     pub fn headset_name(&self) -> String {
         let of = |property| self.text(property).unwrap_or_default();
         let maker = of(sys::ETrackedDeviceProperty_Prop_ManufacturerName_String);
