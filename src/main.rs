@@ -12,8 +12,8 @@ use pbr_vr::measure::{self, Limit, MeasureRequest};
 use pbr_vr::precompute::Cache;
 use pbr_vr::reference::metrics::PIXELS_PER_DEGREE;
 use pbr_vr::view::{
-    self, BakeRequest, Choice, CompareRequest, NeedsRequest, RenderRequest, ViewRequest, doctor, parse_pixels_per_degree,
-    parse_positive, parse_size,
+    self, BakeRequest, Choice, CompareRequest, NeedsRequest, RenderRequest, ViewRequest, doctor,
+    parse_pixels_per_degree, parse_positive, parse_size,
 };
 use pbr_vr::{Result, complain, say};
 

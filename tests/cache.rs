@@ -46,7 +46,8 @@ impl Scene {
             look: QualityOptions { geometry, split_sum, ..QualityOptions::default() },
             ..RenderRequest::new(&self.scene, &output)
         };
-        let facts = render(&request, validated(), cache, &Report::silent()).expect("a render without validation messages");
+        let facts =
+            render(&request, validated(), cache, &Report::silent()).expect("a render without validation messages");
         (fs::read(&output).expect("the picture"), facts)
     }
 

@@ -58,7 +58,8 @@ fn exact(shop: &Workshop, case: &Case, geometry: Geometry, frames: u64) -> (Pict
         look: QualityOptions { shading: Shading::Reference, geometry, ..QualityOptions::default() },
         ..RenderRequest::new(&scene, &output)
     };
-    let facts = render(&request, validated(), Some(&cache), &Report::silent()).expect("a render without validation messages");
+    let facts =
+        render(&request, validated(), Some(&cache), &Report::silent()).expect("a render without validation messages");
     (Picture::read(&output).expect("the picture"), facts.standard_error.expect("a standard error"))
 }
 

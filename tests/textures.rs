@@ -59,7 +59,8 @@ impl Floor {
             look: QualityOptions { model: Model::Everything, textures, ..QualityOptions::default() },
             ..RenderRequest::new(&self.scene, &output)
         };
-        let facts = render(&request, validated(), cache, &Report::silent()).expect("a render without validation messages");
+        let facts =
+            render(&request, validated(), cache, &Report::silent()).expect("a render without validation messages");
         (Picture::read(&output).expect("the picture"), facts)
     }
 }

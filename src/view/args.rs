@@ -23,7 +23,10 @@ pub struct Choice {
 
 /// Every flag of the settings: a clap group has no members that are flattened in.
 fn setting_flags() -> Vec<Id> {
-    QualityOptions::augment_args(clap::Command::new("settings")).get_arguments().map(|flag| flag.get_id().clone()).collect()
+    QualityOptions::augment_args(clap::Command::new("settings"))
+        .get_arguments()
+        .map(|flag| flag.get_id().clone())
+        .collect()
 }
 
 /// `WIDTHxHEIGHT` in pixels.

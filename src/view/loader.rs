@@ -172,9 +172,7 @@ fn perform(gpu: &Arc<Gpu>, settings: &Settings, request: LoadRequest) -> Option<
                 .map(Box::new);
             Some(LoadResult::Panorama { path, light })
         }
-        LoadRequest::Screenshot { pixels, size } => {
-            Some(LoadResult::Screenshot(screenshot::write(&pixels, size)))
-        }
+        LoadRequest::Screenshot { pixels, size } => Some(LoadResult::Screenshot(screenshot::write(&pixels, size))),
         LoadRequest::Discard(scene) => {
             drop(scene);
             None

@@ -15,7 +15,7 @@ use super::frame_clock::ms_since;
 use super::loader::load_scene;
 use crate::asset::picture::Picture;
 use crate::asset::{Outputs, Report};
-use crate::gpu::{CommandBuffer, Gpu, GpuOptions, PassTime, Subresource, read_image};
+use crate::gpu::{FrameRing, Gpu, GpuOptions, PassTime, Subresource, UNIFORM_RANGE, read_image};
 use crate::precompute::Cache;
 use crate::render::{
     Eye, FRAMES_IN_FLIGHT, IPD_METRES, Output, Renderer, Settings, StandardError, TextureFacts, check_size,
@@ -208,22 +208,18 @@ pub fn find_camera<'a>(scene: &'a Scene, name: Option<&str>) -> Result<&'a Camer
 
 /// Draws frames; returns the GPU times of each and what recording each took.
 fn draw(gpu: &Arc<Gpu>, renderer: &mut Renderer, eyes: &[Eye], frames: u64) -> Result<(Vec<Vec<PassTime>>, Vec<f64>)> {
-    let mut recorders = (0..FRAMES_IN_FLIGHT).map(|_| CommandBuffer::new(gpu)).collect::<Result<Vec<_>>>()?;
+    let mut ring = FrameRing::new(gpu, UNIFORM_RANGE)?;
     let (mut times, mut record_ms) = (Vec::new(), Vec::new());
-    for slot in (0..FRAMES_IN_FLIGHT).cycle().take(usize::try_from(frames).unwrap_or(usize::MAX)) {
-        times.push(recorders[slot].finish()?.to_vec());
+    for _ in 0..frames {
+        ring.finish_slot()?;
         let started = ThreadTime::now();
-        let (mut commands, _) = recorders[slot].begin()?;
-        renderer.record(&mut commands, slot, eyes, None);
-        commands.submit(None)?;
+        let mut frame = ring.begin()?;
+        times.push(frame.finished.to_vec());
+        renderer.record(&mut frame.commands, frame.slot, eyes, None);
+        frame.submit(None)?;
         record_ms.push(started.elapsed().as_secs_f64() * 1e3);
     }
-    // The oldest frame still under way is the next one's slot.
-    let next = usize::try_from(frames % FRAMES_IN_FLIGHT as u64).unwrap_or(0);
-    recorders.rotate_left(next);
-    for recorder in &mut recorders {
-        times.push(recorder.finish()?.to_vec());
-    }
+    times.extend(ring.finish_all()?.map(|frame| frame.to_vec()));
     times.retain(|frame| !frame.is_empty());
     Ok((times, record_ms))
 }
@@ -298,7 +294,10 @@ mod tests {
 
     #[test]
     fn eyes_are_written_beside_each_other() {
-        assert_eq!(picture_files(Path::new("d/a.b.png"), true), [Path::new("d/a.b-left.png"), Path::new("d/a.b-right.png")]);
+        assert_eq!(
+            picture_files(Path::new("d/a.b.png"), true),
+            [Path::new("d/a.b-left.png"), Path::new("d/a.b-right.png")]
+        );
         assert_eq!(picture_files(Path::new("a.exr"), false), [Path::new("a.exr")]);
     }
 }

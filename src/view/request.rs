@@ -150,8 +150,7 @@ impl ViewRequest {
     /// With a mirror where there is a display.
     fn run_headset(&self, gpu: GpuOptions<'_>, cache: Option<&Cache>) -> Result<()> {
         headset::probe().map_err(|problem| Error::Headset { problem })?;
-        let mirrored =
-            no_display().is_none() && window::run(self, gpu, cache, Wanted::HeadsetOnly, None)?.is_none();
+        let mirrored = no_display().is_none() && window::run(self, gpu, cache, Wanted::HeadsetOnly, None)?.is_none();
         if mirrored { Ok(()) } else { headset::run_alone(self, headset::connect(gpu)?, cache) }
     }
 

@@ -85,8 +85,7 @@ mod tests {
     #[test]
     fn where_nothing_can_be_written_a_screenshot_goes_among_the_pictures() {
         let pictures = tempfile::tempdir().expect("a temporary folder");
-        let keep =
-            |folder: &str, into: PathBuf| write_into(&[0; 4], [1, 1], &pictures.path().join(folder), Some(into));
+        let keep = |folder: &str, into: PathBuf| write_into(&[0; 4], [1, 1], &pictures.path().join(folder), Some(into));
         let kept = keep("none", pictures.path().into()).expect("a screenshot");
         assert_eq!(kept, pictures.path().join("pbr-vr-1.png"));
         assert!(kept.is_file());

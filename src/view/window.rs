@@ -129,8 +129,7 @@ impl EventHandler<'_> {
         let (gpu, session) = self.open_gpu(options)?;
         self.messages = Some(gpu.messages());
         // SAFETY: `exiting` drops the viewer while the event loop still runs.
-        let mut viewer =
-            unsafe { Viewer::new(&gpu, window, (self.request, self.cache), self.proxy.clone(), session) }?;
+        let mut viewer = unsafe { Viewer::new(&gpu, window, (self.request, self.cache), self.proxy.clone(), session) }?;
         self.opened = true;
         self.no_headset.iter().for_each(|why| say!("pbr-vr: in a window, because {why}"));
         viewer.open_first(&scene);

@@ -81,7 +81,8 @@ impl Workshop {
             },
             ..RenderRequest::new(scene, output)
         };
-        let facts = render(&request, validated(), None, &Report::silent()).expect("a render without validation messages");
+        let facts =
+            render(&request, validated(), None, &Report::silent()).expect("a render without validation messages");
         facts.files.iter().map(|file| Picture::read(file).expect("the written picture")).collect()
     }
 }

@@ -237,7 +237,8 @@ mod tests {
     #[cfg(unix)]
     #[test]
     fn a_child_that_writes_megabytes_is_not_blocked() {
-        let flood = "head -c 4000000 /dev/zero | tr '\\0' '\\n'; head -c 4000000 /dev/zero | tr '\\0' '\\n' >&2; echo end";
+        let flood =
+            "head -c 4000000 /dev/zero | tr '\\0' '\\n'; head -c 4000000 /dev/zero | tr '\\0' '\\n' >&2; echo end";
         let ended = run(shell(flood), Duration::from_secs(60)).expect("a shell").expect("its end");
         assert!(ended.status.success() && ended.out.ends_with("end\n") && ended.err.len() == 4_000_000);
     }

@@ -56,7 +56,8 @@ impl Runtime {
             return Err(Refusal { code, words: words_of(code) });
         }
         // From here on, Drop disconnects whatever fails.
-        let mut runtime = Self { system: ptr::null(), compositor: ptr::null(), input: ptr::null(), explicit_timing: false };
+        let mut runtime =
+            Self { system: ptr::null(), compositor: ptr::null(), input: ptr::null(), explicit_timing: false };
         runtime.system = table(sys::IVRSystem_Version)?;
         if role == Role::Scene {
             runtime.compositor = table(sys::IVRCompositor_Version)?;

@@ -18,7 +18,7 @@ use super::quality::{Finished, Level, Quality};
 use super::report::{FrameTime, HeadsetReport, Timeline};
 use super::runtime::{DEVICES, EYES, Runtime};
 use super::watchdog::{Patience, Watchdog};
-use crate::gpu::{CommandBuffer, Gpu, PassTimes};
+use crate::gpu::{FrameRing, Gpu, PassTimes, UNIFORM_RANGE};
 use crate::render::FRAMES_IN_FLIGHT;
 use crate::view::app::{Requests, ShownScene};
 use crate::view::frame_clock::ms_since;
@@ -56,9 +56,7 @@ pub struct Session {
     runtime: ManuallyDrop<Runtime>,
     watchdog: Watchdog,
     images: EyeImages,
-    recorders: Vec<CommandBuffer>,
-    /// The next command buffer and pair of images.
-    slot: usize,
+    ring: FrameRing,
     /// The quality level that each slot was drawn with last; then that of the last frame.
     levels: [usize; FRAMES_IN_FLIGHT],
     level: Level,
@@ -106,8 +104,7 @@ impl Session {
         Ok(Self {
             hands: Hands::new(&runtime),
             images: EyeImages::new(gpu, size)?,
-            recorders: (0..FRAMES_IN_FLIGHT).map(|_| CommandBuffer::new(gpu)).collect::<Result<_>>()?,
-            slot: 0,
+            ring: FrameRing::new(gpu, UNIFORM_RANGE)?,
             levels: [0; FRAMES_IN_FLIGHT],
             level: quality.level(),
             warm_up: WARM_UP,
@@ -224,17 +221,16 @@ impl Session {
         let Step { world_from_play, jumped, fade, requests } =
             self.hands.step(&self.runtime, scene, &self.head, seconds);
         scene.prepare(fade);
-        self.draw(scene, world_from_play)?;
+        let slot = self.draw(scene, world_from_play)?;
         self.recording = started.elapsed();
         let cpu_ms = ms_since(started) as f32;
         let started = Instant::now();
-        if let Some(end) = self.submit(jumped)? {
+        if let Some(end) = self.submit(slot, jumped)? {
             return Ok(self.over(end));
         }
         let area = self.level.bounds.iter().product();
         let submit_ms = ms_since(started) as f32;
         self.timeline.push(FrameTime { wait_ms, cpu_ms, submit_ms, area, ..Default::default() });
-        self.slot = (self.slot + 1) % FRAMES_IN_FLIGHT;
         self.report.frames += 1;
         Ok(FrameResult::Shown(requests))
     }
@@ -294,41 +290,43 @@ impl Session {
         Ok(self.judge("WaitGetPoses", code))
     }
 
-    fn draw(&mut self, scene: &mut ShownScene, world_from_play: Mat4) -> Result<()> {
-        let (size, slot) = (self.size(), self.slot);
+    /// Records and submits a frame; returns its slot.
+    fn draw(&mut self, scene: &mut ShownScene, world_from_play: Mat4) -> Result<usize> {
+        let (size, slot) = (self.size(), self.ring.next_slot());
         let world_from_head = world_from_play * self.head.space_from_head;
         let eyes = self.optics.map(|optics| optics.eye(world_from_head));
         let renderer = &mut scene.loaded.renderer;
         renderer.resize(size)?;
-        let finished = self.recorders[slot].finish()?;
-        self.choose_level(&finished);
+        let finished = self.ring.finish_slot()?;
+        self.choose_level(slot, &finished);
         self.times = finished;
         renderer.set_area(self.level.size);
-        let (mut commands, _) = self.recorders[slot].begin()?;
+        let mut frame = self.ring.begin()?;
         renderer.set_gizmos(slot, self.hands.gizmos())?;
-        renderer.record_scene(&mut commands, slot, &eyes);
-        self.images.fill(&mut commands, slot, renderer.picture(), self.level.size);
+        renderer.record_scene(&mut frame.commands, slot, &eyes);
+        self.images.fill(&mut frame.commands, slot, renderer.picture(), self.level.size);
         self.gpu.with_queue_locked(|| self.runtime.submit_timing());
-        commands.submit(None)
+        frame.submit(None)?;
+        Ok(slot)
     }
 
     /// This frame's quality, from the times of the one that had the slot before.
-    fn choose_level(&mut self, times: &PassTimes) {
+    fn choose_level(&mut self, slot: usize, times: &PassTimes) {
         let gpu_ms = times.total_ms() as f32;
         let finished = (!times.is_empty()).then(|| {
             self.timeline.set_gpu(FRAMES_IN_FLIGHT, gpu_ms);
             let reprojected_for_gpu = self.statistics.last().is_some_and(FrameTiming::is_reprojected_for_gpu);
-            Finished { gpu_ms, level: self.levels[self.slot], reprojected_for_gpu }
+            Finished { gpu_ms, level: self.levels[slot], reprojected_for_gpu }
         });
         let counts = self.warm_up == 0;
         self.warm_up -= u32::from(!counts);
         self.level = self.quality.next(finished.filter(|_| counts));
-        self.levels[self.slot] = self.level.index;
+        self.levels[slot] = self.level.index;
     }
 
-    fn submit(&mut self, jumped: bool) -> Result<Option<End>> {
+    fn submit(&mut self, slot: usize, jumped: bool) -> Result<Option<End>> {
         let bounds = self.level.bounds;
-        for (eye, picture) in EYES.into_iter().zip(self.images.pictures(self.slot)) {
+        for (eye, picture) in EYES.into_iter().zip(self.images.pictures(slot)) {
             let submit = || self.gpu.with_queue_locked(|| self.runtime.submit(eye, &picture, bounds, jumped));
             let code = self.watchdog.watch("Submit", Patience::FRAME, submit)?;
             if code == sys::EVRCompositorError_VRCompositorError_None {
