@@ -24,6 +24,11 @@ pub fn listen(wake: impl Fn() + Send + 'static) {
     }
 }
 
+/// Signals end the process at once again: no loop looks at [`is_requested`] any more.
+pub fn stop_listening() {
+    *lock() = None;
+}
+
 /// Whether a signal asks for the end.
 pub fn is_requested() -> bool {
     REQUESTED.load(Ordering::Relaxed)
@@ -39,11 +44,9 @@ pub fn exit_at_once(code: i32) -> ! {
 }
 
 fn on_signal() {
-    if REQUESTED.swap(true, Ordering::Relaxed) {
-        exit_at_once(INTERRUPTED);
-    }
-    if let Some(wake) = &*lock() {
-        wake();
+    match (&*lock(), REQUESTED.swap(true, Ordering::Relaxed)) {
+        (Some(wake), false) => wake(),
+        _ => exit_at_once(INTERRUPTED),
     }
 }
 

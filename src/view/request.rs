@@ -7,7 +7,7 @@ use clap::{Args, ValueEnum};
 use super::args::Choice;
 use super::headset::{self, HiddenAreaV, RunReport};
 use super::render::{RenderFacts, RenderRequest, render};
-use super::{QualityOptions, console, screenshot, window};
+use super::{QualityOptions, console, interrupt, screenshot, window};
 use crate::asset::file::write_atomically;
 use crate::asset::{Outputs, Report, shipped};
 use crate::gpu::{Gpu, GpuOptions};
@@ -161,6 +161,7 @@ impl ViewRequest {
         no_headset: &str,
         no_window: &str,
     ) -> Result<()> {
+        interrupt::stop_listening();
         let output = reserve_fallback()?;
         let (frames, look) = (self.frames, self.look);
         let request = RenderRequest { frames, look, ..RenderRequest::new(self.scene()?, &output) };
