@@ -23,8 +23,8 @@ const MOST_BYTES: u64 = 1 << 30;
 
 fn baked(shop: &Workshop, panorama: &Path, face_size: u32) {
     let folder = shop.path("new/folder");
-    let request = BakeRequest { panorama, folder: &folder, face_size, cache: None };
-    let facts = bake(&request, validated(), &Report::silent()).expect("baking without validation messages");
+    let request = BakeRequest { panorama: panorama.into(), output: folder, size: face_size, json: None };
+    let facts = bake(&request, validated(), None, &Report::silent()).expect("baking without validation messages");
     assert_eq!(facts.files.len(), 3);
 }
 

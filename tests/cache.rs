@@ -42,24 +42,20 @@ impl Scene {
     fn render_with(&self, cache: Option<&Cache>, geometry: Geometry, split_sum: SplitSum) -> (Vec<u8>, RenderFacts) {
         let output = self.shop.path("out.exr");
         let request = RenderRequest {
-            scene: &self.scene,
-            output: &output,
             size: [64, 64],
-            camera: None,
-            stereo: false,
-            frames: 1,
             look: QualityOptions { geometry, split_sum, ..QualityOptions::default() },
-            cache,
+            ..RenderRequest::new(&self.scene, &output)
         };
-        let facts = render(&request, validated(), &Report::silent()).expect("a render without validation messages");
+        let facts =
+            render(&request, validated(), cache, &Report::silent()).expect("a render without validation messages");
         (fs::read(&output).expect("the picture"), facts)
     }
 
     /// The files that are baked, and how many of light maps and BRDF table came from the cache.
     fn bake(&self, face_size: u32, cache: Option<&Cache>) -> (BTreeMap<PathBuf, Vec<u8>>, usize) {
         let (panorama, folder) = (self.shop.path("sky.exr"), self.shop.path("baked"));
-        let request = BakeRequest { panorama: &panorama, folder: &folder, face_size, cache };
-        let facts = bake(&request, validated(), &Report::silent()).expect("baking without validation messages");
+        let request = BakeRequest { panorama, output: folder.clone(), size: face_size, json: None };
+        let facts = bake(&request, validated(), cache, &Report::silent()).expect("baking without validation messages");
         let passes = facts.stages.iter().flat_map(|stage| &stage.gpu);
         (entries(&folder), passes.filter(|pass| pass.name.ends_with("from the cache")).count())
     }

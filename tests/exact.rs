@@ -53,16 +53,13 @@ fn exact(shop: &Workshop, case: &Case, geometry: Geometry, frames: u64) -> (Pict
     );
     let (output, cache) = (shop.path("out.exr"), Cache::in_folder(shop.path("cache")));
     let request = RenderRequest {
-        scene: &scene,
-        output: &output,
         size: [SIDE, SIDE],
-        camera: None,
-        stereo: false,
-        frames,
+        frames: Some(frames),
         look: QualityOptions { shading: Shading::Reference, geometry, ..QualityOptions::default() },
-        cache: Some(&cache),
+        ..RenderRequest::new(&scene, &output)
     };
-    let facts = render(&request, validated(), &Report::silent()).expect("a render without validation messages");
+    let facts =
+        render(&request, validated(), Some(&cache), &Report::silent()).expect("a render without validation messages");
     (Picture::read(&output).expect("the picture"), facts.standard_error.expect("a standard error"))
 }
 

@@ -312,6 +312,50 @@ fn what_is_too_slow_is_drawn_smaller_into_the_same_images() {
 }
 
 #[test]
+fn beyond_the_edge_of_a_smaller_picture_its_last_texels_are_repeated() {
+    let room = Room::with(Script { hz: 5000.0, show_every: 10, show_border: true, ..patient() });
+    room.view(100).assert_clean();
+    let mut smaller = 0;
+    for frame in (10..=100).step_by(10) {
+        for eye in 0..2 {
+            let shown = room.shown(frame, eye);
+            let [width, height] = [shown.width, shown.height].map(|side| side as usize);
+            if [shown.width, shown.height] == SIZE {
+                continue;
+            }
+            smaller += 1;
+            let at = |x: usize, y: usize| shown.pixels[y * width + x];
+            assert!((0..height).all(|y| at(width - 1, y) == at(width - 2, y)), "frame {frame}, eye {eye}: last column");
+            assert!((0..width).all(|x| at(x, height - 1) == at(x, height - 2)), "frame {frame}, eye {eye}: last row");
+        }
+    }
+    assert!(smaller > 0, "no picture was smaller");
+}
+
+#[cfg(unix)]
+#[test]
+fn a_signal_ends_it_with_report_summary_and_shutdown() {
+    for signal in ["INT", "TERM"] {
+        let room = Room::with(patient());
+        let arguments = ["view", "scene.toml", "--on", "headset", "--report", "report.json"];
+        let child = room.headset.start(room.workshop.0.path(), &arguments);
+        let started = std::time::Instant::now();
+        while room.headset.frame() < 10 {
+            assert!(started.elapsed().as_secs() < 120, "no frames");
+            std::thread::sleep(std::time::Duration::from_millis(20));
+        }
+        let pid = child.id().to_string();
+        let killed = std::process::Command::new("kill").args(["-s", signal, &pid]).status().expect("kill");
+        assert!(killed.success());
+        let ran = common::headset::finish(child);
+        ran.assert_clean();
+        assert!(ran.out.contains("frames") && ran.out.contains("hidden by the lenses"), "no summary: {ran}");
+        assert!(room.report()["frames"].as_u64().is_some_and(|frames| frames >= 10));
+        assert_eq!(room.headset.calls().last().expect("a call")["call"], "CleanupDone");
+    }
+}
+
+#[test]
 fn extensions_that_the_runtime_asks_for_are_enabled_or_missing_ones_told() {
     // Both are part of Vulkan 1.3 and yet must be enabled by name.
     let script = Script {

@@ -109,6 +109,20 @@ fn a_runtime_that_hangs_or_dies_at_its_start_takes_nobody_along() {
 }
 
 #[test]
+fn a_runtime_that_dies_at_its_start_is_quoted() {
+    let start = Start { abort: true, ..Start::default() };
+    assert_falls_back(&["headset", "aborts as its script says"], |on| start_with(start.clone(), on));
+}
+
+#[test]
+fn a_runtime_that_fills_its_pipes_at_the_start_is_not_blocked() {
+    let start = Start { chatter_kib: 256, ..Start::default() };
+    let ran = start_with(start, "headset");
+    ran.assert_clean();
+    assert!(ran.took < Duration::from_secs(15), "the probe was blocked: {:?}", ran.took);
+}
+
+#[test]
 fn a_slow_runtime_is_waited_for() {
     let start = Start { slow_ms: 1500, ..Start::default() };
     start_with(start, "headset").assert_clean();

@@ -53,17 +53,14 @@ impl Floor {
     fn render_from(&self, camera: &str, textures: TextureChoice, cache: Option<&Cache>) -> (Picture, RenderFacts) {
         let output = self.shop.path("out.png");
         let request = RenderRequest {
-            scene: &self.scene,
-            output: &output,
             size: [96, 64],
-            camera: Some(camera),
-            stereo: false,
-            frames: 1,
+            camera: Some(camera.into()),
             // All levels, whatever this camera could do without.
             look: QualityOptions { model: Model::Everything, textures, ..QualityOptions::default() },
-            cache,
+            ..RenderRequest::new(&self.scene, &output)
         };
-        let facts = render(&request, validated(), &Report::silent()).expect("a render without validation messages");
+        let facts =
+            render(&request, validated(), cache, &Report::silent()).expect("a render without validation messages");
         (Picture::read(&output).expect("the picture"), facts)
     }
 }

@@ -66,23 +66,31 @@ impl Commands<'_> {
         unsafe { self.device().cmd_copy_image_to_buffer(self.buffer.raw, image.raw, layout, to.raw, &[region]) };
     }
 
-    /// Copies the upper left corner of one layer, of `size`, into a flat image of the same format; they must be
-    /// prepared for `CopyFrom` and `CopyTo`.
-    pub fn copy_layer(&mut self, from: &Image, layer: u32, to: &Image, [width, height]: [u32; 2]) {
+    /// Copies areas of one layer into a flat image of the same format: each area is given with the corner it goes to. The
+    /// images must be prepared for `CopyFrom` and `CopyTo`.
+    pub fn copy_layer(&mut self, from: &Image, layer: u32, to: &Image, areas: &[(Rect, [u32; 2])]) {
         let layers = |image: &Image, layer| vk::ImageSubresourceLayers {
             aspect_mask: image.aspect(),
             mip_level: 0,
             base_array_layer: layer,
             layer_count: 1,
         };
-        let region = vk::ImageCopy::default()
-            .src_subresource(layers(from, layer))
-            .dst_subresource(layers(to, 0))
-            .extent(vk::Extent3D { width, height, depth: 1 });
+        // Images have at most 2^15 pixels a side on any GPU.
+        let offset = |[x, y]: [u32; 2]| vk::Offset3D { x: x as i32, y: y as i32, z: 0 };
+        let region = |(area, corner): &(Rect, [u32; 2])| {
+            vk::ImageCopy::default()
+                .src_subresource(layers(from, layer))
+                .src_offset(offset(area.corner))
+                .dst_subresource(layers(to, 0))
+                .dst_offset(offset(*corner))
+                .extent(vk::Extent3D { width: area.size[0], height: area.size[1], depth: 1 })
+        };
         let (from_layout, to_layout) = (ImageAccess::CopyFrom.parts().0, ImageAccess::CopyTo.parts().0);
-        // SAFETY: the command buffer is being recorded; images are alive and in these layouts.
-        unsafe {
-            self.device().cmd_copy_image(self.buffer.raw, from.raw, from_layout, to.raw, to_layout, &[region]);
+        for region in areas.iter().map(region) {
+            // SAFETY: the command buffer is being recorded; images are alive and in these layouts.
+            unsafe {
+                self.device().cmd_copy_image(self.buffer.raw, from.raw, from_layout, to.raw, to_layout, &[region]);
+            }
         }
     }
 

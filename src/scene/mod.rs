@@ -3,6 +3,7 @@
 pub mod cluster;
 mod culling_bounds;
 pub mod description;
+mod floor;
 pub mod load;
 mod maps;
 pub mod material;
@@ -13,6 +14,7 @@ pub mod tangent;
 use glam::{Mat4, Vec3};
 
 use crate::asset::{MipChain, Panorama};
+pub use floor::floor_under;
 pub use load::{LoadOptions, load};
 pub use mesh::{Bounds, Mesh, Vertex};
 pub use needs::{MaterialFeatures, Model, SceneFeatures};

@@ -1,34 +1,56 @@
-//! `bake`: what a panorama is precomputed to, as KTX2 files for other programs.
+//! `bake`: writes the maps precomputed from a panorama as KTX2 files.
 
 use std::fmt;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
 
+use clap::Args;
 use half::f16;
 use serde::Serialize;
 
-use super::picture::ms_since;
+use super::args::write_json;
+use super::frame_clock::ms_since;
 use crate::asset::ktx2::{Ktx2, TexelFormat};
-use crate::asset::{Panorama, Report};
+use crate::asset::{Outputs, Panorama, Report};
 use crate::gpu::{Gpu, GpuOptions, PassTime};
 use crate::precompute::{BrdfTable, Cache, LightMaps, Options, check_face_size, read_texture};
 use crate::reference::brdf::Geometry;
 use crate::reference::table::SplitSum;
-use crate::{Error, Result};
+use crate::{Error, Result, say};
 
-/// The files it writes.
+/// The files that `bake` writes.
 pub const BAKED: [&str; 3] = ["irradiance.ktx2", "specular.ktx2", "brdf.ktx2"];
 
-/// What to bake and where to.
-#[derive(Clone, Copy)]
-pub struct BakeRequest<'a> {
-    pub panorama: &'a Path,
-    /// Made if it is not there.
-    pub folder: &'a Path,
-    /// Texels along a face of the largest specular levels.
-    pub face_size: u32,
-    pub cache: Option<&'a Cache>,
+/// A panorama, and where its maps are written.
+#[derive(Args, Clone, Debug)]
+pub struct BakeRequest {
+    /// A Radiance (.hdr) or OpenEXR (.exr) panorama.
+    pub panorama: PathBuf,
+    /// The folder for irradiance.ktx2, specular.ktx2 and brdf.ktx2; made if it is not there.
+    #[arg(short, long, value_name = "DIR")]
+    pub output: PathBuf,
+    /// Texels along a face of the largest specular levels: a power of two from 16 to 1024.
+    #[arg(long, value_name = "N", default_value_t = Options::default().face_size)]
+    pub size: u32,
+    /// Write times and facts.
+    #[arg(long, value_name = "FILE")]
+    pub json: Option<PathBuf>,
+}
+
+impl BakeRequest {
+    /// The command: checks the outputs, bakes, prints a line for each file and writes the facts.
+    ///
+    /// # Errors
+    /// Those of [`bake`]; outputs that cannot be written or are inputs.
+    pub fn run(&self, gpu: GpuOptions<'_>, cache: Option<&Cache>) -> Result<()> {
+        let mut outputs = Outputs::of([&self.panorama]);
+        outputs.folder(&self.output, &BAKED)?;
+        outputs.file_if(self.json.as_deref())?;
+        let facts = bake(self, gpu, cache, &Report::to_terminal())?;
+        facts.files.iter().for_each(|file| say!("{file}"));
+        write_json(self.json.as_deref(), &facts)
+    }
 }
 
 /// What baking did, for `--json`.
@@ -85,29 +107,29 @@ impl fmt::Display for BakedFile {
 /// # Errors
 /// A bad size, an unreadable panorama, an unwritable folder, whatever stops the GPU; a validation message where
 /// validation was asked for.
-pub fn bake(request: &BakeRequest<'_>, gpu: GpuOptions<'_>, report: &Report) -> Result<BakeFacts> {
-    check_face_size(request.face_size)?;
+pub fn bake(request: &BakeRequest, gpu: GpuOptions<'_>, cache: Option<&Cache>, report: &Report) -> Result<BakeFacts> {
+    check_face_size(request.size)?;
     let mut stages = Stages(Vec::new());
-    let panorama = stages.run("read panorama", || Panorama::load(request.panorama, report), |_| &[])?;
-    std::fs::create_dir_all(request.folder).map_err(Error::write(request.folder))?;
+    let panorama = stages.run("read panorama", || Panorama::load(&request.panorama, report), |_| &[])?;
+    std::fs::create_dir_all(&request.output).map_err(Error::write(&request.output))?;
     let gpu = stages.run("open GPU", || Gpu::open(gpu), |_| &[])?;
     let messages = gpu.messages();
-    let options = Options { face_size: request.face_size, cache: request.cache.cloned(), ..Options::default() };
+    let options = Options { face_size: request.size, cache: cache.cloned(), ..Options::default() };
     let light = stages.run("light maps", || LightMaps::new(&gpu, &panorama, &options), |light| &light.times)?;
-    let table = || BrdfTable::new(&gpu, Geometry::Smith, SplitSum::Moment, request.cache);
+    let table = || BrdfTable::new(&gpu, Geometry::Smith, SplitSum::Moment, cache);
     let table = stages.run("BRDF table", table, |table| &table.times)?;
-    let files = stages.run("write files", || write(&gpu, request.folder, &light, &table), |_| &[])?;
+    let files = stages.run("write files", || write(&gpu, &request.output, &light, &table), |_| &[])?;
     let facts = BakeFacts {
-        panorama: request.panorama.to_owned(),
+        panorama: request.panorama.clone(),
         panorama_size: [panorama.width, panorama.height],
-        face_size: request.face_size,
+        face_size: request.size,
         gpu: gpu.info().name.clone(),
         driver: gpu.info().driver.clone(),
         files,
         stages: stages.0,
         warnings: report.warnings(),
     };
-    // The device says its last words, leaks for one, while it is destroyed.
+    // Destroying the device may add validation messages, for example about leaks.
     drop((light, table, gpu));
     messages.check()?;
     Ok(facts)

@@ -1,4 +1,4 @@
-//! Camera control: from drags, wheel and held keys to an eye, orbiting about a point or flying. Knows no window.
+//! Camera control: from drags, wheel and held keys to an eye, orbiting about a point or flying. Independent of the window.
 
 use std::f32::consts::{FRAC_PI_2, PI, TAU};
 
@@ -29,7 +29,7 @@ pub enum Mode {
     Fly,
 }
 
-/// A camera in somebody's hands. Both modes share one pose, so changing the mode moves nothing.
+/// A camera that the user controls. Both modes share one pose, so changing the mode moves nothing.
 #[derive(Clone, Debug)]
 pub struct Control {
     mode: Mode,
@@ -146,7 +146,7 @@ impl Control {
         Eye::symmetric(world_from_view, self.vertical_fov_degrees, aspect, self.distance)
     }
 
-    /// SceneResources position, metres.
+    /// World position, metres.
     pub fn position(&self) -> Vec3 {
         self.target + self.axes().z_axis * self.distance
     }

@@ -1,4 +1,4 @@
-//! What this machine has, what is missing, and what to do: `pbr-vr doctor`.
+//! `doctor`: what this machine has, what is missing, and what to do.
 
 use std::path::PathBuf;
 
@@ -24,7 +24,7 @@ pub fn run() -> Result<()> {
         "layer installed",
         "no layer; for --validate install vulkan-validationlayers or the Vulkan SDK",
     );
-    match super::no_display() {
+    match super::request::no_display() {
         None => say!("display     there"),
         Some(reason) => say!("display     missing: {reason}; pictures can be written all the same"),
     }

@@ -1,4 +1,4 @@
-//! Frame times: the step of the running frame, and averages for people to read.
+//! Frame times: the time step of the running frame, and averages for the display.
 
 use std::time::{Duration, Instant};
 
@@ -6,8 +6,13 @@ use crate::gpu::PassTime;
 
 /// Averages are made over this time.
 const PERIOD: Duration = Duration::from_millis(500);
-/// The longest step that a frame is told of; after a stall, moving goes on where it was.
+/// The longest time step; after a stall, movement continues from where it was.
 const LONGEST_STEP: Duration = Duration::from_millis(100);
+
+/// Milliseconds since a moment.
+pub fn ms_since(start: Instant) -> f64 {
+    start.elapsed().as_secs_f64() * 1e3
+}
 
 /// Averages over the last period.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -105,7 +110,7 @@ mod tests {
     }
 
     #[test]
-    fn a_steady_rate_is_told_with_its_gpu_times() {
+    fn a_steady_rate_is_reported_with_its_gpu_times() {
         let (mut clock, start) = (FrameClock::default(), Instant::now());
         for frame in 0..=50 {
             let step = clock.tick(start + Duration::from_millis(20 * frame));

@@ -1,4 +1,4 @@
-//! The headset: whether one answers, connecting to it in OpenVR's order, and showing a scene in it without a window.
+//! The headset as an output: probing for one, connecting to it in OpenVR's order, and showing a scene in it.
 
 mod actions;
 mod app;
@@ -9,7 +9,6 @@ mod frame_statistics;
 mod hands;
 mod hidden_area;
 mod optics;
-pub mod playlist;
 mod probe;
 mod quality;
 mod report;
@@ -24,15 +23,14 @@ pub use app::run as run_alone;
 pub use hidden_area::HiddenAreaV;
 pub use probe::{SUBCOMMAND as PROBE_SUBCOMMAND, answer as answer_probe, probe, registry};
 pub use report::{HeadsetReport, RunReport};
-pub use rig::floor_under;
-pub use session::{End, Frame, Session};
+pub use session::{End, FrameResult, Session};
 
 use crate::gpu::{Gpu, GpuOptions, Instance};
 use crate::{Error, Result, say};
 use runtime::{Role, Runtime};
 use watchdog::{Patience, Watchdog};
 
-/// A runtime and the GPU that its headset hangs on; the runtime goes first.
+/// A runtime and the GPU that its headset is connected to. Drop order: the runtime first.
 pub struct Connected {
     runtime: Runtime,
     watchdog: Watchdog,
@@ -42,13 +40,13 @@ pub struct Connected {
 impl Connected {
     /// Begins a session.
     pub fn begin(self, v: HiddenAreaV) -> Result<Session> {
-        // Should it fail, its arguments go in the right order: the runtime before our share of the GPU.
+        // Should it fail, its arguments are dropped in the right order: the runtime before our reference to the GPU.
         let Self { runtime, watchdog, gpu } = self;
         Session::new(runtime, &gpu, watchdog, v)
     }
 }
 
-/// Fields go in this order: the runtime before what it was told of.
+/// Drop order: the runtime before the instance that it knows.
 struct Opening {
     runtime: Runtime,
     _instance: Arc<Instance>,
@@ -74,7 +72,7 @@ pub fn connect(options: GpuOptions<'_>) -> Result<Connected> {
     let gpu = Gpu::open_for_headset(options, &instance, physical, asked)?;
     let name = &gpu.info().name;
     if let Some(wanted) = options.name.filter(|wanted| !name.to_lowercase().contains(&wanted.to_lowercase())) {
-        say!("pbr-vr: on {name} instead of {wanted}, because the headset hangs on it");
+        say!("pbr-vr: on {name} instead of {wanted}, because the headset is connected to it");
     }
     Ok(Connected { runtime: opening.runtime, watchdog, gpu })
 }

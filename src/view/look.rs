@@ -1,4 +1,4 @@
-//! How a scene is to look, wherever it is shown: what the command line says of shading, models and textures.
+//! Quality options of the command line: shading, models and textures, for every output.
 
 use clap::{Args, ValueEnum as _};
 
@@ -117,7 +117,7 @@ pub struct TextureChoice {
 }
 
 impl TextureChoice {
-    /// What this GPU can do of it; where that is less, it is told.
+    /// As far as this GPU supports it; where it does not, a warning says so.
     pub fn options(self, gpu: &Gpu, cache: Option<&Cache>, report: &Report) -> TextureOptions {
         let plain = TextureOptions::default();
         let (best, slanted) =

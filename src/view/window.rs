@@ -1,14 +1,17 @@
-//! The desktop window: event loop, and when the window, the GPU and what is drawn come and go.
+//! The desktop window: the event loop, and when the window and the GPU come and go.
 
-mod presenter;
 pub mod console;
+mod desktop_failure;
 mod fit;
 #[cfg(feature = "hot-reload")]
 mod hot_reload;
 mod hud;
+mod input;
 mod keys;
+mod mirror;
+mod output;
+mod presenter;
 mod viewer;
-pub(super) mod loader;
 
 use std::sync::Arc;
 
@@ -20,34 +23,50 @@ use winit::raw_window_handle::{HasDisplayHandle, HasWindowHandle};
 use winit::window::{Window, WindowId};
 
 use super::headset::{self, Session};
-use super::{ViewRequest, Wanted};
+use super::interrupt;
+use super::request::{ViewRequest, Wanted};
 use crate::gpu::{Gpu, GpuOptions, Messages};
+use crate::precompute::Cache;
 use crate::{Error, Result, say};
 use viewer::Viewer;
 
 /// While a window is dragged or its menu is open, Windows runs a loop of its own, which never comes to `about_to_wait`, but
 /// paints. Elsewhere winit comes to `about_to_wait` after each painting.
-const LOOPS_OF_ITS_OWN: bool = cfg!(windows);
+const HAS_MODAL_LOOPS: bool = cfg!(windows);
 /// Logical pixels.
 const SIZE: LogicalSize<u32> = LogicalSize::new(1280, 720);
 
 /// Shows a scene in a window until that is closed, or for as many frames as asked for; and in a headset, if wanted, with the
-/// window as its mirror. Returns why no window could be opened, if so; then nothing has been shown.
+/// window as its mirror. `no_headset`, if known, is why there is no headset, and is printed with the window. Returns why no
+/// window could be opened, if so; then nothing has been shown.
 ///
 /// # Errors
 /// Whatever stops loading or drawing; a headset that is wanted before all else and cannot be had; validation messages where
 /// asked for.
-pub fn run(request: &ViewRequest<'_>, gpu: GpuOptions<'_>, wanted: Wanted) -> Result<Option<String>> {
-    end_in_words_if_the_desktop_dies();
+pub fn run(
+    request: &ViewRequest,
+    gpu: GpuOptions<'_>,
+    cache: Option<&Cache>,
+    wanted: Wanted,
+    no_headset: Option<&str>,
+) -> Result<Option<String>> {
+    desktop_failure::install_hook();
     let event_loop = match EventLoop::with_user_event().build() {
         Ok(event_loop) => event_loop,
         Err(error) => return Ok(Some(problem_of(&error))),
     };
     let proxy = event_loop.create_proxy();
-    let mut app = App {
+    let wake = event_loop.create_proxy();
+    interrupt::listen(move || {
+        // Without an event loop there is nothing to wake.
+        let _ = wake.send_event(());
+    });
+    let mut handler = EventHandler {
         request,
         options: gpu,
+        cache,
         wanted,
+        no_headset,
         proxy,
         viewer: None,
         opened: false,
@@ -57,31 +76,16 @@ pub fn run(request: &ViewRequest<'_>, gpu: GpuOptions<'_>, wanted: Wanted) -> Re
         waited: false,
     };
     // `exiting` drops the viewer before the event loop goes.
-    let ended = event_loop.run_app(&mut app);
-    match app.failure {
-        Some(Error::Window { problem }) if !app.opened => return Ok(Some(problem)),
+    let ended = event_loop.run_app(&mut handler);
+    match handler.failure {
+        Some(Error::Window { problem }) if !handler.opened => return Ok(Some(problem)),
         Some(error) => return Err(error),
         None => {}
     }
     ended.map_err(window_error)?;
-    app.reported?;
-    app.messages.map_or(Ok(()), |messages| messages.check())?;
+    handler.reported?;
+    handler.messages.map_or(Ok(()), |messages| messages.check())?;
     Ok(None)
-}
-
-/// Winit panics where the connection to the desktop breaks within a call of its own (elsewhere Xlib ends the process): nothing
-/// can be drawn from then on, and a backtrace tells the user nothing.
-fn end_in_words_if_the_desktop_dies() {
-    let otherwise = std::panic::take_hook();
-    std::panic::set_hook(Box::new(move |panic| {
-        if !panic.location().is_some_and(|place| place.file().contains("winit")) {
-            return otherwise(panic);
-        }
-        let why = panic.payload().downcast_ref::<String>().map_or("it does not say why", String::as_str);
-        let error = Error::Window { problem: format!("the window system failed: {why}") };
-        crate::complain!("pbr-vr: {error}");
-        std::process::exit(error.exit_code().into());
-    }));
 }
 
 fn window_error(error: impl std::fmt::Display) -> Error {
@@ -90,15 +94,17 @@ fn window_error(error: impl std::fmt::Display) -> Error {
 
 fn problem_of(error: &impl std::fmt::Display) -> String {
     let text = error.to_string();
-    // Winit begins with the line of its source, which tells its users nothing.
+    // Winit begins with the line of its source, which means nothing to users.
     let what = text.strip_prefix("os error at ").and_then(|rest| rest.split_once(": "));
     what.map_or(text.as_str(), |(_, what)| what).to_owned()
 }
 
-struct App<'a> {
-    request: &'a ViewRequest<'a>,
+struct EventHandler<'a> {
+    request: &'a ViewRequest,
     options: GpuOptions<'a>,
+    cache: Option<&'a Cache>,
     wanted: Wanted,
+    no_headset: Option<&'a str>,
     proxy: EventLoopProxy<()>,
     viewer: Option<Viewer>,
     /// Whether there has been a viewer.
@@ -108,11 +114,11 @@ struct App<'a> {
     failure: Option<Error>,
     /// Whether the report could be written.
     reported: Result<()>,
-    /// Whether `about_to_wait` has drawn for the headset since the last painting.
+    /// Whether `about_to_wait` has drawn for the headset since the last redraw.
     waited: bool,
 }
 
-impl App<'_> {
+impl EventHandler<'_> {
     fn start(&mut self, event_loop: &ActiveEventLoop) -> Result<Viewer> {
         let scene = self.request.scene()?;
         let attributes = Window::default_attributes().with_title("pbr-vr").with_inner_size(SIZE);
@@ -123,10 +129,10 @@ impl App<'_> {
         let (gpu, session) = self.open_gpu(options)?;
         self.messages = Some(gpu.messages());
         // SAFETY: `exiting` drops the viewer while the event loop still runs.
-        let mut viewer = unsafe { Viewer::new(gpu, window, self.request, self.proxy.clone(), session) }?;
+        let mut viewer = unsafe { Viewer::new(&gpu, window, (self.request, self.cache), self.proxy.clone(), session) }?;
         self.opened = true;
-        self.request.no_headset.iter().for_each(|why| say!("pbr-vr: in a window, because {why}"));
-        viewer.open_first(scene);
+        self.no_headset.iter().for_each(|why| say!("pbr-vr: in a window, because {why}"));
+        viewer.open_first(&scene);
         Ok(viewer)
     }
 
@@ -148,7 +154,7 @@ impl App<'_> {
         }
     }
 
-    /// Does something with the viewer, if there is one; a failure ends the program.
+    /// Calls `act` with the viewer, if there is one; a failure ends the program.
     fn with(&mut self, event_loop: &ActiveEventLoop, act: impl FnOnce(&mut Viewer) -> Result<()>) {
         // After the first failure there are no more attempts: the device may be gone.
         let Some(viewer) = self.viewer.as_mut().filter(|_| self.failure.is_none()) else { return };
@@ -158,13 +164,13 @@ impl App<'_> {
         }
     }
 
-    /// Asks for the painting by which a loop that holds up `about_to_wait` shows: two in a row without that in between.
+    /// Requests a redraw, so that frames go on in a modal loop: it shows as two redraws without `about_to_wait` in between.
     fn keep_painting(&mut self) {
-        let viewer = self.viewer.as_mut().filter(|viewer| LOOPS_OF_ITS_OWN && viewer.is_in_headset());
+        let viewer = self.viewer.as_mut().filter(|viewer| HAS_MODAL_LOOPS && viewer.is_in_headset());
         if let Some(viewer) = viewer.filter(|_| self.failure.is_none())
             && viewer.pace() == ControlFlow::Poll
         {
-            viewer.window().request_redraw();
+            viewer.output.window.request_redraw();
         }
     }
 
@@ -180,7 +186,7 @@ impl App<'_> {
     }
 }
 
-impl ApplicationHandler<()> for App<'_> {
+impl ApplicationHandler<()> for EventHandler<'_> {
     fn resumed(&mut self, event_loop: &ActiveEventLoop) {
         if self.viewer.is_none() && self.failure.is_none() {
             match self.start(event_loop) {
@@ -194,14 +200,17 @@ impl ApplicationHandler<()> for App<'_> {
     }
 
     fn user_event(&mut self, event_loop: &ActiveEventLoop, (): ()) {
+        if interrupt::is_requested() {
+            return event_loop.exit();
+        }
         self.with(event_loop, Viewer::collect);
     }
 
     fn window_event(&mut self, event_loop: &ActiveEventLoop, _: WindowId, event: WindowEvent) {
         if let WindowEvent::RedrawRequested = event {
-            // The headset sets the pace, whether or not the window is seen.
-            let held_up = LOOPS_OF_ITS_OWN && !std::mem::take(&mut self.waited);
-            if held_up || !self.viewer.as_ref().is_some_and(Viewer::is_in_headset) {
+            // The headset sets the pace, whether or not the window is visible.
+            let in_modal_loop = HAS_MODAL_LOOPS && !std::mem::take(&mut self.waited);
+            if in_modal_loop || !self.viewer.as_ref().is_some_and(Viewer::is_in_headset) {
                 self.draw(event_loop);
             }
             self.keep_painting();
@@ -214,16 +223,16 @@ impl ApplicationHandler<()> for App<'_> {
                     return Err(Error::Window { problem: "another program has destroyed it".into() });
                 }
                 // A change of scale changes the size, too.
-                WindowEvent::Resized(size) => viewer.resized(size.into()),
-                WindowEvent::Occluded(occluded) => viewer.occlude(occluded),
-                WindowEvent::Focused(focused) => viewer.focus(focused),
-                WindowEvent::ModifiersChanged(modifiers) => viewer.modifiers(modifiers.state()),
+                WindowEvent::Resized(size) => viewer.resized(size.into())?,
+                WindowEvent::Occluded(occluded) => viewer.output.occluded = occluded,
+                WindowEvent::Focused(focused) => viewer.output.focus(focused),
+                WindowEvent::ModifiersChanged(modifiers) => viewer.output.modifiers = modifiers.state(),
                 WindowEvent::KeyboardInput { event, is_synthetic: false, .. } if viewer.key(&event)? => {
                     event_loop.exit();
                 }
-                WindowEvent::MouseInput { state, button, .. } => viewer.button(state, button),
-                WindowEvent::CursorMoved { position, .. } => viewer.pointer(position),
-                WindowEvent::MouseWheel { delta, .. } => viewer.wheel(delta),
+                WindowEvent::MouseInput { state, button, .. } => viewer.output.button(state, button),
+                WindowEvent::CursorMoved { position, .. } => viewer.output.pointer(position),
+                WindowEvent::MouseWheel { delta, .. } => viewer.output.wheel(delta),
                 WindowEvent::DroppedFile(path) => viewer.open(&path),
                 _ => {}
             }
@@ -241,7 +250,7 @@ impl ApplicationHandler<()> for App<'_> {
             self.keep_painting();
         } else if pace == ControlFlow::Poll {
             // The request itself wakes the loop, so that it can wait for it.
-            viewer.window().request_redraw();
+            viewer.output.window.request_redraw();
             event_loop.set_control_flow(ControlFlow::Wait);
         } else {
             event_loop.set_control_flow(pace);

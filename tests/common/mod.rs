@@ -67,12 +67,10 @@ impl Workshop {
     pub fn render(&self, scene: &Path, look: &QualityOptions<'_>) -> Vec<Picture> {
         let output = self.path(look.file);
         let request = RenderRequest {
-            scene,
-            output: &output,
             size: look.size,
-            camera: look.camera,
+            camera: look.camera.map(str::to_owned),
             stereo: look.stereo,
-            frames: 1,
+            frames: Some(1),
             look: view::QualityOptions {
                 shading: look.shading,
                 geometry: look.geometry,
@@ -81,9 +79,10 @@ impl Workshop {
                 model: look.model,
                 ..Default::default()
             },
-            cache: None,
+            ..RenderRequest::new(scene, output)
         };
-        let facts = render(&request, validated(), &Report::silent()).expect("a render without validation messages");
+        let facts =
+            render(&request, validated(), None, &Report::silent()).expect("a render without validation messages");
         facts.files.iter().map(|file| Picture::read(file).expect("the written picture")).collect()
     }
 }

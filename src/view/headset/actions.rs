@@ -1,11 +1,13 @@
-//! What the user's hands ask for, through OpenVR's actions: this frame's wishes, with presses turned into edges.
+//! Controller input through OpenVR's action system: button presses, releases and hand poses of each frame.
 
 use std::ffi::CString;
 use std::path::Path;
 
-use glam::{Mat4, Vec4};
+use glam::Mat4;
 use openvr_sys as sys;
-use sys::{HmdMatrix34_t, VR_IVRInput_FnTable, VRActionHandle_t, VRInputValueHandle_t};
+use sys::{VR_IVRInput_FnTable, VRActionHandle_t, VRInputValueHandle_t};
+
+use super::optics::matrix;
 
 /// The action manifest inside the assets.
 pub const MANIFEST: &str = "openvr/actions.json";
@@ -37,16 +39,16 @@ pub enum Hand {
     Right,
 }
 
-/// What the user wishes in this frame.
+/// What the user does with the controllers in this frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct InputActions {
-    /// The hand that aims a teleport now: show its arc.
+    /// The hand that aims a teleport: its arc is shown.
     pub aim: Option<Hand>,
-    /// The hand that let go of an aim in this frame: go where its arc lands.
+    /// The hand that released the teleport button in this frame: its arc's landing is the target.
     pub teleport: Option<Hand>,
     /// Snap turns begun in this frame: 1 to the right, −1 to the left.
     pub turn: i32,
-    /// Whether the left, the right hand holds on to something.
+    /// Whether the left, the right hand's grab button is pressed.
     pub grab: [bool; 2],
     /// Pressed in this frame.
     pub next_scene: bool,
@@ -57,29 +59,32 @@ pub struct InputActions {
     pub hands: [Option<Mat4>; 2],
 }
 
-/// Each button in each hand: pressed or not, or `None` where the runtime gives no answer (no such controller, dashboard up).
+/// The state of each button in each hand: pressed or not, or `None` where the runtime reports none (no such controller,
+/// dashboard open).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-struct Held([[Option<bool>; 2]; BUTTONS.len()]);
+struct Buttons([[Option<bool>; 2]; BUTTONS.len()]);
 
-impl Held {
-    fn is(&self, button: Button, hand: Hand) -> bool {
+impl Buttons {
+    fn is_pressed(&self, button: Button, hand: Hand) -> bool {
         self.0[button as usize][hand as usize] == Some(true)
     }
+}
 
-    /// InputActions that follow from the buttons before and now. What becomes unknown lets go of nothing: a teleport that a
-    /// dashboard interrupts does not happen. What was unknown is not pressed anew either.
-    fn wishes(before: &Self, now: &Self, hands: [Option<Mat4>; 2]) -> InputActions {
+impl InputActions {
+    /// From the buttons of the last frame and of this one. A state that becomes unknown is no release, so that opening the
+    /// dashboard while aiming does not teleport; a state that was unknown is no press either.
+    fn between(before: &Buttons, now: &Buttons, hands: [Option<Mat4>; 2]) -> Self {
         let both = [Hand::Left, Hand::Right];
         let changed = |button: Button, hand: Hand, to: bool| {
-            let at = |held: &Self| held.0[button as usize][hand as usize];
-            at(before) == Some(!to) && at(now) == Some(to)
+            let state = |buttons: &Buttons| buttons.0[button as usize][hand as usize];
+            state(before) == Some(!to) && state(now) == Some(to)
         };
         let pressed = |button: Button| both.iter().any(|hand| changed(button, *hand, true));
-        InputActions {
-            aim: both.into_iter().rev().find(|hand| now.is(Button::Teleport, *hand)),
+        Self {
+            aim: both.into_iter().rev().find(|hand| now.is_pressed(Button::Teleport, *hand)),
             teleport: both.into_iter().rev().find(|hand| changed(Button::Teleport, *hand, false)),
             turn: i32::from(pressed(Button::TurnRight)) - i32::from(pressed(Button::TurnLeft)),
-            grab: both.map(|hand| now.is(Button::Grab, hand)),
+            grab: both.map(|hand| now.is_pressed(Button::Grab, hand)),
             next_scene: pressed(Button::NextScene),
             next_panorama: pressed(Button::NextPanorama),
             next_shading: pressed(Button::NextShading),
@@ -89,42 +94,25 @@ impl Held {
     }
 }
 
-/// The runtime's raw input functions; `None` if it has none.
-///
-/// # Safety
-/// OpenVR has been initialised; the table is used no longer than until its shutdown.
-pub unsafe fn input_table() -> Option<&'static VR_IVRInput_FnTable> {
-    let name = [b"FnTable:", &sys::IVRInput_Version[..]].concat();
-    let mut error = sys::EVRInitError_VRInitError_None;
-    // SAFETY: the name ends with a zero, as the version does; OpenVR is initialised.
-    let table = unsafe { sys::VR_GetGenericInterface(name.as_ptr().cast(), &raw mut error) };
-    let table = table as *const VR_IVRInput_FnTable;
-    if error != sys::EVRInitError_VRInitError_None {
-        return None;
-    }
-    // SAFETY: without an error it is such a table or null, and lives until the shutdown.
-    unsafe { table.as_ref() }
-}
-
-/// The program's actions, known to the runtime.
+/// Handles of the program's actions. The function table is passed to each call instead of being kept: it is the runtime's
+/// and valid only while the runtime is connected.
 pub struct Actions {
-    table: &'static VR_IVRInput_FnTable,
     set: u64,
     buttons: [VRActionHandle_t; BUTTONS.len()],
     poses: [VRActionHandle_t; 2],
     haptic: VRActionHandle_t,
-    /// 0, any device, where the runtime cannot tell hands apart.
+    /// 0, meaning any device, where the runtime cannot tell hands apart.
     hands: [VRInputValueHandle_t; 2],
-    before: Held,
+    before: Buttons,
 }
 
 impl Actions {
-    /// Tells the runtime of the manifest in the folder of assets and asks for handles. Some of the table's entries may be
-    /// missing; what they are for is then not there.
+    /// Registers the manifest in the folder of assets and gets the handles. Entries of the table may be missing; the input
+    /// they are for is then missing, too.
     ///
     /// # Errors
-    /// A sentence on why there will be no controllers; all else goes on without.
-    pub fn new(table: &'static VR_IVRInput_FnTable, assets: &Path) -> Result<Self, String> {
+    /// Why there will be no controllers, in one line. Everything else works without them.
+    pub fn new(table: &VR_IVRInput_FnTable, assets: &Path) -> Result<Self, String> {
         let set_manifest = table.SetActionManifestPath.ok_or("the runtime takes no action manifest")?;
         let manifest = std::path::absolute(assets.join(MANIFEST)).map_err(|e| e.to_string())?;
         if !manifest.is_file() {
@@ -145,56 +133,48 @@ impl Actions {
         }
         let poses = [input(POSES[0])?, input(POSES[1])?];
         let hands = HANDS.map(|hand| source(table, hand));
-        Ok(Self { table, set, buttons, poses, haptic: action(table, HAPTIC)?, hands, before: Held::default() })
+        Ok(Self { set, buttons, poses, haptic: action(table, HAPTIC)?, hands, before: Buttons::default() })
     }
 
-    /// This frame's wishes; call once a frame, after waiting for poses. None while the runtime gives no input, as with the
-    /// dashboard up.
-    pub fn read(&mut self) -> InputActions {
-        let (held, hands) = if self.update() { (self.held(), self.poses()) } else { Default::default() };
-        let wishes = Held::wishes(&self.before, &held, hands);
-        self.before = held;
-        wishes
+    /// The input of this frame; call once a frame, after waiting for poses. Empty while the runtime gives no input, for
+    /// example with its dashboard open.
+    pub fn read(&mut self, table: &VR_IVRInput_FnTable) -> InputActions {
+        let has_input = self.update(table);
+        let (buttons, hands) = if has_input { (self.buttons(table), self.poses(table)) } else { Default::default() };
+        let actions = InputActions::between(&self.before, &buttons, hands);
+        self.before = buttons;
+        actions
     }
 
-    /// A short tick in a hand, if its controller can.
-    pub fn tick(&self, hand: Hand) {
-        if let Some(vibrate) = self.table.TriggerHapticVibrationAction {
+    /// A short tick in a hand, if its controller can vibrate.
+    pub fn tick(&self, table: &VR_IVRInput_FnTable, hand: Hand) {
+        if let Some(vibrate) = table.TriggerHapticVibrationAction {
             let (seconds, hertz, strength) = (0.02, 160.0, 0.5);
-            // SAFETY: plain numbers. A controller that cannot vibrate is none of our errors.
+            // SAFETY: plain numbers. A controller that cannot vibrate returns an error that does not matter.
             let _ = unsafe { vibrate(self.haptic, 0.0, seconds, hertz, strength, self.hands[hand as usize]) };
         }
     }
 
-    fn update(&self) -> bool {
-        let Some(update) = self.table.UpdateActionState else { return false };
+    fn update(&self, table: &VR_IVRInput_FnTable) -> bool {
+        let Some(update) = table.UpdateActionState else { return false };
         let mut active = sys::VRActiveActionSet_t { ulActionSet: self.set, ..Default::default() };
         // SAFETY: one set of the size given.
         let status = unsafe { update(&raw mut active, size_of_val(&active) as u32, 1) };
         status == sys::EVRInputError_VRInputError_None
     }
 
-    fn held(&self) -> Held {
+    fn buttons(&self, table: &VR_IVRInput_FnTable) -> Buttons {
         let same = self.hands[0] == self.hands[1];
         // Hands that cannot be told apart count as the right one.
-        let hand = |action, i: usize| if same && i == 0 { None } else { self.button(action, self.hands[i]) };
-        Held(self.buttons.map(|action| [hand(action, 0), hand(action, 1)]))
+        let state = |action, i: usize| if same && i == 0 { None } else { pressed(table, action, self.hands[i]) };
+        Buttons(self.buttons.map(|action| [state(action, 0), state(action, 1)]))
     }
 
-    fn button(&self, action: VRActionHandle_t, hand: VRInputValueHandle_t) -> Option<bool> {
-        let read = self.table.GetDigitalActionData?;
-        let mut data = sys::InputDigitalActionData_t::default();
-        // SAFETY: it writes one struct of the size given.
-        let status = unsafe { read(action, &raw mut data, size_of_val(&data) as u32, hand) };
-        (status == sys::EVRInputError_VRInputError_None && data.bActive).then_some(data.bState)
-    }
-
-    fn poses(&self) -> [Option<Mat4>; 2] {
+    fn poses(&self, table: &VR_IVRInput_FnTable) -> [Option<Mat4>; 2] {
         self.poses.map(|action| {
             let mut data = sys::InputPoseActionData_t::default();
             let (to, size) = (&raw mut data, size_of::<sys::InputPoseActionData_t>() as u32);
             let origin = sys::ETrackingUniverseOrigin_TrackingUniverseStanding;
-            let table = self.table;
             // SAFETY: either writes one struct of the size given.
             let status = unsafe {
                 match (table.GetPoseActionDataForNextFrame, table.GetPoseActionDataRelativeToNow) {
@@ -203,10 +183,18 @@ impl Actions {
                     (None, None) => return None,
                 }
             };
-            let there = status == sys::EVRInputError_VRInputError_None && data.bActive && data.pose.bPoseIsValid;
-            there.then(|| matrix(&data.pose.mDeviceToAbsoluteTracking)).filter(|pose| pose.is_finite())
+            let valid = status == sys::EVRInputError_VRInputError_None && data.bActive && data.pose.bPoseIsValid;
+            valid.then(|| matrix(&data.pose.mDeviceToAbsoluteTracking)).filter(|pose| pose.is_finite())
         })
     }
+}
+
+fn pressed(table: &VR_IVRInput_FnTable, action: VRActionHandle_t, hand: VRInputValueHandle_t) -> Option<bool> {
+    let read = table.GetDigitalActionData?;
+    let mut data = sys::InputDigitalActionData_t::default();
+    // SAFETY: it writes one struct of the size given.
+    let status = unsafe { read(action, &raw mut data, size_of_val(&data) as u32, hand) };
+    (status == sys::EVRInputError_VRInputError_None && data.bActive).then_some(data.bState)
 }
 
 fn action(table: &VR_IVRInput_FnTable, name: &str) -> Result<VRActionHandle_t, String> {
@@ -238,12 +226,6 @@ fn with_text<R>(text: &str, call: impl FnOnce(*mut std::ffi::c_char) -> R) -> Re
 fn accepted(status: sys::EVRInputError, what: impl FnOnce() -> String) -> Result<(), String> {
     let good = status == sys::EVRInputError_VRInputError_None;
     good.then_some(()).ok_or_else(|| format!("the runtime refuses {}: input error {status}", what()))
-}
-
-/// OpenVR's rows to columns.
-fn matrix(rows: &HmdMatrix34_t) -> Mat4 {
-    let [x, y, z] = rows.m.map(Vec4::from);
-    Mat4::from_cols(x, y, z, Vec4::W).transpose()
 }
 
 #[cfg(test)]

@@ -1,4 +1,4 @@
-//! `view::headset::actions`: the JSON files against each other and the code, edges, and a runtime made of a table.
+//! Tests of `view::headset::actions`: the JSON files against each other and the code, presses and releases, a fake runtime.
 
 use std::collections::BTreeSet;
 use std::ffi::{CStr, c_char};
@@ -125,42 +125,42 @@ fn bindings_offer_every_action_and_name_none_that_is_not_there() {
     }
 }
 
-fn held(button: Button, hand: Hand, state: Option<bool>) -> Held {
-    let mut held = Held([[Some(false); 2]; BUTTONS.len()]);
-    held.0[button as usize][hand as usize] = state;
-    held
+fn buttons(button: Button, hand: Hand, state: Option<bool>) -> Buttons {
+    let mut buttons = Buttons([[Some(false); 2]; BUTTONS.len()]);
+    buttons.0[button as usize][hand as usize] = state;
+    buttons
 }
 
-fn wishes(before: Held, now: Held) -> InputActions {
-    Held::wishes(&before, &now, [None; 2])
+fn between(before: Buttons, now: Buttons) -> InputActions {
+    InputActions::between(&before, &now, [None; 2])
 }
 
 #[test]
-fn a_press_counts_once_and_a_teleport_goes_when_it_is_let_go() {
-    let idle = held(Button::Teleport, Hand::Left, Some(false));
-    let right = held(Button::TurnRight, Hand::Left, Some(true));
-    assert_eq!((wishes(idle, right).turn, wishes(right, right).turn, wishes(right, idle).turn), (1, 0, 0));
-    assert_eq!(wishes(idle, held(Button::TurnLeft, Hand::Right, Some(true))).turn, -1);
-    let aiming = held(Button::Teleport, Hand::Left, Some(true));
-    let pressed = wishes(idle, aiming);
+fn a_press_counts_once_and_a_teleport_happens_at_the_release() {
+    let idle = buttons(Button::Teleport, Hand::Left, Some(false));
+    let right = buttons(Button::TurnRight, Hand::Left, Some(true));
+    assert_eq!((between(idle, right).turn, between(right, right).turn, between(right, idle).turn), (1, 0, 0));
+    assert_eq!(between(idle, buttons(Button::TurnLeft, Hand::Right, Some(true))).turn, -1);
+    let aiming = buttons(Button::Teleport, Hand::Left, Some(true));
+    let pressed = between(idle, aiming);
     assert_eq!((pressed.aim, pressed.teleport), (Some(Hand::Left), None));
-    let let_go = wishes(aiming, idle);
-    assert_eq!((let_go.aim, let_go.teleport), (None, Some(Hand::Left)));
-    assert_eq!(wishes(idle, held(Button::Grab, Hand::Right, Some(true))).grab, [false, true]);
-    assert_eq!(wishes(idle, idle), InputActions::default());
+    let released = between(aiming, idle);
+    assert_eq!((released.aim, released.teleport), (None, Some(Hand::Left)));
+    assert_eq!(between(idle, buttons(Button::Grab, Hand::Right, Some(true))).grab, [false, true]);
+    assert_eq!(between(idle, idle), InputActions::default());
 }
 
 #[test]
-fn what_becomes_unknown_neither_presses_nor_lets_go() {
-    let aiming = held(Button::Teleport, Hand::Right, Some(true));
-    assert_eq!(wishes(aiming, Held::default()), InputActions::default());
+fn a_state_that_becomes_unknown_is_neither_press_nor_release() {
+    let aiming = buttons(Button::Teleport, Hand::Right, Some(true));
+    assert_eq!(between(aiming, Buttons::default()), InputActions::default());
     // The dashboard closes while the button of the next scene is down.
-    let pressed = held(Button::NextScene, Hand::Right, Some(true));
-    assert!(!wishes(Held::default(), pressed).next_scene);
-    assert!(wishes(held(Button::NextScene, Hand::Right, Some(false)), pressed).next_scene);
+    let pressed = buttons(Button::NextScene, Hand::Right, Some(true));
+    assert!(!between(Buttons::default(), pressed).next_scene);
+    assert!(between(buttons(Button::NextScene, Hand::Right, Some(false)), pressed).next_scene);
 }
 
-/// What the pretended runtime holds: names by handle − 1, pressed names, and whether input is to be had.
+/// What the fake runtime holds: names by handle − 1, pressed names, and whether input is to be had.
 struct Runtime {
     names: Vec<String>,
     pressed: Vec<(&'static str, &'static str)>,
@@ -257,40 +257,40 @@ fn table() -> VR_IVRInput_FnTable {
 }
 
 /// Runs `work` with a runtime of its own that has this table.
-fn with_runtime(table: VR_IVRInput_FnTable, work: impl FnOnce(&'static VR_IVRInput_FnTable)) {
+fn with_runtime(table: VR_IVRInput_FnTable, work: impl FnOnce(&VR_IVRInput_FnTable)) {
     let _turn = TURN.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
     *runtime() = Runtime { names: Vec::new(), pressed: Vec::new(), available: true };
-    work(Box::leak(Box::new(table)));
+    work(&table);
 }
 
 #[test]
 fn buttons_and_poses_come_from_the_right_hand_and_the_left() {
     with_runtime(table(), |table| {
         let mut actions = Actions::new(table, &assets()).unwrap();
-        actions.read();
+        actions.read(table);
         runtime().pressed = vec![("teleport", "left"), ("grab", "right"), ("next_scene", "right")];
-        let wishes = actions.read();
-        assert_eq!((wishes.aim, wishes.grab, wishes.next_scene), (Some(Hand::Left), [false, true], true));
-        let hand = wishes.hands[0].unwrap();
+        let input = actions.read(table);
+        assert_eq!((input.aim, input.grab, input.next_scene), (Some(Hand::Left), [false, true], true));
+        let hand = input.hands[0].unwrap();
         assert_eq!(hand.transform_point3(Vec3::X), Vec3::new(10.0, 20.0, 29.0));
-        assert_eq!(wishes.hands[1], None, "an invalid pose");
+        assert_eq!(input.hands[1], None, "an invalid pose");
         runtime().pressed.clear();
-        assert_eq!(actions.read().teleport, Some(Hand::Left));
-        actions.tick(Hand::Left);
+        assert_eq!(actions.read(table).teleport, Some(Hand::Left));
+        actions.tick(table, Hand::Left);
     });
 }
 
 #[test]
-fn input_that_stops_while_aiming_teleports_nobody() {
+fn input_that_stops_while_aiming_does_not_teleport() {
     with_runtime(table(), |table| {
         let mut actions = Actions::new(table, &assets()).unwrap();
         runtime().pressed = vec![("teleport", "right")];
-        assert_eq!(actions.read().aim, Some(Hand::Right));
+        assert_eq!(actions.read(table).aim, Some(Hand::Right));
         runtime().available = false;
-        assert_eq!(actions.read(), InputActions::default());
+        assert_eq!(actions.read(table), InputActions::default());
         runtime().pressed.clear();
         runtime().available = true;
-        assert_eq!(actions.read().teleport, None);
+        assert_eq!(actions.read(table).teleport, None);
     });
 }
 
@@ -304,14 +304,14 @@ fn missing_entries_are_survived() {
         with_runtime(table, |table| assert_eq!(Actions::new(table, &assets()).err().as_deref(), Some(why)));
     }
     let read = |table: VR_IVRInput_FnTable| {
-        let mut wishes = InputActions::default();
+        let mut input = InputActions::default();
         with_runtime(table, |table| {
             let mut actions = Actions::new(table, &assets()).unwrap();
             runtime().pressed = vec![("grab", "")];
-            wishes = actions.read();
-            actions.tick(Hand::Right);
+            input = actions.read(table);
+            actions.tick(table, Hand::Right);
         });
-        wishes
+        input
     };
     assert_eq!(read(VR_IVRInput_FnTable { UpdateActionState: None, ..table() }), InputActions::default());
     let no_buttons = read(VR_IVRInput_FnTable { GetDigitalActionData: None, ..table() });

@@ -1,11 +1,11 @@
-//! What the runtime's codes mean for us: refusals at the start, and errors of the frame loop's calls.
+//! Meaning of the runtime's codes: refusals at the start, and errors of the frame loop's calls.
 
 use std::fmt;
 
 use openvr_sys as sys;
 use serde::{Deserialize, Serialize};
 
-/// The runtime would not let us in.
+/// The runtime refused to start.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Refusal {
     /// EVRInitError.
@@ -23,7 +23,7 @@ impl fmt::Display for Refusal {
             | sys::EVRInitError_VRInitError_Init_VRClientDLLNotFound
             | sys::EVRInitError_VRInitError_Init_FileNotFound
             | sys::EVRInitError_VRInitError_Init_PathRegistryNotFound => {
-                write!(f, "the headset runtime is registered but not there (OpenVR {code}); install SteamVR anew")
+                write!(f, "the headset runtime is registered but not there (OpenVR {code}); reinstall SteamVR")
             }
             sys::EVRInitError_VRInitError_Init_FactoryNotFound
             | sys::EVRInitError_VRInitError_Init_InterfaceNotFound
@@ -115,7 +115,7 @@ mod tests {
     #[test]
     fn refusals_say_what_to_do() {
         let say = |code, words: &str| Refusal { code, words: words.into() }.to_string();
-        assert!(say(100, "").contains("install SteamVR"));
+        assert!(say(100, "").contains("reinstall SteamVR"));
         assert!(say(105, "IVRSystem_026").contains("IVRSystem_026") && say(105, "").contains("update SteamVR"));
         assert!(say(108, "x").contains("connect it"));
         assert!(say(4711, "out of ink").contains("out of ink (OpenVR 4711)"));

@@ -1,4 +1,4 @@
-//! The runtime's events, as far as they concern us.
+//! The runtime's events that the program reacts to.
 
 use openvr_sys as sys;
 

@@ -1,5 +1,5 @@
-//! What the compositor made of our frames: presented, dropped, reprojected, throttled; so that half the display's rate,
-//! which the runtime chose, is never taken for slow rendering.
+//! The compositor's statistics of the submitted frames: presented, dropped, reprojected, throttled. A frame rate that the
+//! runtime itself has halved is thereby not mistaken for slow rendering.
 
 use openvr_sys::Compositor_FrameTiming;
 
@@ -75,7 +75,7 @@ pub struct FrameStatistics {
 }
 
 impl FrameStatistics {
-    /// Counts a frame, once: the compositor tells of the same one until the next has ended.
+    /// Counts a frame, once: the compositor reports the same one until the next has ended.
     pub fn add(&mut self, timing: FrameTiming) {
         if self.last.is_some_and(|last| last.index == timing.index) {
             return;
@@ -148,7 +148,7 @@ mod tests {
     }
 
     #[test]
-    fn a_frame_told_of_twice_counts_once() {
+    fn a_frame_reported_twice_counts_once() {
         let sum = sum(&[frame(7, 1, 1, 0), frame(7, 1, 1, 0), frame(8, 1, 0, 0)]);
         assert_eq!((sum.frames, sum.dropped), (2, 1));
     }

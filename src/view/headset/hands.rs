@@ -1,15 +1,16 @@
-//! What the user does with hands: moves through the scene, turns and grabs models, asks for other scenes; and what is drawn
-//! of it.
+//! Controllers at work: teleport and snap turns, grabbed models, requests for other scenes; and the gizmos that show it.
 
 use glam::{Mat4, Vec3};
 
-use super::actions::{Actions, Hand, InputActions, input_table};
+use openvr_sys::VR_IVRInput_FnTable;
+
+use super::actions::{Actions, Hand, InputActions};
 use super::optics::Head;
 use super::rig::{Arc, Grab, Rig, SNAP_DEGREES, TeleportFade, is_object, teleport_arc, turned_models};
 use super::runtime::Runtime;
 use crate::asset::shipped;
 use crate::render::ControllerGizmos;
-use crate::view::window::loader::LoadedScene;
+use crate::view::app::{Requests, ShownScene};
 
 /// Linear display colours: wands and rays, and arcs that lead nowhere.
 const LIGHT: Vec3 = Vec3::new(0.75, 0.8, 0.85);
@@ -18,23 +19,17 @@ const NO_GO: Vec3 = Vec3::new(0.8, 0.15, 0.1);
 /// How far a ray reaches: it only shows where the hand points.
 const RAY_METRES: f32 = 0.35;
 
-/// What others have to do.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Requests {
-    pub next_scene: bool,
-    pub next_panorama: bool,
-    pub next_shading: bool,
-}
-
-/// What a frame's hands come to.
+/// The result of one frame of input.
 pub struct Step {
     pub world_from_play: Mat4,
-    /// The user stands elsewhere or looks another way than by moving the head: nothing may be guessed from the frame before.
+    /// The user was moved or turned: the compositor must not extrapolate from the frame before.
     pub jumped: bool,
+    /// Darkness of the picture, 0 to 1.
+    pub fade: f32,
     pub requests: Requests,
 }
 
-/// The user's place and hands in the shown scene.
+/// The user's place and hands in the current scene.
 pub struct Hands {
     /// `None` where the runtime has no input.
     actions: Option<Actions>,
@@ -43,88 +38,94 @@ pub struct Hands {
     /// Whether the place was found from a real pose of the head.
     settled: bool,
     camera: usize,
-    blink: TeleportFade,
+    teleport_fade: TeleportFade,
     grab: Option<(Hand, Grab)>,
     gizmos: ControllerGizmos,
 }
 
 impl Hands {
-    /// Tells the runtime of the actions; without them one can still look around.
+    /// Registers the actions with the runtime; without them one can still look around.
     pub fn new(runtime: &Runtime) -> Self {
         let actions =
             actions(runtime).inspect_err(|why| crate::complain!("pbr-vr: headset: no controllers: {why}")).ok();
-        let (blink, gizmos) = (TeleportFade::default(), ControllerGizmos::default());
-        Self { actions, rig: None, settled: false, camera: 0, blink, grab: None, gizmos }
+        let (teleport_fade, gizmos) = (TeleportFade::default(), ControllerGizmos::default());
+        Self { actions, rig: None, settled: false, camera: 0, teleport_fade, grab: None, gizmos }
     }
 
     /// Stands at one of the scene's cameras from the next frame on; also for a new scene.
     pub fn go_to(&mut self, camera: usize) {
         (self.rig, self.settled, self.camera, self.grab) = (None, false, camera, None);
-        self.blink = TeleportFade::default();
+        self.teleport_fade = TeleportFade::default();
     }
 
-    /// What is to be drawn of the hands.
+    /// What is drawn of the hands.
     pub fn gizmos(&self) -> &ControllerGizmos {
         &self.gizmos
     }
 
-    /// Goes on by a frame: moves user and models as asked.
-    pub fn step(&mut self, stage: &mut LoadedScene, head: &Head, seconds: f32) -> Step {
-        let wishes = self.actions.as_mut().map(Actions::read).unwrap_or_default();
+    /// Reads this frame's input; moves the user and the models accordingly. `seconds` have passed since the last frame.
+    pub fn step(&mut self, runtime: &Runtime, scene: &mut ShownScene, head: &Head, seconds: f32) -> Step {
+        let table = runtime.input();
+        let input = self.actions.as_mut().zip(table).map(|(actions, table)| actions.read(table)).unwrap_or_default();
         let play_from_head = head.space_from_head;
         let stays = self.rig.filter(|_| self.settled || !head.is_known);
-        let mut rig = stays.unwrap_or_else(|| self.start(stage, &play_from_head));
+        let mut rig = stays.unwrap_or_else(|| self.start(scene, &play_from_head));
         self.settled |= head.is_known;
-        if wishes.reset_seated {
-            rig = Rig::seated(&stage.cameras[self.camera], &play_from_head);
+        if input.reset_seated {
+            rig = Rig::seated(&scene.loaded.cameras[self.camera], &play_from_head);
         }
         if self.grab.is_none() {
-            rig.snap_turn(wishes.turn, &play_from_head);
+            rig.snap_turn(input.turn, &play_from_head);
         }
-        if let Some(hand) = wishes.teleport
-            && let Some(landing) = arc(&rig, &wishes, hand).and_then(|arc| arc.landing)
+        if let Some(hand) = input.teleport
+            && let Some(landing) = arc(&rig, &input, hand).and_then(|arc| arc.landing)
         {
-            self.blink.begin(landing);
-            self.actions.iter().for_each(|actions| actions.tick(hand));
+            self.teleport_fade.begin(landing);
+            self.tick(table, hand);
         }
-        let (fade, arrived) = self.blink.step(seconds);
+        let (fade, arrived) = self.teleport_fade.step(seconds);
         if let Some(landing) = arrived {
             rig.teleport(landing, &play_from_head);
         }
-        stage.renderer.set_fade(fade);
-        // Nothing but the above moves it.
+        // Only the above moves the rig.
         let jumped = stays != Some(rig);
         self.rig = Some(rig);
-        self.hold(stage, &rig, &wishes);
-        self.draw(&rig, &wishes);
-        let InputActions { next_scene, next_panorama, next_shading, .. } = wishes;
+        self.hold(scene, &rig, &input);
+        self.draw(&rig, &input);
+        let InputActions { next_scene, next_panorama, next_shading, .. } = input;
         let requests = Requests { next_scene, next_panorama, next_shading };
-        Step { world_from_play: rig.world_from_play(), jumped, requests }
+        Step { world_from_play: rig.world_from_play(), jumped, fade, requests }
     }
 
-    fn start(&self, stage: &LoadedScene, play_from_head: &Mat4) -> Rig {
-        Rig::start(&stage.cameras[self.camera], stage.floors[self.camera], play_from_head)
+    fn start(&self, scene: &ShownScene, play_from_head: &Mat4) -> Rig {
+        Rig::start(&scene.loaded.cameras[self.camera], scene.loaded.floors[self.camera], play_from_head)
+    }
+
+    fn tick(&self, table: Option<&VR_IVRInput_FnTable>, hand: Hand) {
+        if let (Some(actions), Some(table)) = (&self.actions, table) {
+            actions.tick(table, hand);
+        }
     }
 
     /// Grabbed models follow the hand; a snap turn then turns them on the spot instead of the user.
-    fn hold(&mut self, stage: &mut LoadedScene, rig: &Rig, wishes: &InputActions) {
+    fn hold(&mut self, scene: &mut ShownScene, rig: &Rig, input: &InputActions) {
         let world_from_hand =
-            |hand: Hand| wishes.hands[hand as usize].map(|play_from_hand| rig.world_from_play() * play_from_hand);
-        let holds = |hand: Hand| wishes.grab[hand as usize];
-        let centre = stage.bounds.centre();
-        let models = stage.renderer.world_from_models();
+            |hand: Hand| input.hands[hand as usize].map(|play_from_hand| rig.world_from_play() * play_from_hand);
+        let holds = |hand: Hand| input.grab[hand as usize];
+        let centre = scene.loaded.bounds.centre();
+        let models = &mut scene.world_from_models;
         if let Some((hand, grab)) = self.grab.take_if(|(hand, _)| holds(*hand)) {
             let Some(place) = world_from_hand(hand) else {
                 self.grab = Some((hand, grab));
                 return;
             };
             *models = grab.models(&place);
-            if wishes.turn != 0 {
-                let degrees = -(wishes.turn as f32) * SNAP_DEGREES;
+            if input.turn != 0 {
+                let degrees = -(input.turn as f32) * SNAP_DEGREES;
                 *models = turned_models(models, models.transform_point3(centre), degrees);
             }
             self.grab = Some((hand, Grab::begin(&place, models)));
-        } else if is_object(stage.bounds) {
+        } else if is_object(scene.loaded.bounds) {
             let hand = [Hand::Right, Hand::Left].into_iter().find(|hand| holds(*hand));
             self.grab = hand.and_then(|hand| Some((hand, Grab::begin(&world_from_hand(hand)?, models))));
         } else {
@@ -132,14 +133,14 @@ impl Hands {
         }
     }
 
-    fn draw(&mut self, rig: &Rig, wishes: &InputActions) {
+    fn draw(&mut self, rig: &Rig, input: &InputActions) {
         self.gizmos.clear();
-        for play_from_hand in wishes.hands.into_iter().flatten() {
+        for play_from_hand in input.hands.into_iter().flatten() {
             let world_from_hand = rig.world_from_play() * play_from_hand;
             self.gizmos.wand(&world_from_hand, LIGHT);
             self.gizmos.ray(&world_from_hand, RAY_METRES, LIGHT);
         }
-        if let Some(arc) = wishes.aim.and_then(|hand| arc(rig, wishes, hand)) {
+        if let Some(arc) = input.aim.and_then(|hand| arc(rig, input, hand)) {
             let colour = if arc.landing.is_some() { GO } else { NO_GO };
             self.gizmos.ribbon(&arc.points, colour);
             arc.landing.into_iter().for_each(|landing| self.gizmos.ring(landing, colour));
@@ -147,14 +148,12 @@ impl Hands {
     }
 }
 
-fn arc(rig: &Rig, wishes: &InputActions, hand: Hand) -> Option<Arc> {
-    let play_from_hand = wishes.hands[hand as usize]?;
+fn arc(rig: &Rig, input: &InputActions, hand: Hand) -> Option<Arc> {
+    let play_from_hand = input.hands[hand as usize]?;
     Some(teleport_arc(&(rig.world_from_play() * play_from_hand), rig.floor()))
 }
 
-/// The runtime is only borrowed to show that it is there; its owner drops this before it.
-fn actions(_there: &Runtime) -> std::result::Result<Actions, String> {
-    // SAFETY: the runtime is connected; `Session` lets go of the actions before it disconnects.
-    let table = unsafe { input_table() }.ok_or("the runtime has no input")?;
+fn actions(runtime: &Runtime) -> std::result::Result<Actions, String> {
+    let table = runtime.input().ok_or("the runtime has no input")?;
     Actions::new(table, &shipped::folder().map_err(|e| e.to_string())?)
 }

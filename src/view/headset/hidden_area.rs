@@ -1,4 +1,4 @@
-//! What the lenses hide, as the runtime tells it: which way its v points, and how much of the picture it is.
+//! The hidden area: the part of the picture that the lenses do not show, as the runtime reports it.
 
 use clap::ValueEnum;
 

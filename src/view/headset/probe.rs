@@ -1,8 +1,10 @@
-//! Asks whether a headset answers, in a process of its own: a runtime that hangs or dies at its start takes only that along.
+//! Probes for a headset in a child process, so that a runtime which hangs or crashes at its start does not take the program
+//! with it.
 
-use std::io::Read as _;
+use std::io::{self, BufRead as _, BufReader};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Stdio};
+use std::sync::mpsc::{Receiver, channel};
 use std::time::{Duration, Instant};
 
 use openvr_sys as sys;
@@ -10,14 +12,19 @@ use serde::{Deserialize, Serialize};
 
 use super::codes::Refusal;
 use super::runtime::{Role, Runtime};
+use crate::error::shortened;
 use crate::say;
 
 /// The hidden subcommand that the child is started with.
 pub const SUBCOMMAND: &str = "probe-headset";
-/// The answer is waited for so long.
+/// How long the answer is waited for.
 const LIMIT: Duration = Duration::from_secs(15);
-/// How often the child is looked at.
+/// How often the child is polled.
 const TICK: Duration = Duration::from_millis(10);
+/// How long output is waited for after the child has ended.
+const REST: Duration = Duration::from_millis(500);
+/// Characters of the runtime's last line that are shown where it dies.
+const LONGEST_REASON: usize = 200;
 
 /// What the child found.
 #[derive(Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -28,54 +35,103 @@ enum Answer {
     Refused(Refusal),
 }
 
-/// Looks for a runtime, then asks it. What it knows of the headset's name; or why there is none, and what to do.
+/// Looks for a runtime, then asks it in a child process. Returns the headset's name if the runtime knows it already.
+///
+/// # Errors
+/// One line: why there is no headset, and what to do.
 pub fn probe() -> Result<Option<String>, String> {
     check_registry()?;
     let program = std::env::current_exe().map_err(|e| format!("the headset cannot be asked for ({e})"))?;
-    let started = Instant::now();
-    // The loader's and the runtime's own chatter is of no use to anybody here.
     let mut command = Command::new(program);
-    command.arg(SUBCOMMAND).stdin(Stdio::null()).stderr(Stdio::null()).stdout(Stdio::piped());
-    let mut child = command.spawn().map_err(|e| format!("the headset cannot be asked for ({e})"))?;
-    let status = loop {
-        match child.try_wait() {
-            Ok(Some(status)) => break status,
-            Ok(None) if started.elapsed() < LIMIT => std::thread::sleep(TICK),
-            Ok(None) => {
-                end(&mut child);
-                let seconds = LIMIT.as_secs();
-                return Err(format!("the headset runtime does not answer within {seconds} s; restart SteamVR"));
-            }
-            Err(e) => {
-                end(&mut child);
-                return Err(format!("the headset cannot be asked for ({e})"));
-            }
-        }
+    command.arg(SUBCOMMAND);
+    let ended = run(command, LIMIT).map_err(|e| format!("the headset cannot be asked for ({e})"))?;
+    let Some(ended) = ended else {
+        let seconds = LIMIT.as_secs();
+        return Err(format!("the headset runtime does not answer within {seconds} s; restart SteamVR"));
     };
-    let mut text = String::new();
-    // What cannot be read is no answer.
-    let _ = child.stdout.take().map(|mut out| out.read_to_string(&mut text));
-    verdict(status, &text)
+    verdict(&ended)
 }
 
-/// What the child does: prints what it finds as one line.
-pub fn answer() {
-    // SAFETY: the call loads the runtime's library and unloads it again, which is what this process is for.
-    let answer = if !unsafe { sys::VR_IsHmdPresent() } {
-        Answer::NoHeadset
-    } else {
-        match Runtime::start(Role::Background) {
-            Ok(runtime) if runtime.is_connected(0) => Answer::Ready(Some(runtime.headset_name())),
-            Ok(_) => Answer::NoHeadset,
-            // It is not running: a program that shows pictures will start it.
-            Err(Refusal { code: sys::EVRInitError_VRInitError_Init_NoServerForBackgroundApp, .. }) => {
-                Answer::Ready(None)
-            }
-            Err(refusal) => Answer::Refused(refusal),
-        }
+/// A child process that has ended.
+struct Ended {
+    status: ExitStatus,
+    out: String,
+    err: String,
+}
+
+/// Runs a command to its end; `None` if it had to be killed because it took longer than `limit`.
+fn run(mut command: Command, limit: Duration) -> io::Result<Option<Ended>> {
+    command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
+    let mut child = command.spawn()?;
+    // Pipes are read while the child runs: one that is full would block it.
+    let readers = (child.stdout.take().map(read_in_background), child.stderr.take().map(read_in_background));
+    let status = wait(&mut child, limit).inspect_err(|_| kill(&mut child))?;
+    let Some(status) = status else {
+        // The readers are not joined: a process that the child started may hold the pipes open.
+        kill(&mut child);
+        return Ok(None);
     };
+    let text = |reader: Option<Receiver<String>>| reader.map(collect).unwrap_or_default();
+    Ok(Some(Ended { status, out: text(readers.0), err: text(readers.1) }))
+}
+
+fn wait(child: &mut Child, limit: Duration) -> io::Result<Option<ExitStatus>> {
+    let started = Instant::now();
+    loop {
+        match child.try_wait()? {
+            Some(status) => return Ok(Some(status)),
+            None if started.elapsed() < limit => std::thread::sleep(TICK),
+            None => return Ok(None),
+        }
+    }
+}
+
+fn kill(child: &mut Child) {
+    // It may have ended by itself meanwhile.
+    let _ = child.kill();
+    let _ = child.wait();
+}
+
+/// Reads a pipe to its end on a thread of its own; sends line by line.
+fn read_in_background(pipe: impl io::Read + Send + 'static) -> Receiver<String> {
+    let (sender, lines) = channel();
+    std::thread::spawn(move || {
+        let mut pipe = BufReader::new(pipe);
+        let mut line = Vec::new();
+        while pipe.read_until(b'\n', &mut line).is_ok_and(|bytes| bytes > 0) {
+            if sender.send(String::from_utf8_lossy(&line).into_owned()).is_err() {
+                return;
+            }
+            line.clear();
+        }
+    });
+    lines
+}
+
+/// What a pipe held. Waits a little for the rest: another process may have inherited the pipe and keep it open.
+fn collect(lines: Receiver<String>) -> String {
+    let until = Instant::now() + REST;
+    std::iter::from_fn(|| lines.recv_timeout(until.saturating_duration_since(Instant::now())).ok()).collect()
+}
+
+/// The child's part: prints what it finds as one line of JSON.
+pub fn answer() {
     // Plain data always has a text.
-    say!("{}", serde_json::to_string(&answer).unwrap_or_default());
+    say!("{}", serde_json::to_string(&ask()).unwrap_or_default());
+}
+
+fn ask() -> Answer {
+    match Runtime::start(Role::Background) {
+        Ok(runtime) if runtime.is_connected(0) => Answer::Ready(Some(runtime.headset_name())),
+        Ok(_) => Answer::NoHeadset,
+        // The runtime's server is not running; a program that shows pictures will start it.
+        Err(Refusal { code: sys::EVRInitError_VRInitError_Init_NoServerForBackgroundApp, .. }) => {
+            // SAFETY: the call loads the runtime's library and unloads it again; there is no other connection.
+            if unsafe { sys::VR_IsHmdPresent() } { Answer::Ready(None) } else { Answer::NoHeadset }
+        }
+        Err(Refusal { code: sys::EVRInitError_VRInitError_Init_HmdNotFound, .. }) => Answer::NoHeadset,
+        Err(refusal) => Answer::Refused(refusal),
+    }
 }
 
 /// The file by which OpenVR's loader finds its runtime, where there is one.
@@ -85,31 +141,30 @@ pub fn registry() -> Option<PathBuf> {
     file.is_file().then_some(file)
 }
 
-fn end(child: &mut Child) {
-    // It may have ended by itself meanwhile.
-    let _ = child.kill();
-    let _ = child.wait();
-}
-
-fn verdict(status: ExitStatus, text: &str) -> Result<Option<String>, String> {
-    match text.lines().find_map(|line| serde_json::from_str(line).ok()) {
+fn verdict(ended: &Ended) -> Result<Option<String>, String> {
+    match ended.out.lines().find_map(|line| serde_json::from_str(line).ok()) {
         Some(Answer::Ready(name)) => Ok(name),
         Some(Answer::NoHeadset) => {
             Err("the runtime finds no headset; connect it, switch it on, and look at SteamVR's window".into())
         }
         Some(Answer::Refused(refusal)) => Err(format!("no headset: {refusal}")),
-        None => Err(format!("the headset runtime dies at its start ({status}); restart or reinstall SteamVR")),
+        None => {
+            let last = ended.err.lines().rfind(|line| !line.trim().is_empty());
+            let reason = last.map_or_else(String::new, |line| format!(": {}", shortened(line.trim(), LONGEST_REASON)));
+            let status = ended.status;
+            Err(format!("the headset runtime dies at its start ({status}{reason}); restart or reinstall SteamVR"))
+        }
     }
 }
 
 /// The loader itself writes to the terminal where the file is missing or names nothing.
 fn check_registry() -> Result<(), String> {
-    let Some(file) = registry() else { return Err("no headset runtime is installed (SteamVR gives one)".into()) };
+    let Some(file) = registry() else { return Err("no headset runtime is installed (SteamVR provides one)".into()) };
     let text = std::fs::read_to_string(&file).map_err(|e| format!("{} of the headset runtime: {e}", file.display()))?;
     match runtime_folders(&text) {
-        None => Err(format!("{} does not name a headset runtime; install SteamVR anew", file.display())),
+        None => Err(format!("{} does not name a headset runtime; reinstall SteamVR", file.display())),
         Some(folders) if !folders.iter().any(|folder| Path::new(folder).is_dir()) => {
-            Err(format!("the headset runtime that {} names is not there; install SteamVR anew", file.display()))
+            Err(format!("the headset runtime that {} names is not there; reinstall SteamVR", file.display()))
         }
         Some(_) => Ok(()),
     }
@@ -147,15 +202,54 @@ mod tests {
         assert_eq!((runtime_folders("{}"), runtime_folders("{ \"runtime\": [")), (None, None));
     }
 
+    fn ended(out: &str, err: &str) -> Ended {
+        Ended { status: ExitStatus::default(), out: out.into(), err: err.into() }
+    }
+
     #[test]
-    fn answers_survive_the_pipe_and_what_libraries_print_before_them() {
+    fn answers_are_found_among_what_libraries_print() {
         let refusal = Refusal { code: 105, words: "old".into() };
-        let status = ExitStatus::default();
-        let say = |answer: &Answer| format!("chatter\n{}\n", serde_json::to_string(answer).expect("a text"));
+        let verdict = |answer: &Answer| {
+            let line = serde_json::to_string(answer).expect("a text");
+            super::verdict(&ended(&format!("library output\n{line}\n"), "a warning\n"))
+        };
         let ready = Answer::Ready(Some("HTC Vive".into()));
-        assert_eq!(verdict(status, &say(&ready)), Ok(Some("HTC Vive".into())));
-        assert_eq!(verdict(status, &say(&Answer::Ready(None))), Ok(None));
-        assert!(verdict(status, &say(&Answer::Refused(refusal))).is_err_and(|e| e.contains("update SteamVR")));
-        assert!(verdict(status, "Segmentation fault").is_err_and(|e| e.contains("dies at its start")));
+        assert_eq!(verdict(&ready), Ok(Some("HTC Vive".into())));
+        assert_eq!(verdict(&Answer::Ready(None)), Ok(None));
+        assert!(verdict(&Answer::Refused(refusal)).is_err_and(|e| e.contains("update SteamVR")));
+    }
+
+    #[test]
+    fn a_crash_is_reported_with_the_runtimes_last_line() {
+        let error = verdict(&ended("no answer\n", "loading\nout of ink\n\n")).expect_err("a crash");
+        assert!(error.contains("dies at its start") && error.contains(": out of ink)"), "{error}");
+        assert!(verdict(&ended("", "")).is_err_and(|e| e.contains("dies at its start")));
+    }
+
+    #[cfg(unix)]
+    fn shell(script: &str) -> Command {
+        let mut command = Command::new("sh");
+        command.args(["-c", script]);
+        command
+    }
+
+    /// More than any pipe holds.
+    #[cfg(unix)]
+    #[test]
+    fn a_child_that_writes_megabytes_is_not_blocked() {
+        let flood =
+            "head -c 4000000 /dev/zero | tr '\\0' '\\n'; head -c 4000000 /dev/zero | tr '\\0' '\\n' >&2; echo end";
+        let ended = run(shell(flood), Duration::from_secs(60)).expect("a shell").expect("its end");
+        assert!(ended.status.success() && ended.out.ends_with("end\n") && ended.err.len() == 4_000_000);
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_child_that_hangs_is_killed_and_one_that_leaves_a_process_behind_is_not_waited_for() {
+        let started = Instant::now();
+        assert!(run(shell("sleep 20"), Duration::from_millis(50)).expect("a shell").is_none());
+        let ended = run(shell("echo done; sleep 5 &"), Duration::from_secs(20)).expect("a shell").expect("its end");
+        assert_eq!(ended.out, "done\n");
+        assert!(started.elapsed() < Duration::from_secs(5), "{:?}", started.elapsed());
     }
 }

@@ -1,4 +1,4 @@
-//! What a run in the headset was like: where its frames' time went, and what happened; for `--report`.
+//! The report of a run (`--report`): where its frames' time went, and what happened.
 
 use std::collections::{BTreeMap, VecDeque};
 

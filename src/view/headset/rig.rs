@@ -1,4 +1,4 @@
-//! Where the tracked play space stands in the scene, and how the user moves it: start, teleport, snap turn, grab.
+//! The rig: where the tracked play space stands in the scene, and how the user moves it (start, teleport, snap turn, grab).
 //!
 //! Pure. One metre of the room is one metre of the scene, the room's up is the scene's up, and nothing moves unless the
 //! user asked for it. Poses are rigid; a head or a hand looks along its −Z.
@@ -7,7 +7,7 @@ use std::f32::consts::TAU;
 
 use glam::{Mat4, Quat, Vec3};
 
-use crate::scene::{Bounds, Camera, Scene};
+use crate::scene::{Bounds, Camera};
 
 /// Degrees of one snap turn.
 pub const SNAP_DEGREES: f32 = 30.0;
@@ -16,7 +16,7 @@ const PERSON_METRES: std::ops::RangeInclusive<f32> = 0.9..=2.3;
 /// Metres per second with which the teleport's arc leaves the hand, and m/s² that bend it.
 const ARC_SPEED: f32 = 6.5;
 const GRAVITY: f32 = 9.81;
-/// Farther along the floor than this, or steeper up than this, nobody aims on purpose.
+/// The limits of a deliberate aim: distance along the floor, and elevation.
 const FARTHEST_METRES: f32 = 7.0;
 const STEEPEST_DEGREES: f32 = 70.0;
 /// Seconds until an arc that meets no floor is given up.
@@ -81,38 +81,10 @@ impl Rig {
     }
 }
 
-/// Height of the topmost floor under a point: of the triangles that a plumb line from there meets, or else the lowest of
-/// the scene; 0 in an empty scene.
-pub fn floor_under(scene: &Scene, point_world: Vec3) -> f32 {
-    let mut highest = None;
-    for instance in &scene.instances {
-        let mesh = &scene.meshes[instance.mesh];
-        for triangle in mesh.indices.chunks_exact(3) {
-            let corner = |i: usize| {
-                let local = Vec3::from(mesh.vertices[triangle[i] as usize].position);
-                instance.world_from_local.transform_point3(local)
-            };
-            let height = height_at([corner(0), corner(1), corner(2)], point_world);
-            highest = height.filter(|y| *y <= point_world.y && highest.is_none_or(|h| *y > h)).or(highest);
-        }
-    }
-    let lowest = scene.bounds().min.y;
-    highest.unwrap_or(if lowest.is_finite() { lowest } else { 0.0 })
-}
-
-/// Height of a triangle over or under a point, by barycentric coordinates in the plane of x and z.
-fn height_at([a, b, c]: [Vec3; 3], point: Vec3) -> Option<f32> {
-    let cross = |u: Vec3, v: Vec3| u.x * v.z - u.z * v.x;
-    let area = cross(b - a, c - a);
-    let (s, t) = (cross(point - a, c - a) / area, cross(b - a, point - a) / area);
-    // Upright triangles divide by zero: no comparison with the result holds.
-    (s >= 0.0 && t >= 0.0 && s + t <= 1.0).then_some(a.y + s * (b.y - a.y) + t * (c.y - a.y))
-}
-
 /// The way a teleport would take.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Arc {
-    /// SceneResources, from the hand on.
+    /// World, from the hand on.
     pub points: [Vec3; ARC_POINTS],
     /// Where it meets the floor, if one may go there.
     pub landing: Option<Vec3>,

@@ -1,10 +1,6 @@
 //! `view::headset::rig`: what stays where it was, and what goes where it should.
 
-use std::path::Path;
-
 use super::*;
-use crate::asset::Report;
-use crate::scene::{LoadOptions, load};
 
 /// A head or hand, looking along `yaw_degrees` and up by `pitch_degrees`.
 fn pose(position: Vec3, yaw_degrees: f32, pitch_degrees: f32) -> Mat4 {
@@ -133,7 +129,7 @@ fn steep_far_and_hopeless_arcs_land_nowhere() {
 fn a_blink_is_dark_when_it_moves_and_moves_once() {
     for frame in [1.0 / 90.0, 1.0 / 45.0, 0.5] {
         let mut blink = TeleportFade::default();
-        assert_eq!(blink.step(frame), (0.0, None), "nobody asked");
+        assert_eq!(blink.step(frame), (0.0, None), "none was begun");
         blink.begin(Vec3::X);
         let steps: Vec<_> = (0..40).map(|_| blink.step(frame)).collect();
         let moves: Vec<_> = steps.iter().filter(|(_, to)| to.is_some()).collect();
@@ -188,31 +184,4 @@ fn the_turntable_keeps_its_centre() {
 fn a_teapot_is_an_object_and_a_room_is_not() {
     let cube = |half: f32| Bounds { min: Vec3::splat(-half), max: Vec3::splat(half) };
     assert!(is_object(cube(0.2)) && !is_object(cube(3.0)) && !is_object(Bounds::EMPTY));
-}
-
-#[test]
-fn the_floor_is_what_a_plumb_line_from_the_camera_meets() {
-    let assets = Path::new(env!("CARGO_MANIFEST_DIR")).join("assets");
-    let options = LoadOptions {
-        default_panorama: Some(assets.join(crate::asset::shipped::PANORAMA)),
-        textures: Default::default(),
-    };
-    let scene = |name: &str| load(&assets.join("scenes").join(name), &options, &Report::silent()).unwrap();
-    let room = scene("tearoom.toml");
-    let guest = &room.cameras[0];
-    let floor = floor_under(&room, guest.position);
-    let rig = Rig::start(guest, floor, &head());
-    assert!((floor - room.bounds().min.y).abs() < 0.3 && rig.floor() == floor, "{floor}");
-    // Over the table it is the table's top, beside the teapot the lowest of all.
-    assert!(floor_under(&room, Vec3::new(0.0, 1.5, 0.0)) > floor + 0.5);
-    let teapot = scene("teapot.toml");
-    assert_eq!(floor_under(&teapot, Vec3::new(0.0, 0.22, 0.52)), teapot.bounds().min.y);
-}
-
-#[test]
-fn an_upright_triangle_is_no_floor() {
-    let [a, b, c] = [Vec3::ZERO, Vec3::X, Vec3::Y];
-    assert_eq!(height_at([a, b, c], Vec3::new(0.5, 2.0, 0.0)), None);
-    assert_eq!(height_at([a, b, Vec3::Z], Vec3::new(0.2, 2.0, 0.2)), Some(0.0));
-    assert_eq!(height_at([a, b, Vec3::Z], Vec3::new(0.7, 2.0, 0.7)), None);
 }

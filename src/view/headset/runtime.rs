@@ -1,5 +1,5 @@
-//! One connection to the OpenVR runtime: the calls that are used of it, through its raw tables. The safe wrappers of the
-//! `openvr` crate panic where a runtime lacks an entry or gives a value that they do not know; these do not.
+//! The connection to the OpenVR runtime and the calls that this program makes, through its raw function tables. The safe
+//! wrappers of the `openvr` crate panic where a runtime lacks an entry or returns an unknown value; these do not.
 
 use std::ffi::{CStr, CString, c_char};
 use std::ptr;
@@ -36,6 +36,8 @@ pub enum Role {
 pub struct Runtime {
     system: *const sys::VR_IVRSystem_FnTable,
     compositor: *const sys::VR_IVRCompositor_FnTable,
+    /// Null where the runtime has no input.
+    input: *const sys::VR_IVRInput_FnTable,
     /// The compositor leaves our queue alone while it waits for us.
     explicit_timing: bool,
 }
@@ -54,10 +56,13 @@ impl Runtime {
             return Err(Refusal { code, words: words_of(code) });
         }
         // From here on, Drop disconnects whatever fails.
-        let mut runtime = Self { system: ptr::null(), compositor: ptr::null(), explicit_timing: false };
+        let mut runtime =
+            Self { system: ptr::null(), compositor: ptr::null(), input: ptr::null(), explicit_timing: false };
         runtime.system = table(sys::IVRSystem_Version)?;
         if role == Role::Scene {
             runtime.compositor = table(sys::IVRCompositor_Version)?;
+            // Without input one can still look around.
+            runtime.input = table(sys::IVRInput_Version).unwrap_or(ptr::null());
         }
         Ok(runtime)
     }
@@ -68,7 +73,7 @@ impl Runtime {
         self.system().IsTrackedDeviceConnected.is_none_or(|call| unsafe { call(device) })
     }
 
-    /// Its maker and model, as far as they are told.
+    /// The headset's maker and model, as far as the runtime reports them.
     pub fn headset_name(&self) -> String {
         let of = |property| self.text(property).unwrap_or_default();
         let maker = of(sys::ETrackedDeviceProperty_Prop_ManufacturerName_String);
@@ -267,6 +272,12 @@ impl Runtime {
             // SAFETY: no arguments.
             unsafe { call() };
         }
+    }
+
+    /// The functions of its input system; `None` where it has none.
+    pub fn input(&self) -> Option<&sys::VR_IVRInput_FnTable> {
+        // SAFETY: null, or a table that the runtime keeps until it is disconnected, which `drop` does.
+        unsafe { self.input.as_ref() }
     }
 
     fn system(&self) -> &sys::VR_IVRSystem_FnTable {

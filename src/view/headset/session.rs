@@ -1,8 +1,8 @@
-//! A session in the headset: the loop from the first pose to shutdown.
+//! A session in the headset: the frames from the first pose to the runtime's shutdown.
 
 use std::mem::ManuallyDrop;
 use std::sync::Arc;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use glam::Mat4;
 use openvr_sys as sys;
@@ -11,53 +11,53 @@ use super::codes::{After, after};
 use super::events::Event;
 use super::eye_images::EyeImages;
 use super::frame_statistics::{FrameStatistics, FrameTiming};
-use super::hands::{Hands, Requests, Step};
+use super::hands::{Hands, Step};
 use super::hidden_area::{HiddenAreaV, share};
 use super::optics::{Head, Optics};
 use super::quality::{Finished, Level, Quality};
 use super::report::{FrameTime, HeadsetReport, Timeline};
 use super::runtime::{DEVICES, EYES, Runtime};
 use super::watchdog::{Patience, Watchdog};
-use crate::gpu::{CommandBuffer, Gpu, PassTimes};
+use crate::gpu::{FrameRing, Gpu, PassTimes, UNIFORM_RANGE};
 use crate::render::FRAMES_IN_FLIGHT;
-use crate::view::picture::ms_since;
-use crate::view::window::loader::LoadedScene;
+use crate::view::app::{Requests, ShownScene};
+use crate::view::frame_clock::ms_since;
+use crate::view::loader::Target;
 use crate::{Result, say};
 
-/// The budget of a frame where the runtime does not tell the display's rate.
+/// The display's rate where the runtime does not report it.
 const USUAL_HERTZ: f32 = 90.0;
-/// A headset that is gone so long, seconds, does not come back with the next blink of its cable.
+/// Seconds after which a disconnected headset is given up: longer than a loose contact.
 const GONE_SECONDS: f32 = 0.5;
-/// The first frames at a new place say nothing of the next ones' times: the driver still compiles and moves data.
+/// Frames at a new place whose times are ignored: the driver still compiles and moves data.
 const WARM_UP: u32 = 10;
-/// Between frames that the runtime does not pace because it refuses them.
-const PAUSE: std::time::Duration = std::time::Duration::from_millis(5);
+/// The pause between frames that the runtime refuses, and therefore does not pace.
+const PAUSE: Duration = Duration::from_millis(5);
 
 /// Why a session is over.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum End {
-    /// The runtime asked us to go.
+    /// The runtime asked the program to quit.
     Quit,
-    /// The headset or its runtime is gone, in words.
+    /// The headset or its runtime is gone; why, and what to do.
     Lost(String),
 }
 
-/// What a frame came to.
-pub enum Frame {
+/// How a frame went.
+pub enum FrameResult {
+    /// It was submitted; what the user asked for meanwhile.
     Shown(Requests),
     Over(End),
 }
 
-/// The session. When it goes, the runtime goes first: before anything of Vulkan that it knows of.
+/// A running session. Drop order: the runtime is shut down before any Vulkan object that it knows is destroyed.
 pub struct Session {
     hands: Hands,
     runtime: ManuallyDrop<Runtime>,
     watchdog: Watchdog,
     images: EyeImages,
-    recorders: Vec<CommandBuffer>,
-    /// Which recorder and pair of images is next.
-    slot: usize,
-    /// The quality that each slot was drawn with last, and the last frame of all.
+    ring: FrameRing,
+    /// The quality level that each slot was drawn with last; then that of the last frame.
     levels: [usize; FRAMES_IN_FLIGHT],
     level: Level,
     /// Frames until their times count.
@@ -67,9 +67,9 @@ pub struct Session {
     hidden: [Vec<[f32; 2]>; 2],
     head: Head,
     poses: Box<[sys::TrackedDevicePose_t; DEVICES]>,
-    /// Since when the headset has not been connected.
+    /// Since when the headset has been disconnected.
     gone: Option<Instant>,
-    /// Vulkan extensions that the runtime asked for in vain, until it has taken a picture all the same.
+    /// Vulkan extensions that the runtime asked for and the driver lacks, until it has accepted a picture all the same.
     lacking: Option<String>,
     last: Option<Instant>,
     quality: Quality,
@@ -77,6 +77,8 @@ pub struct Session {
     timeline: Timeline,
     /// GPU time of each pass of the frame that finished last.
     times: PassTimes,
+    /// CPU time of the last frame.
+    recording: Duration,
     report: HeadsetReport,
     gpu: Arc<Gpu>,
 }
@@ -102,8 +104,7 @@ impl Session {
         Ok(Self {
             hands: Hands::new(&runtime),
             images: EyeImages::new(gpu, size)?,
-            recorders: (0..FRAMES_IN_FLIGHT).map(|_| CommandBuffer::new(gpu)).collect::<Result<_>>()?,
-            slot: 0,
+            ring: FrameRing::new(gpu, UNIFORM_RANGE)?,
             levels: [0; FRAMES_IN_FLIGHT],
             level: quality.level(),
             warm_up: WARM_UP,
@@ -118,6 +119,7 @@ impl Session {
             statistics: FrameStatistics::default(),
             timeline: Timeline::default(),
             times: PassTimes::default(),
+            recording: Duration::ZERO,
             report,
             gpu: Arc::clone(gpu),
             watchdog,
@@ -125,9 +127,9 @@ impl Session {
         })
     }
 
-    /// What the lenses hide of each eye's picture: corners of triangles, 0 to 1, v downwards.
-    pub fn hidden_area(&self) -> [Vec<[f32; 2]>; 2] {
-        self.hidden.clone()
+    /// What a scene is drawn for.
+    pub fn target(&self) -> Target {
+        Target { size: self.report.size, eyes: 2, hidden: self.hidden.clone() }
     }
 
     /// Pixels of an eye's picture.
@@ -135,7 +137,7 @@ impl Session {
         self.report.size
     }
 
-    /// What it is called.
+    /// The headset's name.
     pub fn name(&self) -> &str {
         &self.report.name
     }
@@ -161,7 +163,12 @@ impl Session {
         self.warm_up = WARM_UP;
     }
 
-    /// One line for the screen: quality, rate, what the compositor made of the frames.
+    /// How long the last frame took on the CPU: input, waiting for the frame before the last, recording.
+    pub fn recording(&self) -> Duration {
+        self.recording
+    }
+
+    /// One line for the screen: quality, rate, the compositor's statistics.
     pub fn line(&self) -> String {
         let [width, height] = self.level.size;
         let statistics = self.statistics.line(self.report.hertz.unwrap_or(USUAL_HERTZ));
@@ -200,7 +207,7 @@ impl Session {
     }
 
     /// Shows both eyes the scene from where the head will be.
-    pub fn frame(&mut self, stage: &mut LoadedScene) -> Result<Frame> {
+    pub fn frame(&mut self, scene: &mut ShownScene) -> Result<FrameResult> {
         if let Some(end) = self.follow_events()? {
             return Ok(self.over(end));
         }
@@ -211,22 +218,24 @@ impl Session {
         let wait_ms = ms_since(started) as f32;
         let started = Instant::now();
         let seconds = self.last.replace(started).map_or(0.0, |last| (started - last).as_secs_f32());
-        let Step { world_from_play, jumped, requests } = self.hands.step(stage, &self.head, seconds);
-        self.draw(stage, world_from_play)?;
+        let Step { world_from_play, jumped, fade, requests } =
+            self.hands.step(&self.runtime, scene, &self.head, seconds);
+        scene.prepare(fade);
+        let slot = self.draw(scene, world_from_play)?;
+        self.recording = started.elapsed();
         let cpu_ms = ms_since(started) as f32;
         let started = Instant::now();
-        if let Some(end) = self.submit(jumped)? {
+        if let Some(end) = self.submit(slot, jumped)? {
             return Ok(self.over(end));
         }
         let area = self.level.bounds.iter().product();
         let submit_ms = ms_since(started) as f32;
         self.timeline.push(FrameTime { wait_ms, cpu_ms, submit_ms, area, ..Default::default() });
-        self.slot = (self.slot + 1) % FRAMES_IN_FLIGHT;
         self.report.frames += 1;
-        Ok(Frame::Shown(requests))
+        Ok(FrameResult::Shown(requests))
     }
 
-    /// All that is known of the session so far.
+    /// Facts and times of the session so far.
     pub fn report(&self) -> HeadsetReport {
         HeadsetReport {
             tangents: self.optics.map(|optics| optics.tangents),
@@ -238,7 +247,7 @@ impl Session {
         }
     }
 
-    /// What there is to tell at the end.
+    /// The line printed at the end.
     fn summary(&self) -> String {
         let saved = 50.0 * self.report.hidden_area_share.iter().sum::<f64>();
         let FrameTime { wait_ms, cpu_ms, gpu_ms, submit_ms, .. } = self.timeline.mean();
@@ -249,12 +258,12 @@ impl Session {
         )
     }
 
-    fn over(&mut self, end: End) -> Frame {
+    fn over(&mut self, end: End) -> FrameResult {
         self.report.ended = match &end {
             End::Quit => "quit".into(),
             End::Lost(why) => why.clone(),
         };
-        Frame::Over(end)
+        FrameResult::Over(end)
     }
 
     fn wait_for_poses(&mut self) -> Result<Option<End>> {
@@ -275,48 +284,49 @@ impl Session {
                 return Ok(Some(End::Lost("the headset is gone; connect it again".into())));
             }
         } else if started.elapsed() < PAUSE {
-            // It did not wait: nobody paces us.
+            // It returned at once: nothing paces the frames.
             std::thread::sleep(PAUSE);
         }
         Ok(self.judge("WaitGetPoses", code))
     }
 
-    fn draw(&mut self, stage: &mut LoadedScene, world_from_play: Mat4) -> Result<()> {
-        let (size, slot) = (self.size(), self.slot);
+    /// Records and submits a frame; returns its slot.
+    fn draw(&mut self, scene: &mut ShownScene, world_from_play: Mat4) -> Result<usize> {
+        let (size, slot) = (self.size(), self.ring.next_slot());
         let world_from_head = world_from_play * self.head.space_from_head;
         let eyes = self.optics.map(|optics| optics.eye(world_from_head));
-        let renderer = &mut stage.renderer;
-        renderer.set_eyes(2)?;
+        let renderer = &mut scene.loaded.renderer;
         renderer.resize(size)?;
-        let finished = self.recorders[slot].finish()?;
-        self.choose_level(&finished);
+        let finished = self.ring.finish_slot()?;
+        self.choose_level(slot, &finished);
         self.times = finished;
         renderer.set_area(self.level.size);
-        let (mut commands, _) = self.recorders[slot].begin()?;
+        let mut frame = self.ring.begin()?;
         renderer.set_gizmos(slot, self.hands.gizmos())?;
-        renderer.record_scene(&mut commands, slot, &eyes);
-        self.images.fill(&mut commands, slot, renderer.picture(), self.level.size);
+        renderer.record_scene(&mut frame.commands, slot, &eyes);
+        self.images.fill(&mut frame.commands, slot, renderer.picture(), self.level.size);
         self.gpu.with_queue_locked(|| self.runtime.submit_timing());
-        commands.submit(None)
+        frame.submit(None)?;
+        Ok(slot)
     }
 
     /// This frame's quality, from the times of the one that had the slot before.
-    fn choose_level(&mut self, times: &PassTimes) {
+    fn choose_level(&mut self, slot: usize, times: &PassTimes) {
         let gpu_ms = times.total_ms() as f32;
         let finished = (!times.is_empty()).then(|| {
             self.timeline.set_gpu(FRAMES_IN_FLIGHT, gpu_ms);
             let reprojected_for_gpu = self.statistics.last().is_some_and(FrameTiming::is_reprojected_for_gpu);
-            Finished { gpu_ms, level: self.levels[self.slot], reprojected_for_gpu }
+            Finished { gpu_ms, level: self.levels[slot], reprojected_for_gpu }
         });
         let counts = self.warm_up == 0;
         self.warm_up -= u32::from(!counts);
         self.level = self.quality.next(finished.filter(|_| counts));
-        self.levels[self.slot] = self.level.index;
+        self.levels[slot] = self.level.index;
     }
 
-    fn submit(&mut self, jumped: bool) -> Result<Option<End>> {
+    fn submit(&mut self, slot: usize, jumped: bool) -> Result<Option<End>> {
         let bounds = self.level.bounds;
-        for (eye, picture) in EYES.into_iter().zip(self.images.pictures(self.slot)) {
+        for (eye, picture) in EYES.into_iter().zip(self.images.pictures(slot)) {
             let submit = || self.gpu.with_queue_locked(|| self.runtime.submit(eye, &picture, bounds, jumped));
             let code = self.watchdog.watch("Submit", Patience::FRAME, submit)?;
             if code == sys::EVRCompositorError_VRCompositorError_None {
@@ -328,7 +338,7 @@ impl Session {
         }
         let handoff = || self.gpu.with_queue_locked(|| self.runtime.post_present_handoff());
         self.watchdog.watch("PostPresentHandoff", Patience::FRAME, handoff);
-        // The frame before: its numbers are whole.
+        // The frame before: its numbers are complete.
         if let Some(timing) = self.runtime.frame_timing(1) {
             self.statistics.add(timing);
         }
@@ -355,7 +365,7 @@ impl Session {
         }
     }
 
-    /// The old optics stay where the new ones are no optics.
+    /// Invalid optics are reported, and the old ones stay.
     fn change_optics(&mut self) {
         match (self.runtime.optics(EYES[0]), self.runtime.optics(EYES[1])) {
             (Ok(left), Ok(right)) => {
@@ -367,10 +377,10 @@ impl Session {
     }
 }
 
-/// What may be why no picture has been taken yet.
+/// A possible reason why no picture has been accepted yet.
 fn lacking_words(lacking: &Option<String>) -> String {
-    let tell = |names: &String| format!("; it also asked for {names}, which the graphics driver lacks: update that");
-    lacking.as_ref().map_or_else(String::new, tell)
+    let words = |names: &String| format!("; it also asked for {names}, which the graphics driver lacks: update that");
+    lacking.as_ref().map_or_else(String::new, words)
 }
 
 impl Drop for Session {
@@ -378,10 +388,10 @@ impl Drop for Session {
         if self.report.frames > 0 && !std::thread::panicking() {
             say!("pbr-vr: headset: {}", self.summary());
         }
-        // A lost device has nothing left to wait for.
+        // Waiting fails on a lost device, which has nothing left to wait for.
         let _ = self.gpu.wait_idle();
         let (runtime, gpu) = (&mut self.runtime, &self.gpu);
-        // The runtime may wait for the device, which nobody may submit to meanwhile: the loader still loads.
+        // The runtime may wait for the device; the loader, which may still be working, must not submit meanwhile.
         // SAFETY: nothing uses it after this.
         let shut_down = || gpu.with_queue_locked(|| unsafe { ManuallyDrop::drop(runtime) });
         self.watchdog.watch("VR_Shutdown", Patience::FRAME, shut_down);

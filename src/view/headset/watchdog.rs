@@ -1,18 +1,19 @@
-//! A thread that notices calls into the runtime which do not come back: some block for ever when the link to the headset
-//! drops, and nobody can interrupt them.
+//! A thread that notices calls into the runtime which do not return: some block for ever when the link to the headset drops,
+//! and cannot be interrupted.
 
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
+use crate::view::interrupt;
 use crate::{Error, Result};
 
 /// How long something may take.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Patience {
-    /// Then it is said.
+    /// Then a line is printed.
     pub notice: Duration,
-    /// Then the program ends: nothing else can be done about it.
+    /// Then the program ends: a blocked call cannot be interrupted.
     pub give_up: Duration,
 }
 
@@ -126,12 +127,7 @@ fn give_up(watched: &Watched) -> ! {
         "pbr-vr: headset: {} never came back; restart SteamVR, then this program, or use `--on window`",
         watched.what
     );
-    // Libraries may block the exit, too.
-    std::thread::spawn(|| {
-        std::thread::sleep(Duration::from_secs(3));
-        std::process::abort();
-    });
-    std::process::exit(1)
+    interrupt::exit_at_once(1)
 }
 
 #[cfg(test)]

@@ -1,4 +1,4 @@
-//! When a swapchain is made anew: at once where it must be, once where it only might be better, and not too often.
+//! When a swapchain is recreated: at once where it must be, once where it only might be better, and not too often.
 
 use std::time::{Duration, Instant};
 
@@ -9,7 +9,7 @@ use crate::gpu::Presented;
 pub struct Fit {
     stale: bool,
     /// The size at which the swapchain was last called suboptimal, with no good picture since. Some surfaces say so for
-    /// ever, and making the swapchain anew, which waits for the GPU twice, changes nothing.
+    /// ever, and recreating the swapchain, which waits for the GPU twice, changes nothing.
     suboptimal: Option<[u32; 2]>,
     made_at: Option<Instant>,
 }
@@ -20,12 +20,12 @@ impl Fit {
         Self { stale: true, suboptimal: None, made_at: None }
     }
 
-    /// The window or what is wanted of it has changed.
+    /// The window or the present mode has changed.
     pub fn changed(&mut self) {
         (self.stale, self.suboptimal) = (true, None);
     }
 
-    /// The swapchain has been made anew.
+    /// The swapchain has been recreated.
     pub fn made(&mut self, now: Instant) {
         (self.stale, self.made_at) = (false, Some(now));
     }
@@ -40,12 +40,12 @@ impl Fit {
         }
     }
 
-    /// Whether it must be made anew before the next picture.
+    /// Whether it must be recreated before the next picture.
     pub fn is_stale(&self) -> bool {
         self.stale
     }
 
-    /// When it may be made anew, if that is to leave a pause since the last time.
+    /// The earliest time to recreate it that leaves a pause since the last time.
     pub fn due_at(&self, now: Instant, pause: Duration) -> Instant {
         self.made_at.map_or(now, |made| made + pause)
     }
@@ -57,7 +57,7 @@ mod tests {
 
     const SIZE: [u32; 2] = [640, 480];
 
-    /// Shows pictures, making the swapchain anew where needed; how often that was.
+    /// Shows pictures, recreating the swapchain where needed; returns how often that was.
     fn show(fit: &mut Fit, pictures: &[(Presented, [u32; 2])]) -> usize {
         let mut made = 0;
         for (presented, size) in pictures {
@@ -93,7 +93,7 @@ mod tests {
     }
 
     #[test]
-    fn what_does_not_fit_at_all_is_made_anew_each_time() {
+    fn a_stale_swapchain_is_recreated_each_time() {
         assert_eq!(show(&mut shown(), &[(Presented::Stale, SIZE); 5]), 4);
         let mut fit = shown();
         show(&mut fit, &[(Presented::Suboptimal, SIZE); 3]);

@@ -28,7 +28,7 @@ impl ShaderWatch {
             // Reading is an event, too; compiling would set itself off.
             let changed = |kind| matches!(kind, EventKind::Create(_) | EventKind::Modify(_) | EventKind::Remove(_));
             if event.is_ok_and(|event| changed(event.kind)) {
-                // Nobody listens any more only while the window closes.
+                // The receiver is gone only while the window closes.
                 let _ = sender.send(());
             }
         };
@@ -51,7 +51,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_change_is_told_once_and_only_after_a_rest() {
+    fn a_change_is_reported_once_and_only_after_a_rest() {
         let folder = tempfile::tempdir().expect("a temporary folder");
         let file = folder.path().join("a.frag");
         std::fs::write(&file, "1").expect("a test file");
@@ -60,7 +60,7 @@ mod tests {
         std::fs::write(&file, "2").expect("a test file");
         let started = Instant::now();
         while watch.due.is_none() && started.elapsed() < Duration::from_secs(10) {
-            assert!(!watch.is_due(Instant::now()), "told at once");
+            assert!(!watch.is_due(Instant::now()), "reported at once");
             std::thread::sleep(Duration::from_millis(5));
         }
         assert!(watch.is_due(Instant::now() + 2 * REST));

@@ -14,7 +14,7 @@ const MOST_NOTES: usize = 6;
 /// Below this many characters a line is cut rather than wrapped.
 const NARROWEST: usize = 16;
 
-/// What there is to tell of the moment, in words.
+/// The current state in words.
 pub struct Status<'a> {
     pub rate: Option<&'a Rate>,
     /// Shading, exposure, camera …, in order.
@@ -41,7 +41,7 @@ impl Hud {
         self.push(now + ERROR_TIME, text.into());
     }
 
-    /// Takes all messages away: what they told of is mended.
+    /// Removes all messages: their cause has been fixed.
     #[cfg(feature = "hot-reload")]
     pub fn forget(&mut self) {
         self.notes.clear();
@@ -52,8 +52,8 @@ impl Hud {
         self.keys = !self.keys;
     }
 
-    /// The lines to show now, and at which scale they all fit: the largest, or else 1. `grid` tells columns and rows at
-    /// a scale.
+    /// The lines to show now, and at which scale they all fit: the largest, or else 1. `grid` gives columns and rows
+    /// at a scale.
     pub fn fit(
         &mut self,
         now: Instant,

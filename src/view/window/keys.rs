@@ -1,4 +1,4 @@
-//! What keys do: commands by what is printed on the key, movement by where the key lies.
+//! Key bindings: commands by the key's character, movement by its place on the keyboard.
 
 use std::collections::HashSet;
 
@@ -26,11 +26,11 @@ pub enum Action {
     PreviousShading,
     /// Thirds of a stop.
     Exposure(i8),
-    /// Steps of the panorama's turn.
+    /// Steps of the panorama's rotation.
     Turn(i8),
 }
 
-/// Keys and what they do, for people.
+/// The key bindings as the window lists them.
 pub const HELP: [(&str, &str); 15] = [
     ("drag left", "orbit; look around while flying"),
     ("drag right", "pan (also the middle button)"),
@@ -49,7 +49,7 @@ pub const HELP: [(&str, &str); 15] = [
     ("H  Esc", "these keys; quit"),
 ];
 
-/// What a pressed key asks for; a held key repeats only where that makes sense.
+/// What a pressed key asks for; while it is kept down, only some commands repeat.
 pub fn action(event: &KeyEvent, alt: bool) -> Option<Action> {
     let action = of_key(&event.logical_key, alt)?;
     (!event.repeat || matches!(action, Action::Exposure(_) | Action::Turn(_))).then_some(action)
@@ -88,10 +88,10 @@ fn of_key(key: &Key, alt: bool) -> Option<Action> {
 
 /// The keys that are down.
 #[derive(Default)]
-pub struct Held(HashSet<KeyCode>);
+pub struct PressedKeys(HashSet<KeyCode>);
 
-impl Held {
-    /// Follows one key.
+impl PressedKeys {
+    /// Notes that a key went down or up.
     pub fn follow(&mut self, event: &KeyEvent) {
         if let PhysicalKey::Code(code) = event.physical_key {
             if event.state.is_pressed() {
@@ -102,7 +102,7 @@ impl Held {
         }
     }
 
-    /// The keyboard went to somebody else, who will see the keys go up.
+    /// The focus went to another window, which will see the keys go up.
     pub fn release_all(&mut self) {
         self.0.clear();
     }
@@ -153,11 +153,11 @@ mod tests {
     }
 
     #[test]
-    fn held_keys_add_up_and_opposites_cancel() {
-        let mut held = Held::default();
-        held.0.extend([KeyCode::KeyW, KeyCode::KeyD, KeyCode::KeyA, KeyCode::KeyE, KeyCode::ShiftRight]);
-        assert_eq!((held.movement(), held.fast()), (Vec3::new(0.0, 1.0, 1.0), true));
-        held.release_all();
-        assert_eq!((held.movement(), held.fast()), (Vec3::ZERO, false));
+    fn pressed_keys_add_up_and_opposites_cancel() {
+        let mut keys = PressedKeys::default();
+        keys.0.extend([KeyCode::KeyW, KeyCode::KeyD, KeyCode::KeyA, KeyCode::KeyE, KeyCode::ShiftRight]);
+        assert_eq!((keys.movement(), keys.fast()), (Vec3::new(0.0, 1.0, 1.0), true));
+        keys.release_all();
+        assert_eq!((keys.movement(), keys.fast()), (Vec3::ZERO, false));
     }
 }

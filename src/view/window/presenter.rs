@@ -1,4 +1,4 @@
-//! One window's pictures: swapchain and frames in flight, made anew whenever the window changes.
+//! The window's swapchain and frames in flight; the swapchain is recreated whenever the window changes.
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -9,24 +9,23 @@ use winit::window::Window;
 
 use super::fit::Fit;
 use crate::gpu::{
-    Acquired, CommandBuffer, Gpu, ImageAccess, PassTimes, Polled, PresentMode, Rect, Subresource, Swapchain, read_image,
+    Acquired, FrameRing, Gpu, ImageAccess, PassTimes, Polled, PresentMode, Rect, Subresource, Swapchain, UNIFORM_RANGE,
+    read_image,
 };
-use crate::render::{Eye, FRAMES_IN_FLIGHT, Overlay, Renderer};
+use crate::render::{Eye, Overlay, Renderer};
 use crate::{Error, Result};
 
-/// After an image could not be had, this long passes before the next try.
+/// How long after a failed acquisition the next one is tried.
 const RETRY: Duration = Duration::from_millis(20);
 /// A mirror that cannot be shown is tried again less often, and so is one whose window changes all the time: making a
 /// swapchain costs the headset frames.
 const MIRROR_RETRY: Duration = Duration::from_millis(250);
 
-/// Where frames go.
+/// Presents frames in one window.
 pub struct WindowPresenter {
     gpu: Arc<Gpu>,
     swapchain: Swapchain,
-    recorders: Vec<CommandBuffer>,
-    /// Which recorder is next.
-    slot: usize,
+    ring: FrameRing,
     mode: PresentMode,
     fit: Fit,
     retry_at: Option<Instant>,
@@ -36,16 +35,16 @@ impl WindowPresenter {
     /// For a window on the display that the GPU was opened for.
     ///
     /// # Safety
-    /// The window must live until the canvas is dropped, and its event loop as long.
+    /// The window and its event loop must outlive the presenter.
     pub unsafe fn new(gpu: &Arc<Gpu>, window: &Window) -> Result<Self> {
         let no_handle = |e| Error::Window { problem: format!("it has no handle ({e})") };
         let display = window.display_handle().map_err(no_handle)?.as_raw();
         let handle = window.window_handle().map_err(no_handle)?.as_raw();
         // SAFETY: the caller keeps the window and the event loop alive for as long.
         let swapchain = unsafe { Swapchain::new(gpu, display, handle) }?;
-        let recorders = (0..FRAMES_IN_FLIGHT).map(|_| CommandBuffer::new(gpu)).collect::<Result<_>>()?;
+        let ring = FrameRing::new(gpu, UNIFORM_RANGE)?;
         let gpu = Arc::clone(gpu);
-        Ok(Self { gpu, swapchain, recorders, slot: 0, mode: PresentMode::Vsync, fit: Fit::none(), retry_at: None })
+        Ok(Self { gpu, swapchain, ring, mode: PresentMode::Vsync, fit: Fit::none(), retry_at: None })
     }
 
     /// The window has another size now.
@@ -69,7 +68,7 @@ impl WindowPresenter {
 
     /// The slot of the frame that `show` draws next.
     pub fn slot(&self) -> usize {
-        self.slot
+        self.ring.next_slot()
     }
 
     /// The size of its images, pixels.
@@ -85,7 +84,7 @@ impl WindowPresenter {
     /// Waits for the frame that had the slot, and for an image to show the next one with; `wanted` is the window's size.
     /// Without an image there is nothing to draw to now. The times are the waited-for frame's.
     pub fn begin(&mut self, wanted: [u32; 2]) -> Result<(Option<Acquired>, PassTimes)> {
-        let times = self.recorders[self.slot].finish()?;
+        let times = self.ring.finish_slot()?;
         if self.fit.is_stale() {
             self.make_swapchain(wanted, Instant::now())?;
         }
@@ -133,7 +132,7 @@ impl WindowPresenter {
         self.retry_at = None;
         match self.swapchain.poll()? {
             Polled::Ready(acquired) => {
-                self.recorders[self.slot].finish()?;
+                self.ring.finish_slot()?;
                 Ok(Some(acquired))
             }
             Polled::Busy => Ok(None),
@@ -154,13 +153,13 @@ impl WindowPresenter {
         parts: &[(Subresource, [Rect; 2])],
         window: &Window,
     ) -> Result<()> {
-        let (mut commands, _) = self.recorders[self.slot].begin()?;
+        let mut frame = self.ring.begin()?;
         if let Some(overlay) = overlay {
-            renderer.record_text(&mut commands, self.slot, overlay);
+            renderer.record_text(&mut frame.commands, frame.slot, overlay);
         }
-        commands.prepare(renderer.picture(), ImageAccess::CopyFrom);
-        self.swapchain.copy_parts(&mut commands, renderer.picture(), parts, &acquired);
-        commands.submit(Some(&acquired))?;
+        frame.commands.prepare(renderer.picture(), ImageAccess::CopyFrom);
+        self.swapchain.copy_parts(&mut frame.commands, renderer.picture(), parts, &acquired);
+        frame.submit(Some(&acquired))?;
         self.present(acquired, window)
     }
 
@@ -174,18 +173,17 @@ impl WindowPresenter {
         window: &Window,
     ) -> Result<Duration> {
         let started = ThreadTime::now();
-        let (mut commands, _) = self.recorders[self.slot].begin()?;
-        renderer.record(&mut commands, self.slot, &[eye], overlay);
-        commands.prepare(renderer.picture(), ImageAccess::CopyFrom);
-        self.swapchain.copy(&mut commands, renderer.picture(), Subresource { mip: 0, layer: 0 }, &acquired);
-        commands.submit(Some(&acquired))?;
+        let mut frame = self.ring.begin()?;
+        renderer.record(&mut frame.commands, frame.slot, &[eye], overlay);
+        frame.commands.prepare(renderer.picture(), ImageAccess::CopyFrom);
+        self.swapchain.copy(&mut frame.commands, renderer.picture(), Subresource { mip: 0, layer: 0 }, &acquired);
+        frame.submit(Some(&acquired))?;
         let recording = started.elapsed();
         self.present(acquired, window)?;
         Ok(recording)
     }
 
     fn present(&mut self, acquired: Acquired, window: &Window) -> Result<()> {
-        self.slot = (self.slot + 1) % FRAMES_IN_FLIGHT;
         window.pre_present_notify();
         let size = self.swapchain.size();
         self.fit.judge(self.swapchain.present(acquired)?, size);

@@ -81,7 +81,13 @@ unsafe extern "C" fn init(
     let Some((script, mut log)) = open() else { return sys::EVRInitError_VRInitError_Init_SettingsInitFailed };
     let start = script.start.clone();
     log.call(0, "Init", &json!({ "application": kind }));
+    for _ in 0..start.chatter_kib {
+        let line = "x".repeat(1023);
+        println!("{line}");
+        eprintln!("{line}");
+    }
     if start.abort {
+        eprintln!("headset runtime: aborts as its script says");
         std::process::abort();
     }
     if start.hang {

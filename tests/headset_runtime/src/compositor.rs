@@ -198,7 +198,7 @@ fn accept(r: &mut Runtime, eye: sys::EVREye, submitted: &Submitted) -> sys::EVRC
     if std::mem::replace(&mut r.submitted[eye_index(eye)], true) {
         return sys::EVRCompositorError_VRCompositorError_AlreadySubmitted;
     }
-    match r.images.copy(submitted, r.frame, r.script.shows(r.frame)) {
+    match r.images.copy(submitted, r.frame, r.script.shows(r.frame), r.script.show_border) {
         Ok(()) => OK,
         Err(code) => code,
     }

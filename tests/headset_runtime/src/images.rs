@@ -123,14 +123,20 @@ impl Images {
         devices.get(n).map(|device| device.as_raw())
     }
 
-    /// Copies an image that lies in TRANSFER_SRC_OPTIMAL; `shown`: its picture is written when the copy is done.
+    /// Copies an image that lies in TRANSFER_SRC_OPTIMAL; `shown`: its picture is written when the copy is done, with
+    /// a `border` of one texel at the right and lower side.
     ///
     /// # Errors
     /// The code that Submit answers with.
-    pub fn copy(&mut self, submitted: &Submitted, frame: u64, shown: bool) -> Result<(), Code> {
-        let (part, is_flipped) = submitted.part()?;
+    pub fn copy(&mut self, submitted: &Submitted, frame: u64, shown: bool, border: bool) -> Result<(), Code> {
+        let (mut part, is_flipped) = submitted.part()?;
         let format = submitted.format()?;
         let data = &submitted.data;
+        if border {
+            let room = |offset: i32, size: u32| size - offset.cast_unsigned();
+            part.extent.width = (part.extent.width + 1).min(room(part.offset.x, data.m_nWidth));
+            part.extent.height = (part.extent.height + 1).min(room(part.offset.y, data.m_nHeight));
+        }
         if self.copier.is_none() {
             let entry = self.entry().clone();
             self.copier = Some(Copier::new(&entry, data));

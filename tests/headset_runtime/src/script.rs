@@ -29,6 +29,9 @@ pub struct Script {
     pub show: Vec<u64>,
     /// Also every frame that is a multiple of this; 0: none.
     pub show_every: u64,
+    /// Pictures are written with the texels that filtering may read beyond the bounds: one more column and row at the
+    /// right and lower side, where the image has them.
+    pub show_border: bool,
     pub start: Start,
     pub left: EyeOptics,
     pub right: EyeOptics,
@@ -69,8 +72,10 @@ pub struct Start {
     pub slow_ms: u64,
     /// Init never returns.
     pub hang: bool,
-    /// Init aborts the process.
+    /// Init aborts the process, with a line on stderr.
     pub abort: bool,
+    /// KiB that Init writes to stdout and to stderr: more than a pipe holds.
+    pub chatter_kib: u32,
 }
 
 /// One eye's frustum and place in the head.
@@ -225,6 +230,7 @@ impl Default for Script {
             device_extensions: String::new(),
             show: Vec::new(),
             show_every: 0,
+            show_border: false,
             start: Start::default(),
             left: eye(-0.0315),
             right: eye(0.0315),

@@ -1,39 +1,98 @@
-//! Pictures to files: what `render` does, and `view` where there is no display.
+//! `render`: writes a picture of a scene; also used by `view` where there is no display.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
 
+use clap::Args;
 use cpu_time::ThreadTime;
 use serde::Serialize;
 
 use super::QualityOptions;
+use super::args::{Choice, parse_size, write_json};
+use super::frame_clock::ms_since;
+use super::loader::load_scene;
 use crate::asset::picture::Picture;
-use crate::asset::{Report, TextureOptions, shipped};
-use crate::gpu::{CommandBuffer, Gpu, GpuOptions, PassTime, Subresource, read_image};
+use crate::asset::{Outputs, Report};
+use crate::gpu::{FrameRing, Gpu, GpuOptions, PassTime, Subresource, UNIFORM_RANGE, read_image};
 use crate::precompute::Cache;
 use crate::render::{
     Eye, FRAMES_IN_FLIGHT, IPD_METRES, Output, Renderer, Settings, StandardError, TextureFacts, check_size,
 };
-use crate::scene::load::{LoadOptions, load};
+use crate::scene::load::files as scene_files;
 use crate::scene::needs::resolution::Viewpoint;
 use crate::scene::{Camera, Scene};
-use crate::{Error, Result};
+use crate::{Error, Result, say};
 
-/// What to render and where to write it.
-#[derive(Clone, Copy)]
-pub struct RenderRequest<'a> {
-    pub scene: &'a Path,
-    /// `.png` or `.exr`.
-    pub output: &'a Path,
+/// A picture of a scene, and where it is written.
+#[derive(Args, Clone, Debug, PartialEq)]
+pub struct RenderRequest {
+    /// A scene description (.toml) or a model (.obj).
+    pub scene: PathBuf,
+    /// The picture: .png as a viewer sees it, .exr as linear radiance.
+    #[arg(short, long, value_name = "FILE")]
+    pub output: PathBuf,
+    /// Pixels.
+    #[arg(long, value_name = "WxH", default_value = "1280x720", value_parser = parse_size)]
     pub size: [u32; 2],
-    pub camera: Option<&'a str>,
+    /// One of the scene's cameras; the first if left out.
+    #[arg(long, value_name = "NAME")]
+    pub camera: Option<String>,
+    /// Write FILE-left and FILE-right, an eye each.
+    #[arg(long)]
     pub stereo: bool,
-    pub frames: u64,
+    /// Draw this many frames, for times; the last is written. With `--shading reference`, average them. 1 if left out, or
+    /// 256 to average.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
+    pub frames: Option<u64>,
+    /// Write times and facts.
+    #[arg(long, value_name = "FILE")]
+    pub json: Option<PathBuf>,
+    #[command(flatten)]
     pub look: QualityOptions,
-    /// Where precomputed light and compressed textures are kept.
-    pub cache: Option<&'a Cache>,
+    #[command(flatten)]
+    pub choice: Choice,
+}
+
+impl RenderRequest {
+    /// With the command line's defaults.
+    pub fn new(scene: impl Into<PathBuf>, output: impl Into<PathBuf>) -> Self {
+        Self {
+            scene: scene.into(),
+            output: output.into(),
+            size: [1280, 720],
+            camera: None,
+            stereo: false,
+            frames: None,
+            json: None,
+            look: QualityOptions::default(),
+            choice: Choice::default(),
+        }
+    }
+
+    /// Checks that the outputs can be written and are no inputs.
+    ///
+    /// # Errors
+    /// The first output that cannot be used.
+    pub fn check(&self) -> Result<()> {
+        let mut outputs = Outputs::of(scene_files(&self.scene));
+        picture_files(&self.output, self.stereo).iter().try_for_each(|file| outputs.file(file))?;
+        outputs.file_if(self.json.as_deref())
+    }
+
+    /// The command: renders, prints the error of a reference picture and writes the facts. [`RenderRequest::check`] has
+    /// checked the outputs.
+    ///
+    /// # Errors
+    /// Those of [`render`]; facts that cannot be written.
+    pub fn run(&self, gpu: GpuOptions<'_>, cache: Option<&Cache>) -> Result<()> {
+        let facts = render(self, gpu, cache, &Report::to_terminal())?;
+        if let Some(error) = &facts.standard_error {
+            say!("pbr-vr: {error}");
+        }
+        write_json(self.json.as_deref(), &facts)
+    }
 }
 
 /// What a render was made of, for `--json`.
@@ -74,20 +133,26 @@ pub struct RenderFacts {
 ///
 /// # Errors
 /// Whatever stops loading, rendering or writing; a validation message where validation was asked for.
-pub fn render(request: &RenderRequest<'_>, gpu: GpuOptions<'_>, report: &Report) -> Result<RenderFacts> {
-    let output = output_of(request.output)?;
+pub fn render(
+    request: &RenderRequest,
+    gpu: GpuOptions<'_>,
+    cache: Option<&Cache>,
+    report: &Report,
+) -> Result<RenderFacts> {
+    let output = output_of(&request.output)?;
+    let frames = request.frames.unwrap_or(request.look.shading.default_frames());
     let started = Instant::now();
     let gpu = Gpu::open(gpu)?;
     let messages = gpu.messages();
     let open_ms = ms_since(started);
-    let settings = request.look.settings(&gpu, request.cache, report);
+    let settings = request.look.settings(&gpu, cache, report);
     let settings = Settings { output, ..settings };
     // Better now than after loading.
     check_size(&gpu, request.size, if request.stereo { 2 } else { 1 }, &settings)?;
     let started = Instant::now();
-    let mut scene = load_scene(request.scene, &settings.textures, report)?;
+    let mut scene = load_scene(&request.scene, &settings.textures, report)?;
     let load_ms = ms_since(started);
-    let camera = find_camera(&scene, request.camera)?;
+    let camera = find_camera(&scene, request.camera.as_deref())?;
     let aspect = request.size[0] as f32 / request.size[1] as f32;
     let eye = Eye::of_camera(camera, aspect);
     let eyes = if request.stereo { eye.stereo(IPD_METRES).to_vec() } else { vec![eye] };
@@ -103,15 +168,15 @@ pub fn render(request: &RenderRequest<'_>, gpu: GpuOptions<'_>, report: &Report)
     scene.textures = Vec::new();
     let prepare_ms = open_ms + ms_since(started);
     let started = Instant::now();
-    let (gpu_frames, record_ms) = draw(&gpu, &mut renderer, &eyes, request.frames)?;
+    let (gpu_frames, record_ms) = draw(&gpu, &mut renderer, &eyes, frames)?;
     let facts = RenderFacts {
-        scene: request.scene.to_owned(),
+        scene: request.scene.clone(),
         files: write_layers(&gpu, &renderer, output, request, report)?,
         size: request.size,
         eyes: eyes.len(),
         gpu: gpu.info().name.clone(),
         driver: gpu.info().driver.clone(),
-        frames: request.frames,
+        frames,
         triangles: scene.triangles(),
         load_ms,
         prepare_ms,
@@ -122,19 +187,13 @@ pub fn render(request: &RenderRequest<'_>, gpu: GpuOptions<'_>, report: &Report)
         record_ms,
         draws: renderer.draw_counts(),
         frames_ms: ms_since(started),
-        standard_error: renderer.standard_error(last_slot(request.frames)),
+        standard_error: renderer.standard_error(last_slot(frames)),
         warnings: report.warnings(),
     };
-    // The device says its last words, leaks for one, while it is destroyed.
+    // Destroying the device may add validation messages, for example about leaks.
     drop((renderer, gpu));
     messages.check()?;
     Ok(facts)
-}
-
-/// Loads a scene with the shipped panorama for those that name none.
-pub fn load_scene(path: &Path, textures: &TextureOptions, report: &Report) -> Result<Scene> {
-    let default_panorama = shipped::folder().ok().map(|folder| folder.join(shipped::PANORAMA));
-    load(path, &LoadOptions { default_panorama, textures: textures.clone() }, report)
 }
 
 /// A scene's camera by name; its first for `None`.
@@ -149,22 +208,18 @@ pub fn find_camera<'a>(scene: &'a Scene, name: Option<&str>) -> Result<&'a Camer
 
 /// Draws frames; returns the GPU times of each and what recording each took.
 fn draw(gpu: &Arc<Gpu>, renderer: &mut Renderer, eyes: &[Eye], frames: u64) -> Result<(Vec<Vec<PassTime>>, Vec<f64>)> {
-    let mut recorders = (0..FRAMES_IN_FLIGHT).map(|_| CommandBuffer::new(gpu)).collect::<Result<Vec<_>>>()?;
+    let mut ring = FrameRing::new(gpu, UNIFORM_RANGE)?;
     let (mut times, mut record_ms) = (Vec::new(), Vec::new());
-    for slot in (0..FRAMES_IN_FLIGHT).cycle().take(usize::try_from(frames).unwrap_or(usize::MAX)) {
-        times.push(recorders[slot].finish()?.to_vec());
+    for _ in 0..frames {
+        ring.finish_slot()?;
         let started = ThreadTime::now();
-        let (mut commands, _) = recorders[slot].begin()?;
-        renderer.record(&mut commands, slot, eyes, None);
-        commands.submit(None)?;
+        let mut frame = ring.begin()?;
+        times.push(frame.finished.to_vec());
+        renderer.record(&mut frame.commands, frame.slot, eyes, None);
+        frame.submit(None)?;
         record_ms.push(started.elapsed().as_secs_f64() * 1e3);
     }
-    // The oldest frame still under way is the next one's slot.
-    let next = usize::try_from(frames % FRAMES_IN_FLIGHT as u64).unwrap_or(0);
-    recorders.rotate_left(next);
-    for recorder in &mut recorders {
-        times.push(recorder.finish()?.to_vec());
-    }
+    times.extend(ring.finish_all()?.map(|frame| frame.to_vec()));
     times.retain(|frame| !frame.is_empty());
     Ok((times, record_ms))
 }
@@ -178,10 +233,10 @@ fn write_layers(
     gpu: &Arc<Gpu>,
     renderer: &Renderer,
     output: Output,
-    request: &RenderRequest<'_>,
+    request: &RenderRequest,
     report: &Report,
 ) -> Result<Vec<PathBuf>> {
-    let files = picture_files(request.output, request.stereo);
+    let files = picture_files(&request.output, request.stereo);
     for (layer, file) in (0u32..).zip(&files) {
         let bytes = read_image(gpu, renderer.picture(), Subresource { mip: 0, layer }, output.bytes())?;
         let [width, height] = request.size;
@@ -225,6 +280,24 @@ fn suffixed(path: &Path, suffix: &str) -> PathBuf {
     path.with_file_name(name)
 }
 
-pub(super) fn ms_since(start: Instant) -> f64 {
-    start.elapsed().as_secs_f64() * 1e3
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::view::args::parsed;
+
+    #[test]
+    fn a_request_has_the_command_lines_defaults() {
+        let request: RenderRequest = parsed(&["a.toml", "-o", "b.png"]).expect("arguments");
+        assert_eq!(request, RenderRequest::new("a.toml", "b.png"));
+        assert!(parsed::<RenderRequest>(&["a.toml", "-o", "b.png", "--tolerance", "1", "--samples", "1"]).is_err());
+    }
+
+    #[test]
+    fn eyes_are_written_beside_each_other() {
+        assert_eq!(
+            picture_files(Path::new("d/a.b.png"), true),
+            [Path::new("d/a.b-left.png"), Path::new("d/a.b-right.png")]
+        );
+        assert_eq!(picture_files(Path::new("a.exr"), false), [Path::new("a.exr")]);
+    }
 }

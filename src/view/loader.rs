@@ -1,0 +1,216 @@
+//! The loader: one thread that loads scenes and panoramas, writes screenshots and frees old scenes, in the order of requests,
+//! so that no frame waits for any of it.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, Sender, TryRecvError, channel};
+use std::thread::JoinHandle;
+
+use super::screenshot;
+use crate::asset::{Panorama, Report, TextureOptions, shipped};
+use crate::gpu::Gpu;
+use crate::precompute::LightMaps;
+use crate::render::{ControllerGizmos, HiddenArea, Renderer, Settings, Shading};
+use crate::scene::load::{LoadOptions, load};
+use crate::scene::{Bounds, Camera, Scene, floor_under};
+use crate::{Error, Result};
+
+/// Loads a scene with the shipped panorama for those that name none.
+///
+/// # Errors
+/// Those of [`load`].
+pub fn load_scene(path: &Path, textures: &TextureOptions, report: &Report) -> Result<Scene> {
+    let default_panorama = shipped::folder().ok().map(|folder| folder.join(shipped::PANORAMA));
+    load(path, &LoadOptions { default_panorama, textures: textures.clone() }, report)
+}
+
+/// A scene that is ready to be drawn.
+pub struct LoadedScene {
+    /// The file's name.
+    pub name: String,
+    pub path: PathBuf,
+    pub renderer: Renderer,
+    /// At least one.
+    pub cameras: Vec<Camera>,
+    pub bounds: Bounds,
+    /// World heights of the floor under each camera.
+    pub floors: Vec<f32>,
+    /// As the scene's file has it, stops.
+    pub exposure_ev: f32,
+    /// As the scene's file has it, radians about +Y.
+    pub environment_rotation: f32,
+}
+
+/// What a scene is drawn for.
+#[derive(Clone)]
+pub struct Target {
+    /// Pixels of one eye's picture.
+    pub size: [u32; 2],
+    pub eyes: u32,
+    /// What a headset's lenses hide of each eye's picture, as [`HiddenArea::new`] takes it.
+    pub hidden: [Vec<[f32; 2]>; 2],
+}
+
+/// What the loader can be asked for.
+pub enum LoadRequest {
+    Scene {
+        path: PathBuf,
+        shading: Shading,
+        target: Target,
+    },
+    Panorama {
+        path: PathBuf,
+    },
+    /// RGBA, 8 bits a channel.
+    Screenshot {
+        pixels: Vec<u8>,
+        size: [u32; 2],
+    },
+    /// Free a scene that is no longer drawn: that takes the queue's lock once for each of its GPU objects.
+    Discard(Box<LoadedScene>),
+}
+
+/// What came of a request, in the same order; nothing for [`LoadRequest::Discard`].
+pub enum LoadResult {
+    Scene(Result<Box<LoadedScene>>),
+    Panorama { path: PathBuf, light: Result<Box<LightMaps>> },
+    Screenshot(Result<PathBuf>),
+}
+
+/// The thread. When dropped, it finishes the request under way, writes the remaining screenshots, and ends.
+pub struct Loader {
+    requests: Option<Sender<LoadRequest>>,
+    results: Receiver<LoadResult>,
+    closing: Arc<AtomicBool>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl Loader {
+    /// Starts the thread, which calls `wake` whenever there is a result to take.
+    ///
+    /// # Errors
+    /// [`Error::Window`] where no thread can be started.
+    pub fn new(gpu: &Arc<Gpu>, settings: Settings, wake: impl Fn() + Clone + Send + 'static) -> Result<Self> {
+        let (requests, to_do) = channel();
+        let (sender, results) = channel();
+        let closing = Arc::new(AtomicBool::new(false));
+        let (gpu, stop) = (Arc::clone(gpu), Arc::clone(&closing));
+        let work = move || {
+            let _wake = WakeAtEnd(wake.clone());
+            for request in to_do {
+                if stop.load(Ordering::Relaxed) && !matches!(request, LoadRequest::Screenshot { .. }) {
+                    continue;
+                }
+                if let Some(result) = perform(&gpu, &settings, request) {
+                    // The receiver outlives this thread, which its owner joins.
+                    let _ = sender.send(result);
+                    wake();
+                }
+            }
+        };
+        let thread = std::thread::Builder::new()
+            .name("loading".into())
+            .spawn(work)
+            .map_err(|e| Error::Window { problem: format!("no thread for loading can be started ({e})") })?;
+        Ok(Self { requests: Some(requests), results, closing, thread: Some(thread) })
+    }
+
+    /// Puts a request at the end of the queue.
+    pub fn start(&self, request: LoadRequest) {
+        // It fails only if the thread has died, which `take` reports.
+        let _ = self.requests.as_ref().map(|requests| requests.send(request));
+    }
+
+    /// The oldest result not yet taken.
+    ///
+    /// # Errors
+    /// [`Error::Window`] where the thread has died.
+    pub fn take(&self) -> Result<Option<LoadResult>> {
+        match self.results.try_recv() {
+            Ok(result) => Ok(Some(result)),
+            Err(TryRecvError::Empty) => Ok(None),
+            Err(TryRecvError::Disconnected) => Err(Error::Window {
+                problem: "the thread that loads scenes has died; this is a defect, please report it".into(),
+            }),
+        }
+    }
+}
+
+impl Drop for Loader {
+    fn drop(&mut self) {
+        self.closing.store(true, Ordering::Relaxed);
+        self.requests = None;
+        // If it panicked, that has been printed, and `take` has made an error of it.
+        let _ = self.thread.take().map(JoinHandle::join);
+        for result in self.results.try_iter() {
+            if let LoadResult::Screenshot(written) = result {
+                screenshot::report(&written);
+            }
+        }
+    }
+}
+
+/// Wakes the output even if the thread dies.
+struct WakeAtEnd<F: Fn()>(F);
+
+impl<F: Fn()> Drop for WakeAtEnd<F> {
+    fn drop(&mut self) {
+        (self.0)();
+    }
+}
+
+fn perform(gpu: &Arc<Gpu>, settings: &Settings, request: LoadRequest) -> Option<LoadResult> {
+    let report = Report::to_terminal();
+    match request {
+        LoadRequest::Scene { path, shading, target } => {
+            Some(LoadResult::Scene(load_for(gpu, settings, path, shading, &target, &report)))
+        }
+        LoadRequest::Panorama { path } => {
+            let light = Panorama::load(&path, &report)
+                .and_then(|panorama| LightMaps::new(gpu, &panorama, &settings.precompute))
+                .map(Box::new);
+            Some(LoadResult::Panorama { path, light })
+        }
+        LoadRequest::Screenshot { pixels, size } => Some(LoadResult::Screenshot(screenshot::write(&pixels, size))),
+        LoadRequest::Discard(scene) => {
+            drop(scene);
+            None
+        }
+    }
+}
+
+fn load_for(
+    gpu: &Arc<Gpu>,
+    settings: &Settings,
+    path: PathBuf,
+    shading: Shading,
+    target: &Target,
+    report: &Report,
+) -> Result<Box<LoadedScene>> {
+    let scene = load_scene(&path, &settings.textures, report)?;
+    let Target { size, eyes, hidden } = target;
+    let mut renderer = Renderer::new(gpu, &scene, settings.clone(), shading, *size, *eyes, report)?;
+    if *eyes > 1 {
+        // Made here, these pipelines cost the first frames nothing.
+        renderer.set_gizmos(0, &ControllerGizmos::default())?;
+        renderer.set_hidden_area(HiddenArea::new(gpu, settings, hidden)?);
+    }
+    let bounds = scene.bounds();
+    let floors = scene.cameras.iter().map(|camera| floor_under(&scene, camera.position)).collect();
+    Ok(Box::new(LoadedScene {
+        name: file_name(&path),
+        path,
+        renderer,
+        cameras: scene.cameras,
+        bounds,
+        floors,
+        exposure_ev: scene.exposure_ev,
+        environment_rotation: scene.environment.rotation_degrees.to_radians(),
+    }))
+}
+
+/// A path's last part, for display.
+pub fn file_name(path: &Path) -> String {
+    path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned()
+}

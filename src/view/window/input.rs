@@ -1,0 +1,150 @@
+//! Keyboard and mouse: what events do to the viewer.
+
+use std::f32::consts::TAU;
+
+use clap::ValueEnum;
+use glam::Vec2;
+use winit::dpi::PhysicalPosition;
+use winit::event::{ElementState, KeyEvent, MouseButton, MouseScrollDelta};
+use winit::window::Fullscreen;
+
+use super::keys::{Action, action};
+use super::output::WindowOutput;
+use super::viewer::Viewer;
+use crate::Result;
+use crate::render::Shading;
+
+/// Radians of one step of the panorama's rotation.
+const ROTATION_STEP: f32 = TAU / 72.0;
+/// Pixels of a touchpad's scrolling, at scale 1, that count as one notch of a wheel.
+const PIXELS_PER_NOTCH: f64 = 40.0;
+
+/// What a drag with the mouse does.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub enum Drag {
+    Turn,
+    Pan,
+}
+
+impl WindowOutput {
+    /// The keyboard's focus came or went.
+    pub fn focus(&mut self, focused: bool) {
+        self.focused = focused;
+        if !focused {
+            self.keys.release_all();
+            self.drag = None;
+        }
+    }
+
+    /// A mouse button went down or up.
+    pub fn button(&mut self, state: ElementState, button: MouseButton) {
+        let drag = match button {
+            MouseButton::Left => Drag::Turn,
+            MouseButton::Right | MouseButton::Middle => Drag::Pan,
+            _ => return,
+        };
+        match state {
+            ElementState::Pressed => self.drag = Some(drag),
+            ElementState::Released => self.drag = self.drag.filter(|current| *current != drag),
+        }
+    }
+
+    /// The mouse pointer has moved.
+    pub fn pointer(&mut self, position: PhysicalPosition<f64>) {
+        let before = self.pointer.replace(position).unwrap_or(position);
+        let height = f64::from(self.size[1].max(1));
+        let moved = Vec2::new((position.x - before.x) as f32, (position.y - before.y) as f32) / height as f32;
+        if let Some(control) = &mut self.control {
+            match self.drag {
+                Some(Drag::Turn) => control.turn(moved),
+                Some(Drag::Pan) => control.pan(moved),
+                None => {}
+            }
+        }
+    }
+
+    /// The wheel was turned, or two fingers moved on a touchpad.
+    pub fn wheel(&mut self, delta: MouseScrollDelta) {
+        let notches = match delta {
+            MouseScrollDelta::LineDelta(_, lines) => lines,
+            MouseScrollDelta::PixelDelta(by) => (by.y / (PIXELS_PER_NOTCH * self.window.scale_factor())) as f32,
+        };
+        if let Some(control) = &mut self.control {
+            control.wheel(notches);
+        }
+    }
+
+    fn switch_fullscreen(&self) {
+        let full = self.window.fullscreen().is_none().then_some(Fullscreen::Borderless(None));
+        self.window.set_fullscreen(full);
+    }
+}
+
+impl Viewer {
+    /// A key went down or up; returns whether that ends the program.
+    pub fn key(&mut self, event: &KeyEvent) -> Result<bool> {
+        self.output.keys.follow(event);
+        let alt = self.output.modifiers.alt_key();
+        let wanted = event.state.is_pressed().then(|| action(event, alt)).flatten();
+        match wanted {
+            Some(Action::Quit) => return Ok(true),
+            Some(action) => self.perform(action)?,
+            None => {}
+        }
+        Ok(false)
+    }
+
+    fn perform(&mut self, action: Action) -> Result<()> {
+        match action {
+            // `key` handles it.
+            Action::Quit => {}
+            Action::Keys => self.output.hud.switch_keys(),
+            Action::Screenshot => self.output.screenshot = true,
+            Action::Fullscreen => self.output.switch_fullscreen(),
+            Action::NextPresentMode => {
+                let mode = self.output.presenter.next_mode();
+                self.output.note(format!("showing frames: {}", mode.name()));
+            }
+            // A headset on a desk holds still, so the reference is among these.
+            Action::NextShading => self.app.shade(1, true)?,
+            Action::PreviousShading => self.app.shade(Shading::value_variants().len() - 1, true)?,
+            Action::SwitchMode => self.output.control.iter_mut().for_each(|control| control.switch_mode()),
+            Action::NextCamera => self.choose_camera(self.app.scene.as_ref().map_or(0, |scene| scene.camera + 1)),
+            Action::Camera(index) => {
+                let count = self.app.scene.as_ref().map_or(0, |scene| scene.loaded.cameras.len());
+                if index < count {
+                    self.choose_camera(index);
+                } else {
+                    self.output.note(format!("there is no camera {}, only {count}", index + 1));
+                }
+            }
+            Action::Reset => self.reset(),
+            Action::Exposure(thirds) => {
+                if let Some(scene) = &mut self.app.scene {
+                    scene.exposure_ev += f32::from(thirds) / 3.0;
+                }
+            }
+            Action::Turn(steps) => {
+                if let Some(scene) = &mut self.app.scene {
+                    let rotation = scene.environment_rotation + f32::from(steps) * ROTATION_STEP;
+                    scene.environment_rotation = rotation.rem_euclid(TAU);
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn choose_camera(&mut self, index: usize) {
+        let (Some(scene), Some(control)) = (&mut self.app.scene, &mut self.output.control) else { return };
+        scene.camera = index % scene.loaded.cameras.len();
+        control.set_camera(&scene.loaded.cameras[scene.camera]);
+        self.session.iter_mut().for_each(|session| session.go_to(scene.camera));
+    }
+
+    fn reset(&mut self) {
+        let Some(scene) = &mut self.app.scene else { return };
+        scene.reset();
+        let camera = scene.camera;
+        self.choose_camera(camera);
+    }
+}
