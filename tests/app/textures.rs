@@ -1,11 +1,9 @@
 //! Textures end to end: compressed ones look like plain ones, start from the cache, and keep to a budget.
 
-mod common;
-
 use std::fmt::Write as _;
 use std::path::PathBuf;
 
-use common::{Workshop, json, program, succeeds, validated};
+use crate::common::{Workshop, json, program, succeeds, validated};
 use pbr_vr::asset::picture::{Picture, compare};
 use pbr_vr::asset::{Report, Storage};
 use pbr_vr::precompute::Cache;

@@ -1,10 +1,8 @@
 //! `--shading reference` against the integrals in f64, within its own error bars; its standard error against its spread.
 
-mod common;
-
 use std::path::{Path, PathBuf};
 
-use common::{Workshop, material, square, validated};
+use crate::common::{Workshop, material, square, validated};
 use glam::DVec3;
 use pbr_vr::asset::picture::Picture;
 use pbr_vr::asset::{Panorama, Report};

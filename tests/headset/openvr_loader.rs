@@ -1,7 +1,5 @@
 //! The test runtime itself, through OpenVR's own loader: a small client in a process of its own, with the validation layer.
 
-mod common;
-
 use std::env;
 use std::ffi::{CStr, c_char, c_void};
 use std::process::Command;
@@ -11,8 +9,8 @@ use ash::vk::{self, Handle as _};
 use headset_runtime::script::{Event, Script, Waypoint};
 use pbr_vr::asset::picture::Picture;
 
-use common::Workshop;
-use common::headset::Headset;
+use crate::common::Workshop;
+use crate::common::headset::Headset;
 
 const SIZE: u32 = 32;
 /// The layout that the client leaves its images in.
@@ -218,7 +216,7 @@ fn client() {
 /// Runs the client with its images in a layout; what it said.
 fn run(headset: &Headset, layout: vk::ImageLayout) -> String {
     let output = Command::new(env::current_exe().expect("this test"))
-        .args(["client", "--exact", "--ignored", "--nocapture"])
+        .args(["openvr_loader::client", "--exact", "--ignored", "--nocapture"])
         .envs(headset.environment())
         .env(LAYOUT_VARIABLE, layout.as_raw().to_string())
         .output()

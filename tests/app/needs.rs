@@ -1,11 +1,9 @@
 //! Modelling what a scene needs gives the picture of modelling everything, and the command says what was decided.
 
-mod common;
-
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use common::{QualityOptions, Workshop};
+use crate::common::{QualityOptions, Workshop};
 use pbr_vr::asset::picture::Picture;
 use pbr_vr::reference::energy::Scattering;
 use pbr_vr::render::Shading;

@@ -1,11 +1,9 @@
 //! Walks of 300 frames through each of six scenes, in which pixels may not flash. `stability.rs` lists all cases.
 
-mod common;
-
 use std::sync::Arc;
 
-use common::scenes;
-use common::stage::{Stage, scene, shipped, with_gpu, without_mips};
+use crate::common::scenes;
+use crate::common::stage::{Stage, scene, shipped, with_gpu, without_mips};
 use pbr_vr::gpu::Gpu;
 use pbr_vr::render::{Eye, Output};
 use pbr_vr::scene::Scene;

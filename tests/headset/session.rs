@@ -1,14 +1,12 @@
 //! On the headset, end to end with the validation layer: what both eyes are shown, and that nothing which happens to
 //! a headset stops the program or leaves something behind.
 
-mod common;
-
 use headset_runtime::script::{Block, CallError, Event, EyeOptics, Ipd, Lens, PoseLoss, Script, Timing};
 use pbr_vr::asset::picture::Picture;
 use serde_json::{Value, json};
 
-use common::headset::command;
-use common::room::{Room, SIZE, assert_different, assert_same, head, patient};
+use crate::common::headset::command;
+use crate::common::room::{Room, SIZE, assert_different, assert_same, head, patient};
 
 /// OpenVR's numbers.
 const QUIT: u32 = 700;
@@ -151,7 +149,7 @@ fn told_to_quit_it_acknowledges_stops_and_shuts_down_at_once() {
 }
 
 /// Runs with an error code in frames 3 and 4 of 8.
-fn run_with_error(in_submit: bool, code: u32) -> (Room, common::headset::Ran) {
+fn run_with_error(in_submit: bool, code: u32) -> (Room, crate::common::headset::Ran) {
     let error = vec![CallError { frame: 3, last: Some(4), code }];
     let script = patient();
     let room = Room::with(if in_submit {

@@ -1,10 +1,8 @@
 //! Eyes where it hurts: inside things, behind them, far from them, among tiny and huge ones, turned apart, at the near
 //! plane; and surfaces as smooth, as rough and as broken as they come. `stability.rs` lists all cases.
 
-mod common;
-
-use common::stage::{Stage, assert_sane, scaled, scene, shipped, with_gpu};
-use common::{Workshop, material, sphere, square};
+use crate::common::stage::{Stage, assert_sane, scaled, scene, shipped, with_gpu};
+use crate::common::{Workshop, material, sphere, square};
 use glam::{Mat4, Quat, Vec3};
 use pbr_vr::asset::picture::compare;
 use pbr_vr::render::{Eye, NEAR_METRES, Output, Shading};

@@ -1,13 +1,11 @@
 //! Baked files: what they hold, read by another reader too, and what the command tells.
 
-mod common;
-
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
 use std::sync::Arc;
 
-use common::{Workshop, entries, finish, json, program, succeeds, validated};
+use crate::common::{Workshop, entries, finish, json, program, succeeds, validated};
 use half::f16;
 use pbr_vr::asset::ktx2::{Ktx2, TexelFormat};
 use pbr_vr::asset::{Panorama, Report};

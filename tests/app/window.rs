@@ -1,8 +1,4 @@
 //! The window end to end: the program under its own X server, with the validation layer, driven like a user would.
-#![cfg(target_os = "linux")]
-
-mod common;
-mod desktop;
 
 use std::path::PathBuf;
 use std::process::Output;
@@ -10,8 +6,8 @@ use std::time::Duration;
 
 use pbr_vr::asset::picture::{Picture, compare};
 
-use common::{Workshop, material, sphere};
-use desktop::{
+use crate::common::{Workshop, material, sphere};
+use crate::desktop::{
     BRACKET_RIGHT, C, Display, ESCAPE, FileManager, H, Hands, M, P, PERIOD, Program, SCREEN, TAB, V, W, command,
 };
 

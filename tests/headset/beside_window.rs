@@ -1,14 +1,10 @@
 //! The headset beside a desktop: its mirror window, keys in it, and the window as the way out when the headset vanishes.
-#![cfg(target_os = "linux")]
-
-mod common;
-mod desktop;
 
 use headset_runtime::script::{Presence, Script, Waypoint};
 
-use common::headset::{Headset, command};
-use common::room::{Room, SIZE, patient};
-use desktop::{Display, ESCAPE, Hands, M, Program};
+use crate::common::headset::{Headset, command};
+use crate::common::room::{Room, SIZE, patient};
+use crate::desktop::{Display, ESCAPE, Hands, M, Program};
 
 fn start(display: &Display, room: &Room, arguments: &[&str]) -> Program {
     let mut command = command(room.workshop.0.path(), &[&["view", "scene.toml", "--validate"], arguments].concat());

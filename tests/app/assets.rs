@@ -8,10 +8,10 @@ use std::process::Command;
 use glam::Vec3;
 
 #[allow(dead_code)]
-#[path = "../tools/make_assets/geometry/mod.rs"]
+#[path = "../../tools/make_assets/geometry/mod.rs"]
 mod geometry;
 #[allow(dead_code)]
-#[path = "../tools/make_assets/textures/mod.rs"]
+#[path = "../../tools/make_assets/textures/mod.rs"]
 mod textures;
 
 const MODELS: [&str; 4] = ["sphere", "teapot", "tearoom", "demo"];

@@ -1,11 +1,9 @@
 //! The split sum: its table against f64 quadrature, and what it makes of an environment against the full integral.
 
-mod common;
-
 use std::path::Path;
 
-use common::light::{Errors, open_gpu};
-use common::{QualityOptions, Workshop, material, pixel, square};
+use crate::common::light::{Errors, open_gpu};
+use crate::common::{QualityOptions, Workshop, material, pixel, square};
 use glam::{DVec3, Vec3};
 use pbr_vr::asset::{Panorama, Report};
 use pbr_vr::precompute::{BrdfTable, TableTexels};

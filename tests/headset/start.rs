@@ -1,15 +1,13 @@
 //! Starting on a headset: every way in which there is none, told in one line and without hanging or dying with the runtime.
 
-mod common;
-
 use std::fs;
 use std::path::Path;
 use std::time::Duration;
 
 use headset_runtime::script::{Script, Start};
 
-use common::headset::{Headset, Ran, command, finish};
-use common::{Workshop, material, sphere};
+use crate::common::headset::{Headset, Ran, command, finish};
+use crate::common::{Workshop, material, sphere};
 
 /// A ball before a camera.
 fn scene() -> Workshop {

@@ -1,15 +1,12 @@
 //! Many frames on a headset: memory and file descriptors stay flat, and nothing is left at the end.
-#![cfg(target_os = "linux")]
-
-mod common;
 
 use std::fs;
 use std::time::Duration;
 
 use headset_runtime::script::{Script, Waypoint};
 
-use common::headset::{Headset, finish};
-use common::{Workshop, material, sphere};
+use crate::common::headset::{Headset, finish};
+use crate::common::{Workshop, material, sphere};
 
 /// Frames of the long run, if not the default.
 const FRAMES_VARIABLE: &str = "PBR_VR_LONG_RUN_FRAMES";

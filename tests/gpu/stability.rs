@@ -25,11 +25,9 @@
 //! | 22 near plane, inside, behind, far, scales, canted | stability_view |
 //! | any input at all | `render::random_tests`; stability_view: `maps_full_of_nonsense_neither_break_a_picture_nor_make_light` |
 
-mod common;
-
-use common::light::{look_up, panorama, read_cube, texel_directions};
-use common::stage::{Stage, assert_sane, scene, with_gpu};
-use common::{Workshop, material, sphere, square};
+use crate::common::light::{look_up, panorama, read_cube, texel_directions};
+use crate::common::stage::{Stage, assert_sane, scene, with_gpu};
+use crate::common::{Workshop, material, sphere, square};
 use glam::{DVec2, DVec3, Vec2, Vec3};
 use half::f16;
 use pbr_vr::asset::{Panorama, Report};

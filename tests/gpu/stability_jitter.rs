@@ -1,10 +1,8 @@
 //! Movements of less than a pixel over a shiny normal map, whose bumps are much smaller than a pixel: the picture must not
 //! sparkle. `stability.rs` lists all cases.
 
-mod common;
-
-use common::stage::{Stage, scene, with_gpu, without_mips};
-use common::{Workshop, square};
+use crate::common::stage::{Stage, scene, with_gpu, without_mips};
+use crate::common::{Workshop, square};
 use glam::{DVec3, Vec3};
 use pbr_vr::reference::tone::{srgb_encode, tone_neutral};
 use pbr_vr::render::{Eye, Output};

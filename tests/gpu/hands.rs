@@ -1,14 +1,12 @@
 //! What hands do in the picture: wands, arc and landing ring where they belong, in both eyes, behind what hides them and in
 //! their own colours; models that are moved.
 
-mod common;
-
 use std::path::Path;
 use std::sync::Arc;
 
 use glam::{EulerRot, Mat4, Quat, Vec3};
 
-use common::validated;
+use crate::common::validated;
 use pbr_vr::asset::{Report, Storage, TextureOptions};
 use pbr_vr::gpu::{CommandBuffer, Gpu, Subresource, read_image};
 use pbr_vr::render::{ControllerGizmos, Eye, FRAMES_IN_FLIGHT, IPD_METRES, Output, Renderer, Settings, Shading};

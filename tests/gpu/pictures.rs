@@ -1,11 +1,9 @@
 //! All scenes against their golden pictures, and that the same command gives the same bytes.
 //! After a change that is meant to be seen: `PBR_VR_BLESS=1 cargo test --test pictures`, and look at what changed.
 
-mod common;
-
 use std::path::{Path, PathBuf};
 
-use common::{QualityOptions, Workshop};
+use crate::common::{QualityOptions, Workshop};
 use pbr_vr::asset::picture::{Picture, compare};
 
 /// Mean FLIP that driver versions may differ by; a shifted highlight gives ten times as much.
@@ -28,7 +26,7 @@ fn shipped_scenes_look_like_their_golden_pictures() {
 
 #[test]
 fn the_head_and_crytek_sponza_look_like_their_golden_pictures() {
-    if common::scenes("pictures of the head and Crytek Sponza").is_none() {
+    if crate::common::scenes("pictures of the head and Crytek Sponza").is_none() {
         return;
     }
     let shop = Workshop::new();
@@ -40,7 +38,7 @@ fn the_head_and_crytek_sponza_look_like_their_golden_pictures() {
 /// Its licence forbids commercial use, so that no picture of it is kept here: only what is left of one in 16×9 blocks.
 #[test]
 fn dabrovic_sponza_looks_like_its_golden_means() {
-    if common::scenes("a picture of Dabrovic Sponza").is_none() {
+    if crate::common::scenes("a picture of Dabrovic Sponza").is_none() {
         return;
     }
     let shop = Workshop::new();

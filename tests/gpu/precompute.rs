@@ -1,8 +1,6 @@
 //! What the GPU precomputes from a panorama, against sums in f64 over all of its texels.
 
-mod common;
-
-use common::light::{Errors, level_errors, look_up, open_gpu, panorama, read_cube, relative};
+use crate::common::light::{Errors, level_errors, look_up, open_gpu, panorama, read_cube, relative};
 use glam::DVec3;
 use pbr_vr::precompute::{LightMaps, Options};
 use pbr_vr::reference::levels::{LEVELS, alpha_from_level, level_from_spread};

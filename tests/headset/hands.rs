@@ -1,10 +1,8 @@
 //! Controllers end to end: what the script presses is what the user then sees.
 
-mod common;
-
 use headset_runtime::script::{Button, Script, Waypoint};
 
-use common::room::{Room, head, patient};
+use crate::common::room::{Room, head, patient};
 
 /// Frames after a press in which the change must have been made: a teleport takes its time in the dark.
 const LATER: u64 = 60;

@@ -1,10 +1,8 @@
 //! `pbr-vr measure causes`, end to end on a small ball and a small picture: what is worse must be found to be worse.
 
-mod common;
-
 use std::path::Path;
 
-use common::{Workshop, json, program, square, succeeds};
+use crate::common::{Workshop, json, program, square, succeeds};
 use pbr_vr::asset::picture::Picture;
 use serde_json::Value;
 

@@ -1,10 +1,8 @@
 //! Light end to end on the GPU: furnace, inverse square, orientation, normal maps, lamps, masks, stereo.
 
-mod common;
-
 use std::path::PathBuf;
 
-use common::{QualityOptions, Workshop, material, mean_at, pixel, sphere, square};
+use crate::common::{QualityOptions, Workshop, material, mean_at, pixel, sphere, square};
 use glam::{DVec3, Vec2};
 use pbr_vr::asset::picture::Picture;
 use pbr_vr::reference::brdf::{Geometry, diffuse_karis2013, f0_from_metallic, specular};

@@ -1,12 +1,10 @@
 //! The cache of precomputed maps, and everything that can befall it.
 
-mod common;
-
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::PathBuf;
 
-use common::{Workshop, entries, finish, json, material, program, sphere, succeeds, validated};
+use crate::common::{Workshop, entries, finish, json, material, program, sphere, succeeds, validated};
 use pbr_vr::asset::Report;
 use pbr_vr::asset::ktx2::Ktx2;
 use pbr_vr::precompute::Cache;

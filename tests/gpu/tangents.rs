@@ -1,8 +1,6 @@
 //! The Khronos normal and tangent test models: normal-mapped squares, also mirrored ones, must look like real bowls.
 
-mod common;
-
-use common::{QualityOptions, Workshop, pixel, scenes};
+use crate::common::{QualityOptions, Workshop, pixel, scenes};
 use pbr_vr::asset::picture::Picture;
 use pbr_vr::render::Shading;
 

@@ -1,0 +1,20 @@
+//! The program from the outside: its command line, the files it reads and writes, its window.
+
+#[path = "../common/mod.rs"]
+mod common;
+#[cfg(target_os = "linux")]
+#[path = "../desktop/mod.rs"]
+mod desktop;
+
+mod assets;
+mod bake;
+mod cache;
+mod causes;
+mod cli;
+mod ladder;
+mod loading;
+mod measure;
+mod needs;
+mod textures;
+#[cfg(target_os = "linux")]
+mod window;

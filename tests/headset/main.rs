@@ -1,0 +1,16 @@
+//! The program on the OpenVR test runtime (tests/headset_runtime), each run in a process of its own.
+
+#[path = "../common/mod.rs"]
+mod common;
+#[cfg(target_os = "linux")]
+#[path = "../desktop/mod.rs"]
+mod desktop;
+
+#[cfg(target_os = "linux")]
+mod beside_window;
+mod hands;
+#[cfg(target_os = "linux")]
+mod long_run;
+mod openvr_loader;
+mod session;
+mod start;
