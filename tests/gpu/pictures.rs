@@ -1,5 +1,5 @@
 //! All scenes against their golden pictures, and that the same command gives the same bytes.
-//! After a change that is meant to be seen: `PBR_VR_BLESS=1 cargo test --test pictures`, and look at what changed.
+//! After a change that is meant to be seen: `PBR_VR_BLESS=1 cargo test --test gpu pictures`, and look at what changed.
 
 use std::path::{Path, PathBuf};
 
