@@ -91,7 +91,11 @@ fn files_hold_the_maps_bit_for_bit_and_another_reader_agrees() {
     let error = |(level, r): (usize, &f64)| (r - alpha_from_level(level).sqrt()).abs();
     assert!(roughness.iter().enumerate().map(error).all(|e| e < 1e-6), "{roughness:?}");
     assert!(roughness[0] == 0.0 && roughness.last() >= Some(&1.0) && roughness.is_sorted(), "{roughness:?}");
-    assert!(specular.text("pbrvrContent").is_some_and(|content| content.contains("mip i / 2 of layer i % 2")));
+    assert!(
+        specular
+            .text("pbrvrContent")
+            .is_some_and(|content| ["i / 2", "i % 2"].iter().all(|part| content.contains(part)))
+    );
     let messages = gpu.messages();
     drop((light, table, gpu));
     messages.check().expect("no validation message");
@@ -201,7 +205,7 @@ fn bake_fails_with_one_line() {
     shop.write("file", "in the way");
     shop.write("broken.hdr", "#?RADIANCE\n");
     let cases: [(&[&str], i32, &str); 9] = [
-        (&["bake", "sky.exr", "-o", "out", "--size", "100"], 2, "power of two"),
+        (&["bake", "sky.exr", "-o", "out", "--size", "100"], 2, "100"),
         (&["bake", "sky.exr", "-o", "out", "--size", "8"], 2, "16"),
         (&["bake", "sky.exr", "-o", "out", "--size", "2048"], 2, "1024"),
         (&["bake", "sky.exr", "-o", "out", "--size", "big"], 2, "big"),

