@@ -9,6 +9,7 @@ use std::hash::{DefaultHasher, Hash as _, Hasher as _};
 use std::path::{Path, PathBuf};
 use std::{env, fs, process};
 
+#[expect(clippy::print_stderr, reason = "cargo shows what a failed build script printed")]
 fn main() {
     if let Err(message) = run() {
         // One block, file and line first, so that it reads like a compiler's own message.

@@ -4,9 +4,11 @@ mod bake;
 mod control;
 pub mod doctor;
 mod frame_clock;
+#[expect(unsafe_code, reason = "calls OpenVR")]
 pub mod headset;
 mod look;
 mod picture;
+#[expect(unsafe_code, reason = "calls Vulkan and the window system")]
 mod window;
 
 use std::path::{Path, PathBuf};

@@ -1,4 +1,6 @@
 //! The program from the outside: its command line, the files it reads and writes, its window.
+// Helpers outside of `#[test]` functions fail a test by panicking, too.
+#![allow(clippy::expect_used, clippy::print_stdout, clippy::unwrap_used)]
 
 #[path = "../common/mod.rs"]
 mod common;

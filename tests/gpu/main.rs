@@ -1,4 +1,6 @@
 //! What the renderer computes on a GPU (lavapipe unless PBR_VR_TEST_GPU is set), called as a library.
+// Helpers outside of `#[test]` functions fail a test by panicking, too.
+#![allow(clippy::expect_used, clippy::print_stdout, clippy::unwrap_used)]
 
 #[path = "../common/mod.rs"]
 mod common;

@@ -1,4 +1,6 @@
 //! The program on the OpenVR test runtime (tests/headset_runtime), each run in a process of its own.
+// Helpers outside of `#[test]` functions fail a test by panicking, too.
+#![allow(clippy::expect_used, clippy::print_stdout, clippy::unwrap_used, unsafe_code)]
 
 #[path = "../common/mod.rs"]
 mod common;
