@@ -35,8 +35,8 @@ fn files() -> Files {
         let mut module: Names = inside.iter().map(|name| name.to_str().unwrap().to_owned()).collect();
         module.retain(|name| name != "mod" && name != "lib");
         let text = fs::read_to_string(&path).unwrap().replace("\r\n", "\n");
-        let code = text.split("#[cfg(test)]\nmod tests {").next().unwrap().lines();
-        let code: Vec<&str> = code.filter(|line| !line.trim_start().starts_with("//")).collect();
+        let code: Vec<&str> =
+            without_tests(&text).lines().filter(|line| !line.trim_start().starts_with("//")).collect();
         if !module.last().is_some_and(|name| name.ends_with("_tests")) {
             files.insert(module, split_exports(&code.join("\n")));
         }
@@ -44,6 +44,15 @@ fn files() -> Files {
     files
 }
 
+/// A file up to its inline test module, which comes last.
+fn without_tests(text: &str) -> &str {
+    let mut marks = text.match_indices("#[cfg(test)]\n");
+    let opens_module =
+        |at: usize| text[at..].lines().nth(1).is_some_and(|line| line.contains("mod ") && line.ends_with('{'));
+    marks.find(|(at, _)| opens_module(*at)).map_or(text, |(at, _)| &text[..at])
+}
+
+/// The `pub use` statements of a file, and the rest.
 fn split_exports(code: &str) -> [String; 2] {
     let (mut exports, mut rest) = (String::new(), String::new());
     for statement in code.split_inclusive(';') {

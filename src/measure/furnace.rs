@@ -290,7 +290,7 @@ fn write(folder: &Path, furnace: &Furnace) -> Result<()> {
 }
 
 #[cfg(test)]
-mod tests {
+mod gpu_tests {
     use super::*;
     use crate::precompute::harness_tests::with_gpu;
     use crate::reference::energy::furnace;

@@ -93,7 +93,7 @@ impl WindowPresenter {
 }
 
 #[cfg(test)]
-mod tests {
+mod gpu_tests {
     use super::*;
     use crate::precompute::harness_tests::with_gpu;
 

@@ -10,7 +10,7 @@
 //! | 7 fixed steps under even light | `fixed_steps_have_a_wrong_scale`; `uniform_light_stays_what_it_is` |
 //! | 8 half floats overflow | `panoramas_beyond_half_floats_are_shown_as_bright_as_they_are`; `radiance_beyond_half_floats_keeps_its_energy` |
 //! | 9 one NaN in a panorama | `one_bad_texel_of_a_panorama_changes_nothing_else` |
-//! | 10 the panorama's seam | `render::seam_tests`: `the_seam_of_the_panorama_is_as_sharp_as_the_rest` |
+//! | 10 the panorama's seam | `render::seam_gpu_tests`: `the_seam_of_the_panorama_is_as_sharp_as_the_rest` |
 //! | 11 poles | `reference::cube`: `poles_are_defined` |
 //! | 12 texels of a cube differ in size | `reference::cube`: `corner_texels_are_small_and_exact_in_f32` |
 //! | 13 edges of a cube's faces | `faces_filtered_each_for_itself_have_seams`; `faces_meet_without_seams` |
@@ -23,7 +23,7 @@
 //! | 20 what single scattering loses | `reference::energy`: its tests |
 //! | 21 sparkling normal maps, flashing pixels | stability_jitter, stability_walk |
 //! | 22 near plane, inside, behind, far, scales, canted | stability_view |
-//! | any input at all | `render::random_tests`; stability_view: `maps_full_of_nonsense_neither_break_a_picture_nor_make_light` |
+//! | any input at all | `render::random_gpu_tests`; stability_view: `maps_full_of_nonsense_neither_break_a_picture_nor_make_light` |
 
 use crate::common::light::{look_up, panorama, read_cube, texel_directions};
 use crate::common::stage::{Stage, assert_sane, scene, with_gpu};

@@ -231,7 +231,7 @@ fn tick(value: f64) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::super::tests::rows;
+    use super::super::gpu_tests::rows;
     use super::*;
 
     #[test]

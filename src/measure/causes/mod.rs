@@ -182,4 +182,4 @@ fn scenes(request: &MeasureRequest<'_>) -> Result<Vec<PathBuf>> {
 
 #[cfg(test)]
 #[path = "causes_tests.rs"]
-mod tests;
+mod gpu_tests;

@@ -132,7 +132,7 @@ pub fn largest(rows: &[Row]) -> Vec<String> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::tests::rows;
+    use super::super::gpu_tests::rows;
     use super::*;
 
     #[test]

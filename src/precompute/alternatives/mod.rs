@@ -6,7 +6,7 @@
 mod environment;
 mod job;
 #[cfg(test)]
-mod job_tests;
+mod job_gpu_tests;
 
 pub use environment::Environment;
 pub use job::AlternativePass;
