@@ -295,7 +295,7 @@ mod gpu_tests {
     use crate::precompute::harness_tests::with_gpu;
     use crate::reference::energy::furnace;
 
-    /// Case 20 of tests/stability.rs: the renderer itself, over 21 × 11 × 16 roughnesses, metalnesses and views. Its terms add up
+    /// Case 20 of tests/gpu/stability.rs: the renderer itself, over 21 × 11 × 16 roughnesses, metalnesses and views. Its terms add up
     /// to 1 by construction; what they hold is tested in `furnace_integrated`.
     #[test]
     fn the_renderer_s_furnace_hides_every_white_surface() {

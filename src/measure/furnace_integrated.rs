@@ -155,7 +155,7 @@ mod gpu_tests {
     use super::*;
     use crate::precompute::harness_tests::with_gpu;
 
-    /// Case 20 of tests/stability.rs: what the terms add up to, not what they were built to add up to.
+    /// Case 20 of tests/gpu/stability.rs: what the terms add up to, not what they were built to add up to.
     #[test]
     fn the_sampled_brdf_gives_back_all_light_and_scatters_once_what_the_table_says() {
         let Integrated { single, multiple, .. } = with_gpu(|gpu| integrate(gpu, 300, &Report::silent()).unwrap());

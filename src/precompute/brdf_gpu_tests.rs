@@ -74,7 +74,7 @@ fn slanted(cosine: f64, longitude: f64) -> DVec3 {
     DVec3::new(across * longitude.cos(), across * longitude.sin(), cosine)
 }
 
-/// Cases 1, 2, 3, 14 and 16 of tests/stability.rs: every roughness, grazing light and view, l = −v, lobes' centres.
+/// Cases 1, 2, 3, 14 and 16 of tests/gpu/stability.rs: every roughness, grazing light and view, l = −v, lobes' centres.
 fn hostile_inputs() -> Vec<BrdfInput> {
     let cosines = [1.0, 0.5, 0.01, 1e-3, 1e-7, 0.0, -1e-7, -0.5, -1.0];
     let mut inputs = Vec::new();
@@ -214,7 +214,7 @@ fn sampling_inputs() -> Vec<SamplingInput> {
     let mut inputs = Vec::new();
     let alphas = [0.0, 1e-6, 1e-4, 0.01, 0.1, 0.5, 1.0];
     let cosines = [1.0, 0.7, 0.1, 1e-3, 1e-7, 0.0];
-    // Case 15 of tests/stability.rs.
+    // Case 15 of tests/gpu/stability.rs.
     let indices = [0, 1, 2, 0xff_ffff, 0x100_0000, 0x100_0001, (1 << 30) - 2, (1 << 30) - 1];
     let poles = [DVec3::Z, -DVec3::Z, DVec3::X, -DVec3::Y, DVec3::new(0.6, 0.0, -0.8), DVec3::new(1e-4, 0.0, -1.0)];
     for alpha in alphas {

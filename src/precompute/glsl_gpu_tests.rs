@@ -29,7 +29,7 @@ struct MathInput {
     otherwise: [f32; 3],
 }
 
-/// Case 17 of tests/stability.rs.
+/// Case 17 of tests/gpu/stability.rs.
 #[test]
 fn normals_of_any_size_are_unit_vectors() {
     let mut random = Random(1);
@@ -190,7 +190,7 @@ struct CubeOutput {
 
 fn cube_inputs() -> Vec<CubeInput> {
     let mut random = Random(3);
-    // Cases 10 and 11 of tests/stability.rs: the poles, all but the poles, the seam from both sides; then edges and corners.
+    // Cases 10 and 11 of tests/gpu/stability.rs: the poles, all but the poles, the seam from both sides; then edges and corners.
     let tiny = 1e-7f32;
     let mut directions =
         vec![[0.0, 1.0, 0.0], [0.0, -1.0, 0.0], [-0.0, 1.0, -0.0], [1e-30, 1.0, -1e-30], [tiny, 1.0, tiny]];

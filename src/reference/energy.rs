@@ -211,7 +211,7 @@ mod tests {
         row.nodes.iter().map(|([nl, weight], at_l)| f(*nl, *at_l) * 2.0 * PI * weight * nl).sum()
     }
 
-    /// Case 20 of tests/stability.rs, over 21 × 11 × 16 roughnesses, metalnesses and views; and what single scattering loses.
+    /// Case 20 of tests/gpu/stability.rs, over 21 × 11 × 16 roughnesses, metalnesses and views; and what single scattering loses.
     #[test]
     fn a_white_furnace_hides_every_white_surface() {
         let rows: Vec<Row> = (0..ROUGHNESSES).into_par_iter().map(row).collect();

@@ -1,7 +1,7 @@
 //! Loading, end to end: files cut short, damaged or lying are refused and never crash; the test scenes come out whole.
 
 use std::io::Cursor;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::time::{Duration, Instant};
 
 use pbr_vr::asset::picture::Picture;
@@ -9,6 +9,8 @@ use pbr_vr::asset::texture::Encoding;
 use pbr_vr::asset::{Panorama, Report, Texture};
 use pbr_vr::scene::{self, LoadOptions, Scene};
 use pbr_vr::{Error, Result};
+
+use crate::common::scenes;
 
 /// Numbers that look random and are the same in every run (Marsaglia, "Xorshift RNGs", 2003).
 struct Random(u64);
@@ -274,19 +276,9 @@ fn crc32(bytes: &[u8]) -> u32 {
     })
 }
 
-/// The folder of the test scenes; without it the test that asks is left out, except where everything must run.
-fn scenes() -> Option<PathBuf> {
-    let folder = std::env::var_os("PBR_VR_SCENES").map(PathBuf::from).filter(|folder| folder.is_dir());
-    if folder.is_none() {
-        assert!(std::env::var_os("CI").is_none(), "set PBR_VR_SCENES");
-        println!("skipped: the test scenes are not here (set PBR_VR_SCENES)");
-    }
-    folder
-}
-
 #[test]
 fn test_scenes() {
-    let Some(folder) = scenes() else { return };
+    let Some(folder) = scenes("the large scenes") else { return };
     for (file, triangles, materials, warnings) in [
         ("sphere/sphere-cylcoords-16k_floor_tiles.obj", 15_872, 1, &[][..]),
         ("sphere/sphere-cylcoords-16k.obj", 15_872, 1, &["UnwrapChecker"]),
@@ -331,7 +323,7 @@ fn test_scenes() {
 
 #[test]
 fn test_panoramas() {
-    let Some(folder) = scenes() else { return };
+    let Some(folder) = scenes("the larger panoramas") else { return };
     for (file, peak) in [
         ("hdri/rooitou_park_1k.hdr", Some(69_120.0)),
         ("hdri/studio_small_03_1k.hdr", None),

@@ -110,7 +110,7 @@ fn cases() -> [Case; 6] {
 }
 
 fn sun_sky(shop: &Workshop) -> PathBuf {
-    // Case 5 of tests/stability.rs: 0.53° wide, 50,000 over a sky of 0.1, a third of the way up.
+    // Case 5 of tests/gpu/stability.rs: 0.53° wide, 50,000 over a sky of 0.1, a third of the way up.
     let to_sun = DVec3::new(-0.45, 0.25, 0.86).normalize();
     shop.panorama("sky.exr", 1024, |d| {
         if DVec3::from(d).dot(to_sun) > 0.265f64.to_radians().cos() { [5e4; 3] } else { [0.1; 3] }

@@ -65,7 +65,7 @@ fn even_light_stays_even() {
     }
 }
 
-/// Case 7 of tests/stability.rs: even with sin θ the sum is not quite 1, without it it is 2.02.
+/// Case 7 of tests/gpu/stability.rs: even with sin θ the sum is not quite 1, without it it is 2.02.
 #[test]
 fn fixed_steps_have_a_wrong_scale() {
     let panorama = Panorama::uniform(Vec3::ONE);
@@ -117,7 +117,7 @@ fn sun(towards: DVec3) -> Panorama {
     panorama
 }
 
-/// Cases 5 and 6 of tests/stability.rs.
+/// Cases 5 and 6 of tests/gpu/stability.rs.
 #[test]
 fn a_small_sun_is_missed_by_fixed_steps_and_sparkles_in_samples() {
     let towards = direction(8 * 16 + 8, 16);
