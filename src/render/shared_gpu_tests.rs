@@ -91,11 +91,11 @@ fn shaders_find_every_member_where_rust_put_it() {
     assert_eq!(got, want);
 }
 
-/// Names and values of `const {kind} {prefix}NAME = value;`.
+/// Names, without their underscores, and values of `const {kind} {prefix}NAME = value;`.
 fn constants(text: &str, kind: &str, prefix: &str) -> Vec<(String, u32)> {
     let start = format!("const {kind} {prefix}");
     let declarations = text.lines().filter_map(|line| line.strip_prefix(&start)?.split(';').next()?.split_once(" = "));
-    declarations.map(|(name, value)| (name.to_owned(), value.parse().unwrap())).collect()
+    declarations.map(|(name, value)| (name.replace('_', ""), value.parse().unwrap())).collect()
 }
 
 #[test]
