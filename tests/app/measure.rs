@@ -37,7 +37,7 @@ fn unknown_names_and_bad_sizes_are_usage_errors_and_leave_nothing() {
     for (arguments, part) in [
         (&["precomputer", "-o", "out"][..], "precompute"),
         (&["precompute", "-o", "out", "--method", "magic"][..], "filtered-sampling"),
-        (&["precompute", "-o", "out", "--size", "100"][..], "--size"),
+        (&["precompute", "-o", "out", "--size", "100"][..], "100"),
         (&["precompute", "-o", "out", "--judge", "maps"][..], "--panorama"),
         (&["precompute"][..], "--output"),
     ] {
