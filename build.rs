@@ -8,6 +8,7 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::{env, fs, process};
 
+#[expect(clippy::print_stderr, reason = "cargo shows what a failed build script printed")]
 fn main() {
     if let Err(message) = run() {
         // File and line first, as in a compiler's message.

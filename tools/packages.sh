@@ -1,8 +1,8 @@
-# Sourced by the scripts in tools/: installs missing Debian or Ubuntu packages, and checks for Rust.
+# Sourced by the scripts in tools/: installs missing Debian or Ubuntu packages and checks for Rust.
 # shellcheck shell=bash
 
-# What the program needs to be built and to run: compiler, cmake and libclang for OpenVR's loader, shaderc in parts, Vulkan with a CPU driver,
-# the libraries that a window loads. The sourcing scripts read these lists.
+# What is needed to build and run the program: a compiler; CMake and libclang for OpenVR's loader; shaderc and the libraries
+# it is made of; Vulkan with a CPU driver; the libraries that a window loads. The sourcing scripts read these lists.
 # shellcheck disable=SC2034
 PACKAGES_TO_RUN=(g++ make cmake pkg-config libclang-dev libshaderc-dev glslang-dev spirv-tools libvulkan1 mesa-vulkan-drivers
     libxkbcommon0 libxkbcommon-x11-0 libx11-6 libx11-xcb1 libxcursor1 libxi6 libxrandr2 libwayland-client0)
@@ -12,7 +12,7 @@ PACKAGES_TO_TEST=(vulkan-validationlayers xvfb python3)
 PACKAGES_TO_CHECK_WINDOWS=(rustc-web cargo-web rust-web-src gcc-mingw-w64-x86-64-posix g++-mingw-w64-x86-64-posix wine64
     xvfb xdotool imagemagick python3)
 
-# Installs those of the named packages that are missing; says so in one line; does nothing when all are there.
+# Installs those of the given packages that are missing, and says which. Does nothing if all are installed.
 install_packages() {
     if ! command -v apt-get >/dev/null || ! command -v dpkg-query >/dev/null; then
         echo "No apt here. If the build or the start fails, install what these Debian packages hold: $*" >&2
@@ -36,7 +36,7 @@ install_packages() {
         fi
         as_root=(sudo)
     fi
-    # Somebody who sits there is asked by apt; a machine is not.
+    # On a terminal apt asks before it installs; without one, or in CI, nobody could answer.
     if [ ! -t 0 ] || [ -n "${CI:-}" ]; then
         yes=(-y)
     fi
@@ -46,7 +46,7 @@ install_packages() {
         apt-get install "${yes[@]}" -qq --no-install-recommends "${missing[@]}" >&2
 }
 
-# Finds cargo, also where rustup has just put it.
+# Finds cargo, also where rustup has just installed it and PATH does not name it yet.
 find_cargo() {
     if ! command -v cargo >/dev/null && [ -x "$HOME/.cargo/bin/cargo" ]; then
         PATH="$HOME/.cargo/bin:$PATH"
@@ -57,9 +57,9 @@ find_cargo() {
     fi
 }
 
-# Gives cargo a shaderc that links. Debian's library calls glslang without naming it (undefined references); together with
-# the static libraries of the parts it is whole. Where that fails, shaderc is built from source, which takes about ten minutes.
-# Needs the checkout's folder; writes only .cargo/ there, which git ignores.
+# Gives cargo a shaderc that links. Debian's static shaderc does not contain glslang and SPIRV-Tools, which it calls, so they
+# are merged into one archive. If that does not link, shaderc is built from source, which takes about ten minutes.
+# The argument is the checkout's folder; only .cargo/ is written there, which git ignores.
 prepare_shaderc() {
     local home=$1/.cargo from part
     if [ -n "${SHADERC_LIB_DIR:-}${VULKAN_SDK:-}" ] || ! command -v dpkg-query >/dev/null || [ -e "$home/config.toml" ]; then
@@ -71,7 +71,7 @@ prepare_shaderc() {
         echo "create libshaderc_combined.a"
         for part in shaderc_combined glslang MachineIndependent GenericCodeGen OSDependent OGLCompiler HLSL SPIRV \
             SPIRV-Tools-opt SPIRV-Tools; do
-            # Later glslang versions have fewer parts.
+            # Newer versions of glslang have fewer libraries.
             [ ! -f "$from/lib$part.a" ] || echo "addlib $from/lib$part.a"
         done
         echo save

@@ -85,7 +85,7 @@ impl DeferredQueue {
 }
 
 #[cfg(test)]
-mod tests {
+mod gpu_tests {
     use crate::gpu::{Buffer, BufferKind, submit_and_wait, with_gpu};
 
     #[test]

@@ -175,7 +175,7 @@ impl Arena {
 }
 
 #[cfg(test)]
-mod tests {
+mod gpu_tests {
     use super::*;
     use crate::gpu::{Pipeline, read_buffer, with_gpu};
 
@@ -233,13 +233,14 @@ mod tests {
     fn a_full_arena_is_an_error_until_the_next_frame() {
         with_gpu(|gpu| {
             let mut ring = FrameRing::new(gpu, UNIFORM_RANGE).unwrap();
-            let mut context = ring.begin().unwrap();
-            let half = vec![1; UNIFORM_RANGE as usize / 2];
-            assert_eq!(context.push_bytes(&half).unwrap(), 0);
-            assert_eq!(context.push_bytes(&half).unwrap(), UNIFORM_RANGE as u32 / 2);
-            let error = context.push_bytes(&[1]).unwrap_err().to_string();
-            assert!(error.contains("per-frame data"), "{error}");
-            drop(context);
+            {
+                let mut context = ring.begin().unwrap();
+                let half = vec![1; UNIFORM_RANGE as usize / 2];
+                assert_eq!(context.push_bytes(&half).unwrap(), 0);
+                assert_eq!(context.push_bytes(&half).unwrap(), UNIFORM_RANGE as u32 / 2);
+                let error = context.push_bytes(&[1]).unwrap_err().to_string();
+                assert!(error.contains("per-frame data"), "{error}");
+            }
             assert_eq!(ring.begin().unwrap().push_bytes(&[1]).unwrap(), 0);
         });
     }

@@ -18,7 +18,7 @@ mod pipeline;
 mod pipeline_cache;
 mod rendering;
 #[cfg(test)]
-mod rendering_tests;
+mod rendering_gpu_tests;
 mod sampler;
 mod shader;
 #[cfg(feature = "hot-reload")]

@@ -79,7 +79,7 @@ fn header(gpu: &vk::PhysicalDeviceProperties) -> [u8; HEADER] {
 }
 
 #[cfg(test)]
-mod tests {
+mod gpu_tests {
     use super::HEADER;
     use crate::gpu::{BindingType, DescriptorSetLayout, Gpu, Pipeline, with_gpu};
 

@@ -186,7 +186,7 @@ pub fn upload_rows(
 }
 
 #[cfg(test)]
-mod tests {
+mod gpu_tests {
     use super::super::{Format, GpuOptions, ImageDesc, ImageUsageFlags, read_buffer, read_mips};
     use super::*;
 

@@ -77,7 +77,7 @@ pub fn submit_and_wait(gpu: &Arc<Gpu>, record: impl FnOnce(&mut Commands<'_>) ->
 }
 
 #[cfg(test)]
-mod tests {
+mod gpu_tests {
     use super::*;
     use crate::gpu::GpuOptions;
 

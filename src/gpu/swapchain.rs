@@ -350,7 +350,7 @@ fn pick_alpha(there: vk::CompositeAlphaFlagsKHR) -> vk::CompositeAlphaFlagsKHR {
 }
 
 #[cfg(test)]
-mod tests {
+mod gpu_tests {
     use super::super::{Attachments, ColourAttachment, CommandBuffer, GpuOptions, Instance};
     use super::*;
 

@@ -310,7 +310,7 @@ impl Canvas<'_> {
         if let Some(floor) = panel.floor.filter(|floor| *floor > 0.0) {
             let ends = if named { [(floor, y.0), (floor, y.1)] } else { [(x.0, floor), (x.1, floor)] };
             let ends = ends.map(|(x, y)| axes.at(x, y));
-            self.0.draw(&DashedPathElement::new(ends.into_iter(), 4, 4, BLACK.mix(0.6)))?;
+            self.0.draw(&DashedPathElement::new(ends, 4, 4, BLACK.mix(0.6)))?;
         }
         Ok(())
     }

@@ -127,4 +127,4 @@ fn cube(gpu: &Arc<Gpu>, name: &str, size: u32, mips: u32) -> Result<Arc<Image>> 
 
 #[cfg(test)]
 #[path = "light_maps_tests.rs"]
-mod tests;
+mod gpu_tests;

@@ -226,7 +226,7 @@ fn sunny(row: u32) -> Panorama {
     panorama
 }
 
-/// Cases 5 and 6 of tests/stability.rs: at middle latitudes, and by the pole. What is lost is lost where the cube's
+/// Cases 5 and 6 of tests/gpu/stability.rs: at middle latitudes, and by the pole. What is lost is lost where the cube's
 /// taps miss parts of a sun of one texel. Measured: mean 0.3 (at most 0.8) %, by the pole 2.4 (at most 4.6) %.
 #[test]
 fn a_small_sun_keeps_its_energy() {
@@ -243,7 +243,7 @@ fn a_small_sun_keeps_its_energy() {
     }
 }
 
-/// Case 13 of tests/stability.rs: what the two faces of an edge say of the light on it, against how much light varies.
+/// Case 13 of tests/gpu/stability.rs: what the two faces of an edge say of the light on it, against how much light varies.
 fn seam(level: &Level) -> f64 {
     let size = f64::from(level.size);
     // The line from the two outermost texels of a row to the edge.
@@ -287,7 +287,7 @@ fn faces_meet_without_seams() {
     }
 }
 
-/// Case 8 of tests/stability.rs.
+/// Case 8 of tests/gpu/stability.rs.
 #[test]
 fn radiance_beyond_half_floats_keeps_its_energy() {
     for peak in [70_000.0, 1e6] {

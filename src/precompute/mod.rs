@@ -19,11 +19,11 @@ pub use table_texels::{TableAt, TableTexels};
 pub use texture::read_texture;
 
 #[cfg(test)]
-mod brdf_glsl_tests;
+mod brdf_gpu_tests;
 #[cfg(test)]
-mod energy_glsl_tests;
+mod energy_gpu_tests;
 #[cfg(test)]
-mod glsl_tests;
+mod glsl_gpu_tests;
 #[cfg(test)]
 pub(crate) mod harness_tests;
 

@@ -215,7 +215,7 @@ mod tests {
         assert_eq!(d_ggx(Z, DVec3::ZERO, 0.1), 0.0);
     }
 
-    /// Case 1 of tests/stability.rs.
+    /// Case 1 of tests/gpu/stability.rs.
     #[test]
     fn ggx_survives_small_roughness_in_f32() {
         assert!(d_textbook_f32(1.0, 0.01f32.powi(2)).is_infinite(), "the textbook form no longer overflows");
@@ -229,7 +229,7 @@ mod tests {
         assert_eq!(d_ggx_f32(Vec3::Z, Vec3::Z, 0.0), 0.0);
     }
 
-    /// Case 2 of tests/stability.rs.
+    /// Case 2 of tests/gpu/stability.rs.
     #[test]
     fn ggx_keeps_its_digits_near_the_centre_in_f32() {
         let alpha = MIN_ROUGHNESS.powi(2);
@@ -247,7 +247,7 @@ mod tests {
         assert!(worst[1] < 1e-5, "ours is off by {}", worst[1]);
     }
 
-    /// Case 3 of tests/stability.rs.
+    /// Case 3 of tests/gpu/stability.rs.
     #[test]
     fn visibility_survives_grazing_angles() {
         let smith_g = |c: f64, a2: f64| 2.0 * c / (c + (a2 + (1.0 - a2) * c * c).sqrt());
@@ -317,7 +317,7 @@ mod tests {
         assert_eq!(f0_from_metallic(f0, 1.0), f0);
     }
 
-    /// Case 16 of tests/stability.rs.
+    /// Case 16 of tests/gpu/stability.rs.
     #[test]
     fn fresnel_survives_a_cosine_above_one() {
         // GLSL's pow(x, y) is exp2(y log2(x)).
@@ -327,7 +327,7 @@ mod tests {
         assert_eq!(schlick_weight(-1e-9), 1.0);
     }
 
-    /// Case 14 of tests/stability.rs.
+    /// Case 14 of tests/gpu/stability.rs.
     #[test]
     fn opposite_directions_give_a_finite_brdf() {
         let v = direction(1.2, 0.4);
@@ -381,7 +381,7 @@ mod tests {
                 }
             }
         }
-        // Case 20 of tests/stability.rs.
+        // Case 20 of tests/gpu/stability.rs.
         let head_on: f64 = over_hemisphere(1.0, |h| {
             let l = 2.0 * h.z * h - Z;
             DVec3::splat(d_ggx(Z, h, 1.0) * v_karis2013_ibl(l.z, 1.0, 1.0) * l.z.max(0.0) * 4.0 * h.z)

@@ -138,7 +138,7 @@ mod tests {
         }
     }
 
-    /// Case 12 of tests/stability.rs.
+    /// Case 12 of tests/gpu/stability.rs.
     #[test]
     fn corner_texels_are_small_and_exact_in_f32() {
         let ratio = cube_texel_solid_angle([0, 0], 128) / cube_texel_solid_angle([64, 64], 128);
@@ -179,7 +179,7 @@ mod tests {
         assert_eq!(panorama_uv(-DVec3::Z), DVec2::new(0.25, 0.5));
     }
 
-    /// Case 11 of tests/stability.rs.
+    /// Case 11 of tests/gpu/stability.rs.
     #[test]
     fn poles_are_defined() {
         assert!((1.000_000_1f32).asin().is_nan(), "asin above 1 is no longer NaN");

@@ -211,7 +211,7 @@ mod tests {
         row.nodes.iter().map(|([nl, weight], at_l)| f(*nl, *at_l) * 2.0 * PI * weight * nl).sum()
     }
 
-    /// Case 20 of tests/stability.rs, over 21 × 11 × 16 roughnesses, metalnesses and views; and what single scattering
+    /// Case 20 of tests/gpu/stability.rs, over 21 × 11 × 16 roughnesses, metalnesses and views; and what single scattering
     /// loses.
     #[test]
     fn white_surfaces_pass_the_white_furnace_test() {

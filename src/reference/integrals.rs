@@ -344,7 +344,7 @@ mod tests {
         }
     }
 
-    /// Cases 5 and 6 of tests/stability.rs: the numbers of the truth.
+    /// Cases 5 and 6 of tests/gpu/stability.rs: the numbers of the truth.
     #[test]
     fn a_small_sun_is_never_missed() {
         let texels = sunny(1024, 512);

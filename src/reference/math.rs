@@ -33,7 +33,7 @@ mod tests {
     use super::*;
     use glam::Vec3;
 
-    /// Case 17 of tests/stability.rs.
+    /// Case 17 of tests/gpu/stability.rs.
     #[test]
     fn normals_of_any_size_have_a_direction() {
         let textbook = |v: Vec3| v / v.dot(v).sqrt();

@@ -96,7 +96,7 @@ mod tests {
         }
     }
 
-    /// Case 15 of tests/stability.rs.
+    /// Case 15 of tests/gpu/stability.rs.
     #[test]
     fn hammersley_holds_beyond_24_bits() {
         let count = 1u32 << 30;

@@ -10,12 +10,12 @@ mod hidden_area;
 mod kept_pipelines;
 mod overlay;
 #[cfg(test)]
-mod random_tests;
+mod random_gpu_tests;
 #[cfg(test)]
-mod seam_tests;
+mod seam_gpu_tests;
 mod shared;
 #[cfg(test)]
-mod shared_tests;
+mod shared_gpu_tests;
 mod targets;
 mod scene_resources;
 

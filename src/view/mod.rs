@@ -8,6 +8,7 @@ mod compare;
 mod control;
 pub mod doctor;
 mod frame_clock;
+#[expect(unsafe_code, reason = "calls OpenVR")]
 pub mod headset;
 mod interrupt;
 mod loader;
@@ -17,6 +18,7 @@ mod playlist;
 mod render;
 mod request;
 mod screenshot;
+#[expect(unsafe_code, reason = "calls Vulkan and the window system")]
 mod window;
 
 pub use args::{Choice, parse_pixels_per_degree, parse_positive, parse_size};

@@ -1,21 +1,20 @@
 //! A desktop for tests: an X server of one's own, the program on it, and hands on its window.
 #![allow(dead_code)]
 
-use std::io::{BufRead, BufReader, Read};
+use std::io::{BufRead, BufReader, IoSlice, Read};
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::sync::mpsc::{Receiver, channel};
 use std::time::{Duration, Instant};
 
 use x11rb::CURRENT_TIME;
-use x11rb::connection::Connection;
+use x11rb::connection::{Connection, RequestConnection as _};
 use x11rb::protocol::Event;
 use x11rb::protocol::xproto::{
     Atom, AtomEnum, ClientMessageEvent, ConfigureWindowAux, ConnectionExt as _, CreateWindowAux, EventMask, InputFocus,
     KEY_PRESS_EVENT, KEY_RELEASE_EVENT, MapState, PropMode, SELECTION_NOTIFY_EVENT, SelectionNotifyEvent, Window,
     WindowClass,
 };
-use x11rb::protocol::xtest::ConnectionExt as _;
 use x11rb::rust_connection::RustConnection;
 use x11rb::wrapper::ConnectionExt as _;
 
@@ -192,15 +191,19 @@ impl Hands {
 
     /// Presses and releases keys together, given by the codes of a PC keyboard.
     pub fn press(&self, codes: &[u8]) {
-        let send = |kind, code| {
-            self.x
-                .xtest_fake_input(kind, code, CURRENT_TIME, self.root, 0, 0, 0)
-                .expect("a request")
-                .check()
-                .expect("a key");
-        };
-        codes.iter().for_each(|code| send(KEY_PRESS_EVENT, *code));
-        codes.iter().rev().for_each(|code| send(KEY_RELEASE_EVENT, *code));
+        codes.iter().for_each(|code| self.fake_key(KEY_PRESS_EVENT, *code));
+        codes.iter().rev().for_each(|code| self.fake_key(KEY_RELEASE_EVENT, *code));
+    }
+
+    /// The XTEST extension's request FakeInput, as its specification lays it out: nine words, all but these zero.
+    fn fake_key(&self, kind: u8, code: u8) {
+        let xtest = self.x.extension_information("XTEST").expect("a request").expect("the XTEST extension");
+        let mut request = [0; 36];
+        let words = (request.len() as u16 / 4).to_ne_bytes();
+        request[..6].copy_from_slice(&[xtest.major_opcode, 2, words[0], words[1], kind, code]);
+        request[12..16].copy_from_slice(&self.root.to_ne_bytes());
+        let sent = self.x.send_request_without_reply(&[IoSlice::new(&request)], Vec::new());
+        sent.expect("a request").check().expect("a key");
     }
 
     /// Asks the window to close, as its frame's button does.

@@ -1,4 +1,4 @@
-// What the lamps may add to a surface at most, from each one's own irradiance there: what src/render/random_tests.rs holds the
+// What the lamps may add to a surface at most, from each one's own irradiance there: what src/render/random_gpu_tests.rs holds the
 // lamps' light against.
 #version 460
 #extension GL_GOOGLE_include_directive : require

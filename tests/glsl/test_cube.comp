@@ -1,4 +1,4 @@
-// What cube.glsl computes, for src/precompute/glsl_tests.rs.
+// What cube.glsl computes, for src/precompute/glsl_gpu_tests.rs.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_scalar_block_layout : require

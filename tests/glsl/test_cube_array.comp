@@ -1,4 +1,4 @@
-// Samples an array of cubes, for src/gpu/rendering_tests.rs.
+// Samples an array of cubes, for src/gpu/rendering_gpu_tests.rs.
 #version 460
 
 layout(local_size_x = 64) in;

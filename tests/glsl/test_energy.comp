@@ -1,4 +1,4 @@
-// What energy.glsl computes, for src/precompute/energy_glsl_tests.rs.
+// What energy.glsl computes, for src/precompute/energy_gpu_tests.rs.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_scalar_block_layout : require

@@ -1,4 +1,4 @@
-// Writes other numbers into each of two targets, for src/gpu/rendering_tests.rs.
+// Writes other numbers into each of two targets, for src/gpu/rendering_gpu_tests.rs.
 #version 460
 
 layout(location = 0) out vec4 first;

@@ -1,4 +1,4 @@
-// Fills the layers of its targets at a depth each, for src/gpu/rendering_tests.rs; a slope in depth from left to right.
+// Fills the layers of its targets at a depth each, for src/gpu/rendering_gpu_tests.rs; a slope in depth from left to right.
 #version 460
 #extension GL_ARB_shader_viewport_layer_array : require
 

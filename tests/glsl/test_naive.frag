@@ -1,5 +1,5 @@
 // The lamps' light as tutorials write it, with the guards that these have: cosines of at least 0, and 0.0001 more in the
-// denominator. What src/render/random_tests.rs shows to fail.
+// denominator. What src/render/random_gpu_tests.rs shows to fail.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shared.glsl"

@@ -1,4 +1,4 @@
-// The sky with the sampler's own choice of level: what src/render/seam_tests.rs shows to fail.
+// The sky with the sampler's own choice of level: what src/render/seam_gpu_tests.rs shows to fail.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shared.glsl"

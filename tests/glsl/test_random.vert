@@ -1,4 +1,4 @@
-// One pixel per triangle, its surface made of random and of hostile numbers, for src/render/random_tests.rs: what
+// One pixel per triangle, its surface made of random and of hostile numbers, for src/render/random_gpu_tests.rs: what
 // forward.vert hands over, but from hashes of the pixel and of the corner.
 #version 460
 #extension GL_GOOGLE_include_directive : require

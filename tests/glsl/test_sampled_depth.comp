@@ -1,4 +1,4 @@
-// Samples a layered depth image at points, as it is and compared, for src/gpu/rendering_tests.rs.
+// Samples a layered depth image at points, as it is and compared, for src/gpu/rendering_gpu_tests.rs.
 #version 460
 
 struct Point { vec2 uv; float layer; float reference; };

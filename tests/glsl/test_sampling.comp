@@ -1,4 +1,4 @@
-// What sampling.glsl computes, for src/precompute/brdf_glsl_tests.rs.
+// What sampling.glsl computes, for src/precompute/brdf_gpu_tests.rs.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_scalar_block_layout : require

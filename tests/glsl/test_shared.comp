@@ -1,4 +1,4 @@
-// Reads every member of shared.glsl's blocks by name, for src/render/shared_tests.rs.
+// Reads every member of shared.glsl's blocks by name, for src/render/shared_gpu_tests.rs.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shared.glsl"

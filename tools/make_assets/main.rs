@@ -19,6 +19,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
 }
 
 /// Writes one file, making its folder, and says how large it is.
+#[expect(clippy::print_stdout, reason = "a tool says what it wrote")]
 fn write(path: &Path, bytes: &[u8]) -> std::io::Result<()> {
     if let Some(parent) = path.parent() {
         std::fs::create_dir_all(parent)?;

@@ -65,4 +65,4 @@ fn smaller(mut panorama: Panorama, width: u32) -> Panorama {
 
 #[cfg(test)]
 #[path = "causes_tests.rs"]
-mod tests;
+mod gpu_tests;

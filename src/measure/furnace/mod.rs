@@ -168,7 +168,7 @@ mod tests {
         run(Context { gpu, cache: None, report: &Report::silent() }).unwrap()
     }
 
-    /// Case 20 of tests/stability.rs: the renderer itself. Its terms add up to 1 by construction; what they hold is tested by
+    /// Case 20 of tests/gpu/stability.rs: the renderer itself. Its terms add up to 1 by construction; what they hold is tested by
     /// integration below.
     #[test]
     fn the_renderer_s_furnace_hides_every_white_surface() {
@@ -186,7 +186,7 @@ mod tests {
         }
     }
 
-    /// Case 20 of tests/stability.rs: what the BRDF's terms add up to, not what they were built to add up to.
+    /// Case 20 of tests/gpu/stability.rs: what the BRDF's terms add up to, not what they were built to add up to.
     #[test]
     fn the_sampled_brdf_reflects_all_light_and_scatters_once_what_the_table_says() {
         let [single, multiple] = [Scattering::Single, Scattering::Multiple]

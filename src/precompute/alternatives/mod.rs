@@ -4,7 +4,7 @@
 mod environment;
 mod pass;
 #[cfg(test)]
-mod pass_tests;
+mod pass_gpu_tests;
 
 pub use environment::Environment;
 pub use pass::AlternativePass;

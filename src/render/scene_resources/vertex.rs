@@ -36,7 +36,7 @@ impl From<&Vertex> for PackedVertex {
 }
 
 #[cfg(test)]
-mod tests {
+mod gpu_tests {
     use glam::DVec3;
 
     use super::*;

@@ -1,0 +1,22 @@
+//! The program from the outside: its command line, the files it reads and writes, its window.
+// Helpers outside of `#[test]` functions fail a test by panicking, too.
+#![allow(clippy::expect_used, clippy::print_stdout, clippy::unwrap_used)]
+
+#[path = "../common/mod.rs"]
+mod common;
+#[cfg(target_os = "linux")]
+#[path = "../desktop/mod.rs"]
+mod desktop;
+
+mod assets;
+mod bake;
+mod cache;
+mod causes;
+mod cli;
+mod ladder;
+mod loading;
+mod measure;
+mod needs;
+mod textures;
+#[cfg(target_os = "linux")]
+mod window;

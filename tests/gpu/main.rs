@@ -1,0 +1,20 @@
+//! What the renderer computes on a GPU (lavapipe unless PBR_VR_TEST_GPU is set), called as a library.
+// Helpers outside of `#[test]` functions fail a test by panicking, too.
+#![allow(clippy::expect_used, clippy::print_stdout, clippy::unwrap_used)]
+
+#[path = "../common/mod.rs"]
+mod common;
+
+mod draws;
+mod exact;
+mod hands;
+mod light;
+mod pictures;
+mod precompute;
+mod split_sum;
+mod stability;
+mod stability_jitter;
+mod stability_view;
+mod stability_walk;
+mod steady_state;
+mod tangents;
