@@ -1,8 +1,19 @@
 //! Compiles every stage file of glsl/ to SPIR-V and lists them for `gpu::shader`, those of tests/glsl/ in a separate
-//! list; embeds the Windows manifest.
+//! list; generates `bindings.glsl`; embeds the Windows manifest.
 
 #[path = "src/gpu/shader_compiler.rs"]
 mod shader_compiler;
+
+#[path = "src/gpu/binding_type.rs"]
+#[expect(dead_code, reason = "the tables do not use every type")]
+mod binding_type;
+#[path = "src/render/bindings.rs"]
+mod bindings;
+
+/// Where `bindings` finds the type, as in the program.
+mod gpu {
+    pub use crate::binding_type::BindingType;
+}
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
@@ -25,7 +36,11 @@ fn run() -> Result<(), String> {
     let glsl = root.join("glsl");
     println!("cargo:rerun-if-changed=glsl");
     println!("cargo:rerun-if-changed=tests/glsl");
-    println!("cargo:rerun-if-changed=src/gpu/shader_compiler.rs");
+    for file in ["src/gpu/shader_compiler.rs", "src/gpu/binding_type.rs", "src/render/bindings.rs"] {
+        println!("cargo:rerun-if-changed={file}");
+    }
+    // With `hot-reload` the program includes it.
+    write_file(&out.join(shader_compiler::BINDINGS), bindings::glsl().as_bytes())?;
     let ours = table("COMPILED", &glsl, &glsl, &out, debug)?;
     write_file(&out.join("shaders.rs"), ours.as_bytes())?;
     // Only unit tests include this one.
@@ -52,7 +67,7 @@ fn embed_manifest() -> Result<(), String> {
 fn table(list: &str, folder: &Path, includes: &Path, out: &Path, debug: bool) -> Result<String, String> {
     let mut table = format!("static {list}: &[(&str, &[u8])] = &[\n");
     for name in shader_compiler::stage_files(folder)? {
-        let spirv = shader_compiler::compile(&folder.join(&name), includes, debug)?;
+        let spirv = shader_compiler::compile(&folder.join(&name), includes, &bindings::glsl(), debug)?;
         let file = format!("{list}_{name}.spv");
         write_file(&out.join(&file), &spirv)?;
         writeln!(table, "    ({name:?}, include_bytes!(concat!(env!(\"OUT_DIR\"), \"/{file}\"))),")

@@ -3,13 +3,14 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_scalar_block_layout : require
+#include "bindings.glsl"
 
 layout(local_size_x = 8, local_size_y = 8) in;
-layout(set = 0, binding = 0) uniform sampler2DArray latest;
-layout(set = 0, binding = 1, rgba32f) uniform image2DArray mean_radiance;
-layout(set = 0, binding = 2, rgba32f) uniform image2DArray deviations;
+layout(ACCUMULATE_LATEST) uniform sampler2DArray latest;
+layout(ACCUMULATE_MEAN, rgba32f) uniform image2DArray mean_radiance;
+layout(ACCUMULATE_DEVIATIONS, rgba32f) uniform image2DArray deviations;
 // Of one workgroup: the sum and the maximum of its pixels' relative standard errors, and how many pixels have light.
-layout(set = 0, binding = 3, scalar) writeonly buffer Errors { vec3 errors[]; };
+layout(ACCUMULATE_ERRORS, scalar) writeonly buffer Errors { vec3 errors[]; };
 layout(push_constant, scalar) uniform Count {
     uvec2 area;  // pixels that were drawn, from the upper left
     uint frames; // this one included

@@ -6,7 +6,7 @@
 
 layout(location = 0) flat in int eye;
 layout(location = 0) out vec4 colour;
-layout(set = 1, binding = 0) uniform sampler2DArray mean_radiance;
+layout(SHOW_MEAN) uniform sampler2DArray mean_radiance;
 
 void main()
 {

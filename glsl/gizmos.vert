@@ -10,7 +10,7 @@ struct Vertex {
     vec3 colour;   // linear display RGB
 };
 
-layout(set = 1, binding = 0, scalar) readonly buffer Vertices { Vertex vertices[]; };
+layout(FRAME_STORAGE, scalar) readonly buffer Vertices { Vertex vertices[]; };
 
 layout(location = 0) flat out vec3 colour_display;
 

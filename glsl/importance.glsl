@@ -12,7 +12,7 @@ struct Cell {
     uint alias;
     float density;   // of samples in this cell, 1/sr
 };
-layout(set = 0, binding = 7, scalar) readonly buffer Importance {
+layout(REFERENCE_IMPORTANCE, scalar) readonly buffer Importance {
     uvec2 cells_size;
     Cell cells[];
 };

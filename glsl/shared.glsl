@@ -2,6 +2,7 @@
 #ifndef SHARED_GLSL
 #define SHARED_GLSL
 #extension GL_EXT_scalar_block_layout : require
+#include "bindings.glsl"
 
 const uint MAX_EYES = 4;
 
@@ -52,23 +53,24 @@ const uint SHADING_SPECULAR = 13;
 const uint SHADING_IRRADIANCE = 14;
 const uint SHADING_REFERENCE = 15;
 
-layout(set = 0, binding = 0, scalar) uniform Frame {
+layout(FRAME_UNIFORMS, scalar) uniform Frame {
     Eye eyes[MAX_EYES];
     vec2 environment_rotation; // cos, sin
     float exposure;
     float environment_scale;
     uint light_count;
     uint sample_index; // frames accumulated before this one
+    mat4 world_from_models; // rigid
 } frame;
 
-layout(set = 0, binding = 1, scalar) readonly buffer Lights {
+layout(SCENE_LIGHTS, scalar) readonly buffer Lights {
     PointLight lights[];
 };
 
-layout(set = 0, binding = 2) uniform sampler2D panorama;
-layout(set = 0, binding = 3) uniform samplerCube irradiance_over_pi;
-layout(set = 0, binding = 4) uniform samplerCube specular_even;
-layout(set = 0, binding = 5) uniform samplerCube specular_odd;
-layout(set = 0, binding = 6) uniform sampler2DArray brdf_table;
+layout(SCENE_PANORAMA) uniform sampler2D panorama;
+layout(SCENE_IRRADIANCE) uniform samplerCube irradiance_over_pi;
+layout(SCENE_SPECULAR_EVEN) uniform samplerCube specular_even;
+layout(SCENE_SPECULAR_ODD) uniform samplerCube specular_odd;
+layout(SCENE_BRDF_TABLE) uniform sampler2DArray brdf_table;
 
 #endif

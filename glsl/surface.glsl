@@ -5,21 +5,17 @@
 #include "shared.glsl"
 #include "math.glsl"
 
-layout(set = 1, binding = 0, scalar) uniform Material {
-    vec3 base_color;
-    float metallic;
-    float roughness;
-    float alpha_cutoff;
-} material;
-layout(set = 1, binding = 1) uniform sampler2D base_color_map;
-layout(set = 1, binding = 2) uniform sampler2D normal_map;
-layout(set = 1, binding = 3) uniform sampler2D orm_map; // occlusion, roughness, metallic
+layout(BASE_COLOR_MAP) uniform sampler2D base_color_map;
+layout(NORMAL_MAP) uniform sampler2D normal_map;
+layout(ORM_MAP) uniform sampler2D orm_map; // occlusion, roughness, metallic
 
 layout(location = 0) centroid in vec3 position_world;
 layout(location = 1) centroid in vec3 normal_world;
 layout(location = 2) in vec2 uv;
 layout(location = 3) centroid in vec4 tangent_world;
 layout(location = 4) flat in uint eye;
+layout(location = 5) flat in vec4 base_color_metallic;
+layout(location = 6) flat in vec2 roughness_alpha_cutoff;
 
 struct Surface {
     vec3 n; // shading normal, towards the eye's side
@@ -46,23 +42,23 @@ vec3 mapped_normal()
     return normalize_or(m.x * tangent_world.xyz + m.y * b + m.z * normal_world, n);
 }
 
-// Throws away what of the pixel lies in a hole; `above`: alpha over the cut-off.
+// Discards the part of the pixel that is in a hole; `above`: alpha over the cutoff.
 void cut_out(float above);
 
 Surface read_surface()
 {
     Surface s;
-    s.base_color = material.base_color;
+    s.base_color = base_color_metallic.rgb;
     if (HAS_BASE_COLOR_MAP) {
         vec4 texel = texture(base_color_map, uv);
         if (ALPHA_MASK)
-            cut_out(texel.a - material.alpha_cutoff);
+            cut_out(texel.a - roughness_alpha_cutoff.y);
         s.base_color *= texel.rgb;
     }
     vec3 maps = HAS_ORM_MAP ? texture(orm_map, uv).rgb : vec3(1.0);
     s.occlusion = maps.r;
-    s.roughness = maps.g * material.roughness;
-    s.metallic = METALNESS == METALNESS_MIXED ? maps.b * material.metallic : float(METALNESS == METALNESS_METAL);
+    s.roughness = maps.g * roughness_alpha_cutoff.x;
+    s.metallic = METALNESS == METALNESS_MIXED ? maps.b * base_color_metallic.a : float(METALNESS == METALNESS_METAL);
     vec3 n = mapped_normal();
     // Cloth and leaves are seen from behind, too.
     s.n = gl_FrontFacing ? n : -n;

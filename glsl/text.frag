@@ -1,8 +1,10 @@
 // White characters of an 8×8 font on a dark veil.
 #version 460
+#extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_scalar_block_layout : require
+#include "bindings.glsl"
 
-layout(set = 0, binding = 1, scalar) readonly buffer Font { uint font[]; }; // two words a character, a byte a row
+layout(TEXT_FONT, scalar) readonly buffer Font { uint font[]; }; // two words a character, a byte a row
 layout(location = 0) in vec2 in_cell;
 layout(location = 1) flat in uint character;
 layout(location = 0) out vec4 colour;

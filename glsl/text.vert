@@ -3,13 +3,14 @@
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_scalar_block_layout : require
 #extension GL_ARB_shader_viewport_layer_array : require
+#include "bindings.glsl"
 
 layout(constant_id = 0) const uint EYES = 1;
 layout(push_constant, scalar) uniform Push {
     vec2 cell_ndc; // a cell's size in clip space
     vec2 origin_ndc;
 } push;
-layout(set = 0, binding = 0, scalar) readonly buffer Cells { uint cells[]; }; // column, row << 8, character << 16
+layout(FRAME_STORAGE, scalar) readonly buffer Cells { uint cells[]; }; // column, row << 8, character << 16
 
 layout(location = 0) out vec2 in_cell; // font pixels, 0..8 and -1..9: a row of air above and below
 layout(location = 1) flat out uint character;

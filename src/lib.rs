@@ -5,9 +5,11 @@
 pub mod error;
 pub mod reference;
 pub mod asset;
+pub mod args;
 pub mod scene;
 #[expect(unsafe_code, reason = "calls Vulkan")]
 pub mod gpu;
+pub mod context;
 pub mod precompute;
 pub mod render;
 pub mod view;

@@ -2,13 +2,11 @@
 
 use std::process::ExitCode;
 
-use clap::{Args, Parser, Subcommand};
+use clap::{Parser, Subcommand};
 
-use pbr_vr::asset::Report;
+use pbr_vr::context::GlobalOptions;
 use pbr_vr::error::printed;
-use pbr_vr::gpu::GpuOptions;
 use pbr_vr::measure::{self, Limit, MeasureRequest};
-use pbr_vr::precompute::Cache;
 use pbr_vr::view::{self, BakeRequest, Choice, CompareRequest, NeedsRequest, RenderRequest, ViewRequest, doctor};
 use pbr_vr::{Result, complain};
 
@@ -17,26 +15,10 @@ use pbr_vr::{Result, complain};
 #[command(version, about)]
 struct Cli {
     #[command(flatten)]
-    global: Global,
+    global: GlobalOptions,
     /// Without a subcommand: `view`.
     #[command(subcommand)]
     command: Option<Command>,
-}
-
-#[derive(Args)]
-struct Global {
-    /// Use the GPU whose name contains this.
-    #[arg(long, global = true, value_name = "NAME")]
-    gpu: Option<String>,
-    /// Have every Vulkan call checked; any message is a failure.
-    #[arg(long, global = true)]
-    validate: bool,
-    /// Compute all light again, and keep nothing for the next start.
-    #[arg(long, global = true)]
-    no_cache: bool,
-    /// Say more; twice, much more.
-    #[arg(short, long, global = true, action = clap::ArgAction::Count)]
-    verbose: u8,
 }
 
 #[derive(Subcommand)]
@@ -90,27 +72,25 @@ fn is_scene(name: &str) -> bool {
 }
 
 fn run(cli: Cli) -> Result<()> {
-    let gpu = GpuOptions { name: cli.global.gpu.as_deref(), validate: cli.global.validate, ..GpuOptions::default() };
-    let cache = if cli.global.no_cache { None } else { Cache::of_user() };
-    let cache = cache.as_ref();
+    let setup = cli.global.setup();
     match cli.command.unwrap_or_else(|| Command::View(ViewRequest::default())) {
         Command::View(mut request) => {
             request.check()?;
             if let Some(limit) = chosen(request.choice) {
-                request.look = measure::choose(&request.scene()?, limit, gpu, cache)?;
+                request.settings = measure::choose(&request.scene()?, limit, &setup)?;
             }
-            request.run(gpu, cache)
+            request.run(&setup)
         }
         Command::Render(mut request) => {
             request.check()?;
             if let Some(limit) = chosen(request.choice) {
-                request.look = measure::choose(&request.scene, limit, gpu, cache)?;
+                request.settings = measure::choose(&request.scene, limit, &setup)?;
             }
-            request.run(gpu, cache)
+            request.run(&setup)
         }
-        Command::Bake(request) => request.run(gpu, cache),
-        Command::Measure(request) => measure::run(&request, gpu, cache, &Report::to_terminal()),
-        Command::Needs(request) => view::needs(&request, &Report::to_terminal()),
+        Command::Bake(request) => request.run(&setup),
+        Command::Measure(request) => measure::run(&request, &setup),
+        Command::Needs(request) => view::needs(&request, &setup.report),
         Command::Compare(request) => view::compare(&request),
         Command::Doctor => doctor::run(),
         Command::ProbeHeadset => {

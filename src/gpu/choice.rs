@@ -217,7 +217,7 @@ fn examine(instance: &Instance, physical: vk::PhysicalDevice, goal: Goal<'_>) ->
 }
 
 struct Features {
-    needed: [(&'static str, vk::Bool32); 8],
+    needed: [(&'static str, vk::Bool32); 9],
     options: Options,
 }
 
@@ -228,10 +228,11 @@ impl Features {
         let mut all = vk::PhysicalDeviceFeatures2::default().push_next(&mut v12).push_next(&mut v13);
         // SAFETY: Vulkan 1.2/1.3 structures on a 1.3 device; the call only writes into them.
         unsafe { instance.raw.get_physical_device_features2(physical, &mut all) };
+        let core = all.features;
         let options = Options {
-            anisotropy: all.features.sampler_anisotropy == vk::TRUE,
-            compressed_textures: all.features.texture_compression_bc == vk::TRUE,
-            cube_arrays: all.features.image_cube_array == vk::TRUE,
+            anisotropy: core.sampler_anisotropy == vk::TRUE,
+            compressed_textures: core.texture_compression_bc == vk::TRUE,
+            cube_arrays: core.image_cube_array == vk::TRUE,
             memory_budget: has_extension(instance, physical, ext::memory_budget::NAME),
         };
         let needed = [
@@ -243,6 +244,7 @@ impl Features {
             ("hostQueryReset", v12.host_query_reset),
             ("shaderOutputLayer", v12.shader_output_layer),
             ("scalarBlockLayout", v12.scalar_block_layout),
+            ("fullDrawIndexUint32", core.full_draw_index_uint32),
         ];
         Self { needed, options }
     }

@@ -106,22 +106,22 @@ impl Commands<'_> {
         unsafe { self.device().cmd_set_cull_mode(self.buffer.raw, mode) };
     }
 
-    /// Binds a vertex buffer and a buffer of 16-bit indices.
+    /// Binds a vertex buffer and a buffer of 32-bit indices.
     pub fn bind_mesh(&mut self, vertices: &Buffer, indices: &Buffer) {
         // SAFETY: the command buffer is being recorded; both buffers are alive and of the right kind.
         unsafe {
             let device = &self.buffer.gpu.device;
             device.cmd_bind_vertex_buffers(self.buffer.raw, 0, &[vertices.raw], &[0]);
-            device.cmd_bind_index_buffer(self.buffer.raw, indices.raw, 0, vk::IndexType::UINT16);
+            device.cmd_bind_index_buffer(self.buffer.raw, indices.raw, 0, vk::IndexType::UINT32);
         }
     }
 
     /// Draws a range of the bound indices.
-    pub fn draw_indexed(&mut self, indices: Range<u32>, first_vertex: i32, instances: u32) {
+    pub fn draw_indexed(&mut self, indices: Range<u32>, instances: u32) {
         let count = indices.end - indices.start;
         // SAFETY: called inside `render` with a pipeline and a mesh bound.
         unsafe {
-            self.device().cmd_draw_indexed(self.buffer.raw, count, instances, indices.start, first_vertex, 0);
+            self.device().cmd_draw_indexed(self.buffer.raw, count, instances, indices.start, 0, 0);
         }
     }
 

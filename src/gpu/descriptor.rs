@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use ash::vk;
 
+use super::binding_type::BindingType;
 use super::buffer::Buffer;
 use super::deferred::Deferred;
 use super::device::Gpu;
@@ -11,31 +12,14 @@ use super::image::{Image, ImageAccess};
 use super::sampler::Sampler;
 use crate::{Error, Result};
 
-/// The kind of one binding.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum BindingType {
-    Uniform,
-    /// A uniform buffer whose offset is given when the set is bound.
-    UniformDynamic,
-    Storage,
-    /// A storage buffer whose offset is given when the set is bound.
-    StorageDynamic,
-    /// An image with its sampler.
-    Sampled,
-    /// One mip of an image, all layers, `image2DArray`.
-    StorageImage,
-}
-
-impl BindingType {
-    fn raw(self) -> vk::DescriptorType {
-        match self {
-            Self::Uniform => vk::DescriptorType::UNIFORM_BUFFER,
-            Self::UniformDynamic => vk::DescriptorType::UNIFORM_BUFFER_DYNAMIC,
-            Self::Storage => vk::DescriptorType::STORAGE_BUFFER,
-            Self::StorageDynamic => vk::DescriptorType::STORAGE_BUFFER_DYNAMIC,
-            Self::Sampled => vk::DescriptorType::COMBINED_IMAGE_SAMPLER,
-            Self::StorageImage => vk::DescriptorType::STORAGE_IMAGE,
-        }
+fn raw_type(kind: BindingType) -> vk::DescriptorType {
+    match kind {
+        BindingType::Uniform => vk::DescriptorType::UNIFORM_BUFFER,
+        BindingType::UniformDynamic => vk::DescriptorType::UNIFORM_BUFFER_DYNAMIC,
+        BindingType::Storage => vk::DescriptorType::STORAGE_BUFFER,
+        BindingType::StorageDynamic => vk::DescriptorType::STORAGE_BUFFER_DYNAMIC,
+        BindingType::Sampled => vk::DescriptorType::COMBINED_IMAGE_SAMPLER,
+        BindingType::StorageImage => vk::DescriptorType::STORAGE_IMAGE,
     }
 }
 
@@ -54,7 +38,7 @@ impl DescriptorSetLayout {
             .map(|(i, kind)| {
                 vk::DescriptorSetLayoutBinding::default()
                     .binding(i)
-                    .descriptor_type(kind.raw())
+                    .descriptor_type(raw_type(*kind))
                     .descriptor_count(1)
                     .stage_flags(vk::ShaderStageFlags::ALL)
             })
@@ -152,7 +136,7 @@ impl DescriptorSet {
         let kinds: Vec<BindingType> = bindings.iter().map(|b| b.kind()).collect();
         assert_eq!(kinds, layout.kinds, "set {name} does not match its layout");
         let sizes: Vec<_> =
-            kinds.iter().map(|k| vk::DescriptorPoolSize::default().ty(k.raw()).descriptor_count(1)).collect();
+            kinds.iter().map(|k| vk::DescriptorPoolSize::default().ty(raw_type(*k)).descriptor_count(1)).collect();
         let info = vk::DescriptorPoolCreateInfo::default().max_sets(1).pool_sizes(&sizes);
         // SAFETY: the device is alive, `info` is complete.
         let pool = unsafe { gpu.device.create_descriptor_pool(&info, None) }
@@ -189,7 +173,7 @@ impl DescriptorSet {
         let write = vk::WriteDescriptorSet::default()
             .dst_set(self.raw)
             .dst_binding(index)
-            .descriptor_type(binding.kind().raw());
+            .descriptor_type(raw_type(binding.kind()));
         let (mut buffer, mut image) = ([vk::DescriptorBufferInfo::default()], [vk::DescriptorImageInfo::default()]);
         let write = match binding {
             Binding::Uniform(b) | Binding::Storage(b) => {

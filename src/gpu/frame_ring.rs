@@ -2,10 +2,11 @@
 
 use std::sync::Arc;
 
+use super::binding_type::BindingType;
 use super::buffer::{Buffer, BufferKind};
 use super::command_buffer::{CommandBuffer, PassTimes};
 use super::commands::Commands;
-use super::descriptor::{Binding, BindingType, DescriptorSet, DescriptorSetLayout};
+use super::descriptor::{Binding, DescriptorSet, DescriptorSetLayout};
 use super::device::Gpu;
 use super::submit::Acquired;
 use crate::{Error, Result};

@@ -62,6 +62,7 @@ fn create(instance: &Instance, chosen: &Candidate, present: bool, asked: &[CStri
         .synchronization2(true)
         .shader_demote_to_helper_invocation(true);
     let core = vk::PhysicalDeviceFeatures::default()
+        .full_draw_index_uint32(true)
         .sampler_anisotropy(chosen.options.anisotropy)
         .texture_compression_bc(chosen.options.compressed_textures)
         .image_cube_array(chosen.options.cube_arrays);

@@ -1,5 +1,6 @@
 //! The only place that calls Vulkan: device, memory, images, buffers, pipelines, barriers, timers, readback.
 
+mod binding_type;
 mod buffer;
 mod choice;
 mod command_buffer;
@@ -32,12 +33,13 @@ mod window_images;
 /// Formats and usage flags; calls stay in this layer.
 pub use ash::vk::{Format, ImageUsageFlags};
 
+pub use binding_type::BindingType;
 pub use buffer::{Buffer, BufferKind};
 pub use choice::{GpuInfo, survey};
 pub use command_buffer::{CommandBuffer, PassTime, PassTimes};
 pub use commands::Commands;
 pub use copies::Rect;
-pub use descriptor::{Binding, BindingType, DescriptorSet, DescriptorSetLayout};
+pub use descriptor::{Binding, DescriptorSet, DescriptorSetLayout};
 pub use device::{Gpu, GpuOptions, Handles};
 pub use frame_ring::{FRAMES_IN_FLIGHT, FrameContext, FrameRing, UNIFORM_RANGE};
 #[cfg(test)]

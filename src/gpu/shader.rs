@@ -45,6 +45,9 @@ pub mod on_disk {
     use super::words;
     use crate::{Error, Result};
 
+    /// As build.rs generated them: the tables are compiled into the program.
+    const BINDINGS: &str = include_str!(concat!(env!("OUT_DIR"), "/bindings.glsl"));
+
     /// The folder that is watched.
     pub fn folder() -> PathBuf {
         PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/glsl"))
@@ -56,10 +59,9 @@ pub mod on_disk {
             return Ok(None);
         }
         let path = folder.join(name);
-        let spirv =
-            crate::gpu::shader_compiler::compile(&path, &folder, cfg!(debug_assertions)).map_err(|problem| {
-                Error::Broken { path, what: "shader", problem, remedy: "fix it; the last good one stays in use" }
-            })?;
+        let spirv = crate::gpu::shader_compiler::compile(&path, &folder, BINDINGS, cfg!(debug_assertions)).map_err(
+            |problem| Error::Broken { path, what: "shader", problem, remedy: "fix it; the last good one stays in use" },
+        )?;
         Ok(words(&spirv))
     }
 }

@@ -16,8 +16,12 @@ pub fn stage_files(folder: &Path) -> Result<Vec<String>, String> {
     Ok(names)
 }
 
-/// Compiles one stage file; includes are looked up in `includes`. The message of an error begins with file and line.
-pub fn compile(path: &Path, includes: &Path, debug: bool) -> Result<Vec<u8>, String> {
+/// The generated include: the bindings of the renderer's tables.
+pub const BINDINGS: &str = "bindings.glsl";
+
+/// Compiles one stage file. Includes are looked up in the folder `includes`, but for [`BINDINGS`], which has the text
+/// `bindings`. The message of an error begins with file and line.
+pub fn compile(path: &Path, includes: &Path, bindings: &str, debug: bool) -> Result<Vec<u8>, String> {
     let source = fs::read_to_string(path).map_err(|e| format!("{}: {e}", path.display()))?;
     let kind = kind(path).ok_or_else(|| format!("{}: not a shader stage", path.display()))?;
     let compiler = shaderc::Compiler::new().map_err(|e| format!("shaderc: {e}"))?;
@@ -29,6 +33,9 @@ pub fn compile(path: &Path, includes: &Path, debug: bool) -> Result<Vec<u8>, Str
         options.set_generate_debug_info();
     }
     options.set_include_callback(|wanted, _, _, _| {
+        if wanted == BINDINGS {
+            return Ok(shaderc::ResolvedInclude { resolved_name: wanted.into(), content: bindings.into() });
+        }
         let path = includes.join(wanted);
         let content = fs::read_to_string(&path).map_err(|e| format!("{}: {e}", path.display()))?;
         Ok(shaderc::ResolvedInclude { resolved_name: path.display().to_string(), content })

@@ -9,22 +9,14 @@ use serde::{Deserialize, Serialize};
 
 use super::machine::cpu_ms;
 use crate::asset::Report;
-use crate::gpu::{CommandBuffer, Gpu, Subresource, read_image};
-use crate::precompute::Cache;
-use crate::render::{Eye, FRAMES_IN_FLIGHT, Renderer, Settings, Shading};
+use crate::context::Context;
+use crate::gpu::{FrameRing, Gpu, Subresource, read_image};
+use crate::render::{Eye, FRAME_BYTES, FrameInputs, RenderSettings, Renderer};
 use crate::scene::Scene;
 use crate::{Error, Result};
 
 /// Frames before the first that is timed: pipelines are finished with the first.
 const WARM_UP: usize = 2;
-
-/// What all measurements use.
-#[derive(Clone, Copy)]
-pub struct Context<'a> {
-    pub gpu: &'a Arc<Gpu>,
-    pub cache: Option<&'a Cache>,
-    pub report: &'a Report,
-}
 
 /// Milliseconds of one frame.
 #[derive(Clone, Copy, Debug)]
@@ -37,42 +29,43 @@ pub struct FrameTime {
     pub record: f64,
 }
 
-/// A renderer and the eyes that it draws.
+/// A renderer, the eyes that it draws for, and its frames.
 pub struct Bench {
     gpu: Arc<Gpu>,
     pub renderer: Renderer,
-    commands: CommandBuffer,
+    ring: FrameRing,
     pub eyes: Vec<Eye>,
-    frame: usize,
+    /// Of every frame, but for the eyes.
+    pub inputs: FrameInputs<'static>,
+    last_slot: usize,
 }
 
 impl Bench {
     /// Uploads a scene and prepares pictures of `size` pixels for these eyes.
     pub fn new(
-        context: Context<'_>,
+        context: &Context,
         scene: &Scene,
-        settings: Settings,
-        shading: Shading,
+        settings: RenderSettings,
         size: [u32; 2],
         eyes: Vec<Eye>,
     ) -> Result<Self> {
-        let gpu = context.gpu.clone();
-        let count = eyes.len() as u32;
-        let renderer = Renderer::new(&gpu, scene, settings, shading, size, count, &Report::silent())?;
-        Ok(Self { commands: CommandBuffer::new(&gpu)?, gpu, renderer, eyes, frame: 0 })
+        let gpu = Arc::clone(&context.gpu);
+        let silent = Context { report: Arc::new(Report::silent()), ..context.clone() };
+        let renderer = Renderer::new(&silent, scene, settings, size, eyes.len() as u32)?;
+        let (ring, inputs) = (FrameRing::new(&gpu, FRAME_BYTES)?, FrameInputs::of(scene, &[]));
+        Ok(Self { gpu, renderer, ring, eyes, inputs, last_slot: 0 })
     }
 
     /// Draws a frame to its end.
     pub fn draw(&mut self) -> Result<FrameTime> {
         let (before, started) = (cpu_ms(), ThreadTime::now());
-        let slot = self.frame % FRAMES_IN_FLIGHT;
-        let (mut commands, _) = self.commands.begin()?;
-        self.renderer.record(&mut commands, slot, &self.eyes, None);
-        commands.submit(None)?;
+        let mut frame = self.ring.begin()?;
+        self.last_slot = frame.slot;
+        self.renderer.record(&mut frame, &FrameInputs { eyes: &self.eyes, ..self.inputs })?;
+        frame.submit(None)?;
         let record = started.elapsed().as_secs_f64() * 1e3;
-        let gpu = self.commands.finish()?.total_ms();
-        self.frame += 1;
-        Ok(FrameTime { gpu, cpu: cpu_ms().zip(before).map(|(now, before)| now - before), record })
+        let [.., newest] = self.ring.finish_all()?;
+        Ok(FrameTime { gpu: newest.total_ms(), cpu: cpu_ms().zip(before).map(|(now, before)| now - before), record })
     }
 
     /// The last frame's picture as a viewer sees it (`Output::Display`): sRGB bytes, rows from the top, one eye below the
@@ -94,10 +87,9 @@ impl Bench {
         Ok(layers.map(read).collect::<Result<Vec<_>>>()?.concat())
     }
 
-    /// Of [`Shading::Reference`]: mean over the pixels of the standard error over radiance, after the last frame.
+    /// Of `Shading::Reference`: mean over the pixels of the standard error over radiance, after the last frame.
     pub fn standard_error(&self) -> Option<f64> {
-        let last = self.frame.checked_sub(1)? % FRAMES_IN_FLIGHT;
-        self.renderer.standard_error(last).map(|error| error.mean_relative)
+        self.renderer.standard_error(self.last_slot).map(|error| error.mean_relative)
     }
 }
 

@@ -18,19 +18,17 @@ mod texels;
 
 use std::path::Path;
 
+use crate::asset::Outputs;
 use crate::asset::file::write_atomically;
-use crate::asset::{Outputs, Report};
-use crate::gpu::{Gpu, GpuOptions};
-use crate::precompute::Cache;
+use crate::context::{Context, Setup};
 use crate::{Error, Result, say};
-use bench::Context;
 
 pub use ladder::choose;
 pub use pareto::Limit;
 pub use request::MeasureRequest;
 
 /// A study's name, what it does in a line, and its function.
-type Measurement = (&'static str, &'static str, fn(&MeasureRequest, Context<'_>) -> Result<()>);
+type Measurement = (&'static str, &'static str, fn(&MeasureRequest, &Context) -> Result<()>);
 
 /// All there are, in the order in which they run. Each writes what it has into the folder as it goes, `NAME.json` among it.
 #[rustfmt::skip]
@@ -49,7 +47,7 @@ const PANORAMAS: &str = "panoramas";
 ///
 /// # Errors
 /// Unknown names and useless flags, before anything is done; whatever stops reading, computing or writing.
-pub fn run(request: &MeasureRequest, gpu: GpuOptions<'_>, cache: Option<&Cache>, report: &Report) -> Result<()> {
+pub fn run(request: &MeasureRequest, setup: &Setup<'_>) -> Result<()> {
     if request.list {
         MEASUREMENTS.iter().for_each(|measurement| say!("{:12} {}", measurement.0, measurement.1));
         say!("methods      {}", precompute::METHODS.join(", "));
@@ -73,10 +71,10 @@ pub fn run(request: &MeasureRequest, gpu: GpuOptions<'_>, cache: Option<&Cache>,
             precompute::write_panoramas(request.folder())?;
             continue;
         }
-        let gpu = Gpu::open(gpu)?;
-        let messages = gpu.messages();
-        run(request, Context { gpu: &gpu, cache, report })?;
-        drop(gpu);
+        let context = setup.open()?;
+        let messages = context.gpu.messages();
+        run(request, &context)?;
+        drop(context);
         messages.check()?;
     }
     request.json.as_deref().map_or(Ok(()), |path| merge_json(path, request.folder(), &wanted))

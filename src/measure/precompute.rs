@@ -7,7 +7,6 @@ use std::sync::Arc;
 use glam::DVec3;
 use serde::Serialize;
 
-use super::bench::Context;
 use super::cmgen;
 use super::machine::{Machine, cpu_ms};
 use super::maps::{IRRADIANCE, Map, own_maps, own_ms, specular_targets};
@@ -18,6 +17,7 @@ use super::request::MeasureRequest;
 use super::texels::{Accuracy, Texel, spread_texels, texel_direction};
 use crate::asset::picture::Picture;
 use crate::asset::{Panorama, synthetic_panorama};
+use crate::context::Context;
 use crate::gpu::{Gpu, Image, PassTime};
 use crate::precompute::alternatives::{AlternativePass, Environment, Method, Quantity, Target};
 use crate::precompute::{CubeTexels, LightMaps, Options};
@@ -115,7 +115,7 @@ struct Filled {
 }
 
 /// Measures and writes `precompute.csv`, `precompute.json` and one chart for each panorama and size.
-pub fn run(request: &MeasureRequest, context: Context<'_>) -> Result<()> {
+pub fn run(request: &MeasureRequest, context: &Context) -> Result<()> {
     let Context { gpu, report, .. } = context;
     let (sweep, folder) = (Sweep::new(request), request.folder());
     let files = request.panorama_files()?;
@@ -206,7 +206,7 @@ fn fastest<T>(mut work: impl FnMut() -> Result<(T, f64)>) -> Result<Fastest<T>> 
 fn own(gpu: &Arc<Gpu>, panorama: &Panorama, size: u32) -> Result<(LightMaps, Filled)> {
     let options = Options { face_size: size, ..Options::default() };
     let Fastest { result: light, cpu_ms, .. } = fastest(|| {
-        let light = LightMaps::new(gpu, panorama, &options)?;
+        let light = LightMaps::new(&Context::silent(gpu), panorama, options)?;
         let ms = total(&light.times);
         Ok((light, ms))
     })?;

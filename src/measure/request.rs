@@ -5,9 +5,10 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 
 use super::pareto::Limit;
+use crate::args::{parse_pixels_per_degree, parse_positive, parse_size};
 use crate::asset::shipped;
 use crate::precompute::check_face_size;
-use crate::reference::metrics::{PIXELS_PER_DEGREE, PIXELS_PER_DEGREE_RANGE};
+use crate::reference::metrics::PIXELS_PER_DEGREE;
 use crate::{Error, Result};
 
 /// The name for all measurements.
@@ -145,22 +146,4 @@ fn check_names<'a>(what: &'static str, mut names: impl Iterator<Item = &'a Strin
     names.find(|name| !known.contains(&name.as_str())).map_or(Ok(()), |name| {
         Err(Error::UnknownName { what, name: name.clone(), known: known.iter().map(|k| (*k).to_owned()).collect() })
     })
-}
-
-fn parse_size(text: &str) -> std::result::Result<[u32; 2], String> {
-    let problem = || format!("`{text}` is not WIDTHxHEIGHT in pixels, such as 1280x720");
-    let (width, height) = text.split_once(['x', 'X']).ok_or_else(problem)?;
-    let side = |s: &str| s.parse().ok().filter(|n| *n > 0).ok_or_else(problem);
-    Ok([side(width)?, side(height)?])
-}
-
-fn parse_positive(text: &str) -> std::result::Result<f64, String> {
-    let number = text.parse().ok().filter(|number: &f64| number.is_finite() && *number > 0.0);
-    number.ok_or_else(|| "a number above 0".into())
-}
-
-fn parse_pixels_per_degree(text: &str) -> std::result::Result<f32, String> {
-    let (least, most) = (PIXELS_PER_DEGREE_RANGE.start(), PIXELS_PER_DEGREE_RANGE.end());
-    let number = text.parse().ok().filter(|number| PIXELS_PER_DEGREE_RANGE.contains(number));
-    number.ok_or_else(|| format!("a number from {least} to {most}"))
 }

@@ -6,23 +6,20 @@ use std::time::Instant;
 
 use serde::Serialize;
 
-use super::bench::{Bench, Budget, Context, Cost, Spread, first_eye, interleaved, ratio, size_error};
+use super::bench::{Bench, Budget, Cost, Spread, first_eye, interleaved, ratio, size_error};
 use super::machine::Machine;
 use super::plot::{Mark, Panel, Plot, Point};
 use super::report::{write_json, write_table};
 use super::request::MeasureRequest;
 use crate::asset::{Report, TextureOptions, shipped};
-use crate::gpu::Gpu;
-use crate::precompute::{self, Cache};
+use crate::context::Context;
+use crate::precompute::Cache;
 use crate::reference::energy::Scattering;
 use crate::reference::metrics::{PIXELS_PER_DEGREE, flip};
-use crate::render::{CullOptions, Eye, IPD_METRES, Order, Settings, Shading};
+use crate::render::{CullOptions, Eye, IPD_METRES, Order, RenderSettings, Shading, TextureSettings};
 use crate::scene::{Model, Scene};
-use crate::view::{QualityOptions, load_scene};
+use crate::view::load_scene;
 use crate::{Result, say};
-
-/// Samples per pixel of every picture.
-const SAMPLES: u32 = 4;
 
 /// A scene of the thesis, with the results that it reports (GTX 1070, HTC Vive; Sponza with 512² textures).
 #[derive(Clone, Copy)]
@@ -69,11 +66,6 @@ fn available(report: &Report) -> Result<Vec<ThesisScene>> {
     Ok(available)
 }
 
-/// As `pbr-vr view` has them on this GPU.
-fn settings(gpu: &Gpu, cache: Option<&Cache>) -> Settings {
-    Settings { samples: SAMPLES, ..QualityOptions::default().settings(gpu, cache, &Report::silent()) }
-}
-
 /// One scene drawn one way.
 #[derive(Clone, Debug, Serialize)]
 struct Row {
@@ -113,17 +105,17 @@ struct Results {
 }
 
 /// Measures, and after each scene writes `scenes.csv`, `scenes.json`, `scenes.md` and `scenes.svg`.
-pub fn run(request: &MeasureRequest, context: Context<'_>) -> Result<()> {
+pub fn run(request: &MeasureRequest, context: &Context) -> Result<()> {
     let [desktop, eye] = if request.full { [[1920, 1080], [1512, 1680]] } else { [[480, 270], [378, 420]] };
     let budget = Budget { least: 3, seconds: if request.full { 10 } else { 2 } };
     let views = [View { name: "desktop", size: desktop, eyes: 1 }, View { name: "stereo", size: eye, eyes: 2 }];
-    let available = available(context.report)?;
-    let (machine, warnings) = (Machine::new(context.gpu), context.report.warnings());
-    let mut results = Results { machine, samples: SAMPLES, rows: vec![], warnings };
+    let available = available(&context.report)?;
+    let (machine, warnings) = (Machine::new(&context.gpu), context.report.warnings());
+    let mut results = Results { machine, samples: RenderSettings::default().samples, rows: vec![], warnings };
     for thesis in &available {
-        let (scene, start_ms, settings) = start(context, thesis, views[0])?;
+        let (scene, start_ms) = start(context, thesis, views[0])?;
         for view in views {
-            let rows = measure(context, thesis, (&scene, start_ms), &settings, budget, view)?;
+            let rows = measure(context, thesis, (&scene, start_ms), budget, view)?;
             for Row { way, cost, fps, against, times, .. } in &rows {
                 let (name, ms, times) = (thesis.name, cost.gpu_ms.median, times.median);
                 say!("{name}, {}, {way}: {ms:.2} ms, {fps:.0} frames a second, {times:.2} times {against}", view.name);
@@ -152,56 +144,55 @@ impl View {
     }
 }
 
-/// Starts with an empty cache, then with the one that this left; returns the scene, both wall times in ms, and settings without a cache.
-fn start(context: Context<'_>, thesis: &ThesisScene, view: View) -> Result<(Scene, [f64; 2], Settings)> {
+/// Starts with an empty cache, then with the one that this left; returns the scene and both wall times in ms.
+fn start(context: &Context, thesis: &ThesisScene, view: View) -> Result<(Scene, [f64; 2])> {
     let folder = std::env::temp_dir().join(format!("pbr-vr-measure-{}-{}", std::process::id(), thesis.name));
     let cache = Cache::in_folder(folder.clone());
-    let settings = settings(context.gpu, Some(&cache));
+    let context = &Context { cache: Some(cache), ..context.clone() };
+    let textures = TextureSettings::default().options(context);
     let once = || -> Result<_> {
         let started = Instant::now();
-        let scene = thesis.load(&settings.textures, &Report::silent())?;
-        Bench::new(context, &scene, settings.clone(), Shading::Pbr, view.size, view.eyes(&scene))?;
+        let scene = thesis.load(&textures, &Report::silent())?;
+        Bench::new(context, &scene, RenderSettings::default(), view.size, view.eyes(&scene))?;
         Ok((scene, started.elapsed().as_secs_f64() * 1e3))
     };
     let both = once().and_then(|(_, cold_ms)| Ok((cold_ms, once()?)));
     // A leftover in the folder for temporary files is harmless.
     let _ = std::fs::remove_dir_all(&folder);
     let (cold_ms, (scene, cached_ms)) = both?;
-    let precompute = precompute::Options { cache: None, ..settings.precompute.clone() };
-    Ok((scene, [cold_ms, cached_ms], Settings { precompute, ..settings }))
+    Ok((scene, [cold_ms, cached_ms]))
 }
 
 /// A name, the way that it is compared with, and what is different from the default settings.
-type Way = (&'static str, usize, fn(&mut Settings, &mut Shading, &mut CullOptions));
+type Way = (&'static str, usize, fn(&mut RenderSettings, &mut CullOptions));
 
 const WAYS: [Way; 9] = [
-    ("physically based", 2, |_, _, _| ()),
-    ("physically based, everything", 0, |settings, _, _| settings.model = Model::Everything),
-    ("Phong", 2, |_, shading, _| *shading = Shading::Phong),
-    ("Phong, everything", 2, |settings, shading, _| (settings.model, *shading) = (Model::Everything, Shading::Phong)),
-    ("single scattering", 0, |settings, _, _| settings.scattering = Scattering::Single),
-    ("back faces drawn", 0, |_, _, culling| culling.backs = false),
-    ("no frustum culling", 0, |_, _, culling| culling.frusta = false),
-    ("order as listed", 0, |_, _, culling| culling.order = Order::Listed),
-    ("back faces drawn, order as listed", 0, |_, _, culling| (culling.backs, culling.order) = (false, Order::Listed)),
+    ("physically based", 2, |_, _| ()),
+    ("physically based, everything", 0, |settings, _| settings.model = Model::Everything),
+    ("Phong", 2, |settings, _| settings.shading = Shading::Phong),
+    ("Phong, everything", 2, |settings, _| (settings.model, settings.shading) = (Model::Everything, Shading::Phong)),
+    ("single scattering", 0, |settings, _| settings.scattering = Scattering::Single),
+    ("back faces drawn", 0, |_, culling| culling.backs = false),
+    ("no frustum culling", 0, |_, culling| culling.frusta = false),
+    ("order as listed", 0, |_, culling| culling.order = Order::Listed),
+    ("back faces drawn, order as listed", 0, |_, culling| (culling.backs, culling.order) = (false, Order::Listed)),
 ];
 /// The first of them, which the chart shows.
 const CHARTED: usize = 4;
 
 fn measure(
-    context: Context<'_>,
+    context: &Context,
     thesis: &ThesisScene,
     (scene, [cold_ms, cached_ms]): (&Scene, [f64; 2]),
-    settings: &Settings,
     budget: Budget,
     view: View,
 ) -> Result<Vec<Row>> {
     let mut benches = Vec::new();
     for (_, _, change) in WAYS {
-        let (mut settings, mut shading, mut culling) = (settings.clone(), Shading::Pbr, CullOptions::default());
-        change(&mut settings, &mut shading, &mut culling);
-        let mut bench = Bench::new(context, scene, settings, shading, view.size, view.eyes(scene))?;
-        *bench.renderer.culling() = culling;
+        let (mut settings, mut culling) = (RenderSettings::default(), CullOptions::default());
+        change(&mut settings, &mut culling);
+        let mut bench = Bench::new(context, scene, settings, view.size, view.eyes(scene))?;
+        bench.inputs.culling = culling;
         benches.push(bench);
     }
     let times = interleaved(&mut benches.iter_mut().collect::<Vec<_>>(), budget)?;
@@ -209,7 +200,7 @@ fn measure(
     let size = [view.size[0], view.size[1] * view.eyes];
     let mut rows = Vec::new();
     for (i, (way, against, _)) in WAYS.into_iter().enumerate() {
-        let ratio = ratio(context.gpu, &times[against], &times[i]);
+        let ratio = ratio(&context.gpu, &times[against], &times[i]);
         let Some((cost, ratio)) = Cost::of(&times[i]).zip(ratio) else { continue };
         let (test, reference) = (&pictures[i], &pictures[against]);
         let steps = test.iter().flatten().zip(reference.iter().flatten()).map(|(a, b)| a.abs_diff(*b));
@@ -220,7 +211,7 @@ fn measure(
             view: view.name,
             size: view.size,
             way,
-            draws: benches[i].renderer.draw_counts()[0],
+            draws: benches[i].renderer.draw_counts().calls,
             cost,
             fps: 1e3 / cost.gpu_ms.median.max(cost.record_ms.median),
             thesis_fps: thesis.fps[view.eyes as usize - 1],

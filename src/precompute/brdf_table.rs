@@ -2,9 +2,9 @@
 
 use std::sync::Arc;
 
-use super::Cache;
 use super::cache::{CacheKind, cached};
 use crate::Result;
+use crate::context::Context;
 use crate::gpu::{
     Binding, BindingType, Buffer, BufferKind, DescriptorSet, DescriptorSetLayout, Format, Gpu, Image, ImageAccess,
     ImageDesc, ImageUsageFlags, PassTime, Pipeline, Shape, submit_and_wait,
@@ -43,7 +43,8 @@ impl BrdfTable {
     ///
     /// # Errors
     /// No memory, or a failed Vulkan call.
-    pub fn new(gpu: &Arc<Gpu>, geometry: Geometry, split_sum: SplitSum, cache: Option<&Cache>) -> Result<Self> {
+    pub fn new(context: &Context, geometry: Geometry, split_sum: SplitSum) -> Result<Self> {
+        let gpu = &context.gpu;
         let copies = ImageUsageFlags::TRANSFER_SRC | ImageUsageFlags::TRANSFER_DST;
         let usage = ImageUsageFlags::SAMPLED | ImageUsageFlags::STORAGE | copies;
         let layers = if split_sum == SplitSum::Slices { 5 } else { 2 };
@@ -52,7 +53,7 @@ impl BrdfTable {
         let choices = [geometry as u32, split_sum as u32];
         let compute = || compute(gpu, &image, choices);
         let source = [bytemuck::bytes_of(&choices)];
-        let times = cached(gpu, cache, &CACHE_KIND, &source, &[("BRDF table", &image)], compute)?;
+        let times = cached(context, &CACHE_KIND, &source, &[("BRDF table", &image)], compute)?;
         Ok(Self { image, times })
     }
 }

@@ -1,12 +1,11 @@
 //! Precomputed maps from the cache on disk, or else computed and kept there.
 
-use std::sync::Arc;
-
 use super::texture::{fits, read_texture};
 use crate::Result;
 use crate::asset::cache::{Cache, Key};
 use crate::asset::ktx2::Ktx2;
-use crate::gpu::{Gpu, Image, PassTime, compute_shaders, write_mips};
+use crate::context::Context;
+use crate::gpu::{Image, PassTime, compute_shaders, write_mips};
 
 /// Limit of an entry's header, key and values, in bytes.
 const HEAD_BYTES: u64 = 1 << 16;
@@ -26,14 +25,14 @@ pub(super) struct CacheKind {
 /// on in addition to their kind, names, formats and sizes, and the GPU. Returns the GPU times of `compute`, or that of
 /// copying.
 pub(super) fn cached(
-    gpu: &Arc<Gpu>,
-    cache: Option<&Cache>,
+    context: &Context,
     kind: &CacheKind,
     source: &[&[u8]],
     images: &[(&str, &Image)],
     compute: impl FnOnce() -> Result<Vec<PassTime>>,
 ) -> Result<Vec<PassTime>> {
-    let Some(cache) = cache else { return compute() };
+    let gpu = &context.gpu;
+    let Some(cache) = &context.cache else { return compute() };
     // Other GPUs or drivers may round differently.
     let machine = [gpu.info().name.as_str(), gpu.info().driver.as_str()];
     let common = common_key(kind, &compute_shaders()?, machine, source);

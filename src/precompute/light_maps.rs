@@ -6,6 +6,7 @@ use super::Options;
 use super::cache::{CacheKind, cached};
 use super::hierarchical_convolution::{self, HierarchicalConvolution};
 use crate::asset::Panorama;
+use crate::context::Context;
 use crate::gpu::{Format, Gpu, Image, ImageDesc, ImageUsageFlags, PassTime, Shape, upload_rows};
 use crate::reference::levels::{LEVELS, alpha_from_level};
 use crate::{Error, Result};
@@ -39,7 +40,8 @@ impl LightMaps {
     ///
     /// # Errors
     /// A face size that is not accepted, a panorama larger than the GPU's largest image, or no memory.
-    pub fn new(gpu: &Arc<Gpu>, panorama: &Panorama, options: &Options) -> Result<Self> {
+    pub fn new(context: &Context, panorama: &Panorama, options: Options) -> Result<Self> {
+        let gpu = &context.gpu;
         check_face_size(options.face_size)?;
         check_irradiance_size(options.irradiance_size)?;
         let size = options.face_size;
@@ -56,7 +58,7 @@ impl LightMaps {
         let [even, odd] = &specular;
         let maps: [(&str, &Image); 3] =
             [("irradiance", &irradiance_over_pi), ("even specular levels", even), ("odd specular levels", odd)];
-        let times = cached(gpu, options.cache.as_ref(), &CACHE_KIND, &source, &maps, compute)?;
+        let times = cached(context, &CACHE_KIND, &source, &maps, compute)?;
         Ok(Self { panorama: image, irradiance_over_pi, specular, scale, times })
     }
 

@@ -6,6 +6,7 @@ use glam::{DVec2, DVec3, Vec3};
 use rayon::prelude::*;
 
 use super::*;
+use crate::context::Context;
 use crate::gpu::Subresource;
 use crate::precompute::harness_tests::{Random, texels, with_gpu};
 use crate::reference::cube::{cube_direction, cube_face, cube_texel_solid_angle, panorama_texel_solid_angle};
@@ -72,7 +73,7 @@ struct Maps {
 impl Maps {
     fn of(panorama: &Panorama) -> Self {
         let maps = with_gpu(|gpu| {
-            let maps = LightMaps::new(gpu, panorama, &Options::default()).unwrap();
+            let maps = LightMaps::new(&Context::silent(gpu), panorama, Options::default()).unwrap();
             Self {
                 irradiance: Level::read(gpu, &maps.irradiance_over_pi, 0, maps.scale),
                 specular: (0..LEVELS)

@@ -28,18 +28,16 @@ mod glsl_gpu_tests;
 pub(crate) mod harness_tests;
 
 /// How maps are precomputed.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Options {
     /// Texels along a face of specular levels 0 and 1: a power of two from 16 to 1024.
     pub face_size: u32,
     /// Texels along a face of the irradiance map: a power of two from 4 to 128.
     pub irradiance_size: u32,
-    /// With `None` the maps are computed at each start.
-    pub cache: Option<Cache>,
 }
 
 impl Default for Options {
     fn default() -> Self {
-        Self { face_size: 256, irradiance_size: 32, cache: None }
+        Self { face_size: 256, irradiance_size: 32 }
     }
 }

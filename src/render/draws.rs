@@ -1,41 +1,46 @@
 //! What one frame draws, and in which order: nothing that no eye sees, near before far.
 
+use std::ops::Range;
+
 use glam::Mat4;
 
 use super::culling::Frusta;
 use super::eye::Eye;
-use super::scene_resources::MeshRange;
 use crate::scene::Bounds;
 use crate::scene::cluster::Cluster;
 
-/// One range of triangles, placed.
+/// One range of triangles of one instance.
 pub struct Draw {
-    pub range: MeshRange,
-    pub material: usize,
-    pub world_from_local: Mat4,
+    /// Of the scene's index buffer.
+    pub indices: Range<u32>,
+    /// Index into the scene's instances: the push constant.
+    pub instance: u32,
+    /// Index into the scene's combinations of material features, and with it the pipeline.
+    pub variant: u32,
+    /// Index into the scene's sets of textures.
+    pub textures: u32,
     /// Fragments may be missing; drawn after those where none is, which then hide many of them.
     masked: bool,
-    /// In the world.
+    /// World space, before all models are moved together.
     bounds: Bounds,
     /// From outside of this box no back face can be seen.
     culling_bounds: Option<Bounds>,
 }
 
 impl Draw {
-    /// A cluster at one of its places.
-    pub fn new(cluster: &Cluster, range: MeshRange, world_from_local: Mat4, masked: bool) -> Self {
+    /// A cluster at one of its placements; of the first variant and textures.
+    pub fn new(cluster: &Cluster, indices: Range<u32>, instance: u32, world_from_local: Mat4, masked: bool) -> Self {
         // Through a hole back faces are seen; a mirror image shows its backs where its original shows fronts.
         let keeps_sides = !masked && world_from_local.determinant() > 0.0;
+        let culling_bounds = cluster.culling_bounds.filter(|_| keeps_sides);
         Self {
-            range,
-            material: cluster.material,
-            world_from_local,
+            indices,
+            instance,
+            variant: 0,
+            textures: 0,
             masked,
             bounds: cluster.bounds.placed(world_from_local),
-            culling_bounds: cluster
-                .culling_bounds
-                .filter(|_| keeps_sides)
-                .map(|culling_bounds| culling_bounds.placed(world_from_local)),
+            culling_bounds: culling_bounds.map(|bounds| bounds.placed(world_from_local)),
         }
     }
 }
@@ -66,47 +71,107 @@ impl Default for CullOptions {
     }
 }
 
-/// One frame's draws; its memory is used again for the next.
+/// One frame's draw calls; its memory is used again for the next.
 #[derive(Default)]
-pub struct DrawList(Vec<Listed>);
+pub struct DrawList {
+    visible: Vec<Visible>,
+    calls: Vec<DrawCall>,
+}
 
-/// A draw that is to be made.
-#[derive(Clone, Copy)]
-pub struct Listed {
-    /// Index into the world's draws.
-    pub draw: u32,
+/// Ranges of one instance that lie next to each other in the index buffer, drawn together.
+#[derive(Clone, Debug, PartialEq)]
+pub struct DrawCall {
+    pub indices: Range<u32>,
+    pub instance: u32,
+    pub variant: u32,
+    pub textures: u32,
     pub cull_back: bool,
+}
+
+/// A range that some eye may see.
+struct Visible {
     masked: bool,
-    distance: f32,
+    /// Metres to the nearest eye, as bits: these sort like the number, which is not negative.
+    distance_bits: u32,
+    /// Index in the scene's draws.
+    draw: u32,
+    call: DrawCall,
+}
+
+/// What one frame draws.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
+pub struct DrawCounts {
+    /// Draw calls.
+    pub calls: usize,
+    /// Ranges of triangles in them.
+    pub ranges: usize,
+    /// Ranges of the whole scene.
+    pub all_ranges: usize,
 }
 
 impl DrawList {
     /// Lists what some eyes may see. Allocates only where there are more draws than ever before.
     pub fn fill(&mut self, draws: &[Draw], eyes: &[Eye], culling: CullOptions) {
         let frusta = Frusta::of(eyes);
-        self.0.clear();
-        self.0.reserve(draws.len());
+        self.visible.clear();
+        self.visible.reserve(draws.len());
         let seen = (0u32..).zip(draws).filter(|(_, draw)| !culling.frusta || frusta.may_see(&draw.bounds));
-        self.0.extend(seen.map(|(index, draw)| Listed {
-            draw: index,
-            cull_back: culling.backs
-                && draw.culling_bounds.is_some_and(|culling_bounds| frusta.all_outside(&culling_bounds)),
-            masked: draw.masked,
-            distance: frusta.distance(&draw.bounds),
-        }));
-        // The index decides between equals, so that the order never depends on the sort.
-        let far = |a: &Listed, b: &Listed| a.distance.total_cmp(&b.distance).then(a.draw.cmp(&b.draw));
+        self.visible.extend(seen.map(|(index, draw)| Visible::new(index, draw, &frusta, culling.backs)));
         match culling.order {
-            Order::FrontToBack => self.0.sort_unstable_by(|a, b| a.masked.cmp(&b.masked).then(far(a, b))),
+            Order::FrontToBack => self.visible.sort_unstable_by_key(Visible::key),
             Order::Listed => {}
             // Odd, so that no two draws share a key (Knuth, "The Art of Computer Programming" 3, section 6.4).
-            Order::Shuffled(seed) => self.0.sort_unstable_by_key(|l| (l.draw ^ seed).wrapping_mul(0x9e37_79b1)),
+            Order::Shuffled(seed) => self.visible.sort_unstable_by_key(|v| (v.draw ^ seed).wrapping_mul(0x9e37_79b1)),
+        }
+        self.calls.clear();
+        self.calls.reserve(draws.len());
+        for Visible { call, .. } in &self.visible {
+            match self.calls.last_mut() {
+                Some(last) if last.continues_with(call) => last.indices.end = call.indices.end,
+                _ => self.calls.push(call.clone()),
+            }
         }
     }
 
-    /// The draws, in order.
-    pub fn iter(&self) -> impl Iterator<Item = &Listed> {
-        self.0.iter()
+    /// The draw calls, in order.
+    pub fn calls(&self) -> &[DrawCall] {
+        &self.calls
+    }
+
+    /// How many there are, of a scene with `all_ranges` ranges.
+    pub fn counts(&self, all_ranges: usize) -> DrawCounts {
+        DrawCounts { calls: self.calls.len(), ranges: self.visible.len(), all_ranges }
+    }
+}
+
+impl Visible {
+    fn new(index: u32, draw: &Draw, frusta: &Frusta, cull_backs: bool) -> Self {
+        let Draw { indices, instance, variant, textures, .. } = draw;
+        let cull_back = cull_backs && draw.culling_bounds.is_some_and(|bounds| frusta.all_outside(&bounds));
+        Self {
+            masked: draw.masked,
+            distance_bits: frusta.distance(&draw.bounds).to_bits(),
+            draw: index,
+            call: DrawCall {
+                indices: indices.clone(),
+                instance: *instance,
+                variant: *variant,
+                textures: *textures,
+                cull_back,
+            },
+        }
+    }
+
+    /// Whole surfaces before those with holes, near before far. The index decides between equals, so that the order never
+    /// depends on the sort, and keeps neighbours together.
+    fn key(&self) -> (bool, u32, u32) {
+        (self.masked, self.distance_bits, self.draw)
+    }
+}
+
+impl DrawCall {
+    fn continues_with(&self, next: &Self) -> bool {
+        self.indices.end == next.indices.start && self.instance == next.instance && self.cull_back == next.cull_back
     }
 }
 
@@ -126,14 +191,14 @@ mod tests {
             culling_bounds: closed.then_some(bounds),
             placements: Vec::new(),
         };
-        Draw::new(&cluster, MeshRange { indices: 0..0, first_vertex: 0 }, Mat4::IDENTITY, masked)
+        Draw::new(&cluster, 0..3, 0, Mat4::IDENTITY, masked)
     }
 
     fn listed(draws: &[Draw], culling: CullOptions) -> Vec<(u32, bool)> {
         let mut list = DrawList::default();
         let eyes = Eye::symmetric(Mat4::IDENTITY, 60.0, 1.0, 1.0).stereo(0.06);
         list.fill(draws, &eyes, culling);
-        list.iter().map(|l| (l.draw, l.cull_back)).collect()
+        list.visible.iter().map(|v| (v.draw, v.call.cull_back)).collect()
     }
 
     #[test]
@@ -156,6 +221,22 @@ mod tests {
     }
 
     #[test]
+    fn neighbours_of_one_instance_are_drawn_together() {
+        let near = |instance, indices| Draw { indices, instance, ..draw(0.0, -2.0, false, true) };
+        let draws = [near(0, 3..6), near(0, 0..3), near(0, 6..9), near(1, 9..12), near(0, 15..18)];
+        let mut list = DrawList::default();
+        let eye = Eye::symmetric(Mat4::IDENTITY, 60.0, 1.0, 1.0);
+        list.fill(&draws, &[eye], CullOptions { order: Order::Listed, ..CullOptions::default() });
+        let calls: Vec<_> = list.calls().iter().map(|call| (call.instance, call.indices.clone())).collect();
+        assert_eq!(calls, [(0, 3..6), (0, 0..3), (0, 6..9), (1, 9..12), (0, 15..18)]);
+        let in_order = [near(0, 0..3), near(0, 3..6), near(0, 6..9), near(1, 9..12), near(0, 15..18)];
+        list.fill(&in_order, &[eye], CullOptions::default());
+        let calls: Vec<_> = list.calls().iter().map(|call| (call.instance, call.indices.clone())).collect();
+        assert_eq!(calls, [(0, 0..9), (0, 15..18), (1, 9..12)]);
+        assert_eq!(list.counts(5), DrawCounts { calls: 3, ranges: 5, all_ranges: 5 });
+    }
+
+    #[test]
     fn mirrored_surfaces_keep_their_backs() {
         let mut draws = [draw(0.0, -4.0, false, true), draw(0.0, -4.0, false, true)];
         assert!(draws[0].culling_bounds.is_some());
@@ -168,7 +249,7 @@ mod tests {
             placements: Vec::new(),
         };
         let mirror = Mat4::from_scale(Vec3::new(-1.0, 1.0, 1.0));
-        draws[1] = Draw::new(&cluster, draws[0].range.clone(), mirror, false);
+        draws[1] = Draw::new(&cluster, 0..3, 1, mirror, false);
         assert_eq!(listed(&draws, CullOptions::default()), [(0, true), (1, false)]);
     }
 }

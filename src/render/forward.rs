@@ -1,24 +1,23 @@
-//! The forward pass: one pipeline per combination of what materials need, and the sky behind.
+//! The forward pass: surfaces, with one pipeline per combination of material features, and the sky behind them. It draws
+//! the picture, or the samples of the reference.
 
-use std::collections::HashMap;
-use std::sync::Arc;
-
-use glam::Mat4;
-
-use super::draws::DrawList;
-use super::scene_resources::{ATTRIBUTES, PackedVertex, SceneResources};
-use super::shared::{DrawBlock, constant};
-use super::{Settings, Shading, reference_accumulator};
+use super::bound_scene::BoundScene;
+use super::draws::DrawCall;
+use super::frame_set::FrameSet;
+use super::importance::Importance;
+use super::pipeline_request::PipelineRequest;
+use super::scene_resources::{ATTRIBUTES, PackedVertex};
+use super::settings::{RenderSettings, Shading};
+use super::shared::constant;
+use super::targets::Output;
 use crate::Result;
-use crate::gpu::{
-    Commands, Constant, DepthState, DescriptorSet, DescriptorSetLayout, Format, Gpu, GraphicsDesc, Pipeline,
-};
+use crate::gpu::{Commands, Constant, DepthState, Format, GraphicsDesc, Pipeline};
 use crate::reference::energy::Scattering;
 use crate::reference::table::SplitSum;
 use crate::scene::MaterialFeatures;
 
-/// The fragment stages and what they draw into: the picture itself, or samples for the exact one.
-struct ShaderSet {
+/// The fragment stages, and what they draw into.
+struct Stages {
     surface: &'static str,
     cutout: &'static str,
     sky: &'static str,
@@ -26,14 +25,14 @@ struct ShaderSet {
     samples: u32,
 }
 
-impl ShaderSet {
-    fn new(settings: &Settings, shading: Shading) -> Self {
-        if shading == Shading::Reference {
+impl Stages {
+    fn new(settings: &RenderSettings) -> Self {
+        if settings.shading == Shading::Reference {
             return Self {
                 surface: "exact.frag",
                 cutout: "exact.frag",
                 sky: "exact_sky.frag",
-                colour: reference_accumulator::FORMAT,
+                colour: Output::Linear.format(),
                 samples: 1,
             };
         }
@@ -43,140 +42,127 @@ impl ShaderSet {
     }
 }
 
-/// Pipelines for one world and one group of settings.
-pub struct Forward {
-    materials: HashMap<MaterialFeatures, Pipeline>,
+/// Pipelines for the features of one scene.
+pub struct ForwardPass {
+    /// In the order of the scene's variants.
+    surfaces: Vec<Pipeline>,
     sky: Pipeline,
     eyes: u32,
 }
 
-impl Forward {
-    /// Makes every pipeline that the world needs, and no other.
-    pub fn new(
-        gpu: &Arc<Gpu>,
-        frame_layout: &DescriptorSetLayout,
-        world: &SceneResources,
-        settings: &Settings,
-        shading: Shading,
-        eyes: u32,
-    ) -> Result<Self> {
-        let stage = ShaderSet::new(settings, shading);
+impl ForwardPass {
+    /// Creates a pipeline for each variant, and the sky's.
+    pub fn new(request: &PipelineRequest) -> Result<Self> {
+        let PipelineRequest { gpu, layouts, variants, constant_lights, settings, eyes, .. } = request;
+        let stages = Stages::new(settings);
         let common: [Constant; 6] = [
-            (constant::EYES, eyes),
-            (constant::SHADING, shading as u32),
+            (constant::EYES, *eyes),
+            (constant::SHADING, settings.shading as u32),
             (constant::GEOMETRY, settings.geometry as u32),
-            (constant::LINEAR_OUTPUT, u32::from(settings.output == super::Output::Linear)),
+            (constant::LINEAR_OUTPUT, u32::from(settings.output == Output::Linear)),
             (constant::SLICES, u32::from(settings.split_sum == SplitSum::Slices)),
-            // Below 0 the shader asks the frame.
-            (constant::LIGHTS, world.lights_needed.map_or(u32::MAX, |count| count)),
+            // Below 0 the shader reads the frame's number.
+            (constant::LIGHTS, constant_lights.unwrap_or(u32::MAX)),
         ];
+        let drawing = layouts.drawing();
+        let desc = GraphicsDesc {
+            constants: &common,
+            sets: &drawing,
+            colours: &[stages.colour],
+            samples: stages.samples,
+            ..GraphicsDesc::default()
+        };
         let multiple = settings.scattering == Scattering::Multiple;
-        let mut materials = HashMap::new();
-        for needs in world.draws.iter().map(|d| world.materials[d.material].needs) {
-            if let std::collections::hash_map::Entry::Vacant(entry) = materials.entry(needs) {
-                let sets = [frame_layout, &world.material_layout];
-                entry.insert(material_pipeline(gpu, &sets, needs, multiple, &common, &stage)?);
-            }
-        }
-        let sky = Pipeline::graphics(
-            gpu,
-            &GraphicsDesc {
-                name: "sky",
-                vertex: "sky.vert",
-                fragment: Some(stage.sky),
-                constants: &common,
-                sets: &[frame_layout],
-                push_bytes: 0,
-                vertex_stride: 0,
-                vertex_attributes: &[],
-                colours: &[stage.colour],
-                depth: Some(DepthState::TEST),
-                samples: stage.samples,
-                blend: false,
-            },
-        )?;
-        Ok(Self { materials, sky, eyes })
+        let surface = |features: &MaterialFeatures| {
+            let constants: Vec<Constant> = common.into_iter().chain(constants(*features, multiple)).collect();
+            let fragment = if features.alpha_mask { stages.cutout } else { stages.surface };
+            Pipeline::graphics(
+                gpu,
+                &GraphicsDesc {
+                    name: "forward",
+                    vertex: "forward.vert",
+                    fragment: Some(fragment),
+                    constants: &constants,
+                    push_bytes: size_of::<u32>() as u32,
+                    vertex_stride: size_of::<PackedVertex>() as u32,
+                    vertex_attributes: &ATTRIBUTES,
+                    depth: Some(DepthState::WRITE),
+                    ..desc
+                },
+            )
+        };
+        let sky = GraphicsDesc {
+            name: "sky",
+            vertex: "sky.vert",
+            fragment: Some(stages.sky),
+            depth: Some(DepthState::TEST),
+            ..desc
+        };
+        let surfaces = variants.iter().map(surface).collect::<Result<_>>()?;
+        Ok(Self { surfaces, sky: Pipeline::graphics(gpu, &sky)?, eyes: *eyes })
     }
 
-    /// Draws what is listed for all eyes, moved together by a rigid `models`, setting only what changes from draw to draw.
-    pub fn draw(
+    /// Draws surfaces for all eyes, setting only what changes from call to call. `importance` is what the reference's
+    /// samples are drawn from.
+    pub fn draw_surfaces(
         &self,
         commands: &mut Commands<'_>,
-        world: &SceneResources,
-        models: Mat4,
-        list: &DrawList,
-        frame: &DescriptorSet,
+        frame: FrameSet<'_>,
+        scene: &BoundScene,
+        calls: &[DrawCall],
+        importance: Option<&Importance>,
     ) {
-        commands.bind_mesh(&world.geometry.vertices, &world.geometry.indices);
-        let (mut pipeline, mut needs, mut material, mut placed) = (None, None, None, None);
-        let mut cull_back = false;
-        for listed in list.iter() {
-            let draw = &world.draws[listed.draw as usize];
-            if material != Some(draw.material) {
-                let next = &world.materials[draw.material];
-                if needs != Some(next.needs) {
-                    pipeline = self.materials.get(&next.needs);
-                    needs = Some(next.needs);
-                    // Another pipeline's layout may keep neither sets nor push constants.
-                    pipeline.iter().for_each(|pipeline| commands.bind(pipeline, &[frame]));
-                    placed = None;
-                }
-                pipeline.iter().for_each(|pipeline| commands.bind_set(pipeline, 1, &next.set, &[]));
-                material = Some(draw.material);
+        let resources = &scene.resources;
+        commands.bind_mesh(&resources.geometry.vertices, &resources.geometry.indices);
+        let mut last: Option<&DrawCall> = None;
+        for call in calls {
+            let changes = |part: fn(&DrawCall) -> u32| last.is_none_or(|last| part(last) != part(call));
+            let pipeline = &self.surfaces[call.variant as usize];
+            if last.is_none() {
+                // All variants have the same pipeline layout, so that sets and push constants stay bound.
+                frame.bind(commands, pipeline, 0);
+                commands.bind_set(pipeline, 1, &scene.set, &[]);
+                importance.iter().for_each(|importance| commands.bind_set(pipeline, 3, &importance.set, &[]));
+            } else if changes(|call| call.variant) {
+                commands.bind_pipeline(pipeline);
             }
-            let Some(pipeline) = pipeline else { continue };
-            if placed != Some(draw.world_from_local) {
-                commands.push(pipeline, bytemuck::bytes_of(&DrawBlock::new(models * draw.world_from_local)));
-                placed = Some(draw.world_from_local);
+            if changes(|call| call.textures) {
+                commands.bind_set(pipeline, 2, &resources.texture_sets[call.textures as usize], &[]);
             }
-            if cull_back != listed.cull_back {
-                commands.cull_back(listed.cull_back);
-                cull_back = listed.cull_back;
+            if changes(|call| call.instance) {
+                commands.push(pipeline, bytemuck::bytes_of(&call.instance));
             }
-            commands.draw_indexed(draw.range.indices.clone(), draw.range.first_vertex, self.eyes);
+            if changes(|call| call.cull_back.into()) {
+                commands.cull_back(call.cull_back);
+            }
+            commands.draw_indexed(call.indices.clone(), self.eyes);
+            last = Some(call);
         }
         commands.cull_back(false);
     }
 
     /// Draws the panorama wherever nothing else is.
-    pub fn draw_sky(&self, commands: &mut Commands<'_>, frame: &DescriptorSet) {
-        commands.bind(&self.sky, &[frame]);
+    pub fn draw_sky(
+        &self,
+        commands: &mut Commands<'_>,
+        frame: FrameSet<'_>,
+        scene: &BoundScene,
+        importance: Option<&Importance>,
+    ) {
+        frame.bind(commands, &self.sky, 0);
+        commands.bind_set(&self.sky, 1, &scene.set, &[]);
+        importance.iter().for_each(|importance| commands.bind_set(&self.sky, 3, &importance.set, &[]));
         commands.draw(3, self.eyes);
     }
 }
 
-fn material_pipeline(
-    gpu: &Arc<Gpu>,
-    sets: &[&DescriptorSetLayout],
-    needs: MaterialFeatures,
-    multiple: bool,
-    common: &[Constant],
-    stage: &ShaderSet,
-) -> Result<Pipeline> {
-    let mut constants = common.to_vec();
-    constants.extend([
-        (constant::HAS_BASE_COLOR_MAP, u32::from(needs.base_color_map)),
-        (constant::HAS_NORMAL_MAP, u32::from(needs.normal_map)),
-        (constant::HAS_ORM_MAP, u32::from(needs.orm_map)),
-        (constant::ALPHA_MASK, u32::from(needs.alpha_mask)),
-        (constant::METALNESS, needs.metalness as u32),
-        (constant::MULTI_SCATTER, u32::from(multiple && needs.multi_scatter)),
-    ]);
-    Pipeline::graphics(
-        gpu,
-        &GraphicsDesc {
-            name: "forward",
-            vertex: "forward.vert",
-            fragment: Some(if needs.alpha_mask { stage.cutout } else { stage.surface }),
-            constants: &constants,
-            sets,
-            push_bytes: size_of::<DrawBlock>() as u32,
-            vertex_stride: size_of::<PackedVertex>() as u32,
-            vertex_attributes: &ATTRIBUTES,
-            colours: &[stage.colour],
-            depth: Some(DepthState::WRITE),
-            samples: stage.samples,
-            blend: false,
-        },
-    )
+fn constants(features: MaterialFeatures, multiple: bool) -> [Constant; 6] {
+    [
+        (constant::HAS_BASE_COLOR_MAP, u32::from(features.base_color_map)),
+        (constant::HAS_NORMAL_MAP, u32::from(features.normal_map)),
+        (constant::HAS_ORM_MAP, u32::from(features.orm_map)),
+        (constant::ALPHA_MASK, u32::from(features.alpha_mask)),
+        (constant::METALNESS, features.metalness as u32),
+        (constant::MULTI_SCATTER, u32::from(multiple && features.multi_scatter)),
+    ]
 }

@@ -1,19 +1,17 @@
-//! What the user is shown of their own hands in the scene: wands, rays, the teleport's arc and its landing ring.
+//! Controller gizmos: wands, rays, the teleport's arc and its landing ring, as unlit triangles.
 
 mod shapes;
 
 use std::mem::offset_of;
-use std::sync::Arc;
 
 use bytemuck::{Pod, Zeroable};
 
+use super::frame_set::FrameSet;
+use super::pipeline_request::PipelineRequest;
 use super::shared::constant;
-use super::{FRAMES_IN_FLIGHT, Output, Settings};
+use super::targets::Output;
 use crate::Result;
-use crate::gpu::{
-    Binding, BindingType, Buffer, BufferKind, Commands, DepthState, DescriptorSet, DescriptorSetLayout, Gpu,
-    GraphicsDesc, Pipeline,
-};
+use crate::gpu::{Commands, DepthState, GraphicsDesc, Pipeline};
 
 /// Vertices that one frame holds at most; triangles beyond are left out.
 pub const MAX_GIZMO_VERTICES: usize = 6144;
@@ -64,23 +62,13 @@ impl ControllerGizmos {
 }
 
 /// Draws gizmos with the frame's other triangles.
-pub(super) struct GizmosPass {
+pub(super) struct GizmoPass {
     pipeline: Pipeline,
-    /// Per frame in flight: vertices, the set that names them, and how many there are.
-    frames: Vec<(Arc<Buffer>, DescriptorSet, u32)>,
     eyes: u32,
 }
 
-impl GizmosPass {
-    pub fn new(gpu: &Arc<Gpu>, frame_layout: &DescriptorSetLayout, settings: &Settings, eyes: u32) -> Result<Self> {
-        let layout = DescriptorSetLayout::new(gpu, "gizmos", &[BindingType::Storage])?;
-        let frame = |_| {
-            let bytes = (MAX_GIZMO_VERTICES * size_of::<GizmoVertex>()) as u64;
-            let vertices = Buffer::new(gpu, "gizmos", BufferKind::StorageFromCpu, bytes)?;
-            let set = DescriptorSet::new(gpu, "gizmos", &layout, &[Binding::Storage(&vertices)])?;
-            Ok((vertices, set, 0))
-        };
-        let frames = (0..FRAMES_IN_FLIGHT).map(frame).collect::<Result<_>>()?;
+impl GizmoPass {
+    pub fn new(PipelineRequest { gpu, layouts, settings, eyes, .. }: &PipelineRequest) -> Result<Self> {
         let pipeline = Pipeline::graphics(
             gpu,
             &GraphicsDesc {
@@ -88,35 +76,24 @@ impl GizmosPass {
                 vertex: "gizmos.vert",
                 fragment: Some("gizmos.frag"),
                 constants: &[
-                    (constant::EYES, eyes),
+                    (constant::EYES, *eyes),
                     (constant::LINEAR_OUTPUT, u32::from(settings.output == Output::Linear)),
                 ],
-                sets: &[frame_layout, &layout],
-                push_bytes: 0,
-                vertex_stride: 0,
-                vertex_attributes: &[],
+                sets: &[&layouts.frame],
                 colours: &[settings.output.format()],
                 depth: Some(DepthState::WRITE),
                 samples: settings.samples,
-                blend: false,
+                ..GraphicsDesc::default()
             },
         )?;
-        Ok(Self { pipeline, frames, eyes })
+        Ok(Self { pipeline, eyes: *eyes })
     }
 
-    /// Takes over what the frame in `slot` shows.
-    pub fn set(&mut self, slot: usize, gizmos: &ControllerGizmos) {
-        let (vertices, _, count) = &mut self.frames[slot];
-        vertices.write(0, bytemuck::cast_slice(gizmos.triangles()));
-        *count = gizmos.triangles().len() as u32;
-    }
-
-    /// Draws them; called while rendering the scene.
-    pub fn draw(&self, commands: &mut Commands<'_>, slot: usize, frame: &DescriptorSet) {
-        let (_, set, count) = &self.frames[slot];
-        if *count > 0 {
-            commands.bind(&self.pipeline, &[frame, set]);
-            commands.draw(*count, self.eyes);
+    /// Draws `vertices` corners, pushed at the offset `storage`; called while rendering the scene.
+    pub fn draw(&self, commands: &mut Commands<'_>, frame: FrameSet<'_>, storage: u32, vertices: u32) {
+        if vertices > 0 {
+            frame.bind(commands, &self.pipeline, storage);
+            commands.draw(vertices, self.eyes);
         }
     }
 }

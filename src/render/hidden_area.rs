@@ -2,16 +2,15 @@
 
 use std::sync::Arc;
 
-use super::{Output, Settings};
+use super::pipeline_request::PipelineRequest;
+use crate::Result;
 use crate::gpu::{Buffer, BufferKind, Commands, DepthState, Format, Gpu, GraphicsDesc, Pipeline, Upload};
-use crate::{Error, Result};
 
 /// Corners of triangles: x and y of clip space (Vulkan's, y down), and the eye's index.
 type Corner = [f32; 3];
 
 /// The hidden triangles of all eyes.
 pub struct HiddenArea {
-    pipeline: Pipeline,
     corners: Arc<Buffer>,
     indices: Arc<Buffer>,
     count: u32,
@@ -19,8 +18,8 @@ pub struct HiddenArea {
 
 impl HiddenArea {
     /// From the triangles of each eye, three corners each, in the units of the eye's picture: 0 to 1, v downwards.
-    /// `None` if there is not a single one; all of them together have 65,536 corners at most.
-    pub fn new(gpu: &Arc<Gpu>, settings: &Settings, eyes: &[Vec<[f32; 2]>]) -> Result<Option<Self>> {
+    /// `None` if there is not a single one.
+    pub fn new(gpu: &Arc<Gpu>, eyes: &[Vec<[f32; 2]>]) -> Result<Option<Self>> {
         let corners: Vec<Corner> = (0u8..)
             .zip(eyes)
             .flat_map(|(eye, corners)| {
@@ -32,13 +31,9 @@ impl HiddenArea {
         if corners.is_empty() {
             return Ok(None);
         }
-        let most = usize::from(u16::MAX) + 1;
-        if corners.len() > most {
-            let problem = format!("the runtime hides {} corners of triangles; {most} can be drawn", corners.len());
-            return Err(Error::Headset { problem });
-        }
+        // A runtime counts them in 32 bits.
         let count = corners.len() as u32;
-        let indices: Vec<u16> = (0..=u16::MAX).take(corners.len()).collect();
+        let indices: Vec<u32> = (0..count).collect();
         let buffer = |kind, bytes: &[u8]| Buffer::new(gpu, "hidden area", kind, bytes.len() as u64);
         let (corners, indices): (&[u8], &[u8]) = (bytemuck::cast_slice(&corners), bytemuck::cast_slice(&indices));
         let (on_corners, on_indices) = (buffer(BufferKind::Vertex, corners)?, buffer(BufferKind::Index, indices)?);
@@ -46,34 +41,34 @@ impl HiddenArea {
         upload.buffer(&on_corners, corners)?;
         upload.buffer(&on_indices, indices)?;
         upload.finish()?;
-        let pipeline = pipeline(gpu, settings)?;
-        Ok(Some(Self { pipeline, corners: on_corners, indices: on_indices, count }))
-    }
-
-    /// Draws it; called while rendering, before all else.
-    pub(super) fn draw(&self, commands: &mut Commands<'_>) {
-        commands.bind(&self.pipeline, &[]);
-        commands.bind_mesh(&self.corners, &self.indices);
-        commands.draw_indexed(0..self.count, 0, 1);
+        Ok(Some(Self { corners: on_corners, indices: on_indices, count }))
     }
 }
 
-fn pipeline(gpu: &Arc<Gpu>, settings: &Settings) -> Result<Pipeline> {
-    Pipeline::graphics(
-        gpu,
-        &GraphicsDesc {
+/// Draws a hidden area.
+pub struct HiddenAreaPass(Pipeline);
+
+impl HiddenAreaPass {
+    /// Creates its pipeline.
+    pub fn new(PipelineRequest { gpu, settings, .. }: &PipelineRequest) -> Result<Self> {
+        let desc = GraphicsDesc {
             name: "hidden area",
             vertex: "hidden_area.vert",
             fragment: Some("hidden_area.frag"),
-            constants: &[],
-            sets: &[],
-            push_bytes: 0,
             vertex_stride: size_of::<Corner>() as u32,
             vertex_attributes: &[(Format::R32G32B32_SFLOAT, 0)],
-            colours: &[Output::Display.format()],
+            colours: &[settings.output.format()],
             depth: Some(DepthState::WRITE),
             samples: settings.samples,
-            blend: false,
-        },
-    )
+            ..GraphicsDesc::default()
+        };
+        Ok(Self(Pipeline::graphics(gpu, &desc)?))
+    }
+
+    /// Called while rendering, before all else.
+    pub fn draw(&self, commands: &mut Commands<'_>, area: &HiddenArea) {
+        commands.bind(&self.0, &[]);
+        commands.bind_mesh(&area.corners, &area.indices);
+        commands.draw_indexed(0..area.count, 1);
+    }
 }

@@ -4,8 +4,8 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use crate::asset::Cache;
 use crate::asset::file::{self, write_atomically};
+use crate::context::Context;
 use crate::gpu::Gpu;
 use crate::{Error, Result};
 
@@ -26,8 +26,9 @@ pub struct KeptPipelines {
 
 impl KeptPipelines {
     /// Gives the driver the pipelines of former runs; without a cache, none are kept.
-    pub fn load(gpu: &Arc<Gpu>, cache: Option<&Cache>) -> Self {
-        let file = cache.map(|cache| cache.beside(FOLDER).join(gpu.pipeline_cache_name()));
+    pub fn load(context: &Context) -> Self {
+        let Context { gpu, cache, .. } = context;
+        let file = cache.as_ref().map(|cache| cache.beside(FOLDER).join(gpu.pipeline_cache_name()));
         let known = gpu.pipeline_cache_bytes().map_or(0, |bytes| bytes.len());
         if let Some(path) = file.as_deref().filter(|path| path.exists()) {
             match read(path) {
@@ -81,6 +82,7 @@ fn read(path: &Path) -> Result<Vec<u8>> {
 #[cfg(test)]
 mod gpu_tests {
     use super::*;
+    use crate::asset::Cache;
     use crate::gpu::with_gpu;
 
     #[test]
@@ -101,8 +103,9 @@ mod gpu_tests {
     fn pipelines_are_kept_for_the_next_run_and_broken_files_replaced() {
         let folder = tempfile::tempdir().unwrap();
         let cache = Cache::in_folder(folder.path().join("maps"));
+        let with_cache = |gpu: &Arc<Gpu>| Context { cache: Some(cache.clone()), ..Context::silent(gpu) };
         let kept = with_gpu(|gpu| {
-            let mut kept = KeptPipelines::load(gpu, Some(&cache));
+            let mut kept = KeptPipelines::load(&with_cache(gpu));
             // A driver may keep nothing beyond a header: then this first file is what there is to keep.
             kept.size = 0;
             kept.save();
@@ -111,11 +114,11 @@ mod gpu_tests {
         let first = read(&kept).unwrap();
         std::fs::write(&kept, b"broken").unwrap();
         with_gpu(|gpu| {
-            let mut kept = KeptPipelines::load(gpu, Some(&cache));
+            let mut kept = KeptPipelines::load(&with_cache(gpu));
             kept.size = 0;
             kept.save();
-            assert_eq!(KeptPipelines::load(gpu, Some(&cache)).size, kept.size);
-            KeptPipelines::load(gpu, None).save();
+            assert_eq!(KeptPipelines::load(&with_cache(gpu)).size, kept.size);
+            KeptPipelines::load(&Context::silent(gpu)).save();
         });
         assert!(read(&kept).unwrap().len() >= first.len().min(32));
     }

@@ -4,14 +4,14 @@ use std::sync::Arc;
 
 use font8x8::legacy::BASIC_LEGACY;
 
-use super::{FRAMES_IN_FLIGHT, Output};
+use super::frame_set::FrameSet;
+use super::layouts;
+use super::targets::Output;
 use crate::Result;
-use crate::gpu::{
-    Binding, BindingType, Buffer, BufferKind, Commands, DescriptorSet, DescriptorSetLayout, Gpu, GraphicsDesc, Pipeline,
-};
+use crate::gpu::{Binding, Buffer, BufferKind, Commands, DescriptorSet, Gpu, GraphicsDesc, Pipeline};
 
 /// Characters that fit on the screen's grid at most; more are cut.
-const MAX_CHARACTERS: usize = 4096;
+pub const MAX_CHARACTERS: usize = 4096;
 /// Font pixels: a cell's size, with a little room between lines, and the distance from the picture's corner.
 const CELL: [f32; 2] = [8.0, 10.0];
 const MARGIN: f32 = 6.0;
@@ -19,9 +19,10 @@ const MARGIN: f32 = 6.0;
 /// Text in the picture's upper left corner.
 pub struct Overlay {
     pipeline: Pipeline,
-    frames: Vec<(Arc<Buffer>, DescriptorSet)>,
+    font: DescriptorSet,
     eyes: u32,
-    count: u32,
+    /// One for each character: column, row << 8, character << 16.
+    cells: Vec<u32>,
     cell_ndc: [f32; 2],
     origin_ndc: [f32; 2],
 }
@@ -29,44 +30,33 @@ pub struct Overlay {
 impl Overlay {
     /// Makes an empty overlay for display pictures with `eyes` eyes.
     pub fn new(gpu: &Arc<Gpu>, eyes: u32) -> Result<Self> {
-        let layout = DescriptorSetLayout::new(gpu, "text", &[BindingType::Storage, BindingType::Storage])?;
+        let (frame, layout) = (layouts::frame(gpu)?, layouts::text(gpu)?);
         let glyphs: Vec<u8> = BASIC_LEGACY.iter().flatten().copied().collect();
         let font = Buffer::with_bytes(gpu, "font", BufferKind::StorageFromCpu, &glyphs)?;
-        let frame = |_| {
-            let cells = Buffer::new(gpu, "text", BufferKind::StorageFromCpu, 4 * MAX_CHARACTERS as u64)?;
-            let set = DescriptorSet::new(gpu, "text", &layout, &[Binding::Storage(&cells), Binding::Storage(&font)])?;
-            Ok((cells, set))
+        let font = DescriptorSet::new(gpu, "text", &layout, &[Binding::Storage(&font)])?;
+        let desc = GraphicsDesc {
+            name: "text",
+            vertex: "text.vert",
+            fragment: Some("text.frag"),
+            constants: &[(0, eyes)],
+            sets: &[&frame, &layout],
+            push_bytes: 16,
+            colours: &[Output::Display.format()],
+            blend: true,
+            ..GraphicsDesc::default()
         };
-        let frames = (0..FRAMES_IN_FLIGHT).map(frame).collect::<Result<_>>()?;
-        let pipeline = Pipeline::graphics(
-            gpu,
-            &GraphicsDesc {
-                name: "text",
-                vertex: "text.vert",
-                fragment: Some("text.frag"),
-                constants: &[(0, eyes)],
-                sets: &[&layout],
-                push_bytes: 16,
-                vertex_stride: 0,
-                vertex_attributes: &[],
-                colours: &[Output::Display.format()],
-                depth: None,
-                samples: 1,
-                blend: true,
-            },
-        )?;
-        Ok(Self { pipeline, frames, eyes, count: 0, cell_ndc: [0.0; 2], origin_ndc: [0.0; 2] })
+        let pipeline = Pipeline::graphics(gpu, &desc)?;
+        let cells = Vec::with_capacity(MAX_CHARACTERS);
+        Ok(Self { pipeline, font, eyes, cells, cell_ndc: [0.0; 2], origin_ndc: [0.0; 2] })
     }
 
-    /// Sets the text for the frame in `slot`; characters outside ASCII show as `?`. `scale` is pixels per font pixel.
-    pub fn set_text(&mut self, slot: usize, lines: &[String], picture: [u32; 2], scale: u32) {
-        let cells: Vec<u32> = (0u32..)
+    /// Sets the text; characters outside ASCII show as `?`. `scale` is pixels per font pixel.
+    pub fn set_text(&mut self, lines: &[String], picture: [u32; 2], scale: u32) {
+        let cells = (0u32..)
             .zip(lines.iter().take(256))
-            .flat_map(|(row, line)| (0u32..256).zip(line.chars()).map(move |(column, c)| cell(column, row, c)))
-            .take(MAX_CHARACTERS)
-            .collect();
-        self.frames[slot].0.write(0, bytemuck::cast_slice(&cells));
-        self.count = cells.len() as u32;
+            .flat_map(|(row, line)| (0u32..256).zip(line.chars()).map(move |(column, c)| cell(column, row, c)));
+        self.cells.clear();
+        self.cells.extend(cells.take(MAX_CHARACTERS));
         let pixel = picture.map(|s| 2.0 / s as f32);
         let scale = scale as f32;
         self.cell_ndc = [pixel[0] * CELL[0] * scale, pixel[1] * CELL[1] * scale];
@@ -79,11 +69,17 @@ impl Overlay {
         [fits(0), fits(1)]
     }
 
-    /// Draws the text set for `slot`; called while rendering.
-    pub(super) fn draw(&self, commands: &mut Commands<'_>, slot: usize) {
-        commands.bind(&self.pipeline, &[&self.frames[slot].1]);
+    /// What a frame has to push for [`Overlay::draw`].
+    pub(super) fn bytes(&self) -> &[u8] {
+        bytemuck::cast_slice(&self.cells)
+    }
+
+    /// Draws the text, pushed at the offset `storage`; called while rendering.
+    pub(super) fn draw(&self, commands: &mut Commands<'_>, frame: FrameSet<'_>, storage: u32) {
+        frame.bind(commands, &self.pipeline, storage);
+        commands.bind_set(&self.pipeline, 1, &self.font, &[]);
         commands.push(&self.pipeline, bytemuck::cast_slice(&[self.cell_ndc, self.origin_ndc]));
-        commands.draw(6, self.count * self.eyes);
+        commands.draw(6, self.cells.len() as u32 * self.eyes);
     }
 }
 

@@ -5,18 +5,23 @@ use std::sync::Arc;
 use bytemuck::{Pod, Zeroable};
 use glam::{Mat4, Vec3};
 
-use super::scene_resources::SceneResources;
-use super::*;
+use super::eye::Eye;
+use super::frame::{FRAME_BYTES, FrameInputs};
+use super::frame_set::FrameSet;
+use super::renderer::Renderer;
+use super::settings::{RenderSettings, Shading, TextureSettings};
+use super::shared::constant;
 use crate::asset::ktx2::TexelFormat;
 use crate::asset::mips::{level_count, level_size};
 use crate::asset::{MipChain, Panorama};
+use crate::context::Context;
 use crate::gpu::{
-    Attachments, ColourAttachment, Constant, Format, GraphicsDesc, ImageAccess, ImageDesc, ImageUsageFlags, Pipeline,
-    Subresource, read_image, submit_and_wait,
+    Attachments, ColourAttachment, Constant, Format, FrameRing, Gpu, GraphicsDesc, Image, ImageAccess, ImageDesc,
+    ImageUsageFlags, Pipeline, Subresource, read_image,
 };
 use crate::precompute::harness_tests::{Random, with_gpu};
-use crate::render::shared::constant;
-use crate::scene::{Bounds, Environment, Instance, Material, Mesh, PointLight, Vertex};
+use crate::reference::brdf::Geometry;
+use crate::scene::{Bounds, Environment, Instance, Material, Mesh, Model, PointLight, Scene, Vertex};
 
 /// Pixels of the picture, one triangle each: more than a million.
 const SIZE: [u32; 2] = [1024, 1024];
@@ -29,11 +34,12 @@ const SKY: f32 = 40.0;
 #[repr(C)]
 #[derive(Clone, Copy, Pod, Zeroable)]
 struct Range {
-    size: [u32; 2],
+    instance: u32,
     first: u32,
     seed: u32,
     hostile: u32,
     inside: u32,
+    size: [u32; 2],
 }
 
 /// A texture of any bytes; half of the texels are all 0 or all 255.
@@ -74,13 +80,21 @@ fn scene() -> Scene {
         |x, y| Vertex { position: [x, y, 0.0], normal: [0.0, 0.0, 1.0], uv: [x, y], tangent: [1.0, 0.0, 0.0, 1.0] };
     let vertices = vec![corner(0.0, 0.0), corner(1.0, 0.0), corner(0.0, 1.0)];
     let bounds = Bounds { min: Vec3::ZERO, max: Vec3::new(1.0, 1.0, 0.0) };
-    let mesh = Mesh { name: "triangle".into(), vertices, indices: vec![0, 1, 2], material: 0, bounds };
+    let mesh = |material| Mesh {
+        name: "triangle".into(),
+        vertices: vertices.clone(),
+        indices: vec![0, 1, 2],
+        material,
+        bounds,
+    };
+    let all = 0..MATERIALS as usize;
     let lamp = |position, intensity| PointLight { position, intensity: Vec3::splat(intensity) };
     let sun = Vec3::new(0.3, 0.8, 0.5).normalize();
     let sky = |d: Vec3| if d.dot(sun) > 0.99 { Vec3::splat(SKY) } else { Vec3::splat(1.0) + 0.5 * d };
     Scene {
-        meshes: vec![mesh],
-        instances: vec![Instance { mesh: 0, world_from_local: Mat4::IDENTITY }],
+        // Instance i has material i.
+        meshes: all.clone().map(mesh).collect(),
+        instances: all.map(|mesh| Instance { mesh, world_from_local: Mat4::IDENTITY }).collect(),
         materials,
         textures: vec![
             texture("albedo", TexelFormat::Rgba8Srgb, &mut random),
@@ -112,7 +126,7 @@ struct Case {
 }
 
 /// Radiance of every pixel.
-fn shade(gpu: &Arc<Gpu>, renderer: &Renderer, world: &SceneResources, case: Case) -> Vec<[f32; 4]> {
+fn shade(gpu: &Arc<Gpu>, renderer: &Renderer, inputs: &FrameInputs<'_>, case: Case) -> Vec<[f32; 4]> {
     let usage = ImageUsageFlags::COLOR_ATTACHMENT | ImageUsageFlags::TRANSFER_SRC;
     let picture = Image::new(gpu, "random", ImageDesc::flat(Format::R32G32B32A32_SFLOAT, SIZE, usage)).unwrap();
     let constants: [Constant; 5] = [
@@ -127,35 +141,35 @@ fn shade(gpu: &Arc<Gpu>, renderer: &Renderer, world: &SceneResources, case: Case
         vertex: "test_random.vert",
         fragment: Some(case.fragment),
         constants: &constants,
-        sets: &[&renderer.frame_layout, &world.material_layout],
+        sets: &renderer.layouts.drawing(),
         push_bytes: size_of::<Range>() as u32,
-        vertex_stride: 0,
-        vertex_attributes: &[],
         colours: &[Format::R32G32B32A32_SFLOAT],
-        depth: None,
-        samples: 1,
-        blend: false,
+        ..GraphicsDesc::default()
     };
     let pipeline = Pipeline::graphics(gpu, &desc).unwrap();
-    let (_, set) = &renderer.frames[0];
     let count = SIZE[0] * SIZE[1] / MATERIALS;
-    submit_and_wait(gpu, |commands| {
-        commands.prepare_fresh(&picture, ImageAccess::Colour);
-        // What is not drawn would be found.
-        let colours = &[ColourAttachment::cleared(picture.attachment(), [f32::NEG_INFINITY; 4])];
-        commands.render(&Attachments { colours, depth: None, area: SIZE }, |commands| {
-            commands.bind(&pipeline, &[set]);
-            for (i, material) in (0..).zip(&world.materials) {
-                commands.bind_set(&pipeline, 1, &material.set, &[]);
-                let Case { hostile, inside, .. } = case;
-                let range = Range { size: SIZE, first: i * count, seed: 5, hostile, inside: inside.into() };
-                commands.push(&pipeline, bytemuck::bytes_of(&range));
-                commands.draw(3 * count, 1);
-            }
-        });
-        Ok(())
-    })
-    .unwrap();
+    let mut ring = FrameRing::new(gpu, FRAME_BYTES).unwrap();
+    let mut frame = ring.begin().unwrap();
+    let block = frame.push(&inputs.block(renderer.scene.constants())).unwrap();
+    let set = FrameSet { set: frame.set, block };
+    frame.commands.prepare_fresh(&picture, ImageAccess::Colour);
+    // What is not drawn would be found.
+    let colours = &[ColourAttachment::cleared(picture.attachment(), [f32::NEG_INFINITY; 4])];
+    frame.commands.render(&Attachments { colours, depth: None, area: SIZE }, |commands| {
+        set.bind(commands, &pipeline, 0);
+        commands.bind_set(&pipeline, 1, &renderer.scene.set, &[]);
+        // All materials have the same maps.
+        commands.bind_set(&pipeline, 2, &renderer.scene.resources.texture_sets[0], &[]);
+        for instance in 0..MATERIALS {
+            let Case { hostile, inside, .. } = case;
+            let first = instance * count;
+            let range = Range { instance, first, seed: 5, hostile, inside: inside.into(), size: SIZE };
+            commands.push(&pipeline, bytemuck::bytes_of(&range));
+            commands.draw(3 * count, 1);
+        }
+    });
+    frame.submit(None).unwrap();
+    ring.finish_all().unwrap();
     bytemuck::pod_collect_to_vec(&read_image(gpu, &picture, Subresource { mip: 0, layer: 0 }, 16).unwrap())
 }
 
@@ -169,10 +183,10 @@ fn wrong(radiance: &[[f32; 4]], most: &[[f32; 4]]) -> (usize, Option<(usize, [f3
 
 /// What each fragment may send at most: of the surroundings what they are, as nothing reflects more than it gets; of lamps, what
 /// each one's irradiance there times the BRDF's peak is (test_bound.frag).
-fn most(gpu: &Arc<Gpu>, renderer: &Renderer, world: &SceneResources, case: Case) -> Vec<[f32; 4]> {
+fn most(gpu: &Arc<Gpu>, renderer: &Renderer, inputs: &FrameInputs<'_>, case: Case) -> Vec<[f32; 4]> {
     let mut most = vec![[0.0; 4]; (SIZE[0] * SIZE[1]) as usize];
     if case.lamps {
-        most = shade(gpu, renderer, world, Case { fragment: "test_bound.frag", ..case });
+        most = shade(gpu, renderer, inputs, Case { fragment: "test_bound.frag", ..case });
     }
     // Rounding takes its share: near a lobe's centre D is known to 1e-3 or so.
     most.iter_mut().flatten().for_each(|value| *value = 1.01 * (*value + SKY));
@@ -182,19 +196,19 @@ fn most(gpu: &Arc<Gpu>, renderer: &Renderer, world: &SceneResources, case: Case)
 #[test]
 fn a_million_random_and_hostile_surfaces_send_light_that_is_finite_not_negative_and_bounded() {
     with_gpu(|gpu| {
-        let (scene, report) = (scene(), Report::silent());
-        let settings = Settings {
+        let scene = scene();
+        let settings = RenderSettings {
             model: Model::Everything,
             samples: 1,
-            textures: TextureOptions { anisotropy: 1, ..TextureOptions::default() },
-            precompute: precompute::Options { face_size: 64, ..precompute::Options::default() },
-            ..Settings::default()
+            textures: TextureSettings { anisotropy: Some(1), ..TextureSettings::default() },
+            cube_size: 64,
+            ..RenderSettings::default()
         };
-        let renderer = Renderer::new(gpu, &scene, settings, Shading::Pbr, [16, 16], 1, &report).unwrap();
+        let renderer = Renderer::new(&Context::silent(gpu), &scene, settings, [16, 16], 1).unwrap();
+        assert_eq!(renderer.scene.resources.texture_sets.len(), 1);
         let place = Mat4::from_translation(Vec3::new(0.5, -0.25, 2.0));
-        let block = renderer.frame_block(&[Eye::symmetric(place, 60.0, 1.0, 1.0)]);
-        renderer.frames[0].0.write(0, bytemuck::bytes_of(&block));
-        let world = &renderer.world;
+        let eyes = [Eye::symmetric(place, 60.0, 1.0, 1.0)];
+        let inputs = &FrameInputs::of(&scene, &eyes);
         let ours = Case {
             fragment: "forward.frag",
             shading: Shading::Pbr,
@@ -210,9 +224,9 @@ fn a_million_random_and_hostile_surfaces_send_light_that_is_finite_not_negative_
             Case { shading: Shading::Phong, ..ours },
             Case { hostile: 0, ..ours },
         ] {
-            let most = most(gpu, &renderer, world, case);
+            let most = most(gpu, &renderer, inputs, case);
             assert!(most.iter().flatten().all(|value| value.is_finite()), "the bound bounds nothing");
-            let (count, first, greatest) = wrong(&shade(gpu, &renderer, world, case), &most);
+            let (count, first, greatest) = wrong(&shade(gpu, &renderer, inputs, case), &most);
             let what = format!("{:?}, {:?}, lamps: {}", case.shading, case.geometry, case.lamps);
             println!("{what}: {count} wrong, at most {greatest} of the bound");
             assert_eq!(count, 0, "{what}: the first is {first:?}");
@@ -222,7 +236,7 @@ fn a_million_random_and_hostile_surfaces_send_light_that_is_finite_not_negative_
         let anything = vec![[f32::MAX; 4]; (SIZE[0] * SIZE[1]) as usize];
         for (hostile, inside, least) in [(24, true, 250_000), (0, true, 200_000), (0, false, 0)] {
             let naive = Case { fragment: "test_naive.frag", hostile, inside, ..ours };
-            let (count, first, _) = wrong(&shade(gpu, &renderer, world, naive), &anything);
+            let (count, first, _) = wrong(&shade(gpu, &renderer, inputs, naive), &anything);
             println!("as in tutorials, hostile: {hostile}, in lamps: {inside}: {count} wrong");
             assert!(count >= least, "in the plain form only {count} are wrong any more, the first {first:?}");
         }

@@ -1,29 +1,27 @@
-//! The exact picture: samples of the whole BRDF over the panorama, a few per pixel and frame, averaged over frames.
+//! The reference: samples of the whole BRDF over the panorama, a few per pixel and frame, averaged over frames.
 
 use std::fmt;
 use std::sync::Arc;
 
 use bytemuck::{Pod, Zeroable, bytes_of};
-use glam::{Mat4, UVec4};
+use glam::UVec4;
 use serde::Serialize;
 
+use super::eye::Eye;
+use super::frame_set::FrameSet;
+use super::importance::Importance;
+use super::pipeline_request::PipelineRequest;
 use super::shared::{FrameBlock, constant};
-use super::targets::ViewTargets;
-use super::{Eye, FRAMES_IN_FLIGHT, Output, Shading};
+use super::targets::{Output, ViewTargets};
 use crate::Result;
 use crate::gpu::{
-    AddressMode, Attachments, Binding, BindingType, Buffer, BufferKind, ColourAttachment, Commands, DEPTH_FORMAT,
-    DepthAttachment, DescriptorSet, DescriptorSetLayout, Format, Gpu, GraphicsDesc, Image, ImageAccess, ImageDesc,
-    ImageUsageFlags, Pipeline, Sampler, Shape, Subresource, read_image,
+    AddressMode, Attachments, Binding, Buffer, BufferKind, ColourAttachment, Commands, DEPTH_FORMAT, DepthAttachment,
+    DescriptorSet, FRAMES_IN_FLIGHT, Format, FrameContext, GraphicsDesc, Image, ImageAccess, ImageDesc,
+    ImageUsageFlags, Pipeline, Sampler, Shape,
 };
-use crate::reference::importance::{Cell, alias_table};
 
-/// What frames are accumulated in; also what `glsl/exact.frag` writes.
-pub const FORMAT: Format = Format::R32G32B32A32_SFLOAT;
-/// Frames that `render` accumulates if nobody says how many.
-pub const DEFAULT_FRAMES: u64 = 256;
-/// Cells across the importance table at most: 2^19 of them take 6 MiB.
-const MOST_CELLS: u32 = 1024;
+/// What frames are accumulated in: `Output::Linear`'s format, which `glsl/exact.frag` writes.
+const FORMAT: Format = Format::R32G32B32A32_SFLOAT;
 /// Pixels along a side of `glsl/exact_accumulate.comp`'s workgroups.
 const GROUP: u32 = 8;
 
@@ -49,20 +47,18 @@ impl fmt::Display for StandardError {
 
 /// What frames that are averaged have in common.
 #[derive(Clone, Copy)]
-pub struct Shown {
+struct Shown {
     /// Without jitter.
-    pub block: FrameBlock,
-    /// Where the models stand.
-    pub models: Mat4,
+    block: FrameBlock,
     /// The part of the picture that is drawn, pixels.
-    pub area: [u32; 2],
+    area: [u32; 2],
 }
 
 impl Shown {
     /// Exposure comes after averaging.
     fn is_like(&self, other: &Self) -> bool {
         let bare = |shown: &Self| FrameBlock { exposure: 0.0, sample_index: 0, ..shown.block };
-        bytes_of(&bare(self)) == bytes_of(&bare(other)) && self.models == other.models && self.area == other.area
+        bytes_of(&bare(self)) == bytes_of(&bare(other)) && self.area == other.area
     }
 }
 
@@ -74,7 +70,37 @@ struct Count {
     frames: u32,
 }
 
-/// Images that outlive a frame, and the passes that fill them.
+/// The passes after the forward pass, and what its samples are drawn from.
+pub struct ReferencePasses {
+    accumulate: Pipeline,
+    show: Pipeline,
+    pub importance: Importance,
+}
+
+impl ReferencePasses {
+    /// Creates their pipelines, and the panorama's importance table.
+    pub fn new(request: &PipelineRequest) -> Result<Self> {
+        let PipelineRequest { gpu, layouts, panorama, settings, eyes, .. } = request;
+        let push_bytes = size_of::<Count>() as u32;
+        let accumulate = Pipeline::compute(gpu, "exact_accumulate.comp", &[], &[&layouts.accumulate], push_bytes)?;
+        let show = GraphicsDesc {
+            name: "show",
+            vertex: "exact_show.vert",
+            fragment: Some("exact_show.frag"),
+            constants: &[
+                (constant::EYES, *eyes),
+                (constant::LINEAR_OUTPUT, u32::from(settings.output == Output::Linear)),
+            ],
+            sets: &[&layouts.frame, &layouts.show],
+            colours: &[settings.output.format()],
+            ..GraphicsDesc::default()
+        };
+        let importance = Importance::new(gpu, layouts, panorama)?;
+        Ok(Self { accumulate, show: Pipeline::graphics(gpu, &show)?, importance })
+    }
+}
+
+/// Images that outlive a frame: the mean of all frames so far, and how far from settled it is.
 pub struct ReferenceAccumulator {
     latest: Arc<Image>,
     depth: Arc<Image>,
@@ -83,8 +109,8 @@ pub struct ReferenceAccumulator {
     errors: Arc<Buffer>,
     /// For each slot, and how many frames its errors are of.
     readbacks: Vec<(Arc<Buffer>, u32)>,
-    accumulate: (Pipeline, DescriptorSet),
-    show: (Pipeline, DescriptorSet),
+    accumulate: DescriptorSet,
+    show: DescriptorSet,
     groups: [u32; 3],
     frames: u32,
     /// What the accumulated frames show.
@@ -92,61 +118,36 @@ pub struct ReferenceAccumulator {
 }
 
 impl ReferenceAccumulator {
-    /// For [`Shading::Reference`]; others need none.
-    pub fn of_shading(
-        shading: Shading,
-        gpu: &Arc<Gpu>,
-        frame_layout: &DescriptorSetLayout,
-        size: [u32; 2],
-        eyes: u32,
-        output: Output,
-    ) -> Result<Option<Self>> {
-        (shading == Shading::Reference).then(|| Self::new(gpu, frame_layout, size, eyes, output)).transpose()
-    }
-
-    /// For pictures of `size` pixels of `eyes` eyes.
-    fn new(
-        gpu: &Arc<Gpu>,
-        frame_layout: &DescriptorSetLayout,
-        size: [u32; 2],
-        eyes: u32,
-        output: Output,
-    ) -> Result<Self> {
+    /// For pictures of `size` pixels of a request's eyes.
+    pub fn new(PipelineRequest { gpu, layouts, eyes, .. }: &PipelineRequest, size: [u32; 2]) -> Result<Self> {
         let make = |name: &str, format, usage| {
             let flat = ImageDesc::flat(format, size, usage);
-            Image::new(gpu, name, ImageDesc { shape: Shape::Layers(eyes), ..flat })
+            Image::new(gpu, name, ImageDesc { shape: Shape::Layers(*eyes), ..flat })
         };
         let kept = ImageUsageFlags::STORAGE | ImageUsageFlags::SAMPLED;
         let latest = make("latest", FORMAT, ImageUsageFlags::COLOR_ATTACHMENT | ImageUsageFlags::SAMPLED)?;
-        let depth = make("exact depth", DEPTH_FORMAT, ImageUsageFlags::DEPTH_STENCIL_ATTACHMENT)?;
+        let depth = make("reference depth", DEPTH_FORMAT, ImageUsageFlags::DEPTH_STENCIL_ATTACHMENT)?;
         let (mean, deviations) = (make("mean", FORMAT, kept)?, make("deviations", FORMAT, kept)?);
-        let groups = [size[0].div_ceil(GROUP), size[1].div_ceil(GROUP), eyes];
+        let groups = [size[0].div_ceil(GROUP), size[1].div_ceil(GROUP), *eyes];
         let bytes = groups.map(u64::from).iter().product::<u64>() * size_of::<[f32; 3]>() as u64;
         let errors = Buffer::new(gpu, "errors", BufferKind::Storage, bytes)?;
         let readback = |_| Ok((Buffer::new(gpu, "errors", BufferKind::Readback, bytes)?, 0));
-        let readbacks = (0..FRAMES_IN_FLIGHT).map(readback).collect::<Result<_>>()?;
-        let sampler = Sampler::new(gpu, "exact", AddressMode::Clamp, 1)?;
-        let slots = [BindingType::Sampled, BindingType::StorageImage, BindingType::StorageImage, BindingType::Storage];
-        let layout = DescriptorSetLayout::new(gpu, "accumulate", &slots)?;
-        let binds = [
+        let sampler = Sampler::new(gpu, "reference", AddressMode::Clamp, 1)?;
+        let bindings = [
             Binding::Sampled(&latest, &sampler),
             Binding::StorageImage(&mean, 0),
             Binding::StorageImage(&deviations, 0),
             Binding::Storage(&errors),
         ];
-        let set = DescriptorSet::new(gpu, "accumulate", &layout, &binds)?;
-        let accumulate =
-            (Pipeline::compute(gpu, "exact_accumulate.comp", &[], &[&layout], size_of::<Count>() as u32)?, set);
-        let show = show_pass(gpu, frame_layout, &mean, &sampler, eyes, output)?;
         Ok(Self {
+            accumulate: DescriptorSet::new(gpu, "accumulate", &layouts.accumulate, &bindings)?,
+            show: DescriptorSet::new(gpu, "show", &layouts.show, &[Binding::Sampled(&mean, &sampler)])?,
             latest,
             depth,
             mean,
             deviations,
             errors,
-            readbacks,
-            accumulate,
-            show,
+            readbacks: (0..FRAMES_IN_FLIGHT).map(readback).collect::<Result<_>>()?,
             groups,
             frames: 0,
             shown: None,
@@ -154,7 +155,9 @@ impl ReferenceAccumulator {
     }
 
     /// The number of the frame that comes next among those averaged: 0 whenever it shows something else than the last.
-    pub fn next_index(&mut self, shown: Shown) -> u32 {
+    /// `block` is without jitter, `area` the part of the picture that is drawn.
+    pub fn next_index(&mut self, block: FrameBlock, area: [u32; 2]) -> u32 {
+        let shown = Shown { block, area };
         if self.shown.is_none_or(|last| !last.is_like(&shown)) || self.frames == u32::MAX {
             self.frames = 0;
         }
@@ -162,22 +165,25 @@ impl ReferenceAccumulator {
         self.frames
     }
 
-    /// Has `draw` make one frame's samples, adds them and shows the mean in `targets`.
+    /// Has `draw` draw one frame's samples, adds them and shows the mean in the picture of `targets`. `block` is the
+    /// offset of the frame's block.
     pub fn record(
         &mut self,
-        commands: &mut Commands<'_>,
-        slot: usize,
-        draw: impl FnOnce(&mut Commands<'_>),
-        frame: &DescriptorSet,
+        frame: &mut FrameContext<'_>,
+        block: u32,
+        passes: &ReferencePasses,
         targets: &ViewTargets,
+        draw: impl FnOnce(&mut Commands<'_>, FrameSet<'_>),
     ) {
+        let FrameContext { commands, set, slot, .. } = frame;
+        let set = FrameSet { set, block };
         self.frames += 1;
         commands.pass("samples", |commands| {
             commands.prepare_fresh(&self.depth, ImageAccess::Depth);
             commands.prepare_fresh(&self.latest, ImageAccess::Colour);
             let colours = &[ColourAttachment::cleared(self.latest.attachment(), [0.0; 4])];
             let depth = Some(DepthAttachment::transient(self.depth.attachment()));
-            commands.render(&Attachments { colours, depth, area: targets.area }, draw);
+            commands.render(&Attachments { colours, depth, area: targets.area }, |commands| draw(commands, set));
         });
         commands.pass("accumulate", |commands| {
             commands.prepare(&self.latest, ImageAccess::Sampled);
@@ -185,12 +191,11 @@ impl ReferenceAccumulator {
             commands.prepare(&self.deviations, ImageAccess::Storage);
             // The last frame's errors are copied before they are overwritten.
             commands.buffers_written();
-            let (pipeline, set) = &self.accumulate;
-            commands.bind(pipeline, &[set]);
-            commands.push(pipeline, bytes_of(&Count { area: targets.area, frames: self.frames }));
+            commands.bind(&passes.accumulate, &[&self.accumulate]);
+            commands.push(&passes.accumulate, bytes_of(&Count { area: targets.area, frames: self.frames }));
             commands.dispatch(self.groups);
             commands.buffers_written();
-            let (readback, frames) = &mut self.readbacks[slot];
+            let (readback, frames) = &mut self.readbacks[*slot];
             commands.copy_buffer(&self.errors, 0, readback, 0, self.errors.size());
             commands.copies_to_host();
             *frames = self.frames;
@@ -198,9 +203,9 @@ impl ReferenceAccumulator {
         commands.pass("show", |commands| {
             commands.prepare(&self.mean, ImageAccess::Sampled);
             commands.prepare_fresh(&targets.picture, ImageAccess::Colour);
-            let (pipeline, set) = &self.show;
             targets.draw_over(commands, |commands| {
-                commands.bind(pipeline, &[frame, set]);
+                set.bind(commands, &passes.show, 0);
+                commands.bind_set(&passes.show, 1, &self.show, &[]);
                 commands.draw(3, self.groups[2]);
             });
         });
@@ -243,49 +248,6 @@ fn pcg4d(v: UVec4) -> UVec4 {
     UVec4::from_array(v)
 }
 
-/// What `glsl/importance.glsl` draws panorama samples from: a panorama's table, or an empty one where nothing samples.
-pub fn importance_buffer(gpu: &Arc<Gpu>, panorama: &Image, shading: Shading) -> Result<Arc<Buffer>> {
-    if shading != Shading::Reference {
-        return Buffer::new(gpu, "no importance", BufferKind::StorageFromCpu, 8 + size_of::<Cell>() as u64);
-    }
-    let mips = panorama.desc().mips;
-    let mip = (0..mips).find(|mip| panorama.mip_size(*mip)[0] <= MOST_CELLS).unwrap_or(mips - 1);
-    let size = panorama.mip_size(mip);
-    let texels = read_image(gpu, panorama, Subresource { mip, layer: 0 }, size_of::<[f32; 4]>() as u64)?;
-    let cells = alias_table(size, &bytemuck::pod_collect_to_vec(&texels));
-    let buffer = Buffer::new(gpu, "importance", BufferKind::StorageFromCpu, 8 + size_of_val(cells.as_slice()) as u64)?;
-    buffer.write(0, bytes_of(&size));
-    buffer.write(8, bytemuck::cast_slice(&cells));
-    Ok(buffer)
-}
-
-fn show_pass(
-    gpu: &Arc<Gpu>,
-    frame_layout: &DescriptorSetLayout,
-    mean: &Arc<Image>,
-    sampler: &Arc<Sampler>,
-    eyes: u32,
-    output: Output,
-) -> Result<(Pipeline, DescriptorSet)> {
-    let layout = DescriptorSetLayout::new(gpu, "show", &[BindingType::Sampled])?;
-    let set = DescriptorSet::new(gpu, "show", &layout, &[Binding::Sampled(mean, sampler)])?;
-    let desc = GraphicsDesc {
-        name: "show",
-        vertex: "exact_show.vert",
-        fragment: Some("exact_show.frag"),
-        constants: &[(constant::EYES, eyes), (constant::LINEAR_OUTPUT, u32::from(output == Output::Linear))],
-        sets: &[frame_layout, &layout],
-        push_bytes: 0,
-        vertex_stride: 0,
-        vertex_attributes: &[],
-        colours: &[output.format()],
-        depth: None,
-        samples: 1,
-        blend: false,
-    };
-    Ok((Pipeline::graphics(gpu, &desc)?, set))
-}
-
 #[cfg(test)]
 mod tests {
     use glam::Vec3;
@@ -294,7 +256,7 @@ mod tests {
 
     #[test]
     fn averaging_goes_on_through_exposure_and_ends_with_everything_else() {
-        let shown = Shown { block: FrameBlock::default(), models: Mat4::IDENTITY, area: [8, 8] };
+        let shown = Shown { block: FrameBlock::default(), area: [8, 8] };
         let with = |change: fn(&mut Shown)| {
             let mut other = shown;
             change(&mut other);
@@ -304,7 +266,7 @@ mod tests {
         assert!(!with(|s| s.block.environment_rotation[0] = 0.5));
         assert!(!with(|s| s.block.eyes[0].world_from_view[3][0] = 1e-3));
         assert!(!with(|s| s.block.light_count = 1));
-        assert!(!with(|s| s.models = Mat4::from_translation(Vec3::X)));
+        assert!(!with(|s| s.block.world_from_models[3][0] = 1.0));
         assert!(!with(|s| s.area = [8, 7]));
     }
 

@@ -1,79 +1,153 @@
-//! A scene's copy on the GPU: geometry, materials with their textures, lights.
+//! A scene's copy on the GPU: geometry, instances, materials with their textures, point lights; and the ranges to draw.
 
 mod geometry;
-mod materials;
 mod textures;
 mod vertex;
 
+use std::collections::HashMap;
 use std::sync::Arc;
 
 use super::draws::Draw;
-use super::shared::LightBlock;
+use super::layouts::Layouts;
+use super::shared::{InstanceBlock, LightBlock, MaterialBlock};
 use crate::Result;
-use crate::asset::{Report, TextureOptions};
-use crate::gpu::{AddressMode, Buffer, BufferKind, DescriptorSetLayout, Gpu, Sampler};
-use crate::scene::cluster::clusters;
-use crate::scene::{Scene, SceneFeatures};
-use geometry::Geometry;
-pub use geometry::MeshRange;
-use materials::{GpuMaterial, StandIns};
+use crate::asset::TextureOptions;
+use crate::context::Context;
+use crate::gpu::{Buffer, BufferKind, DescriptorSet, Gpu};
+use crate::scene::cluster::{Cluster, clusters};
+use crate::scene::{Material, MaterialFeatures, Scene, SceneFeatures};
+pub use geometry::Geometry;
 pub use textures::TextureFacts;
+use textures::TextureSets;
 pub use vertex::{ATTRIBUTES, PackedVertex};
 
 /// Everything of a scene but its environment.
 pub struct SceneResources {
     pub geometry: Geometry,
-    pub materials: Vec<GpuMaterial>,
-    pub draws: Vec<Draw>,
+    /// `InstanceBlock`, `MaterialBlock` and `LightBlock` each.
+    pub instances: Arc<Buffer>,
+    pub materials: Arc<Buffer>,
     pub lights: Arc<Buffer>,
     pub light_count: u32,
-    /// The number that shaders are made for; `None` for any.
-    pub lights_needed: Option<u32>,
-    pub material_layout: DescriptorSetLayout,
+    /// Each combination of features that a material needs; [`Draw::variant`] is an index.
+    pub variants: Vec<MaterialFeatures>,
+    /// The number of point lights that shaders are made for; `None` for any.
+    pub constant_lights: Option<u32>,
+    /// Different sets of textures; [`Draw::textures`] is an index.
+    pub texture_sets: Vec<DescriptorSet>,
+    pub draws: Vec<Draw>,
     pub texture_facts: TextureFacts,
 }
 
 impl SceneResources {
     /// Uploads what a scene needs.
     pub fn new(
-        gpu: &Arc<Gpu>,
+        context: &Context,
+        layouts: &Layouts,
         scene: &Scene,
-        needs: &SceneFeatures,
+        features: &SceneFeatures,
         options: &TextureOptions,
-        report: &Report,
     ) -> Result<Self> {
+        let gpu = &context.gpu;
         let clusters = clusters(&scene.meshes, &scene.instances);
         let geometry = Geometry::new(gpu, &clusters)?;
-        let (textures, texture_facts) = textures::upload(gpu, &scene.textures, &needs.first_levels, options, report)?;
-        let sampler = Sampler::new(gpu, "material", AddressMode::Repeat, options.anisotropy)?;
-        let layout = DescriptorSetLayout::new(gpu, "material", &materials::SLOTS)?;
-        let stand_ins = StandIns::new(gpu)?;
-        let material = |material| materials::upload(gpu, &layout, material, (&textures, &stand_ins), &sampler);
-        let each = scene.materials.iter().zip(needs.materials.iter().copied());
-        let materials: Vec<GpuMaterial> = each.map(material).collect::<Result<_>>()?;
-        let draws = clusters.iter().zip(&geometry.ranges).flat_map(|(cluster, range)| {
-            let masked = materials[cluster.material].needs.alpha_mask;
-            cluster.placements.iter().map(move |place| Draw::new(cluster, range.clone(), *place, masked))
-        });
-        let draws = draws.collect();
-        let lights: Vec<LightBlock> = scene
-            .lights
-            .iter()
-            .map(|l| LightBlock { position: l.position.into(), intensity: l.intensity.into() })
-            .collect();
-        let light_count = u32::try_from(lights.len()).unwrap_or(u32::MAX);
-        let light_bytes: &[u8] =
-            if lights.is_empty() { &[0; size_of::<LightBlock>()] } else { bytemuck::cast_slice(&lights) };
-        let lights = Buffer::with_bytes(gpu, "lights", BufferKind::StorageFromCpu, light_bytes)?;
+        let (images, texture_facts) = textures::upload(context, &scene.textures, &features.first_levels, options)?;
+        let mut sets = TextureSets::new(gpu, &layouts.textures, &images, options.anisotropy)?;
+        let mut variants = Variants::default();
+        let mut materials = Vec::new();
+        for (material, features) in scene.materials.iter().zip(&features.materials) {
+            materials.push(MaterialIndices { variant: variants.index(*features), textures: sets.index(material)? });
+        }
+        let lights: Vec<LightBlock> = scene.lights.iter().map(LightBlock::from).collect();
+        let blocks: Vec<MaterialBlock> = scene.materials.iter().map(MaterialBlock::from).collect();
+        let (draws, instances) = draws(&clusters, &geometry, |material| (materials[material], &variants.all));
         Ok(Self {
             geometry,
-            materials,
+            instances: storage(gpu, "instances", &instances)?,
+            materials: storage(gpu, "materials", &blocks)?,
+            lights: storage(gpu, "lights", &lights)?,
+            light_count: u32::try_from(lights.len()).unwrap_or(u32::MAX),
+            variants: variants.all,
+            constant_lights: features.lights,
+            texture_sets: sets.all,
             draws,
-            lights,
-            light_count,
-            lights_needed: needs.lights,
-            material_layout: layout,
             texture_facts,
         })
+    }
+}
+
+/// What a material is drawn with.
+#[derive(Clone, Copy)]
+struct MaterialIndices {
+    variant: u32,
+    textures: u32,
+}
+
+/// Combinations of features, each once.
+#[derive(Default)]
+struct Variants {
+    all: Vec<MaterialFeatures>,
+    known: HashMap<MaterialFeatures, u32>,
+}
+
+impl Variants {
+    fn index(&mut self, features: MaterialFeatures) -> u32 {
+        *self.known.entry(features).or_insert_with(|| {
+            self.all.push(features);
+            self.all.len() as u32 - 1
+        })
+    }
+}
+
+/// A draw for each cluster and each of its placements, and the instances, each a material at a placement.
+fn draws<'a>(
+    clusters: &[Cluster],
+    geometry: &Geometry,
+    material: impl Fn(usize) -> (MaterialIndices, &'a Vec<MaterialFeatures>),
+) -> (Vec<Draw>, Vec<InstanceBlock>) {
+    let (mut draws, mut instances) = (Vec::new(), Vec::new());
+    let mut known: HashMap<(usize, [u32; 16]), u32> = HashMap::new();
+    for (cluster, indices) in clusters.iter().zip(&geometry.ranges) {
+        let (MaterialIndices { variant, textures }, variants) = material(cluster.material);
+        let masked = variants[variant as usize].alpha_mask;
+        for world_from_local in &cluster.placements {
+            let bits = world_from_local.to_cols_array().map(f32::to_bits);
+            let instance = *known.entry((cluster.material, bits)).or_insert_with(|| {
+                let world_from_local = world_from_local.to_cols_array_2d();
+                instances.push(InstanceBlock { world_from_local, material: cluster.material as u32 });
+                instances.len() as u32 - 1
+            });
+            let mut draw = Draw::new(cluster, indices.clone(), instance, *world_from_local, masked);
+            (draw.variant, draw.textures) = (variant, textures);
+            draws.push(draw);
+        }
+    }
+    (draws, instances)
+}
+
+/// A storage buffer of these blocks, or of a single zero one: a buffer cannot be empty.
+fn storage<T: bytemuck::Pod>(gpu: &Arc<Gpu>, name: &str, blocks: &[T]) -> Result<Arc<Buffer>> {
+    let bytes = if blocks.is_empty() {
+        bytemuck::bytes_of(&T::zeroed()).to_vec()
+    } else {
+        bytemuck::cast_slice(blocks).to_vec()
+    };
+    Buffer::with_bytes(gpu, name, BufferKind::StorageFromCpu, &bytes)
+}
+
+impl From<&Material> for MaterialBlock {
+    fn from(material: &Material) -> Self {
+        Self {
+            base_color: material.base_color_factor.into(),
+            metallic: material.metallic_factor,
+            roughness: material.roughness_factor,
+            alpha_cutoff: material.alpha_cutoff.unwrap_or(0.0),
+        }
+    }
+}
+
+impl From<&crate::scene::PointLight> for LightBlock {
+    fn from(light: &crate::scene::PointLight) -> Self {
+        Self { position: light.position.into(), intensity: light.intensity.into() }
     }
 }

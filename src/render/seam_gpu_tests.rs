@@ -4,15 +4,20 @@ use std::sync::Arc;
 
 use glam::Vec3;
 
+use super::eye::Eye;
+use super::frame::{FRAME_BYTES, FrameInputs};
+use super::frame_set::FrameSet;
+use super::renderer::Renderer;
+use super::settings::RenderSettings;
 use super::shared::constant;
-use super::*;
 use crate::asset::Panorama;
+use crate::context::Context;
 use crate::gpu::{
-    Attachments, ColourAttachment, Format, GraphicsDesc, ImageAccess, ImageDesc, ImageUsageFlags, Pipeline,
-    Subresource, read_image, submit_and_wait,
+    Attachments, ColourAttachment, Format, FrameRing, Gpu, GraphicsDesc, Image, ImageAccess, ImageDesc,
+    ImageUsageFlags, Pipeline, Subresource, read_image,
 };
 use crate::precompute::harness_tests::with_gpu;
-use crate::scene::Environment;
+use crate::scene::{Environment, Scene};
 
 const SIZE: [u32; 2] = [64, 64];
 
@@ -33,7 +38,7 @@ fn scene() -> Scene {
 }
 
 /// The sky through `fragment`, looking at −X: red.
-fn sky(gpu: &Arc<Gpu>, renderer: &Renderer, fragment: &str) -> Vec<f32> {
+fn sky(gpu: &Arc<Gpu>, renderer: &Renderer, inputs: &FrameInputs<'_>, fragment: &str) -> Vec<f32> {
     let usage = ImageUsageFlags::COLOR_ATTACHMENT | ImageUsageFlags::TRANSFER_SRC;
     let picture = Image::new(gpu, "sky", ImageDesc::flat(Format::R32G32B32A32_SFLOAT, SIZE, usage)).unwrap();
     let desc = GraphicsDesc {
@@ -41,26 +46,24 @@ fn sky(gpu: &Arc<Gpu>, renderer: &Renderer, fragment: &str) -> Vec<f32> {
         vertex: "sky.vert",
         fragment: Some(fragment),
         constants: &[(constant::LINEAR_OUTPUT, 1)],
-        sets: &[&renderer.frame_layout],
-        push_bytes: 0,
-        vertex_stride: 0,
-        vertex_attributes: &[],
+        sets: &renderer.layouts.drawing(),
         colours: &[Format::R32G32B32A32_SFLOAT],
-        depth: None,
-        samples: 1,
-        blend: false,
+        ..GraphicsDesc::default()
     };
     let pipeline = Pipeline::graphics(gpu, &desc).unwrap();
-    submit_and_wait(gpu, |commands| {
-        commands.prepare_fresh(&picture, ImageAccess::Colour);
-        let colours = &[ColourAttachment::cleared(picture.attachment(), [0.0; 4])];
-        commands.render(&Attachments { colours, depth: None, area: SIZE }, |commands| {
-            commands.bind(&pipeline, &[&renderer.frames[0].1]);
-            commands.draw(3, 1);
-        });
-        Ok(())
-    })
-    .unwrap();
+    let mut ring = FrameRing::new(gpu, FRAME_BYTES).unwrap();
+    let mut frame = ring.begin().unwrap();
+    let block = frame.push(&inputs.block(renderer.scene.constants())).unwrap();
+    let set = FrameSet { set: frame.set, block };
+    frame.commands.prepare_fresh(&picture, ImageAccess::Colour);
+    let colours = &[ColourAttachment::cleared(picture.attachment(), [0.0; 4])];
+    frame.commands.render(&Attachments { colours, depth: None, area: SIZE }, |commands| {
+        set.bind(commands, &pipeline, 0);
+        commands.bind_set(&pipeline, 1, &renderer.scene.set, &[]);
+        commands.draw(3, 1);
+    });
+    frame.submit(None).unwrap();
+    ring.finish_all().unwrap();
     let texels: Vec<[f32; 4]> =
         bytemuck::pod_collect_to_vec(&read_image(gpu, &picture, Subresource { mip: 0, layer: 0 }, 16).unwrap());
     texels.iter().map(|t| t[0]).collect()
@@ -82,16 +85,13 @@ fn least(picture: &[f32]) -> [f32; 2] {
 #[test]
 fn the_seam_of_the_panorama_is_as_sharp_as_the_rest() {
     with_gpu(|gpu| {
-        let settings = Settings {
-            precompute: precompute::Options { face_size: 16, ..precompute::Options::default() },
-            ..Settings::default()
-        };
-        let renderer = Renderer::new(gpu, &scene(), settings, Shading::Pbr, [16, 16], 1, &Report::silent()).unwrap();
+        let (scene, settings) = (scene(), RenderSettings { cube_size: 16, ..RenderSettings::default() });
+        let renderer = Renderer::new(&Context::silent(gpu), &scene, settings, [16, 16], 1).unwrap();
         // A pixel of 0.008 off, so that the seam runs through the middle of those 2×2 that derivatives are taken over.
-        let eye = Eye::looking(Vec3::ZERO, Vec3::new(-1.0, 0.05, 0.009), 30.0, 1.0);
-        let block = renderer.frame_block(&[eye]);
-        renderer.frames[0].0.write(0, bytemuck::bytes_of(&block));
-        let [ours, naive] = ["sky.frag", "test_naive_sky.frag"].map(|fragment| least(&sky(gpu, &renderer, fragment)));
+        let eyes = [Eye::looking(Vec3::ZERO, Vec3::new(-1.0, 0.05, 0.009), 30.0, 1.0)];
+        let inputs = FrameInputs::of(&scene, &eyes);
+        let [ours, naive] =
+            ["sky.frag", "test_naive_sky.frag"].map(|fragment| least(&sky(gpu, &renderer, &inputs, fragment)));
         println!("contrast at the seam and elsewhere: {ours:?}, with the sampler's own level {naive:?}");
         assert!(ours[0] > 0.9 * ours[1] && ours[1] > 0.3, "{ours:?}");
         assert!(naive[0] < 0.1 * naive[1], "implicit levels no longer fail at the seam: {naive:?}");

@@ -3,7 +3,6 @@
 use std::mem::offset_of;
 
 use bytemuck::{Pod, Zeroable};
-use glam::Mat4;
 
 /// The most eyes one pass draws.
 pub const MAX_EYES: usize = 4;
@@ -19,7 +18,7 @@ pub struct EyeBlock {
     pub tangents: [f32; 4],
 }
 
-/// What every draw of one frame shares: set 0, binding 0.
+/// What every draw of one frame shares: `FRAME_UNIFORMS`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 pub struct FrameBlock {
@@ -33,9 +32,21 @@ pub struct FrameBlock {
     pub light_count: u32,
     /// Frames accumulated before this one; 0 where nothing is.
     pub sample_index: u32,
+    /// Moves all instances, rigidly.
+    pub world_from_models: [[f32; 4]; 4],
 }
 
-/// One material: set 1, binding 0.
+/// One placed mesh of one material: an element of `SCENE_INSTANCES`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct InstanceBlock {
+    /// Rotation, uniform scale, translation.
+    pub world_from_local: [[f32; 4]; 4],
+    /// Index into `SCENE_MATERIALS`.
+    pub material: u32,
+}
+
+/// One material: an element of `SCENE_MATERIALS`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 pub struct MaterialBlock {
@@ -45,7 +56,7 @@ pub struct MaterialBlock {
     pub alpha_cutoff: f32,
 }
 
-/// One point light: an element of set 0, binding 1.
+/// One point light: an element of `SCENE_LIGHTS`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 pub struct LightBlock {
@@ -55,20 +66,6 @@ pub struct LightBlock {
     pub intensity: [f32; 3],
 }
 
-/// Push constants of one draw.
-#[repr(C)]
-#[derive(Clone, Copy, Debug, Pod, Zeroable)]
-pub struct DrawBlock {
-    pub world_from_local: [[f32; 4]; 4],
-}
-
-impl DrawBlock {
-    /// For an instance.
-    pub fn new(world_from_local: Mat4) -> Self {
-        Self { world_from_local: world_from_local.to_cols_array_2d() }
-    }
-}
-
 // Scalar layout packs exactly as repr(C) does with these members; this proves it where a member is added.
 const _: () = {
     assert!(size_of::<EyeBlock>() == 144);
@@ -76,10 +73,11 @@ const _: () = {
     assert!(offset_of!(FrameBlock, exposure) == 144 * MAX_EYES + 8);
     assert!(offset_of!(FrameBlock, light_count) == 144 * MAX_EYES + 16);
     assert!(offset_of!(FrameBlock, sample_index) == 144 * MAX_EYES + 20);
-    assert!(size_of::<FrameBlock>() == 144 * MAX_EYES + 24);
+    assert!(offset_of!(FrameBlock, world_from_models) == 144 * MAX_EYES + 24);
+    assert!(size_of::<FrameBlock>() == 144 * MAX_EYES + 88);
+    assert!(offset_of!(InstanceBlock, material) == 64 && size_of::<InstanceBlock>() == 68);
     assert!(offset_of!(MaterialBlock, metallic) == 12 && size_of::<MaterialBlock>() == 24);
     assert!(offset_of!(LightBlock, intensity) == 12 && size_of::<LightBlock>() == 24);
-    assert!(size_of::<DrawBlock>() == 64);
 };
 
 /// Specialization constants, by their id in `glsl/shared.glsl`.

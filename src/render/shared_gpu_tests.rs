@@ -2,13 +2,15 @@
 
 use clap::ValueEnum;
 
-use super::shared::{EyeBlock, FrameBlock, LightBlock, MAX_EYES, constant};
-use super::{Geometry, Shading};
+use super::bindings::SCENE;
+use super::settings::Shading;
+use super::shared::{EyeBlock, FrameBlock, InstanceBlock, LightBlock, MAX_EYES, MaterialBlock, constant};
 use crate::gpu::{
-    Binding, BindingType, Buffer, BufferKind, DescriptorSet, DescriptorSetLayout, Pipeline, read_buffer,
-    submit_and_wait,
+    Binding, BindingType, Buffer, BufferKind, DescriptorSet, DescriptorSetLayout, FrameRing, Pipeline, UNIFORM_RANGE,
+    read_buffer,
 };
 use crate::precompute::harness_tests::with_gpu;
+use crate::reference::brdf::Geometry;
 
 const SHARED: &str = include_str!("../../glsl/shared.glsl");
 const BRDF: &str = include_str!("../../glsl/brdf.glsl");
@@ -27,65 +29,103 @@ impl Counter {
     }
 }
 
-fn blocks() -> (FrameBlock, [LightBlock; 3]) {
-    let mut counter = Counter(0.0);
-    let eyes: [EyeBlock; MAX_EYES] = std::array::from_fn(|_| EyeBlock {
-        clip_from_world: std::array::from_fn(|_| counter.list()),
-        world_from_view: std::array::from_fn(|_| counter.list()),
-        tangents: counter.list(),
-    });
-    let frame = FrameBlock {
-        eyes,
-        environment_rotation: counter.list(),
-        exposure: counter.next(),
-        environment_scale: counter.next(),
-        light_count: counter.next() as u32,
-        sample_index: counter.next() as u32,
-    };
-    let lights = std::array::from_fn(|_| LightBlock { position: counter.list(), intensity: counter.list() });
-    (frame, lights)
+/// One of each kind of block, every number another.
+struct Blocks {
+    frame: FrameBlock,
+    instances: [InstanceBlock; 2],
+    materials: [MaterialBlock; 3],
+    lights: [LightBlock; 3],
 }
 
-/// What test_shared.comp writes: each member by its name.
-fn by_name(frame: &FrameBlock, lights: &[LightBlock]) -> Vec<f32> {
-    let mut numbers = Vec::new();
-    for eye in &frame.eyes {
-        numbers.extend(eye.clip_from_world.as_flattened());
-        numbers.extend(eye.world_from_view.as_flattened());
-        numbers.extend(eye.tangents);
+impl Blocks {
+    fn new() -> Self {
+        let mut counter = Counter(0.0);
+        let matrix = |counter: &mut Counter| std::array::from_fn(|_| counter.list());
+        let eyes: [EyeBlock; MAX_EYES] = std::array::from_fn(|_| EyeBlock {
+            clip_from_world: matrix(&mut counter),
+            world_from_view: matrix(&mut counter),
+            tangents: counter.list(),
+        });
+        let frame = FrameBlock {
+            eyes,
+            environment_rotation: counter.list(),
+            exposure: counter.next(),
+            environment_scale: counter.next(),
+            light_count: counter.next() as u32,
+            sample_index: counter.next() as u32,
+            world_from_models: matrix(&mut counter),
+        };
+        let instances = std::array::from_fn(|_| InstanceBlock {
+            world_from_local: matrix(&mut counter),
+            material: counter.next() as u32,
+        });
+        let materials = std::array::from_fn(|_| MaterialBlock {
+            base_color: counter.list(),
+            metallic: counter.next(),
+            roughness: counter.next(),
+            alpha_cutoff: counter.next(),
+        });
+        let lights = std::array::from_fn(|_| LightBlock { position: counter.list(), intensity: counter.list() });
+        Self { frame, instances, materials, lights }
     }
-    numbers.extend(frame.environment_rotation);
-    numbers.extend([frame.exposure, frame.environment_scale, frame.light_count as f32, frame.sample_index as f32]);
-    for light in lights {
-        numbers.extend(light.position.iter().chain(&[0.0]).chain(&light.intensity).chain(&[0.0]));
+
+    /// What test_shared.comp writes: each member by its name.
+    fn by_name(&self) -> Vec<f32> {
+        let Self { frame, .. } = self;
+        let mut numbers = Vec::new();
+        for eye in &frame.eyes {
+            numbers.extend(eye.clip_from_world.as_flattened());
+            numbers.extend(eye.world_from_view.as_flattened());
+            numbers.extend(eye.tangents);
+        }
+        numbers.extend(frame.environment_rotation);
+        numbers.extend([frame.exposure, frame.environment_scale, frame.light_count as f32, frame.sample_index as f32]);
+        numbers.extend(frame.world_from_models.as_flattened());
+        for light in &self.lights {
+            numbers.extend(light.position.iter().chain(&[0.0]).chain(&light.intensity).chain(&[0.0]));
+        }
+        for instance in &self.instances {
+            numbers.extend(instance.world_from_local.as_flattened());
+            numbers.push(instance.material as f32);
+        }
+        for MaterialBlock { base_color, metallic, roughness, alpha_cutoff } in self.materials {
+            numbers.extend(base_color);
+            numbers.extend([metallic, roughness, alpha_cutoff]);
+        }
+        numbers
     }
-    numbers
 }
 
 #[test]
 fn shaders_find_every_member_where_rust_put_it() {
-    let (frame, lights) = blocks();
-    let want = by_name(&frame, &lights);
+    let blocks = Blocks::new();
+    let want = blocks.by_name();
     let got: Vec<f32> = with_gpu(|gpu| {
-        let frame = Buffer::with_bytes(gpu, "frame", BufferKind::Uniform, bytemuck::bytes_of(&frame)).unwrap();
-        let lights =
-            Buffer::with_bytes(gpu, "lights", BufferKind::StorageFromCpu, bytemuck::cast_slice(&lights)).unwrap();
+        let buffer = |name, bytes: &[u8]| Buffer::with_bytes(gpu, name, BufferKind::StorageFromCpu, bytes).unwrap();
+        let instances = buffer("instances", bytemuck::cast_slice(&blocks.instances));
+        let materials = buffer("materials", bytemuck::cast_slice(&blocks.materials));
+        let lights = buffer("lights", bytemuck::cast_slice(&blocks.lights));
         let out = Buffer::new(gpu, "numbers", BufferKind::Storage, 4 * want.len() as u64).unwrap();
-        let layouts = [
-            DescriptorSetLayout::new(gpu, "in", &[BindingType::Uniform, BindingType::Storage]).unwrap(),
-            DescriptorSetLayout::new(gpu, "out", &[BindingType::Storage]).unwrap(),
-        ];
-        let sets = [
-            DescriptorSet::new(gpu, "in", &layouts[0], &[Binding::Uniform(&frame), Binding::Storage(&lights)]).unwrap(),
-            DescriptorSet::new(gpu, "out", &layouts[1], &[Binding::Storage(&out)]).unwrap(),
-        ];
-        let pipeline = Pipeline::compute(gpu, "test_shared.comp", &[], &layouts.each_ref(), 0).unwrap();
-        submit_and_wait(gpu, |commands| {
-            commands.bind(&pipeline, &sets.each_ref());
-            commands.dispatch([1, 1, 1]);
-            Ok(())
-        })
-        .unwrap();
+        let mut ring = FrameRing::new(gpu, UNIFORM_RANGE).unwrap();
+        // The shader reads no image.
+        let kinds: Vec<BindingType> = SCENE.bindings[..3].iter().map(|(_, kind)| *kind).collect();
+        let scene_layout = DescriptorSetLayout::new(gpu, "scene", &kinds).unwrap();
+        let out_layout = DescriptorSetLayout::new(gpu, "out", &[BindingType::Storage]).unwrap();
+        let bindings = [&instances, &materials, &lights].map(Binding::Storage);
+        let scene = DescriptorSet::new(gpu, "scene", &scene_layout, &bindings).unwrap();
+        let set = DescriptorSet::new(gpu, "out", &out_layout, &[Binding::Storage(&out)]).unwrap();
+        let layouts = [ring.layout(), &scene_layout, &out_layout];
+        let pipeline = Pipeline::compute(gpu, "test_shared.comp", &[], &layouts, 0).unwrap();
+        let mut frame = ring.begin().unwrap();
+        let block = frame.push(&blocks.frame).unwrap();
+        frame.commands.bind_pipeline(&pipeline);
+        frame.commands.bind_set(&pipeline, 0, frame.set, &[block, 0]);
+        frame.commands.bind_set(&pipeline, 1, &scene, &[]);
+        frame.commands.bind_set(&pipeline, 2, &set, &[]);
+        frame.commands.dispatch([1, 1, 1]);
+        frame.commands.buffers_written();
+        frame.submit(None).unwrap();
+        ring.finish_all().unwrap();
         bytemuck::pod_collect_to_vec(&read_buffer(gpu, &out).unwrap())
     });
     assert_eq!(got, want);

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::Settings;
+use super::settings::RenderSettings;
 use crate::gpu::{
     Attachments, ColourAttachment, Commands, DEPTH_FORMAT, DepthAttachment, Format, Gpu, Image, ImageAccess, ImageDesc,
     ImageUsageFlags, Rect, Shape,
@@ -10,9 +10,10 @@ use crate::gpu::{
 use crate::{Error, Result};
 
 /// What pictures hold.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Output {
     /// What a viewer sees: exposed, tone-mapped, 8-bit sRGB.
+    #[default]
     Display,
     /// Scene radiance as it is, 32-bit float.
     Linear,
@@ -48,7 +49,7 @@ pub struct Detail {
 
 impl Detail {
     /// What these settings ask for.
-    pub fn of(&Settings { output, samples, scale, .. }: &Settings) -> Self {
+    pub fn of(&RenderSettings { output, samples, scale, .. }: &RenderSettings) -> Self {
         Self { output, samples, scale }
     }
 

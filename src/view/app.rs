@@ -3,15 +3,13 @@
 
 use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
 use glam::Mat4;
 
 use super::loader::{LoadRequest, LoadResult, LoadedScene, Loader, Target, file_name};
-use super::look::next_shading;
 use super::playlist::Playlist;
-use crate::gpu::Gpu;
-use crate::render::{Settings, Shading};
+use crate::context::Context;
+use crate::render::{Change, ControllerGizmos, CullOptions, Eye, FrameInputs, Lighting, RenderSettings};
 use crate::{Error, Result};
 
 /// The current scene, and what the user has changed of it.
@@ -25,6 +23,8 @@ pub struct ShownScene {
     pub environment_rotation: f32,
     /// Rigid; moves all models together.
     pub world_from_models: Mat4,
+    /// The file of the panorama that lights it; `None` for uniform light.
+    panorama: Option<PathBuf>,
     /// What [`ShownScene::reset`] turns the panorama to: another panorama than the scene's own starts unturned.
     first_rotation: f32,
 }
@@ -33,12 +33,13 @@ impl ShownScene {
     fn new(loaded: Box<LoadedScene>) -> Self {
         let (exposure_ev, rotation) = (loaded.exposure_ev, loaded.environment_rotation);
         Self {
-            loaded,
             camera: 0,
             exposure_ev,
             environment_rotation: rotation,
             world_from_models: Mat4::IDENTITY,
+            panorama: loaded.panorama.clone(),
             first_rotation: rotation,
+            loaded,
         }
     }
 
@@ -49,13 +50,17 @@ impl ShownScene {
         self.world_from_models = Mat4::IDENTITY;
     }
 
-    /// Sets the renderer up for the next frame; `fade` darkens it, 0 to 1.
-    pub fn prepare(&mut self, fade: f32) {
-        let renderer = &mut self.loaded.renderer;
-        *renderer.exposure_ev() = self.exposure_ev;
-        *renderer.environment_rotation() = self.environment_rotation;
-        *renderer.world_from_models() = self.world_from_models;
-        renderer.set_fade(fade);
+    /// The scene as it is now; `fade` darkens it, 0 to 1.
+    pub fn inputs<'a>(&self, eyes: &'a [Eye], fade: f32, gizmos: Option<&'a ControllerGizmos>) -> FrameInputs<'a> {
+        FrameInputs {
+            eyes,
+            exposure_ev: self.exposure_ev,
+            environment_rotation: self.environment_rotation,
+            fade,
+            world_from_models: self.world_from_models,
+            culling: CullOptions::default(),
+            gizmos,
+        }
     }
 }
 
@@ -73,6 +78,8 @@ pub enum Update {
     Scene { replaced: bool },
     /// The scene is lit by the panorama of this name.
     Light(String),
+    /// The scene is drawn with other settings.
+    Settings,
     /// A screenshot was written.
     Screenshot(Result<PathBuf>),
     /// A file could not be loaded; nothing has changed.
@@ -85,12 +92,14 @@ pub struct App {
     playlist: Playlist,
     /// `None` until the first scene is loaded.
     pub scene: Option<ShownScene>,
-    /// What is to be drawn.
-    shading: Shading,
+    /// How scenes are to be drawn: the one that is shown follows as soon as the loader has what that takes.
+    settings: RenderSettings,
     target: Target,
+    /// Of the last request for pipelines.
+    pipelines: u64,
     /// Names of the files being loaded, in order.
     pub loading: VecDeque<String>,
-    pub gpu: Arc<Gpu>,
+    pub context: Context,
 }
 
 impl App {
@@ -99,20 +108,20 @@ impl App {
     /// # Errors
     /// No thread can be started.
     pub fn new(
-        gpu: &Arc<Gpu>,
-        settings: Settings,
-        shading: Shading,
+        context: Context,
+        settings: RenderSettings,
         target: Target,
         wake: impl Fn() + Clone + Send + 'static,
     ) -> Result<Self> {
         Ok(Self {
-            loader: Loader::new(gpu, settings, wake)?,
+            loader: Loader::new(&context, wake)?,
             playlist: Playlist::new(),
             scene: None,
-            shading,
+            settings,
             target,
+            pipelines: 0,
             loading: VecDeque::new(),
-            gpu: Arc::clone(gpu),
+            context,
         })
     }
 
@@ -121,7 +130,7 @@ impl App {
         self.playlist.set_scene(path);
         self.loading.push_back(file_name(path));
         let (path, target) = (path.to_owned(), self.target.clone());
-        self.loader.start(LoadRequest::Scene { path, shading: self.shading, target });
+        self.loader.start(LoadRequest::Scene { path, settings: self.settings.clone(), target });
     }
 
     /// Starts loading a scene or a panorama, by its extension.
@@ -133,8 +142,7 @@ impl App {
         match extension.as_str() {
             "hdr" | "exr" => {
                 self.playlist.set_panorama(path);
-                self.loading.push_back(file_name(path));
-                self.loader.start(LoadRequest::Panorama { path: path.to_owned() });
+                self.load_panorama(path);
             }
             "toml" | "obj" => self.open_scene(path),
             _ => {
@@ -145,15 +153,21 @@ impl App {
         Ok(())
     }
 
+    fn load_panorama(&mut self, path: &Path) {
+        self.loading.push_back(file_name(path));
+        self.loader.start(LoadRequest::Panorama { path: path.to_owned(), settings: self.settings.clone() });
+    }
+
     /// Draws for another target from now on: the current scene and those that are still loading.
     ///
     /// # Errors
     /// Whatever stops making pipelines and images for another number of eyes; then nothing has changed.
     pub fn set_target(&mut self, target: Target) -> Result<()> {
         if let Some(scene) = &mut self.scene {
-            scene.loaded.renderer.set_eyes(target.eyes)?;
+            draw_for(scene, target.eyes)?;
         }
         self.target = target;
+        self.follow_settings();
         Ok(())
     }
 
@@ -172,44 +186,75 @@ impl App {
                     Err(error) => Update::Failed(error),
                 }
             }
-            LoadResult::Panorama { path, light } => {
+            LoadResult::Panorama { path, settings, lighting } => {
                 self.loading.pop_front();
-                match (light, &mut self.scene) {
-                    (Ok(light), Some(scene)) => {
-                        scene.loaded.renderer.set_light(*light)?;
-                        (scene.environment_rotation, scene.first_rotation) = (0.0, 0.0);
-                        Update::Light(file_name(&path))
-                    }
-                    (Ok(_), None) => Update::Light(file_name(&path)),
-                    (Err(error), _) => Update::Failed(error),
+                match lighting {
+                    Ok(lighting) => self.light(path, *lighting, &settings)?,
+                    Err(error) => Update::Failed(error),
                 }
             }
+            LoadResult::Pipelines(number, pipelines) => match (pipelines, &mut self.scene) {
+                (Ok(pipelines), Some(scene)) if number == self.pipelines => {
+                    scene.loaded.renderer.set_pipelines(*pipelines)?;
+                    Update::Settings
+                }
+                // Something else has been asked for meanwhile.
+                (Ok(_), _) => Update::Settings,
+                (Err(error), _) => Update::Failed(error),
+            },
             LoadResult::Screenshot(written) => Update::Screenshot(written),
         }))
     }
 
-    /// Changes the shading by `steps` in the list of all; see [`next_shading`].
-    ///
-    /// # Errors
-    /// Whatever stops making pipelines.
-    pub fn shade(&mut self, steps: usize, holds_still: bool) -> Result<()> {
-        self.shading = next_shading(self.shading, steps, holds_still);
-        match &mut self.scene {
-            Some(scene) => scene.loaded.renderer.set_shading(self.shading),
-            None => Ok(()),
+    /// Draws with other settings as soon as what they take is there; until then the scene is drawn as before.
+    pub fn set_settings(&mut self, settings: RenderSettings) {
+        self.settings = settings;
+        self.follow_settings();
+    }
+
+    /// Has the loader make what the shown scene needs for the current settings.
+    fn follow_settings(&mut self) {
+        let Some(scene) = &mut self.scene else { return };
+        self.pipelines += 1;
+        let renderer = &scene.loaded.renderer;
+        match renderer.settings().difference(&self.settings) {
+            Change::Nothing => {}
+            Change::Targets | Change::Pipelines => {
+                let request = renderer.pipeline_request(self.settings.clone(), renderer.eyes());
+                self.loader.start(LoadRequest::Pipelines(self.pipelines, request));
+            }
+            Change::Light => match scene.panorama.clone() {
+                Some(panorama) => self.load_panorama(&panorama),
+                None => self.load_again(),
+            },
+            Change::Scene => self.load_again(),
         }
+    }
+
+    fn load_again(&mut self) {
+        let path = self.scene.as_ref().map(|scene| scene.loaded.path.clone());
+        path.iter().for_each(|path| self.open_scene(path));
+    }
+
+    /// Changes the shading by `steps` in the list of all; see `Shading::step`.
+    pub fn shade(&mut self, steps: usize, holds_still: bool) {
+        let shading = self.settings.shading.step(steps, holds_still);
+        self.set_settings(RenderSettings { shading, ..self.settings.clone() });
     }
 
     /// Does what a controller's buttons ask for.
     ///
     /// # Errors
-    /// Those of [`App::shade`].
+    /// None where files have the extensions that they were found by.
     pub fn obey(&mut self, requests: Requests) -> Result<()> {
         let scene = requests.next_scene.then(|| self.playlist.next_scene()).flatten();
         let panorama = requests.next_panorama.then(|| self.playlist.next_panorama()).flatten();
         // Both are of known kinds.
         scene.into_iter().chain(panorama).try_for_each(|path| self.open(&path))?;
-        if requests.next_shading { self.shade(1, false) } else { Ok(()) }
+        if requests.next_shading {
+            self.shade(1, false);
+        }
+        Ok(())
     }
 
     /// Starts writing a screenshot: RGBA, 8 bits a channel.
@@ -217,17 +262,36 @@ impl App {
         self.loader.start(LoadRequest::Screenshot { pixels, size });
     }
 
-    fn show(&mut self, mut loaded: Box<LoadedScene>) -> Result<Update> {
-        // Both may have changed while the scene was loading.
-        loaded.renderer.set_eyes(self.target.eyes)?;
-        if loaded.renderer.shading() != self.shading {
-            loaded.renderer.set_shading(self.shading)?;
+    /// Puts the shown scene under the light of a panorama, unrotated if it is another one.
+    fn light(&mut self, path: PathBuf, lighting: Lighting, settings: &RenderSettings) -> Result<Update> {
+        let name = file_name(&path);
+        if let Some(scene) = &mut self.scene {
+            scene.loaded.renderer.set_lighting(lighting, settings)?;
+            if scene.panorama.as_ref() != Some(&path) {
+                (scene.environment_rotation, scene.first_rotation) = (0.0, 0.0);
+                scene.panorama = Some(path);
+            }
+            self.follow_settings();
         }
-        let old = self.scene.replace(ShownScene::new(loaded));
+        Ok(Update::Light(name))
+    }
+
+    fn show(&mut self, loaded: Box<LoadedScene>) -> Result<Update> {
+        let mut scene = ShownScene::new(loaded);
+        // The number of eyes and the settings may have changed while the scene was loading.
+        draw_for(&mut scene, self.target.eyes)?;
+        let old = self.scene.replace(scene);
+        self.follow_settings();
         let replaced = old.is_some();
         if let Some(old) = old {
             self.loader.start(LoadRequest::Discard(old.loaded));
         }
         Ok(Update::Scene { replaced })
     }
+}
+
+/// Draws for another number of eyes at once: nothing can be drawn for these before.
+fn draw_for(scene: &mut ShownScene, eyes: u32) -> Result<()> {
+    let renderer = &mut scene.loaded.renderer;
+    if renderer.eyes() == eyes { Ok(()) } else { renderer.rebuild(renderer.settings().clone(), eyes) }
 }

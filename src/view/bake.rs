@@ -9,12 +9,13 @@ use clap::Args;
 use half::f16;
 use serde::Serialize;
 
-use super::args::write_json;
 use super::frame_clock::ms_since;
+use crate::args::write_json;
 use crate::asset::ktx2::{Ktx2, TexelFormat};
-use crate::asset::{Outputs, Panorama, Report};
-use crate::gpu::{Gpu, GpuOptions, PassTime};
-use crate::precompute::{BrdfTable, Cache, LightMaps, Options, check_face_size, read_texture};
+use crate::asset::{Outputs, Panorama};
+use crate::context::Setup;
+use crate::gpu::{Gpu, PassTime};
+use crate::precompute::{BrdfTable, LightMaps, Options, check_face_size, read_texture};
 use crate::reference::brdf::Geometry;
 use crate::reference::table::SplitSum;
 use crate::{Error, Result, say};
@@ -43,11 +44,11 @@ impl BakeRequest {
     ///
     /// # Errors
     /// Those of [`bake`]; outputs that cannot be written or are inputs.
-    pub fn run(&self, gpu: GpuOptions<'_>, cache: Option<&Cache>) -> Result<()> {
+    pub fn run(&self, setup: &Setup<'_>) -> Result<()> {
         let mut outputs = Outputs::of([&self.panorama]);
         outputs.folder(&self.output, &BAKED)?;
         outputs.file_if(self.json.as_deref())?;
-        let facts = bake(self, gpu, cache, &Report::to_terminal())?;
+        let facts = bake(self, setup)?;
         facts.files.iter().for_each(|file| say!("{file}"));
         write_json(self.json.as_deref(), &facts)
     }
@@ -107,18 +108,19 @@ impl fmt::Display for BakedFile {
 /// # Errors
 /// A bad size, an unreadable panorama, an unwritable folder, whatever stops the GPU; a validation message where
 /// validation was asked for.
-pub fn bake(request: &BakeRequest, gpu: GpuOptions<'_>, cache: Option<&Cache>, report: &Report) -> Result<BakeFacts> {
+pub fn bake(request: &BakeRequest, setup: &Setup<'_>) -> Result<BakeFacts> {
     check_face_size(request.size)?;
     let mut stages = Stages(Vec::new());
-    let panorama = stages.run("read panorama", || Panorama::load(&request.panorama, report), |_| &[])?;
+    let panorama = stages.run("read panorama", || Panorama::load(&request.panorama, &setup.report), |_| &[])?;
     std::fs::create_dir_all(&request.output).map_err(Error::write(&request.output))?;
-    let gpu = stages.run("open GPU", || Gpu::open(gpu), |_| &[])?;
+    let context = stages.run("open GPU", || setup.open(), |_| &[])?;
+    let gpu = &context.gpu;
     let messages = gpu.messages();
-    let options = Options { face_size: request.size, cache: cache.cloned(), ..Options::default() };
-    let light = stages.run("light maps", || LightMaps::new(&gpu, &panorama, &options), |light| &light.times)?;
-    let table = || BrdfTable::new(&gpu, Geometry::Smith, SplitSum::Moment, cache);
+    let options = Options { face_size: request.size, ..Options::default() };
+    let light = stages.run("light maps", || LightMaps::new(&context, &panorama, options), |light| &light.times)?;
+    let table = || BrdfTable::new(&context, Geometry::Smith, SplitSum::Moment);
     let table = stages.run("BRDF table", table, |table| &table.times)?;
-    let files = stages.run("write files", || write(&gpu, &request.output, &light, &table), |_| &[])?;
+    let files = stages.run("write files", || write(gpu, &request.output, &light, &table), |_| &[])?;
     let facts = BakeFacts {
         panorama: request.panorama.clone(),
         panorama_size: [panorama.width, panorama.height],
@@ -127,10 +129,10 @@ pub fn bake(request: &BakeRequest, gpu: GpuOptions<'_>, cache: Option<&Cache>, r
         driver: gpu.info().driver.clone(),
         files,
         stages: stages.0,
-        warnings: report.warnings(),
+        warnings: setup.report.warnings(),
     };
     // Destroying the device may add validation messages, for example about leaks.
-    drop((light, table, gpu));
+    drop((light, table, context));
     messages.check()?;
     Ok(facts)
 }

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use super::args::{parse_pixels_per_degree, write_json};
+use crate::args::{parse_pixels_per_degree, write_json};
 use crate::asset::Outputs;
 use crate::asset::picture::{Picture, compare_seen};
 use crate::reference::metrics::PIXELS_PER_DEGREE;

@@ -1,5 +1,5 @@
-//! The loader: one thread that loads scenes and panoramas, writes screenshots and frees old scenes, in the order of requests,
-//! so that no frame waits for any of it.
+//! The loader: one thread that loads scenes and panoramas, builds pipelines, writes screenshots and frees old scenes, in
+//! the order of requests, so that no frame waits for any of it.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -9,9 +9,9 @@ use std::thread::JoinHandle;
 
 use super::screenshot;
 use crate::asset::{Panorama, Report, TextureOptions, shipped};
-use crate::gpu::Gpu;
-use crate::precompute::LightMaps;
-use crate::render::{ControllerGizmos, HiddenArea, Renderer, Settings, Shading};
+use crate::context::Context;
+use crate::render::{KeptPipelines, Lighting, PassPipelines, PipelineRequest, RenderSettings, Renderer};
+use crate::scene::description::Description;
 use crate::scene::load::{LoadOptions, load};
 use crate::scene::{Bounds, Camera, Scene, floor_under};
 use crate::{Error, Result};
@@ -25,11 +25,19 @@ pub fn load_scene(path: &Path, textures: &TextureOptions, report: &Report) -> Re
     load(path, &LoadOptions { default_panorama, textures: textures.clone() }, report)
 }
 
+/// The panorama that [`load_scene`] uses.
+fn panorama_file(scene: &Path) -> Option<PathBuf> {
+    let own = Description::load(scene).ok().and_then(|description| description.environment);
+    own.map(|environment| environment.panorama).or_else(|| Some(shipped::folder().ok()?.join(shipped::PANORAMA)))
+}
+
 /// A scene that is ready to be drawn.
 pub struct LoadedScene {
     /// The file's name.
     pub name: String,
     pub path: PathBuf,
+    /// The file of the panorama that lights it; `None` for uniform light.
+    pub panorama: Option<PathBuf>,
     pub renderer: Renderer,
     /// At least one.
     pub cameras: Vec<Camera>,
@@ -42,13 +50,25 @@ pub struct LoadedScene {
     pub environment_rotation: f32,
 }
 
+impl LoadedScene {
+    /// Builds all pipelines again from the shaders as they are now; on an error the old ones stay.
+    ///
+    /// # Errors
+    /// A shader that does not compile.
+    #[cfg(feature = "hot-reload")]
+    pub fn reload_shaders(&mut self) -> Result<()> {
+        let (settings, eyes) = (self.renderer.settings().clone(), self.renderer.eyes());
+        self.renderer.rebuild(settings, eyes)
+    }
+}
+
 /// What a scene is drawn for.
 #[derive(Clone)]
 pub struct Target {
     /// Pixels of one eye's picture.
     pub size: [u32; 2],
     pub eyes: u32,
-    /// What a headset's lenses hide of each eye's picture, as [`HiddenArea::new`] takes it.
+    /// What a headset's lenses hide of each eye's picture: triangles, three corners each, 0 to 1, v downwards.
     pub hidden: [Vec<[f32; 2]>; 2],
 }
 
@@ -56,12 +76,15 @@ pub struct Target {
 pub enum LoadRequest {
     Scene {
         path: PathBuf,
-        shading: Shading,
+        settings: RenderSettings,
         target: Target,
     },
     Panorama {
         path: PathBuf,
+        settings: RenderSettings,
     },
+    /// The number says which request a result belongs to.
+    Pipelines(u64, PipelineRequest),
     /// RGBA, 8 bits a channel.
     Screenshot {
         pixels: Vec<u8>,
@@ -74,7 +97,8 @@ pub enum LoadRequest {
 /// What came of a request, in the same order; nothing for [`LoadRequest::Discard`].
 pub enum LoadResult {
     Scene(Result<Box<LoadedScene>>),
-    Panorama { path: PathBuf, light: Result<Box<LightMaps>> },
+    Panorama { path: PathBuf, settings: RenderSettings, lighting: Result<Box<Lighting>> },
+    Pipelines(u64, Result<Box<PassPipelines>>),
     Screenshot(Result<PathBuf>),
 }
 
@@ -91,18 +115,18 @@ impl Loader {
     ///
     /// # Errors
     /// [`Error::Window`] where no thread can be started.
-    pub fn new(gpu: &Arc<Gpu>, settings: Settings, wake: impl Fn() + Clone + Send + 'static) -> Result<Self> {
+    pub fn new(context: &Context, wake: impl Fn() + Clone + Send + 'static) -> Result<Self> {
         let (requests, to_do) = channel();
         let (sender, results) = channel();
         let closing = Arc::new(AtomicBool::new(false));
-        let (gpu, stop) = (Arc::clone(gpu), Arc::clone(&closing));
+        let (context, stop) = (context.clone(), Arc::clone(&closing));
         let work = move || {
             let _wake = WakeAtEnd(wake.clone());
             for request in to_do {
                 if stop.load(Ordering::Relaxed) && !matches!(request, LoadRequest::Screenshot { .. }) {
                     continue;
                 }
-                if let Some(result) = perform(&gpu, &settings, request) {
+                if let Some(result) = perform(&context, request) {
                     // The receiver outlives this thread, which its owner joins.
                     let _ = sender.send(result);
                     wake();
@@ -119,7 +143,9 @@ impl Loader {
     /// Puts a request at the end of the queue.
     pub fn start(&self, request: LoadRequest) {
         // It fails only if the thread has died, which `take` reports.
-        let _ = self.requests.as_ref().map(|requests| requests.send(request));
+        if let Some(requests) = &self.requests {
+            let _ = requests.send(request);
+        }
     }
 
     /// The oldest result not yet taken.
@@ -160,17 +186,24 @@ impl<F: Fn()> Drop for WakeAtEnd<F> {
     }
 }
 
-fn perform(gpu: &Arc<Gpu>, settings: &Settings, request: LoadRequest) -> Option<LoadResult> {
-    let report = Report::to_terminal();
+fn perform(context: &Context, request: LoadRequest) -> Option<LoadResult> {
+    // Warnings are printed, but those of hours of loading need not be kept.
+    let context = &Context { report: Arc::new(Report::to_terminal()), ..context.clone() };
     match request {
-        LoadRequest::Scene { path, shading, target } => {
-            Some(LoadResult::Scene(load_for(gpu, settings, path, shading, &target, &report)))
+        LoadRequest::Scene { path, settings, target } => {
+            Some(LoadResult::Scene(load_for(context, path, settings, &target)))
         }
-        LoadRequest::Panorama { path } => {
-            let light = Panorama::load(&path, &report)
-                .and_then(|panorama| LightMaps::new(gpu, &panorama, &settings.precompute))
+        LoadRequest::Panorama { path, settings } => {
+            let lighting = Panorama::load(&path, &context.report)
+                .and_then(|panorama| Lighting::new(context, &panorama, &settings))
                 .map(Box::new);
-            Some(LoadResult::Panorama { path, light })
+            Some(LoadResult::Panorama { path, settings, lighting })
+        }
+        LoadRequest::Pipelines(number, request) => {
+            let mut kept = KeptPipelines::load(context);
+            let pipelines = PassPipelines::build(&request).map(Box::new);
+            kept.save();
+            Some(LoadResult::Pipelines(number, pipelines))
         }
         LoadRequest::Screenshot { pixels, size } => Some(LoadResult::Screenshot(screenshot::write(&pixels, size))),
         LoadRequest::Discard(scene) => {
@@ -180,26 +213,16 @@ fn perform(gpu: &Arc<Gpu>, settings: &Settings, request: LoadRequest) -> Option<
     }
 }
 
-fn load_for(
-    gpu: &Arc<Gpu>,
-    settings: &Settings,
-    path: PathBuf,
-    shading: Shading,
-    target: &Target,
-    report: &Report,
-) -> Result<Box<LoadedScene>> {
-    let scene = load_scene(&path, &settings.textures, report)?;
+fn load_for(context: &Context, path: PathBuf, settings: RenderSettings, target: &Target) -> Result<Box<LoadedScene>> {
+    let scene = load_scene(&path, &settings.textures.options(context), &context.report)?;
     let Target { size, eyes, hidden } = target;
-    let mut renderer = Renderer::new(gpu, &scene, settings.clone(), shading, *size, *eyes, report)?;
-    if *eyes > 1 {
-        // Made here, these pipelines cost the first frames nothing.
-        renderer.set_gizmos(0, &ControllerGizmos::default())?;
-        renderer.set_hidden_area(HiddenArea::new(gpu, settings, hidden)?);
-    }
+    let mut renderer = Renderer::new(context, &scene, settings, *size, *eyes)?;
+    renderer.set_hidden_area(hidden)?;
     let bounds = scene.bounds();
     let floors = scene.cameras.iter().map(|camera| floor_under(&scene, camera.position)).collect();
     Ok(Box::new(LoadedScene {
         name: file_name(&path),
+        panorama: panorama_file(&path),
         path,
         renderer,
         cameras: scene.cameras,

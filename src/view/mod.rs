@@ -12,7 +12,6 @@ mod frame_clock;
 pub mod headset;
 mod interrupt;
 mod loader;
-mod look;
 mod needs;
 mod playlist;
 mod render;
@@ -21,12 +20,11 @@ mod screenshot;
 #[expect(unsafe_code, reason = "calls Vulkan and the window system")]
 mod window;
 
-pub use args::{Choice, parse_pixels_per_degree, parse_positive, parse_size};
+pub use args::Choice;
 pub use bake::{BAKED, BakeFacts, BakeRequest, bake};
 pub use compare::{CompareRequest, compare};
 pub use headset::{HiddenAreaV, PROBE_SUBCOMMAND, answer_probe};
 pub use loader::load_scene;
-pub use look::{QualityOptions, TextureChoice};
 pub use needs::{NeedsRequest, needs};
 pub use render::{RenderFacts, RenderRequest, picture_files, render};
 pub use request::{Mirror, On, ViewRequest};

@@ -4,8 +4,8 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use super::args::write_json;
 use super::loader::load_scene;
+use crate::args::write_json;
 use crate::asset::{Outputs, Report, Storage, TextureOptions};
 use crate::scene::load::files as scene_files;
 use crate::scene::needs::findings::Findings;

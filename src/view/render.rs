@@ -2,23 +2,23 @@
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 use std::time::Instant;
 
 use clap::Args;
 use cpu_time::ThreadTime;
 use serde::Serialize;
 
-use super::QualityOptions;
-use super::args::{Choice, parse_size, write_json};
+use super::args::Choice;
 use super::frame_clock::ms_since;
 use super::loader::load_scene;
+use crate::args::{parse_size, write_json};
+use crate::asset::Outputs;
 use crate::asset::picture::Picture;
-use crate::asset::{Outputs, Report};
-use crate::gpu::{FrameRing, Gpu, GpuOptions, PassTime, Subresource, UNIFORM_RANGE, read_image};
-use crate::precompute::Cache;
+use crate::context::{Context, Setup};
+use crate::gpu::{FrameRing, PassTime, Subresource, read_image};
 use crate::render::{
-    Eye, FRAMES_IN_FLIGHT, IPD_METRES, Output, Renderer, Settings, StandardError, TextureFacts, check_size,
+    DrawCounts, Eye, FRAME_BYTES, FRAMES_IN_FLIGHT, FrameInputs, IPD_METRES, Output, RenderSettings, Renderer,
+    StandardError, TextureFacts, check_size,
 };
 use crate::scene::load::files as scene_files;
 use crate::scene::needs::resolution::Viewpoint;
@@ -50,7 +50,7 @@ pub struct RenderRequest {
     #[arg(long, value_name = "FILE")]
     pub json: Option<PathBuf>,
     #[command(flatten)]
-    pub look: QualityOptions,
+    pub settings: RenderSettings,
     #[command(flatten)]
     pub choice: Choice,
 }
@@ -66,7 +66,7 @@ impl RenderRequest {
             stereo: false,
             frames: None,
             json: None,
-            look: QualityOptions::default(),
+            settings: RenderSettings::default(),
             choice: Choice::default(),
         }
     }
@@ -86,8 +86,8 @@ impl RenderRequest {
     ///
     /// # Errors
     /// Those of [`render`]; facts that cannot be written.
-    pub fn run(&self, gpu: GpuOptions<'_>, cache: Option<&Cache>) -> Result<()> {
-        let facts = render(self, gpu, cache, &Report::to_terminal())?;
+    pub fn run(&self, setup: &Setup<'_>) -> Result<()> {
+        let facts = render(self, setup)?;
         if let Some(error) = &facts.standard_error {
             say!("pbr-vr: {error}");
         }
@@ -120,8 +120,8 @@ pub struct RenderFacts {
     pub gpu_frames: Vec<Vec<PassTime>>,
     /// Processor time of the thread that records and submits, for each frame.
     pub record_ms: Vec<f64>,
-    /// Ranges of triangles drawn in the last frame, and how many there are.
-    pub draws: [usize; 2],
+    /// Of the last frame.
+    pub draws: DrawCounts,
     /// Wall time from recording the first frame to the end of the last.
     pub frames_ms: f64,
     /// Of the exact picture after two frames or more.
@@ -133,24 +133,18 @@ pub struct RenderFacts {
 ///
 /// # Errors
 /// Whatever stops loading, rendering or writing; a validation message where validation was asked for.
-pub fn render(
-    request: &RenderRequest,
-    gpu: GpuOptions<'_>,
-    cache: Option<&Cache>,
-    report: &Report,
-) -> Result<RenderFacts> {
+pub fn render(request: &RenderRequest, setup: &Setup<'_>) -> Result<RenderFacts> {
     let output = output_of(&request.output)?;
-    let frames = request.frames.unwrap_or(request.look.shading.default_frames());
+    let frames = request.frames.unwrap_or(request.settings.shading.default_frames());
     let started = Instant::now();
-    let gpu = Gpu::open(gpu)?;
-    let messages = gpu.messages();
+    let context = setup.open()?;
+    let messages = context.gpu.messages();
     let open_ms = ms_since(started);
-    let settings = request.look.settings(&gpu, cache, report);
-    let settings = Settings { output, ..settings };
+    let settings = RenderSettings { output, ..request.settings.clone() };
     // Better now than after loading.
-    check_size(&gpu, request.size, if request.stereo { 2 } else { 1 }, &settings)?;
+    check_size(&context, request.size, if request.stereo { 2 } else { 1 }, &settings)?;
     let started = Instant::now();
-    let mut scene = load_scene(&request.scene, &settings.textures, report)?;
+    let mut scene = load_scene(&request.scene, &settings.textures.options(&context), &context.report)?;
     let load_ms = ms_since(started);
     let camera = find_camera(&scene, request.camera.as_deref())?;
     let aspect = request.size[0] as f32 / request.size[1] as f32;
@@ -161,26 +155,25 @@ pub fn render(
     let around_metres = if request.stereo { 0.5 * IPD_METRES } else { 0.0 };
     let tangents = [eye.left, eye.right, eye.down, eye.up];
     let viewpoint = Some(Viewpoint::new(eye.position(), around_metres, tangents, request.size));
-    let settings = Settings { viewpoint, ..settings };
-    let (shading, count) = (request.look.shading, eyes.len() as u32);
-    let mut renderer = Renderer::new(&gpu, &scene, settings, shading, request.size, count, report)?;
+    let settings = RenderSettings { viewpoint, ..settings };
+    let mut renderer = Renderer::new(&context, &scene, settings, request.size, eyes.len() as u32)?;
     // They are on the GPU now.
     scene.textures = Vec::new();
     let prepare_ms = open_ms + ms_since(started);
     let started = Instant::now();
-    let (gpu_frames, record_ms) = draw(&gpu, &mut renderer, &eyes, frames)?;
+    let (gpu_frames, record_ms) = draw(&context, &mut renderer, &FrameInputs::of(&scene, &eyes), frames)?;
     let facts = RenderFacts {
         scene: request.scene.clone(),
-        files: write_layers(&gpu, &renderer, output, request, report)?,
+        files: write_layers(&context, &renderer, request)?,
         size: request.size,
         eyes: eyes.len(),
-        gpu: gpu.info().name.clone(),
-        driver: gpu.info().driver.clone(),
+        gpu: context.gpu.info().name.clone(),
+        driver: context.gpu.info().driver.clone(),
         frames,
         triangles: scene.triangles(),
         load_ms,
         prepare_ms,
-        stages_ms: report.times_ms(),
+        stages_ms: context.report.times_ms(),
         textures: renderer.texture_facts().clone(),
         precompute: renderer.precompute_times().cloned().collect(),
         gpu_frames,
@@ -188,10 +181,10 @@ pub fn render(
         draws: renderer.draw_counts(),
         frames_ms: ms_since(started),
         standard_error: renderer.standard_error(last_slot(frames)),
-        warnings: report.warnings(),
+        warnings: context.report.warnings(),
     };
     // Destroying the device may add validation messages, for example about leaks.
-    drop((renderer, gpu));
+    drop((renderer, context));
     messages.check()?;
     Ok(facts)
 }
@@ -207,15 +200,20 @@ pub fn find_camera<'a>(scene: &'a Scene, name: Option<&str>) -> Result<&'a Camer
 }
 
 /// Draws frames; returns the GPU times of each and what recording each took.
-fn draw(gpu: &Arc<Gpu>, renderer: &mut Renderer, eyes: &[Eye], frames: u64) -> Result<(Vec<Vec<PassTime>>, Vec<f64>)> {
-    let mut ring = FrameRing::new(gpu, UNIFORM_RANGE)?;
+fn draw(
+    context: &Context,
+    renderer: &mut Renderer,
+    inputs: &FrameInputs<'_>,
+    frames: u64,
+) -> Result<(Vec<Vec<PassTime>>, Vec<f64>)> {
+    let mut ring = FrameRing::new(&context.gpu, FRAME_BYTES)?;
     let (mut times, mut record_ms) = (Vec::new(), Vec::new());
     for _ in 0..frames {
         ring.finish_slot()?;
         let started = ThreadTime::now();
         let mut frame = ring.begin()?;
         times.push(frame.finished.to_vec());
-        renderer.record(&mut frame.commands, frame.slot, eyes, None);
+        renderer.record(&mut frame, inputs)?;
         frame.submit(None)?;
         record_ms.push(started.elapsed().as_secs_f64() * 1e3);
     }
@@ -229,16 +227,11 @@ fn last_slot(frames: u64) -> usize {
     usize::try_from((frames.max(1) - 1) % FRAMES_IN_FLIGHT as u64).unwrap_or(0)
 }
 
-fn write_layers(
-    gpu: &Arc<Gpu>,
-    renderer: &Renderer,
-    output: Output,
-    request: &RenderRequest,
-    report: &Report,
-) -> Result<Vec<PathBuf>> {
+fn write_layers(context: &Context, renderer: &Renderer, request: &RenderRequest) -> Result<Vec<PathBuf>> {
+    let output = renderer.settings().output;
     let files = picture_files(&request.output, request.stereo);
     for (layer, file) in (0u32..).zip(&files) {
-        let bytes = read_image(gpu, renderer.picture(), Subresource { mip: 0, layer }, output.bytes())?;
+        let bytes = read_image(&context.gpu, renderer.picture(), Subresource { mip: 0, layer }, output.bytes())?;
         let [width, height] = request.size;
         let picture = match output {
             Output::Display => Picture::from_srgb8("render", width, height, &bytes),
@@ -248,7 +241,7 @@ fn write_layers(
         let lost = picture.pixels.iter().filter(|pixel| !pixel.iter().all(|v| v.is_finite())).count();
         if lost > 0 {
             let file = file.display();
-            report.warn(format!(
+            context.report.warn(format!(
                 "{file}: {lost} pixel(s) are infinite or no number; the scene's light is too bright there"
             ));
         }

@@ -7,12 +7,11 @@ use clap::{Args, ValueEnum};
 use super::args::Choice;
 use super::headset::{self, HiddenAreaV, RunReport};
 use super::render::{RenderFacts, RenderRequest, render};
-use super::{QualityOptions, console, interrupt, screenshot, window};
+use super::{console, interrupt, screenshot, window};
 use crate::asset::file::write_atomically;
-use crate::asset::{Outputs, Report, shipped};
-use crate::gpu::{Gpu, GpuOptions};
-use crate::precompute::Cache;
-use crate::render::Settings;
+use crate::asset::{Outputs, shipped};
+use crate::context::Setup;
+use crate::render::RenderSettings;
 use crate::scene::load::files as scene_files;
 use crate::{Error, Result, say};
 
@@ -37,7 +36,7 @@ pub struct ViewRequest {
     #[arg(long, value_name = "FILE")]
     pub report: Option<PathBuf>,
     #[command(flatten)]
-    pub look: QualityOptions,
+    pub settings: RenderSettings,
     #[command(flatten)]
     pub choice: Choice,
 }
@@ -95,17 +94,13 @@ impl ViewRequest {
     ///
     /// # Errors
     /// Whatever stops loading or drawing; [`Error::Window`] or [`Error::Headset`] where the wanted output cannot be had.
-    pub fn run(&self, gpu: GpuOptions<'_>, cache: Option<&Cache>) -> Result<()> {
+    pub fn run(&self, setup: &Setup<'_>) -> Result<()> {
         console::step_aside();
         match self.on {
-            On::Auto => self.run_auto(gpu, cache),
-            On::Window => self.run_window(gpu, cache),
-            On::Headset => self.run_headset(gpu, cache),
+            On::Auto => self.run_auto(setup),
+            On::Window => self.run_window(setup),
+            On::Headset => self.run_headset(setup),
         }
-    }
-
-    pub(super) fn settings(&self, gpu: &Gpu, cache: Option<&Cache>) -> Settings {
-        self.look.settings(gpu, cache, &Report::to_terminal())
     }
 
     pub(super) fn write_report(&self, report: impl FnOnce() -> RunReport) -> Result<()> {
@@ -115,14 +110,14 @@ impl ViewRequest {
     }
 
     /// In a headset, else in a window, else as a picture; one line says which and why.
-    fn run_auto(&self, gpu: GpuOptions<'_>, cache: Option<&Cache>) -> Result<()> {
+    fn run_auto(&self, setup: &Setup<'_>) -> Result<()> {
         let probed = headset::probe();
         let no_window = match no_display() {
             Some(reason) => reason,
             None => {
                 let wanted = if probed.is_ok() { Wanted::Headset } else { Wanted::Window };
                 let no_headset = probed.as_ref().err().map(String::as_str);
-                match window::run(self, gpu, cache, wanted, no_headset)? {
+                match window::run(self, setup, wanted, no_headset)? {
                     None => return Ok(()),
                     Some(reason) => reason,
                 }
@@ -130,42 +125,36 @@ impl ViewRequest {
         };
         let no_headset = match probed {
             Err(reason) => reason,
-            Ok(_) => match headset::connect(gpu) {
-                Ok(connected) => return headset::run_alone(self, connected, cache),
+            Ok(_) => match headset::connect(setup.gpu) {
+                Ok(connected) => return headset::run_alone(self, connected, setup),
                 Err(Error::Headset { problem }) => problem,
                 Err(error) => return Err(error),
             },
         };
-        self.write_picture(gpu, cache, &no_headset, &no_window)
+        self.write_picture(setup, &no_headset, &no_window)
     }
 
-    fn run_window(&self, gpu: GpuOptions<'_>, cache: Option<&Cache>) -> Result<()> {
+    fn run_window(&self, setup: &Setup<'_>) -> Result<()> {
         let problem = match no_display() {
             Some(problem) => Some(problem),
-            None => window::run(self, gpu, cache, Wanted::Window, None)?,
+            None => window::run(self, setup, Wanted::Window, None)?,
         };
         problem.map_or(Ok(()), |problem| Err(Error::Window { problem }))
     }
 
     /// With a mirror where there is a display.
-    fn run_headset(&self, gpu: GpuOptions<'_>, cache: Option<&Cache>) -> Result<()> {
+    fn run_headset(&self, setup: &Setup<'_>) -> Result<()> {
         headset::probe().map_err(|problem| Error::Headset { problem })?;
-        let mirrored = no_display().is_none() && window::run(self, gpu, cache, Wanted::HeadsetOnly, None)?.is_none();
-        if mirrored { Ok(()) } else { headset::run_alone(self, headset::connect(gpu)?, cache) }
+        let mirrored = no_display().is_none() && window::run(self, setup, Wanted::HeadsetOnly, None)?.is_none();
+        if mirrored { Ok(()) } else { headset::run_alone(self, headset::connect(setup.gpu)?, setup) }
     }
 
-    fn write_picture(
-        &self,
-        gpu: GpuOptions<'_>,
-        cache: Option<&Cache>,
-        no_headset: &str,
-        no_window: &str,
-    ) -> Result<()> {
+    fn write_picture(&self, setup: &Setup<'_>, no_headset: &str, no_window: &str) -> Result<()> {
         interrupt::stop_listening();
         let output = reserve_fallback()?;
-        let (frames, look) = (self.frames, self.look);
-        let request = RenderRequest { frames, look, ..RenderRequest::new(self.scene()?, &output) };
-        let facts = render(&request, gpu, cache, &Report::to_terminal()).inspect_err(|_| {
+        let (frames, settings) = (self.frames, self.settings.clone());
+        let request = RenderRequest { frames, settings, ..RenderRequest::new(self.scene()?, &output) };
+        let facts = render(&request, setup).inspect_err(|_| {
             // Removes only the reserved name; the error says what went wrong.
             let _ = std::fs::remove_file(&output);
         })?;

@@ -25,8 +25,8 @@ use winit::window::{Window, WindowId};
 use super::headset::{self, Session};
 use super::interrupt;
 use super::request::{ViewRequest, Wanted};
+use crate::context::Setup;
 use crate::gpu::{Gpu, GpuOptions, Messages};
-use crate::precompute::Cache;
 use crate::{Error, Result, say};
 use viewer::Viewer;
 
@@ -45,8 +45,7 @@ const SIZE: LogicalSize<u32> = LogicalSize::new(1280, 720);
 /// asked for.
 pub fn run(
     request: &ViewRequest,
-    gpu: GpuOptions<'_>,
-    cache: Option<&Cache>,
+    setup: &Setup<'_>,
     wanted: Wanted,
     no_headset: Option<&str>,
 ) -> Result<Option<String>> {
@@ -63,8 +62,7 @@ pub fn run(
     });
     let mut handler = EventHandler {
         request,
-        options: gpu,
-        cache,
+        setup,
         wanted,
         no_headset,
         proxy,
@@ -101,8 +99,7 @@ fn problem_of(error: &impl std::fmt::Display) -> String {
 
 struct EventHandler<'a> {
     request: &'a ViewRequest,
-    options: GpuOptions<'a>,
-    cache: Option<&'a Cache>,
+    setup: &'a Setup<'a>,
     wanted: Wanted,
     no_headset: Option<&'a str>,
     proxy: EventLoopProxy<()>,
@@ -125,11 +122,12 @@ impl EventHandler<'_> {
         let window = event_loop.create_window(attributes).map_err(window_error)?;
         let display = event_loop.display_handle().map_err(window_error)?;
         let handle = window.window_handle().map_err(window_error)?;
-        let options = GpuOptions { display: Some(display), window: Some(handle), ..self.options };
+        let options = GpuOptions { display: Some(display), window: Some(handle), ..self.setup.gpu };
         let (gpu, session) = self.open_gpu(options)?;
         self.messages = Some(gpu.messages());
         // SAFETY: `exiting` drops the viewer while the event loop still runs.
-        let mut viewer = unsafe { Viewer::new(&gpu, window, (self.request, self.cache), self.proxy.clone(), session) }?;
+        let mut viewer =
+            unsafe { Viewer::new(self.setup.with(&gpu), window, self.request, self.proxy.clone(), session) }?;
         self.opened = true;
         self.no_headset.iter().for_each(|why| say!("pbr-vr: in a window, because {why}"));
         viewer.open_first(&scene);

@@ -5,10 +5,11 @@ use std::fs;
 use std::path::Path;
 use std::sync::Arc;
 
-use crate::common::{Workshop, entries, finish, json, program, succeeds, validated};
+use crate::common::{Workshop, entries, finish, json, program, setup, succeeds, validated};
 use half::f16;
 use pbr_vr::asset::ktx2::{Ktx2, TexelFormat};
 use pbr_vr::asset::{Panorama, Report};
+use pbr_vr::context::Context;
 use pbr_vr::gpu::{Format, Gpu, Image, ImageDesc, ImageUsageFlags, Shape, Subresource, read_image, write_mips};
 use pbr_vr::precompute::{BrdfTable, LightMaps, Options, read_texture};
 use pbr_vr::reference::brdf::Geometry;
@@ -22,7 +23,7 @@ const MOST_BYTES: u64 = 1 << 30;
 fn baked(shop: &Workshop, panorama: &Path, face_size: u32) {
     let folder = shop.path("new/folder");
     let request = BakeRequest { panorama: panorama.into(), output: folder, size: face_size, json: None };
-    let facts = bake(&request, validated(), None, &Report::silent()).expect("baking without validation messages");
+    let facts = bake(&request, &setup(None)).expect("baking without validation messages");
     assert_eq!(facts.files.len(), 3);
 }
 
@@ -75,8 +76,9 @@ fn files_hold_the_maps_bit_for_bit_and_another_reader_agrees() {
     }
     let gpu = Gpu::open(validated()).expect("a GPU");
     let panorama = Panorama::load(&panorama, &Report::silent()).expect("the panorama");
-    let light = LightMaps::new(&gpu, &panorama, &Options { face_size: 64, ..Options::default() }).expect("maps");
-    let table = BrdfTable::new(&gpu, Geometry::Smith, SplitSum::Moment, None).expect("a table");
+    let light = LightMaps::new(&Context::silent(&gpu), &panorama, Options { face_size: 64, ..Options::default() })
+        .expect("maps");
+    let table = BrdfTable::new(&Context::silent(&gpu), Geometry::Smith, SplitSum::Moment).expect("a table");
     assert_eq!(irradiance.levels, texels(&gpu, &light.irradiance_over_pi, irradiance.format));
     assert_eq!(brdf.levels, texels(&gpu, &table.image, brdf.format));
     assert_eq!((brdf.format, brdf.layers, brdf.faces), (TexelFormat::Rgba32Float, 2, 1));
@@ -108,7 +110,8 @@ fn a_sun_beyond_halves_is_written_in_floats_and_keeps_its_radiance() {
     baked(&shop, &panorama, 16);
     let gpu = Gpu::open(validated()).expect("a GPU");
     let panorama = Panorama::load(&panorama, &Report::silent()).expect("the panorama");
-    let light = LightMaps::new(&gpu, &panorama, &Options { face_size: 16, ..Options::default() }).expect("maps");
+    let light = LightMaps::new(&Context::silent(&gpu), &panorama, Options { face_size: 16, ..Options::default() })
+        .expect("maps");
     assert!(light.scale > 1.0);
     let specular: Vec<&Image> = light.specular.iter().map(|map| &**map).collect();
     let maps = [("irradiance.ktx2", vec![&*light.irradiance_over_pi]), ("specular.ktx2", specular)];

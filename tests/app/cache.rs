@@ -4,13 +4,13 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::PathBuf;
 
-use crate::common::{Workshop, entries, finish, json, material, program, sphere, succeeds, validated};
-use pbr_vr::asset::Report;
+use crate::common::{Workshop, entries, finish, json, material, program, setup, sphere, succeeds};
 use pbr_vr::asset::ktx2::Ktx2;
 use pbr_vr::precompute::Cache;
 use pbr_vr::reference::brdf::Geometry;
 use pbr_vr::reference::table::SplitSum;
-use pbr_vr::view::{BakeRequest, QualityOptions, RenderFacts, RenderRequest, bake, render};
+use pbr_vr::render::RenderSettings;
+use pbr_vr::view::{BakeRequest, RenderFacts, RenderRequest, bake, render};
 
 /// A rough metal sphere under a coloured sky, and a cache.
 struct Scene {
@@ -41,11 +41,10 @@ impl Scene {
         let output = self.shop.path("out.exr");
         let request = RenderRequest {
             size: [64, 64],
-            look: QualityOptions { geometry, split_sum, ..QualityOptions::default() },
+            settings: RenderSettings { geometry, split_sum, ..RenderSettings::default() },
             ..RenderRequest::new(&self.scene, &output)
         };
-        let facts =
-            render(&request, validated(), cache, &Report::silent()).expect("a render without validation messages");
+        let facts = render(&request, &setup(cache)).expect("a render without validation messages");
         (fs::read(&output).expect("the picture"), facts)
     }
 
@@ -53,7 +52,7 @@ impl Scene {
     fn bake(&self, face_size: u32, cache: Option<&Cache>) -> (BTreeMap<PathBuf, Vec<u8>>, usize) {
         let (panorama, folder) = (self.shop.path("sky.exr"), self.shop.path("baked"));
         let request = BakeRequest { panorama, output: folder.clone(), size: face_size, json: None };
-        let facts = bake(&request, validated(), cache, &Report::silent()).expect("baking without validation messages");
+        let facts = bake(&request, &setup(cache)).expect("baking without validation messages");
         let passes = facts.stages.iter().flat_map(|stage| &stage.gpu);
         (entries(&folder), passes.filter(|pass| pass.name.ends_with("from the cache")).count())
     }

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use crate::common::{QualityOptions, Workshop};
+use crate::common::{PictureOptions, Workshop};
 use pbr_vr::asset::picture::Picture;
 use pbr_vr::reference::energy::Scattering;
 use pbr_vr::render::Shading;
@@ -59,13 +59,13 @@ fn what_is_needed_and_everything_give_one_picture() {
     let metals = kinds(&shop, &["metal", "half"]);
     let both = |scene: &Path, shading, scattering| {
         let picture = |model| {
-            let look = QualityOptions {
+            let look = PictureOptions {
                 file: "a.png",
                 size: [160, 90],
                 shading,
                 scattering,
                 model,
-                ..QualityOptions::default()
+                ..PictureOptions::default()
             };
             shop.render(scene, &look).remove(0)
         };

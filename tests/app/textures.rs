@@ -3,12 +3,13 @@
 use std::fmt::Write as _;
 use std::path::PathBuf;
 
-use crate::common::{Workshop, json, program, succeeds, validated};
+use crate::common::{Workshop, json, program, setup, succeeds};
+use pbr_vr::asset::Storage;
 use pbr_vr::asset::picture::{Picture, compare};
-use pbr_vr::asset::{Report, Storage};
 use pbr_vr::precompute::Cache;
+use pbr_vr::render::{RenderSettings, TextureSettings};
 use pbr_vr::scene::Model;
-use pbr_vr::view::{QualityOptions, RenderFacts, RenderRequest, TextureChoice, render};
+use pbr_vr::view::{RenderFacts, RenderRequest, render};
 
 /// A floor that recedes, with an albedo, a normal and a roughness map of `side` by `side - 3` texels: no multiple of 4.
 struct Floor {
@@ -44,27 +45,26 @@ impl Floor {
         Self { shop, scene }
     }
 
-    fn render(&self, textures: TextureChoice, cache: Option<&Cache>) -> (Picture, RenderFacts) {
+    fn render(&self, textures: TextureSettings, cache: Option<&Cache>) -> (Picture, RenderFacts) {
         self.render_from("low", textures, cache)
     }
 
-    fn render_from(&self, camera: &str, textures: TextureChoice, cache: Option<&Cache>) -> (Picture, RenderFacts) {
+    fn render_from(&self, camera: &str, textures: TextureSettings, cache: Option<&Cache>) -> (Picture, RenderFacts) {
         let output = self.shop.path("out.png");
         let request = RenderRequest {
             size: [96, 64],
             camera: Some(camera.into()),
             // All levels, whatever this camera could do without.
-            look: QualityOptions { model: Model::Everything, textures, ..QualityOptions::default() },
+            settings: RenderSettings { model: Model::Everything, textures, ..RenderSettings::default() },
             ..RenderRequest::new(&self.scene, &output)
         };
-        let facts =
-            render(&request, validated(), cache, &Report::silent()).expect("a render without validation messages");
+        let facts = render(&request, &setup(cache)).expect("a render without validation messages");
         (Picture::read(&output).expect("the picture"), facts)
     }
 }
 
-fn choice(storage: Storage, budget_mib: Option<u32>) -> TextureChoice {
-    TextureChoice { storage: Some(storage), budget_mib, ..TextureChoice::default() }
+fn choice(storage: Storage, budget_mib: Option<u32>) -> TextureSettings {
+    TextureSettings { storage: Some(storage), budget_mib, ..TextureSettings::default() }
 }
 
 #[test]

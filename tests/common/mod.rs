@@ -12,15 +12,16 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
 
-use pbr_vr::asset::Report;
+use pbr_vr::asset::Cache;
 use pbr_vr::asset::picture::Picture;
+use pbr_vr::context::Setup;
 use pbr_vr::gpu::GpuOptions;
 use pbr_vr::reference::brdf::Geometry;
 use pbr_vr::reference::energy::Scattering;
 use pbr_vr::reference::table::SplitSum;
-use pbr_vr::render::Shading;
+use pbr_vr::render::{RenderSettings, Shading};
 use pbr_vr::scene::Model;
-use pbr_vr::view::{self, RenderRequest, render};
+use pbr_vr::view::{RenderRequest, render};
 
 /// A folder for one test's files.
 pub struct Workshop(pub tempfile::TempDir);
@@ -64,14 +65,14 @@ impl Workshop {
     }
 
     /// Renders with validation on; any message fails the test.
-    pub fn render(&self, scene: &Path, look: &QualityOptions<'_>) -> Vec<Picture> {
+    pub fn render(&self, scene: &Path, look: &PictureOptions<'_>) -> Vec<Picture> {
         let output = self.path(look.file);
         let request = RenderRequest {
             size: look.size,
             camera: look.camera.map(str::to_owned),
             stereo: look.stereo,
             frames: Some(1),
-            look: view::QualityOptions {
+            settings: RenderSettings {
                 shading: look.shading,
                 geometry: look.geometry,
                 scattering: look.scattering,
@@ -81,15 +82,14 @@ impl Workshop {
             },
             ..RenderRequest::new(scene, output)
         };
-        let facts =
-            render(&request, validated(), None, &Report::silent()).expect("a render without validation messages");
+        let facts = render(&request, &setup(None)).expect("a render without validation messages");
         facts.files.iter().map(|file| Picture::read(file).expect("the written picture")).collect()
     }
 }
 
 /// How a test looks at its scene.
 #[derive(Clone, Copy)]
-pub struct QualityOptions<'a> {
+pub struct PictureOptions<'a> {
     pub file: &'a str,
     pub size: [u32; 2],
     pub camera: Option<&'a str>,
@@ -101,7 +101,7 @@ pub struct QualityOptions<'a> {
     pub model: Model,
 }
 
-impl Default for QualityOptions<'_> {
+impl Default for PictureOptions<'_> {
     fn default() -> Self {
         Self {
             file: "out.exr",
@@ -178,6 +178,11 @@ pub fn scenes(what: &str) -> Option<PathBuf> {
         println!("skipped: {what} (set PBR_VR_SCENES to the folder of test scenes)");
     }
     folder
+}
+
+/// Under validation, and silent.
+pub fn setup(cache: Option<&Cache>) -> Setup<'static> {
+    Setup { cache: cache.cloned(), ..Setup::silent(validated()) }
 }
 
 /// Any validation message will be a failure.

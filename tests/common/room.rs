@@ -4,16 +4,15 @@ use std::path::{Path, PathBuf};
 
 use glam::{Affine3A, EulerRot, Mat4, Quat, Vec3};
 use headset_runtime::script::{EyeOptics, Script, Waypoint};
-use pbr_vr::asset::Report;
 use pbr_vr::asset::picture::{Picture, compare};
-use pbr_vr::gpu::{CommandBuffer, Gpu, Subresource, read_image};
-use pbr_vr::render::{Eye, NEAR_METRES, Output, Renderer, Settings, Shading};
+use pbr_vr::gpu::{Subresource, read_image};
+use pbr_vr::render::{Eye, FrameInputs, NEAR_METRES, RenderSettings, Renderer};
 use pbr_vr::scene::load::{LoadOptions, load};
-use pbr_vr::view::TextureChoice;
 use serde_json::Value;
 
 use super::headset::{Headset, Ran};
-use super::{Workshop, json, material, sphere, square, validated};
+use super::stage::draw_frame;
+use super::{Workshop, json, material, setup, sphere, square};
 
 /// Pixels of an eye's image.
 pub const SIZE: [u32; 2] = [128, 96];
@@ -145,24 +144,18 @@ fn rigid(position: [f32; 3], rotation_degrees: [f32; 3]) -> Affine3A {
 }
 
 fn draw(scene: &Path, eyes: &[Eye; 2], size: [u32; 2]) -> [Picture; 2] {
-    let gpu = Gpu::open(validated()).expect("a GPU");
-    let messages = gpu.messages();
-    let report = Report::silent();
-    let textures = TextureChoice::default().options(&gpu, None, &report);
-    let options = LoadOptions { default_panorama: None, textures: textures.clone() };
-    let scene = load(scene, &options, &report).expect("a scene");
-    let settings = Settings { output: Output::Display, textures, ..Settings::default() };
-    let mut renderer = Renderer::new(&gpu, &scene, settings, Shading::Pbr, size, 2, &report).expect("a renderer");
-    let mut recorder = CommandBuffer::new(&gpu).expect("a recorder");
-    let (mut commands, _) = recorder.begin().expect("a frame");
-    renderer.record(&mut commands, 0, eyes, None);
-    commands.submit(None).expect("a frame");
-    recorder.finish().expect("a frame");
+    let context = setup(None).open().expect("a GPU");
+    let messages = context.gpu.messages();
+    let settings = RenderSettings::default();
+    let options = LoadOptions { default_panorama: None, textures: settings.textures.options(&context) };
+    let scene = load(scene, &options, &context.report).expect("a scene");
+    let mut renderer = Renderer::new(&context, &scene, settings, size, 2).expect("a renderer");
+    draw_frame(&context.gpu, &mut renderer, &FrameInputs::of(&scene, eyes));
     let pictures = [0, 1].map(|layer| {
-        let bytes = read_image(&gpu, renderer.picture(), Subresource { mip: 0, layer }, 4).expect("a picture");
+        let bytes = read_image(&context.gpu, renderer.picture(), Subresource { mip: 0, layer }, 4).expect("a picture");
         Picture::from_srgb8("drawn", size[0], size[1], &bytes)
     });
-    drop((recorder, renderer, gpu));
+    drop((renderer, context));
     messages.check().expect("no validation message");
     pictures
 }

@@ -6,9 +6,9 @@ use std::sync::Arc;
 use glam::Mat4;
 use pbr_vr::asset::picture::Picture;
 use pbr_vr::asset::{MipChain, Report, Storage, TextureOptions};
-use pbr_vr::gpu::{Gpu, Subresource, read_image, submit_and_wait};
-use pbr_vr::precompute::Options;
-use pbr_vr::render::{Eye, Output, Renderer, Settings, Shading};
+use pbr_vr::context::Context;
+use pbr_vr::gpu::{FrameRing, Gpu, Subresource, read_image};
+use pbr_vr::render::{Eye, FRAME_BYTES, FrameInputs, Output, RenderSettings, Renderer, Shading, TextureSettings};
 use pbr_vr::scene::{LoadOptions, Scene, load};
 
 use super::validated;
@@ -44,10 +44,21 @@ pub fn without_mips(mut scene: Scene) -> Scene {
     scene
 }
 
+/// Draws one frame to its end; its slot is 0.
+pub fn draw_frame(gpu: &Arc<Gpu>, renderer: &mut Renderer, inputs: &FrameInputs<'_>) {
+    let mut ring = FrameRing::new(gpu, FRAME_BYTES).expect("a ring");
+    let mut frame = ring.begin().expect("a frame");
+    renderer.record(&mut frame, inputs).expect("a recorded frame");
+    frame.submit(None).expect("a submission");
+    ring.finish_all().expect("its end");
+}
+
 /// A scene, ready to be drawn for one eye.
 pub struct Stage {
     gpu: Arc<Gpu>,
     renderer: Renderer,
+    /// But for the eyes.
+    inputs: FrameInputs<'static>,
     size: [u32; 2],
 }
 
@@ -66,19 +77,15 @@ impl Stage {
         shading: Shading,
     ) -> Self {
         // Small light maps, as dozens of scenes are lit.
-        let precompute = Options { face_size: 64, ..Options::default() };
-        let settings = Settings { samples, output, precompute, textures: textures(), ..Settings::default() };
-        let renderer = Renderer::new(gpu, scene, settings, shading, size, 1, &Report::silent()).expect("a renderer");
-        Self { gpu: Arc::clone(gpu), renderer, size }
+        let textures = TextureSettings { storage: Some(Storage::Raw), anisotropy: Some(1), ..Default::default() };
+        let settings = RenderSettings { shading, samples, output, cube_size: 64, textures, ..Default::default() };
+        let renderer = Renderer::new(&Context::silent(gpu), scene, settings, size, 1).expect("a renderer");
+        Self { gpu: Arc::clone(gpu), renderer, inputs: FrameInputs::of(scene, &[]), size }
     }
 
     /// Bytes of one frame.
     fn draw(&mut self, eye: &Eye, output: Output) -> Vec<u8> {
-        submit_and_wait(&self.gpu, |commands| {
-            self.renderer.record(commands, 0, &[*eye], None);
-            Ok(())
-        })
-        .expect("a frame");
+        draw_frame(&self.gpu, &mut self.renderer, &FrameInputs { eyes: &[*eye], ..self.inputs });
         read_image(&self.gpu, self.renderer.picture(), Subresource { mip: 0, layer: 0 }, output.bytes())
             .expect("a picture")
     }

@@ -2,14 +2,15 @@
 // forward.vert hands over, but from hashes of the pixel and of the corner.
 #version 460
 #extension GL_GOOGLE_include_directive : require
-#include "shared.glsl"
+#include "instance.glsl"
 
-layout(push_constant) uniform Range {
-    uvec2 size;      // of the picture, pixels
+layout(push_constant, scalar) uniform Range {
+    uint instance;
     uint first;      // pixel of the first triangle
     uint seed;
     uint hostile;    // of 256 corners' vectors, so many are hostile
     uint inside;     // 1: some surfaces lie in a lamp or in the eye
+    uvec2 size;      // of the picture, pixels
 } range;
 
 layout(location = 0) centroid out vec3 position_world;
@@ -17,6 +18,8 @@ layout(location = 1) centroid out vec3 normal_world;
 layout(location = 2) out vec2 uv;
 layout(location = 3) centroid out vec4 tangent_world;
 layout(location = 4) flat out uint eye;
+layout(location = 5) flat out vec4 base_color_metallic;
+layout(location = 6) flat out vec2 roughness_alpha_cutoff;
 
 uint state;
 
@@ -74,6 +77,9 @@ vec3 perhaps(vec3 sane)
 
 void main()
 {
+    Material material = materials[instances[range.instance].material];
+    base_color_metallic = vec4(material.base_color, material.metallic);
+    roughness_alpha_cutoff = vec2(material.roughness, material.alpha_cutoff);
     uint pixel = range.first + uint(gl_VertexIndex) / 3u, corner = uint(gl_VertexIndex) % 3u;
     // What the whole triangle shares: mostly one frame for all corners, sometimes others, which may cancel.
     state = pixel * 9781u + range.seed;

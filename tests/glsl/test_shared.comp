@@ -1,10 +1,10 @@
 // Reads every member of shared.glsl's blocks by name, for src/render/shared_gpu_tests.rs.
 #version 460
 #extension GL_GOOGLE_include_directive : require
-#include "shared.glsl"
+#include "instance.glsl"
 
 layout(local_size_x = 1) in;
-layout(set = 1, binding = 0, scalar) writeonly buffer Outputs { float outputs[]; };
+layout(set = 2, binding = 0, scalar) writeonly buffer Outputs { float outputs[]; };
 
 uint count = 0;
 void put(float value) { outputs[count++] = value; }
@@ -24,8 +24,18 @@ void main()
     put(frame.environment_scale);
     put(float(frame.light_count));
     put(float(frame.sample_index));
+    put(frame.world_from_models);
     for (uint i = 0; i < lights.length(); ++i) {
         put(vec4(lights[i].position, 0.0));
         put(vec4(lights[i].intensity, 0.0));
+    }
+    for (uint i = 0; i < instances.length(); ++i) {
+        put(instances[i].world_from_local);
+        put(float(instances[i].material));
+    }
+    for (uint i = 0; i < materials.length(); ++i) {
+        put(vec4(materials[i].base_color, materials[i].metallic));
+        put(materials[i].roughness);
+        put(materials[i].alpha_cutoff);
     }
 }

@@ -3,9 +3,11 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use crate::common::stage::draw_frame;
 use pbr_vr::asset::Report;
-use pbr_vr::gpu::{Gpu, GpuOptions, Subresource, read_image, submit_and_wait};
-use pbr_vr::render::{CullOptions, Eye, IPD_METRES, Order, Renderer, Settings, Shading};
+use pbr_vr::context::Context;
+use pbr_vr::gpu::{Gpu, GpuOptions, Subresource, read_image};
+use pbr_vr::render::{CullOptions, DrawCounts, Eye, FrameInputs, IPD_METRES, Order, RenderSettings, Renderer};
 use pbr_vr::scene::{self, LoadOptions, Scene};
 
 const SIZE: [u32; 2] = [320, 180];
@@ -30,20 +32,15 @@ fn with_gpu(work: impl FnOnce(&Arc<Gpu>)) {
 }
 
 fn renderer(gpu: &Arc<Gpu>, scene: &Scene, eyes: usize, samples: u32) -> Renderer {
-    let settings = Settings { samples, ..Settings::default() };
-    Renderer::new(gpu, scene, settings, Shading::Pbr, SIZE, eyes as u32, &Report::silent()).expect("a renderer")
+    let settings = RenderSettings { samples, ..RenderSettings::default() };
+    Renderer::new(&Context::silent(gpu), scene, settings, SIZE, eyes as u32).expect("a renderer")
 }
 
 /// Each eye's pixels, RGBA.
-fn draw(gpu: &Arc<Gpu>, renderer: &mut Renderer, eyes: &[Eye], culling: CullOptions) -> Vec<[u8; 4]> {
-    *renderer.culling() = culling;
-    submit_and_wait(gpu, |commands| {
-        renderer.record(commands, 0, eyes, None);
-        Ok(())
-    })
-    .expect("a frame");
+fn draw(gpu: &Arc<Gpu>, renderer: &mut Renderer, inputs: &FrameInputs<'_>) -> Vec<[u8; 4]> {
+    draw_frame(gpu, renderer, inputs);
     let layer = |layer| read_image(gpu, renderer.picture(), Subresource { mip: 0, layer }, 4).expect("a picture");
-    (0..eyes.len() as u32).flat_map(|l| bytemuck::pod_collect_to_vec::<u8, [u8; 4]>(&layer(l))).collect()
+    (0..inputs.eyes.len() as u32).flat_map(|l| bytemuck::pod_collect_to_vec::<u8, [u8; 4]>(&layer(l))).collect()
 }
 
 fn differing(a: &[[u8; 4]], b: &[[u8; 4]]) -> usize {
@@ -74,10 +71,12 @@ fn the_picture_does_not_depend_on_the_order_of_draws() {
             let scene = load(&shipped(name));
             let mut renderer = renderer(gpu, &scene, 2, samples);
             for eyes in views(&scene) {
-                let one = draw(gpu, &mut renderer, &eyes, ALL);
+                let inputs = FrameInputs::of(&scene, &eyes);
+                let one = draw(gpu, &mut renderer, &FrameInputs { culling: ALL, ..inputs });
                 assert!(one.iter().any(|p| *p != one[0]), "{name}: nothing is drawn");
                 for order in [Order::Listed, Order::Shuffled(1), Order::Shuffled(2), Order::Shuffled(3)] {
-                    let other = draw(gpu, &mut renderer, &eyes, CullOptions { order, ..ALL });
+                    let other =
+                        draw(gpu, &mut renderer, &FrameInputs { culling: CullOptions { order, ..ALL }, ..inputs });
                     let (largest, pixels) = difference(&one, &other);
                     let told = format!("{name}, {order:?}, {samples} samples: {largest} in {pixels} pixels");
                     assert!(largest <= allowed.0 && pixels <= allowed.1, "{told}");
@@ -98,15 +97,18 @@ fn frusta_that_leave_out_draws_leave_the_picture_as_it_is() {
             let position = glam::Vec3::new(0.3, 1.2, 0.4);
             let target = position + glam::Vec3::new(radians.sin(), 0.2 * radians.cos(), radians.cos());
             let eyes = Eye::looking(position, target, 50.0, SIZE[0] as f32 / SIZE[1] as f32).stereo(IPD_METRES);
-            let all = draw(gpu, &mut renderer, &eyes, CullOptions { frusta: false, ..ALL });
-            let drawn = draw(gpu, &mut renderer, &eyes, ALL);
+            let inputs = FrameInputs { culling: ALL, ..FrameInputs::of(&scene, &eyes) };
+            let everything = FrameInputs { culling: CullOptions { frusta: false, ..ALL }, ..inputs };
+            let all = draw(gpu, &mut renderer, &everything);
+            let drawn = draw(gpu, &mut renderer, &inputs);
             assert_eq!(differing(&all, &drawn), 0, "turned by {radians}: pixels");
-            let [count, there] = renderer.draw_counts();
-            fewest = fewest.min(count);
-            assert!(there > 10, "{there} draws show little");
+            let DrawCounts { calls, ranges, all_ranges } = renderer.draw_counts();
+            fewest = fewest.min(ranges);
+            assert!(all_ranges > 10, "{all_ranges} ranges show little");
+            assert!(calls <= ranges, "{calls} calls for {ranges} ranges");
         }
-        let [_, there] = renderer.draw_counts();
-        assert!(2 * fewest < there, "{fewest} of {there} draws where fewest are seen");
+        let there = renderer.draw_counts().all_ranges;
+        assert!(2 * fewest < there, "{fewest} of {there} ranges where fewest are seen");
     });
 }
 
@@ -119,17 +121,18 @@ fn backs_of_closed_surfaces_are_seen_from_inside_only() {
         let without = CullOptions { backs: false, ..ALL };
         let pixels = (2 * SIZE[0] * SIZE[1]) as usize;
         for eyes in views(&scene) {
-            let (with, all) = (draw(gpu, &mut renderer, &eyes, ALL), draw(gpu, &mut renderer, &eyes, without));
+            let inputs = FrameInputs::of(&scene, &eyes);
+            let with = draw(gpu, &mut renderer, &FrameInputs { culling: ALL, ..inputs });
+            let all = draw(gpu, &mut renderer, &FrameInputs { culling: without, ..inputs });
             let differing = differing(&with, &all);
             assert!(differing * 1000 <= pixels, "{differing} of {pixels} pixels");
         }
         let inside = Eye::looking(glam::Vec3::ZERO, glam::Vec3::NEG_Z, 60.0, 16.0 / 9.0).stereo(IPD_METRES);
         let nothing = Eye::looking(glam::Vec3::Y * 50.0, glam::Vec3::Y * 99.0, 60.0, 16.0 / 9.0).stereo(IPD_METRES);
-        let seen = draw(gpu, &mut renderer, &inside, ALL);
-        assert_eq!(differing(&seen, &draw(gpu, &mut renderer, &inside, NONE)), 0);
-        assert!(
-            differing(&seen, &draw(gpu, &mut renderer, &nothing, ALL)) > pixels / 2,
-            "the ball is gone from inside"
-        );
+        let with = |eyes, culling| FrameInputs { culling, ..FrameInputs::of(&scene, eyes) };
+        let seen = draw(gpu, &mut renderer, &with(&inside, ALL));
+        assert_eq!(differing(&seen, &draw(gpu, &mut renderer, &with(&inside, NONE))), 0);
+        let elsewhere = draw(gpu, &mut renderer, &with(&nothing, ALL));
+        assert!(differing(&seen, &elsewhere) > pixels / 2, "the ball is gone from inside");
     });
 }

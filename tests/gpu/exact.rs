@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::common::{Workshop, material, square, validated};
+use crate::common::{Workshop, material, setup, square};
 use glam::DVec3;
 use pbr_vr::asset::picture::Picture;
 use pbr_vr::asset::{Panorama, Report};
@@ -10,8 +10,8 @@ use pbr_vr::precompute::Cache;
 use pbr_vr::reference::brdf::Geometry;
 use pbr_vr::reference::energy::Scattering;
 use pbr_vr::reference::integrals::{PanoramaView, Surface, reflected};
-use pbr_vr::render::{Shading, StandardError};
-use pbr_vr::view::{QualityOptions, RenderRequest, render};
+use pbr_vr::render::{RenderSettings, Shading, StandardError};
+use pbr_vr::view::{RenderRequest, render};
 
 const SIDE: u32 = 24;
 const ALBEDO: [f32; 3] = [0.9, 0.5, 0.2];
@@ -53,11 +53,10 @@ fn exact(shop: &Workshop, case: &Case, geometry: Geometry, frames: u64) -> (Pict
     let request = RenderRequest {
         size: [SIDE, SIDE],
         frames: Some(frames),
-        look: QualityOptions { shading: Shading::Reference, geometry, ..QualityOptions::default() },
+        settings: RenderSettings { shading: Shading::Reference, geometry, ..RenderSettings::default() },
         ..RenderRequest::new(&scene, &output)
     };
-    let facts =
-        render(&request, validated(), Some(&cache), &Report::silent()).expect("a render without validation messages");
+    let facts = render(&request, &setup(Some(&cache))).expect("a render without validation messages");
     (Picture::read(&output).expect("the picture"), facts.standard_error.expect("a standard error"))
 }
 

@@ -6,10 +6,11 @@ use std::sync::Arc;
 
 use glam::{EulerRot, Mat4, Quat, Vec3};
 
-use crate::common::validated;
+use crate::common::setup;
+use crate::common::stage::draw_frame;
 use pbr_vr::asset::{Report, Storage, TextureOptions};
-use pbr_vr::gpu::{CommandBuffer, Gpu, Subresource, read_image};
-use pbr_vr::render::{ControllerGizmos, Eye, FRAMES_IN_FLIGHT, IPD_METRES, Output, Renderer, Settings, Shading};
+use pbr_vr::gpu::{Gpu, Subresource, read_image};
+use pbr_vr::render::{ControllerGizmos, Eye, FrameInputs, IPD_METRES, Output, RenderSettings, Renderer, Shading};
 use pbr_vr::scene::{Scene, load};
 
 const SIZE: [u32; 2] = [480, 400];
@@ -32,27 +33,39 @@ fn eyes(scene: &Scene) -> [Eye; 2] {
     Eye::of_camera(camera, SIZE[0] as f32 / SIZE[1] as f32).stereo(IPD_METRES)
 }
 
-/// A GPU with a renderer of the room for two eyes; any validation message fails.
-fn with_renderer(output: Output, work: impl FnOnce(&Arc<Gpu>, &mut Renderer, &[Eye; 2])) {
-    let gpu = Gpu::open(validated()).expect("a GPU");
-    let messages = gpu.messages();
-    let scene = room();
-    let settings = Settings { output, ..Settings::default() };
-    let mut renderer =
-        Renderer::new(&gpu, &scene, settings, Shading::Pbr, SIZE, 2, &Report::silent()).expect("a renderer");
-    work(&gpu, &mut renderer, &eyes(&scene));
-    drop((renderer, gpu));
-    messages.check().expect("no validation messages");
+/// A renderer of the room for two eyes, and its frames.
+struct Drawing {
+    gpu: Arc<Gpu>,
+    renderer: Renderer,
+    scene: Scene,
 }
 
-/// Both eyes' layers after one frame in `slot`.
-fn layers(gpu: &Arc<Gpu>, renderer: &mut Renderer, slot: usize, eyes: &[Eye], bytes: u64) -> [Vec<u8>; 2] {
-    let mut recorder = CommandBuffer::new(gpu).expect("a recorder");
-    let (mut commands, _) = recorder.begin().expect("commands");
-    renderer.record(&mut commands, slot, eyes, None);
-    commands.submit(None).expect("a submission");
-    recorder.finish().expect("its end");
-    [0, 1].map(|layer| read_image(gpu, renderer.picture(), Subresource { mip: 0, layer }, bytes).expect("a layer"))
+impl Drawing {
+    /// Of the room, with a stop and a half of exposure.
+    fn inputs<'a>(&self, eyes: &'a [Eye], gizmos: Option<&'a ControllerGizmos>) -> FrameInputs<'a> {
+        FrameInputs { exposure_ev: 1.5, gizmos, ..FrameInputs::of(&self.scene, eyes) }
+    }
+
+    /// Both eyes' layers after one frame.
+    fn layers(&mut self, inputs: &FrameInputs<'_>) -> [Vec<u8>; 2] {
+        draw_frame(&self.gpu, &mut self.renderer, inputs);
+        let bytes = self.renderer.settings().output.bytes();
+        let layer = |layer| read_image(&self.gpu, self.renderer.picture(), Subresource { mip: 0, layer }, bytes);
+        [0, 1].map(|i| layer(i).expect("a layer"))
+    }
+}
+
+/// Has `work` draw the room for two eyes; any validation message fails.
+fn with_drawing(settings: RenderSettings, work: impl FnOnce(&mut Drawing, &[Eye; 2])) {
+    let context = setup(None).open().expect("a GPU");
+    let messages = context.gpu.messages();
+    let scene = room();
+    let renderer = Renderer::new(&context, &scene, settings, SIZE, 2).expect("a renderer");
+    let eyes = eyes(&scene);
+    let mut drawing = Drawing { gpu: Arc::clone(&context.gpu), renderer, scene };
+    work(&mut drawing, &eyes);
+    drop((drawing, context));
+    messages.check().expect("no validation messages");
 }
 
 /// A hand over the floor that points at it, its arc and the ring where the arc ends.
@@ -91,11 +104,9 @@ fn on_the_ring() -> [Vec3; 4] {
 
 #[test]
 fn both_eyes_see_arc_and_ring_where_they_are_and_in_their_colours() {
-    with_renderer(Output::Display, |gpu, renderer, eyes| {
+    with_drawing(RenderSettings::default(), |drawing, eyes| {
         let (gizmos, _, arc) = pointing();
-        renderer.set_gizmos(0, &gizmos).expect("gizmos");
-        *renderer.exposure_ev() = 1.5;
-        let pictures = layers(gpu, renderer, 0, eyes, 4);
+        let pictures = drawing.layers(&drawing.inputs(eyes, Some(&gizmos)));
         for (eye, bytes) in eyes.iter().zip(&pictures) {
             for point in on_the_ring().into_iter().chain([arc[12], arc[16], arc[20]]) {
                 let at = 4 * pixel_of(eye, point);
@@ -110,11 +121,10 @@ fn both_eyes_see_arc_and_ring_where_they_are_and_in_their_colours() {
 
 #[test]
 fn linear_pictures_hold_what_the_exposure_turns_into_the_colour() {
-    with_renderer(Output::Linear, |gpu, renderer, eyes| {
+    with_drawing(RenderSettings { output: Output::Linear, ..RenderSettings::default() }, |drawing, eyes| {
         let (gizmos, ..) = pointing();
-        renderer.set_gizmos(0, &gizmos).expect("gizmos");
-        *renderer.exposure_ev() = 1.5;
-        for (eye, bytes) in eyes.iter().zip(layers(gpu, renderer, 0, eyes, 16)) {
+        let pictures = drawing.layers(&drawing.inputs(eyes, Some(&gizmos)));
+        for (eye, bytes) in eyes.iter().zip(pictures) {
             let texels: Vec<[f32; 4]> = bytemuck::pod_collect_to_vec(&bytes);
             for point in on_the_ring() {
                 let [r, g, b, _] = texels[pixel_of(eye, point)];
@@ -126,39 +136,34 @@ fn linear_pictures_hold_what_the_exposure_turns_into_the_colour() {
 }
 
 #[test]
-fn what_stands_in_front_hides_them_and_each_slot_shows_its_own() {
-    with_renderer(Output::Display, |gpu, renderer, eyes| {
-        let plain = layers(gpu, renderer, 0, eyes, 4);
+fn what_stands_in_front_hides_them_and_each_frame_shows_its_own() {
+    with_drawing(RenderSettings::default(), |drawing, eyes| {
+        let plain = drawing.layers(&drawing.inputs(eyes, None));
         let (seen, ..) = pointing();
         // Under the floor.
         let mut hidden = ControllerGizmos::default();
         hidden.ring(LANDING - 0.2 * Vec3::Y, CYAN);
         hidden.wand(&Mat4::from_translation(LANDING - 0.3 * Vec3::Y), ORANGE);
-        assert_eq!(FRAMES_IN_FLIGHT, 2);
-        renderer.set_gizmos(0, &seen).expect("gizmos");
-        renderer.set_gizmos(1, &hidden).expect("gizmos");
-        let shown = layers(gpu, renderer, 0, eyes, 4);
+        let shown = drawing.layers(&drawing.inputs(eyes, Some(&seen)));
         assert!(shown[0] != plain[0] && shown[1] != plain[1]);
-        assert!(layers(gpu, renderer, 1, eyes, 4) == plain, "the floor does not hide what is under it");
-        renderer.set_gizmos(0, &ControllerGizmos::default()).expect("gizmos");
-        assert!(layers(gpu, renderer, 0, eyes, 4) == plain, "an empty list shows something");
-        renderer.set_gizmos(0, &seen).expect("gizmos");
-        renderer.reload_shaders().expect("pipelines");
-        renderer.set_gizmos(0, &seen).expect("gizmos");
-        assert!(layers(gpu, renderer, 0, eyes, 4) == shown, "new pipelines draw something else");
+        let under = drawing.layers(&drawing.inputs(eyes, Some(&hidden)));
+        assert!(under == plain, "the floor does not hide what is under it");
+        let none = drawing.layers(&drawing.inputs(eyes, Some(&ControllerGizmos::default())));
+        assert!(none == plain, "an empty list shows something");
+        drawing.renderer.rebuild(RenderSettings::default(), 2).expect("pipelines");
+        let again = drawing.layers(&drawing.inputs(eyes, Some(&seen)));
+        assert!(again == shown, "new pipelines draw something else");
     });
 }
 
 #[test]
 fn models_that_move_look_as_from_eyes_that_move_the_other_way() {
-    with_renderer(Output::Display, |gpu, renderer, eyes| {
-        renderer.set_shading(Shading::BaseColor).expect("pipelines");
+    with_drawing(RenderSettings { shading: Shading::BaseColor, ..RenderSettings::default() }, |drawing, eyes| {
         let by = Mat4::from_translation(Vec3::new(0.25, -0.125, 0.5));
-        let before = layers(gpu, renderer, 0, eyes, 4);
-        *renderer.world_from_models() = by;
-        let moved = layers(gpu, renderer, 0, eyes, 4);
+        let before = drawing.layers(&drawing.inputs(eyes, None));
+        let moved = drawing.layers(&FrameInputs { world_from_models: by, ..drawing.inputs(eyes, None) });
         let followed = eyes.map(|eye| Eye { world_from_view: by * eye.world_from_view, ..eye });
-        let with_them = layers(gpu, renderer, 0, &followed, 4);
+        let with_them = drawing.layers(&FrameInputs { world_from_models: by, ..drawing.inputs(&followed, None) });
         let differing = |a: &[u8], b: &[u8]| {
             let far = |(a, b): (&[u8], &[u8])| (0..3).any(|c| a[c].abs_diff(b[c]) > 8);
             let pixels = a.chunks_exact(4).zip(b.chunks_exact(4));

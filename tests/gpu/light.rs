@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use crate::common::{QualityOptions, Workshop, material, mean_at, pixel, sphere, square};
+use crate::common::{PictureOptions, Workshop, material, mean_at, pixel, sphere, square};
 use glam::{DVec3, Vec2};
 use pbr_vr::asset::picture::Picture;
 use pbr_vr::reference::brdf::{Geometry, diffuse_karis2013, f0_from_metallic, specular};
@@ -32,7 +32,7 @@ fn a_white_furnace_hides_a_white_dielectric() {
             let shop = Workshop::new();
             shop.panorama("sky.exr", 64, |_| WHITE);
             let scene = scene(&shop, &sphere("m.mtl"), &material(WHITE, 0.0, roughness), 3.5, "");
-            let picture = &shop.render(&scene, &QualityOptions { geometry, ..QualityOptions::default() })[0];
+            let picture = &shop.render(&scene, &PictureOptions { geometry, ..PictureOptions::default() })[0];
             let worst = picture.pixels.iter().flatten().map(|v| (v - 1.0).abs()).fold(0.0, f32::max);
             assert!(worst <= 0.005, "roughness {roughness}, {geometry:?}: off by {worst}");
         }
@@ -57,11 +57,11 @@ fn a_white_furnace_shows_a_metal_that_scatters_once_by_its_directional_albedo() 
             shop.panorama("sky.exr", 64, |_| WHITE);
             let (size, distance) = (384, 3.5);
             let scene = scene(&shop, &sphere("m.mtl"), &material(WHITE, 1.0, roughness), distance, "");
-            let look = QualityOptions {
+            let look = PictureOptions {
                 geometry,
                 scattering: Scattering::Single,
                 size: [size, size],
-                ..QualityOptions::default()
+                ..PictureOptions::default()
             };
             let picture = &shop.render(&scene, &look)[0];
             let mut compared = 0;
@@ -92,7 +92,7 @@ fn lit_square(height: f32, intensity: f32, roughness: f32, geometry: Geometry, m
     shop.panorama("sky.exr", 16, |_| BLACK);
     let mtl = material([0.5; 3], metallic, roughness);
     let scene = scene(&shop, &square("m.mtl"), &mtl, 1.0, &lamp(height, intensity));
-    let picture = &shop.render(&scene, &QualityOptions { size: [65, 65], geometry, ..QualityOptions::default() })[0];
+    let picture = &shop.render(&scene, &PictureOptions { size: [65, 65], geometry, ..PictureOptions::default() })[0];
     pixel(picture, 32, 32)[0]
 }
 
@@ -144,7 +144,7 @@ fn a_lamp_gives_the_radiance_that_the_f64_brdf_says() {
             );
             let scene = shop.write("scene.toml", &text);
             let picture =
-                &shop.render(&scene, &QualityOptions { size: [65, 65], geometry, ..QualityOptions::default() })[0];
+                &shop.render(&scene, &PictureOptions { size: [65, 65], geometry, ..PictureOptions::default() })[0];
             // The middle pixel is the origin, wherever in its 0.03 degrees it is shaded.
             let got = pixel(picture, 32, 32)[0];
             let want = 40.0 / (away * away) * l.z * brdf(v, l, roughness.into(), geometry, metallic.into());
@@ -160,7 +160,7 @@ fn sixteen_lamps_add_up() {
     shop.panorama("sky.exr", 16, |_| BLACK);
     let render = |lamps: &str| {
         let scene = scene(&shop, &square("m.mtl"), &material([0.5; 3], 0.0, 0.4), 1.0, lamps);
-        shop.render(&scene, &QualityOptions::default()).remove(0)
+        shop.render(&scene, &PictureOptions::default()).remove(0)
     };
     let (one, many) = (render(&lamp(1.5, 32.0)), render(&lamp(1.5, 2.0).repeat(16)));
     for (a, b) in one.pixels.iter().zip(&many.pixels) {
@@ -192,7 +192,7 @@ fn the_sky_shows_every_direction_where_it_is() {
         [[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, 1.0], [0.0, 0.0, -1.0]]
     {
         let picture = &shop
-            .render(&sky_scene(&shop, 0.0, target), &QualityOptions { size: [64, 64], ..QualityOptions::default() })[0];
+            .render(&sky_scene(&shop, 0.0, target), &PictureOptions { size: [64, 64], ..PictureOptions::default() })[0];
         let forward = DVec3::from(target);
         // The camera's own axes: right is forward × up, and looking along Y the picture's up is ∓Z.
         let right = if forward.y.abs() > 0.5 { DVec3::X } else { forward.cross(DVec3::Y) };
@@ -222,7 +222,7 @@ fn turning_the_panorama_turns_it_counter_clockwise_from_above() {
     // +X turned by 90 degrees about +Y is −Z.
     let picture = &shop.render(
         &sky_scene(&shop, 90.0, [0.0, 0.0, -1.0]),
-        &QualityOptions { size: [65, 65], ..QualityOptions::default() },
+        &PictureOptions { size: [65, 65], ..PictureOptions::default() },
     )[0];
     let (got, want) = (pixel(picture, 32, 32), compass([1.0, 0.0, 0.0]));
     assert!((0..3).all(|c| (got[c] - f64::from(want[c])).abs() < 0.01), "{got:?}");
@@ -234,7 +234,7 @@ fn a_mirror_ball_shows_every_direction_where_it_is() {
     shop.panorama("sky.exr", 512, compass);
     let scene = scene(&shop, &sphere("m.mtl"), &material(WHITE, 1.0, 0.0), 6.0, "");
     let size = 128;
-    let picture = &shop.render(&scene, &QualityOptions { size: [size, size], ..QualityOptions::default() })[0];
+    let picture = &shop.render(&scene, &PictureOptions { size: [size, size], ..PictureOptions::default() })[0];
     let mut compared = 0;
     for y in 0..size {
         for x in 0..size {
@@ -260,7 +260,7 @@ fn leaning(shop: &Workshop, towards: [f64; 2], mirror: bool) -> [f64; 3] {
     shop.panorama("sky.exr", 16, |_| BLACK);
     let mtl = material(WHITE, 0.0, 0.5) + "norm n.png\n";
     let scene = scene(shop, &obj, &mtl, 1.0, "");
-    let picture = &shop.render(&scene, &QualityOptions { shading: Shading::Normal, ..QualityOptions::default() })[0];
+    let picture = &shop.render(&scene, &PictureOptions { shading: Shading::Normal, ..PictureOptions::default() })[0];
     mean_at(picture, 48, 48, 4).map(|c| 2.0 * c - 1.0)
 }
 
@@ -287,7 +287,7 @@ fn a_mask_cuts_holes() {
     shop.panorama("sky.exr", 16, |_| [0.0, 0.0, 1.0]);
     let mtl = material([1.0, 0.0, 0.0], 0.0, 1.0) + "map_d mask.png\n";
     let scene = scene(&shop, &square("m.mtl"), &mtl, 1.0, "");
-    let picture = &shop.render(&scene, &QualityOptions { shading: Shading::BaseColor, ..QualityOptions::default() })[0];
+    let picture = &shop.render(&scene, &PictureOptions { shading: Shading::BaseColor, ..PictureOptions::default() })[0];
     assert_eq!(mean_at(picture, 30, 48, 2), [0.0, 0.0, 1.0], "left of the middle the sky shows through");
     assert_eq!(mean_at(picture, 66, 48, 2), [1.0, 0.0, 0.0]);
 }
@@ -304,7 +304,7 @@ fn edges_of_holes_are_as_smooth_as_those_of_triangles() {
     let seen = |side| {
         shop.render(
             &scene,
-            &QualityOptions { size: [side; 2], shading: Shading::BaseColor, ..QualityOptions::default() },
+            &PictureOptions { size: [side; 2], shading: Shading::BaseColor, ..PictureOptions::default() },
         )
         .remove(0)
     };
@@ -341,11 +341,11 @@ fn stereo_eyes_see_what_two_single_eyes_see_and_differ_by_the_disparity() {
         camera("right", half)
     );
     let scene = shop.write("stereo.toml", &text);
-    let look = QualityOptions { size: [320, 240], shading: Shading::BaseColor, ..QualityOptions::default() };
-    let both = shop.render(&scene, &QualityOptions { stereo: true, ..look });
+    let look = PictureOptions { size: [320, 240], shading: Shading::BaseColor, ..PictureOptions::default() };
+    let both = shop.render(&scene, &PictureOptions { stereo: true, ..look });
     assert_eq!(both.len(), 2);
     for (eye, name) in both.iter().zip(["left", "right"]) {
-        let alone = &shop.render(&scene, &QualityOptions { camera: Some(name), file: "alone.exr", ..look })[0];
+        let alone = &shop.render(&scene, &PictureOptions { camera: Some(name), file: "alone.exr", ..look })[0];
         let differing = eye.pixels.iter().zip(&alone.pixels).filter(|(a, b)| (a[0] - b[0]).abs() > 0.26).count();
         assert!(differing <= 4, "{name}: {differing} pixels differ by more than one sample");
     }
@@ -368,7 +368,7 @@ fn every_shading_mode_draws_without_a_message() {
     let mut seen: Vec<Vec<[f32; 3]>> = Vec::new();
     for &shading in Shading::value_variants() {
         let picture =
-            shop.render(&scene, &QualityOptions { shading, size: [48, 48], ..QualityOptions::default() }).remove(0);
+            shop.render(&scene, &PictureOptions { shading, size: [48, 48], ..PictureOptions::default() }).remove(0);
         assert!(picture.pixels.iter().flatten().all(|v| v.is_finite()), "{shading:?} has a NaN or infinity");
         assert!(!seen.contains(&picture.pixels), "{shading:?} shows the same as another mode");
         seen.push(picture.pixels);

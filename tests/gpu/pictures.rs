@@ -3,7 +3,7 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::common::{QualityOptions, Workshop};
+use crate::common::{PictureOptions, Workshop};
 use pbr_vr::asset::picture::{Picture, compare};
 
 /// Mean FLIP that driver versions may differ by; a shifted highlight gives ten times as much.
@@ -61,7 +61,7 @@ fn blessing() -> bool {
 
 fn picture_of(shop: &Workshop, name: &str, size: [u32; 2]) -> Picture {
     let scene = assets().join("scenes").join(format!("{name}.toml"));
-    shop.render(&scene, &QualityOptions { file: &format!("{name}.png"), size, ..QualityOptions::default() }).remove(0)
+    shop.render(&scene, &PictureOptions { file: &format!("{name}.png"), size, ..PictureOptions::default() }).remove(0)
 }
 
 fn check_against_golden(shop: &Workshop, name: &str, size: [u32; 2]) {
@@ -99,7 +99,7 @@ fn the_same_command_gives_the_same_bytes() {
     for extension in ["png", "exr"] {
         let files = ["a", "b"].map(|name| format!("{name}.{extension}"));
         let bytes = files.each_ref().map(|file| {
-            shop.render(&scene, &QualityOptions { file, size: [160, 120], ..QualityOptions::default() });
+            shop.render(&scene, &PictureOptions { file, size: [160, 120], ..PictureOptions::default() });
             std::fs::read(shop.path(file)).expect("the written picture")
         });
         assert!(bytes[0] == bytes[1], ".{extension} differs between two runs");

@@ -2,6 +2,7 @@
 
 use crate::common::light::{Errors, level_errors, look_up, open_gpu, panorama, read_cube, relative};
 use glam::DVec3;
+use pbr_vr::context::Context;
 use pbr_vr::precompute::{LightMaps, Options};
 use pbr_vr::reference::levels::{LEVELS, alpha_from_level, level_from_spread};
 use pbr_vr::reference::lobe::kernel_spread;
@@ -17,7 +18,7 @@ fn levels_and_irradiance_hold_what_sums_over_the_panorama_give() {
     let mut good = true;
     for sun in [false, true] {
         let panorama = panorama(WIDTH, sun);
-        let maps = LightMaps::new(&gpu, &panorama, &Options::default()).expect("light maps");
+        let maps = LightMaps::new(&Context::silent(&gpu), &panorama, Options::default()).expect("light maps");
         for level in 1..LEVELS {
             let cube = read_cube(&gpu, &maps.specular[level % 2], (level / 2) as u32);
             let errors = level_errors(&cube, alpha_from_level(level), &panorama, 40);
@@ -39,7 +40,7 @@ fn roughness_between_levels_is_close_to_its_own_lobe() {
     let (gpu, messages) = open_gpu();
     for sun in [false, true] {
         let panorama = panorama(WIDTH, sun);
-        let maps = LightMaps::new(&gpu, &panorama, &Options::default()).expect("light maps");
+        let maps = LightMaps::new(&Context::silent(&gpu), &panorama, Options::default()).expect("light maps");
         let level = |level: usize| read_cube(&gpu, &maps.specular[level % 2], (level / 2) as u32);
         let cubes: Vec<Vec<DVec3>> = (0..LEVELS).map(level).collect();
         let directions: Vec<DVec3> = (0..32)

@@ -3,9 +3,10 @@
 use std::path::Path;
 
 use crate::common::light::{Errors, open_gpu};
-use crate::common::{QualityOptions, Workshop, material, pixel, square};
+use crate::common::{PictureOptions, Workshop, material, pixel, square};
 use glam::{DVec3, Vec3};
 use pbr_vr::asset::{Panorama, Report};
+use pbr_vr::context::Context;
 use pbr_vr::precompute::{BrdfTable, TableTexels};
 use pbr_vr::reference::brdf::Geometry;
 use pbr_vr::reference::energy::Scattering;
@@ -20,7 +21,7 @@ use pbr_vr::render::Shading;
 /// The GPU's table, read back.
 fn table(geometry: Geometry, split_sum: SplitSum) -> TableTexels {
     let (gpu, messages) = open_gpu();
-    let table = BrdfTable::new(&gpu, geometry, split_sum, None).expect("a table");
+    let table = BrdfTable::new(&Context::silent(&gpu), geometry, split_sum).expect("a table");
     println!("{:?}", table.times);
     let texels = TableTexels::read(&gpu, &table).expect("its texels");
     drop((table, gpu));
@@ -144,12 +145,12 @@ fn linear_light_is_reflected_exactly() {
                 let scene = shop.write("scene.toml", &scene);
                 // Scattered more than once, light is looked up as irradiance, not along the lobe.
                 let scattering = Scattering::Single;
-                let look = QualityOptions {
+                let look = PictureOptions {
                     size: [17, 17],
                     shading: Shading::Specular,
                     scattering,
                     split_sum,
-                    ..QualityOptions::default()
+                    ..PictureOptions::default()
                 };
                 pixel(&shop.render(&scene, &look)[0], 8, 8)[0]
             };

@@ -31,6 +31,7 @@ use crate::common::{Workshop, material, sphere, square};
 use glam::{DVec2, DVec3, Vec2, Vec3};
 use half::f16;
 use pbr_vr::asset::{Panorama, Report};
+use pbr_vr::context::Context;
 use pbr_vr::precompute::{LightMaps, Options};
 use pbr_vr::reference::brdf::{Geometry, f_schlick_roughness};
 use pbr_vr::reference::cube::{cube_direction, cube_face};
@@ -130,8 +131,12 @@ fn seam(cube: &[DVec3]) -> f64 {
 #[test]
 fn faces_filtered_each_for_itself_have_seams() {
     let mut cube = with_gpu(|gpu| {
-        let maps =
-            LightMaps::new(gpu, &panorama(256, false), &Options { face_size: 64, ..Options::default() }).expect("maps");
+        let maps = LightMaps::new(
+            &Context::silent(gpu),
+            &panorama(256, false),
+            Options { face_size: 64, ..Options::default() },
+        )
+        .expect("maps");
         read_cube(gpu, &maps.specular[0], 0)
     });
     let mut size = 64;

@@ -3,8 +3,9 @@
 use std::path::Path;
 
 use pbr_vr::asset::Report;
-use pbr_vr::gpu::{CommandBuffer, Gpu, GpuOptions};
-use pbr_vr::render::{Eye, FRAMES_IN_FLIGHT, IPD_METRES, Renderer, Settings, Shading};
+use pbr_vr::context::Context;
+use pbr_vr::gpu::{FrameRing, Gpu, GpuOptions};
+use pbr_vr::render::{ControllerGizmos, Eye, FRAME_BYTES, FrameInputs, IPD_METRES, RenderSettings, Renderer};
 use pbr_vr::scene::{self, LoadOptions};
 
 #[test]
@@ -13,20 +14,21 @@ fn fifty_frames_are_recorded_and_submitted_without_an_allocation() {
     let scene = scene::load(&scene, &LoadOptions::default(), &Report::silent()).expect("the demo scene");
     // The layer's own messages are not ours to count.
     let gpu = Gpu::open(GpuOptions::default()).expect("a GPU");
-    let settings = Settings { samples: 1, ..Settings::default() };
-    let mut renderer =
-        Renderer::new(&gpu, &scene, settings, Shading::Pbr, [64, 64], 2, &Report::silent()).expect("a renderer");
-    let mut recorders: Vec<CommandBuffer> =
-        (0..FRAMES_IN_FLIGHT).map(|_| CommandBuffer::new(&gpu).expect("a recorder")).collect();
+    let settings = RenderSettings { samples: 1, ..RenderSettings::default() };
+    let mut renderer = Renderer::new(&Context::silent(&gpu), &scene, settings, [64, 64], 2).expect("a renderer");
+    let mut ring = FrameRing::new(&gpu, FRAME_BYTES).expect("a ring");
+    let mut gizmos = ControllerGizmos::default();
+    gizmos.wand(&glam::Mat4::IDENTITY, glam::Vec3::ONE);
     let mut frame = |number: usize| {
         // The eye goes around, so that other draws are seen in another order.
         let turn = number as f32 * 0.3;
         let position = glam::Vec3::new(turn.sin(), 0.4, turn.cos());
         let eyes = Eye::looking(position, glam::Vec3::ZERO, 60.0, 1.0).stereo(IPD_METRES);
-        let slot = number % FRAMES_IN_FLIGHT;
-        let (mut commands, times) = recorders[slot].begin().expect("a command buffer");
-        renderer.record(&mut commands, slot, &eyes, None);
-        commands.submit(None).expect("a submission");
+        let mut frame = ring.begin().expect("a frame");
+        let times = frame.finished;
+        let inputs = FrameInputs { gizmos: Some(&gizmos), ..FrameInputs::of(&scene, &eyes) };
+        renderer.record(&mut frame, &inputs).expect("a recorded frame");
+        frame.submit(None).expect("a submission");
         times.iter().map(|time| time.ms).sum::<f64>()
     };
     let _warm_up: f64 = (0..4).map(&mut frame).sum();

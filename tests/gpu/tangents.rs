@@ -1,6 +1,6 @@
 //! The Khronos normal and tangent test models: normal-mapped squares, also mirrored ones, must look like real bowls.
 
-use crate::common::{QualityOptions, Workshop, pixel, scenes};
+use crate::common::{PictureOptions, Workshop, pixel, scenes};
 use pbr_vr::asset::picture::Picture;
 use pbr_vr::render::Shading;
 
@@ -17,7 +17,7 @@ fn normal_mapped_cells_look_like_real_geometry() {
             model.display().to_string()
         );
         let scene = shop.write("cells.toml", &text);
-        let look = QualityOptions { shading: Shading::Normal, size: [920, 868], ..QualityOptions::default() };
+        let look = PictureOptions { shading: Shading::Normal, size: [920, 868], ..PictureOptions::default() };
         let picture = &shop.render(&scene, &look)[0];
         let found = patches(picture);
         assert_eq!(found.len(), bowls, "{name}");

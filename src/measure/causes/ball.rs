@@ -2,12 +2,12 @@
 
 use glam::DVec3;
 
-use super::super::bench::Context;
 use super::super::maps::own_maps;
 use super::chain::{Cause, Exact, Point, Stored, Variant, radiance};
 use super::rows::{Ablation, Kind, Row};
 use super::sums::Sums;
 use crate::asset::Panorama;
+use crate::context::Context;
 use crate::precompute::{BrdfTable, LightMaps, Options, TableTexels};
 use crate::reference::brdf::Geometry;
 use crate::reference::energy::Scattering;
@@ -53,7 +53,7 @@ pub const FULL: Grid = Grid {
 
 /// One panorama's ball, ready to be judged.
 pub struct Ball<'a> {
-    context: Context<'a>,
+    context: &'a Context,
     panorama: &'a Panorama,
     name: String,
     stored: Stored,
@@ -64,14 +64,14 @@ pub struct Ball<'a> {
 
 impl<'a> Ball<'a> {
     /// Precomputes the panorama with cubes of `size` and integrates the truth.
-    pub fn new(context: Context<'a>, panorama: &'a Panorama, size: u32, grid: &Grid) -> Result<Self> {
+    pub fn new(context: &'a Context, panorama: &'a Panorama, size: u32, grid: &Grid) -> Result<Self> {
         let stem = std::path::Path::new(&panorama.name).file_stem().unwrap_or_default();
         let name = stem.to_string_lossy().into_owned();
         let no_texels = || Error::Usage(format!("{}: a panorama without texels", panorama.name));
         let sums = Sums::new(panorama).ok_or_else(no_texels)?;
         let stored = maps(context, panorama, size)?;
-        let table = BrdfTable::new(context.gpu, Geometry::Smith, SplitSum::Slices, context.cache)?;
-        let table = TableTexels::read(context.gpu, &table)?;
+        let table = BrdfTable::new(context, Geometry::Smith, SplitSum::Slices)?;
+        let table = TableTexels::read(&context.gpu, &table)?;
         let mut points = [const { Vec::new() }; MATERIALS.len()];
         for roughness in grid.roughness {
             let terms = Terms::new(*roughness, Geometry::Smith);
@@ -148,9 +148,9 @@ impl<'a> Ball<'a> {
     }
 }
 
-fn maps(context: Context<'_>, panorama: &Panorama, size: u32) -> Result<Stored> {
-    let options = Options { face_size: size, cache: context.cache.cloned(), ..Options::default() };
-    let (levels, irradiance) = own_maps(context.gpu, &LightMaps::new(context.gpu, panorama, &options)?)?;
+fn maps(context: &Context, panorama: &Panorama, size: u32) -> Result<Stored> {
+    let options = Options { face_size: size, ..Options::default() };
+    let (levels, irradiance) = own_maps(&context.gpu, &LightMaps::new(context, panorama, options)?)?;
     Ok(Stored { levels, irradiance })
 }
 

@@ -2,11 +2,10 @@
 
 use glam::Vec3;
 
-use super::super::bench::Context;
 use super::ball::Grid;
 use super::rows::Ablation;
 use super::*;
-use crate::asset::Report;
+use crate::context::Context;
 use crate::gpu::{Gpu, GpuOptions};
 
 const SMALL: Grid = Grid { roughness: &[0.2, 0.5, 0.9], nv: &[0.8, 0.3], log2_normals: 1, cubes: &[16], width: 64 };
@@ -15,9 +14,8 @@ const SMALL: Grid = Grid { roughness: &[0.2, 0.5, 0.9], nv: &[0.8, 0.3], log2_no
 fn measured(panorama: &Panorama, size: u32) -> Vec<Row> {
     let gpu = Gpu::open(GpuOptions { validate: true, ..GpuOptions::default() }).unwrap();
     let messages = gpu.messages();
-    let report = Report::silent();
-    let context = Context { gpu: &gpu, cache: None, report: &report };
-    let rows = Ball::new(context, panorama, size, &SMALL).unwrap().rows(&SMALL).unwrap();
+    let context = Context::silent(&gpu);
+    let rows = Ball::new(&context, panorama, size, &SMALL).unwrap().rows(&SMALL).unwrap();
     drop(gpu);
     messages.check().unwrap();
     rows

@@ -109,7 +109,7 @@ fn reflectance(lobe: &Lobe, f0: DVec3) -> DVec3 {
     f0 * lobe.base.weight + lobe.fresnel.weight
 }
 
-/// Settings beside the approximations.
+/// RenderSettings beside the approximations.
 #[derive(Clone, Copy, Debug)]
 pub struct Variant {
     pub split_sum: SplitSum,

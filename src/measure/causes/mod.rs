@@ -6,10 +6,10 @@ mod picture;
 mod rows;
 mod sums;
 
-use super::bench::Context;
 use super::machine::Machine;
 use super::request::MeasureRequest;
 use crate::asset::{Panorama, synthetic_panorama};
+use crate::context::Context;
 use crate::precompute::Options;
 use crate::{Result, say};
 use ball::Ball;
@@ -20,11 +20,11 @@ use rows::{Results, Row};
 const SCENES: [&str; 2] = ["teapot", "sphere"];
 
 /// Measures, and after each row writes `causes.csv`, `causes.json` and `causes.md`; at the end `causes.svg`.
-pub fn run(request: &MeasureRequest, context: Context<'_>) -> Result<()> {
+pub fn run(request: &MeasureRequest, context: &Context) -> Result<()> {
     let folder = request.folder();
     let detail = if request.full { picture::FULL } else { picture::QUICK };
     let size = request.picture.unwrap_or(detail.size);
-    let mut results = Results { machine: Machine::new(context.gpu), size, rows: Vec::new() };
+    let mut results = Results { machine: Machine::new(&context.gpu), size, rows: Vec::new() };
     let mut keep = |rows: Vec<Row>| {
         results.rows.extend(rows);
         results.write(folder)
@@ -32,7 +32,7 @@ pub fn run(request: &MeasureRequest, context: Context<'_>) -> Result<()> {
     let grid = if request.full { ball::FULL } else { ball::QUICK };
     let files = request.panorama_files()?;
     let synthetic = request.panoramas.is_empty().then(|| Ok(synthetic_panorama(grid.width, true)));
-    let shipped = files.iter().map(|path| Ok(smaller(Panorama::load(path, context.report)?, grid.width)));
+    let shipped = files.iter().map(|path| Ok(smaller(Panorama::load(path, &context.report)?, grid.width)));
     let cube_size = request.sizes.first().copied().unwrap_or(Options::default().face_size);
     let bar = context.report.progress("balls", files.len() as u64);
     for panorama in synthetic.into_iter().chain(shipped) {

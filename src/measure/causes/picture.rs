@@ -4,16 +4,16 @@ use std::path::Path;
 
 use glam::{DVec3, Vec3};
 
-use super::super::bench::{Bench, Context, first_eye, size_error};
+use super::super::bench::{Bench, first_eye, size_error};
 use super::super::noise::{Parts, floor_share};
 use super::rows::{Ablation, Kind, Row};
 use crate::asset::{Storage, TextureOptions};
-use crate::precompute::Options;
+use crate::context::Context;
 use crate::reference::energy::Scattering;
 use crate::reference::metrics::{PIXELS_PER_DEGREE, flip};
 use crate::reference::table::SplitSum;
 use crate::reference::tone::{exposure_scale, srgb_encode, tone_neutral};
-use crate::render::{Eye, Output, Settings, Shading};
+use crate::render::{Eye, Output, RenderSettings, Shading, TextureSettings};
 use crate::scene::Scene;
 use crate::view::load_scene;
 use crate::{Error, Result};
@@ -42,21 +42,21 @@ type Picture = Vec<[u8; 3]>;
 
 /// One scene, with its textures in both ways that are compared.
 pub struct Subject<'a> {
-    context: Context<'a>,
+    context: &'a Context,
     name: String,
     detail: Detail,
     eye: Eye,
-    settings: Settings,
+    settings: RenderSettings,
     compressed: Scene,
     raw: Scene,
 }
 
 impl<'a> Subject<'a> {
     /// Loads a scene, as its first camera sees it.
-    pub fn new(context: Context<'a>, path: &Path, detail: Detail) -> Result<Self> {
+    pub fn new(context: &'a Context, path: &Path, detail: Detail) -> Result<Self> {
         let Context { gpu, cache, report } = context;
         let load = |storage| {
-            let textures = TextureOptions { storage, cache: cache.cloned(), ..TextureOptions::default() };
+            let textures = TextureOptions { storage, cache: cache.clone(), ..TextureOptions::default() };
             load_scene(path, &textures, report)
         };
         let (mut compressed, raw) = (load(Storage::Bc)?, load(Storage::Raw)?);
@@ -65,9 +65,9 @@ impl<'a> Subject<'a> {
             compressed.textures.iter_mut().for_each(|texture| *texture = texture.decompressed());
         }
         let eye = first_eye(&raw, detail.size);
-        let precompute = Options { cache: cache.cloned(), ..Options::default() };
-        let textures = TextureOptions { budget_bytes: Some(u64::MAX), ..TextureOptions::default() };
-        let settings = Settings { precompute, textures, ..Settings::default() };
+        let anisotropy = Some(TextureOptions::default().anisotropy);
+        let textures = TextureSettings { anisotropy, budget_mib: Some(u32::MAX), ..TextureSettings::default() };
+        let settings = RenderSettings { textures, ..RenderSettings::default() };
         let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
         Ok(Self { context, name, detail, eye, settings, compressed, raw })
     }
@@ -115,26 +115,26 @@ impl<'a> Subject<'a> {
         Ok(())
     }
 
-    /// Settings that replace one of the defaults; the cause, the default, the replacement.
-    fn other_settings(&self) -> Vec<(Ablation, [String; 3], Settings)> {
+    /// RenderSettings that replace one of the defaults; the cause, the default, the replacement.
+    fn other_settings(&self) -> Vec<(Ablation, [String; 3], RenderSettings)> {
         use Ablation::{Exact, Other};
         let mut all = Vec::new();
-        let mut add = |ablation, cause: &str, default: &str, other: &str, change: &dyn Fn(&mut Settings)| {
+        let mut add = |ablation, cause: &str, default: &str, other: &str, change: &dyn Fn(&mut RenderSettings)| {
             let mut settings = self.settings.clone();
             change(&mut settings);
             all.push((ablation, [cause, default, other].map(str::to_owned), settings));
         };
         let (texels, samples) = (|side: u32| format!("{side}²"), |count: u32| format!("{count} of a slanted texel"));
-        let Settings { precompute, textures, .. } = &self.settings;
-        let (cube, default, best) = ("cube resolution", texels(precompute.face_size), texels(self.detail.cube));
-        add(Exact, cube, &default, &best, &|s| s.precompute.face_size = self.detail.cube);
-        add(Other, cube, &default, &texels(16), &|s| s.precompute.face_size = 16);
-        let default = texels(precompute.irradiance_size);
-        add(Exact, "irradiance resolution", &default, &texels(128), &|s| s.precompute.irradiance_size = 128);
-        for count in [1, 2, 4, MOST_ANISOTROPY].into_iter().filter(|count| *count != textures.anisotropy) {
+        let RenderSettings { cube_size, irradiance_size, textures, .. } = &self.settings;
+        let (cube, default, best) = ("cube resolution", texels(*cube_size), texels(self.detail.cube));
+        add(Exact, cube, &default, &best, &|s| s.cube_size = self.detail.cube);
+        add(Other, cube, &default, &texels(16), &|s| s.cube_size = 16);
+        let default = texels(*irradiance_size);
+        add(Exact, "irradiance resolution", &default, &texels(128), &|s| s.irradiance_size = 128);
+        for count in [1, 2, 4, MOST_ANISOTROPY].into_iter().filter(|count| Some(*count) != textures.anisotropy) {
             let ablation = if count == MOST_ANISOTROPY { Exact } else { Other };
-            let change = |s: &mut Settings| s.textures.anisotropy = count;
-            add(ablation, "anisotropy", &samples(textures.anisotropy), &samples(count), &change);
+            let change = |s: &mut RenderSettings| s.textures.anisotropy = Some(count);
+            add(ablation, "anisotropy", &samples(textures.anisotropy.unwrap_or(1)), &samples(count), &change);
         }
         add(Other, "n = v", "matched by its mean", "classic: along r", &|s| s.split_sum = SplitSum::Classic);
         add(Other, "scattering", "as often as it takes", "once", &|s| s.scattering = Scattering::Single);
@@ -143,8 +143,8 @@ impl<'a> Subject<'a> {
     }
 
     /// One frame as a viewer sees it.
-    fn drawn(&self, scene: &Scene, settings: &Settings) -> Result<Picture> {
-        let mut bench = self.bench(scene, settings.clone(), Shading::Pbr)?;
+    fn drawn(&self, scene: &Scene, settings: &RenderSettings) -> Result<Picture> {
+        let mut bench = self.bench(scene, settings.clone())?;
         bench.draw()?;
         bench.display()
     }
@@ -152,8 +152,8 @@ impl<'a> Subject<'a> {
     /// The means over each pixel's square of radiance (tone-mapped after it) and of display light, by pictures of one sample
     /// seen from evenly spread places in it.
     fn averaged(&self, scene: &Scene) -> Result<[Picture; 2]> {
-        let settings = Settings { output: Output::Linear, samples: 1, ..self.settings_for(scene) };
-        let mut bench = self.bench(scene, settings, Shading::Pbr)?;
+        let settings = RenderSettings { output: Output::Linear, samples: 1, ..self.settings_for(scene) };
+        let mut bench = self.bench(scene, settings)?;
         let (count, size) = (self.detail.places, self.detail.size);
         let mut sums = vec![[DVec3::ZERO; 2]; size.iter().product::<u32>() as usize];
         for place in 0..count * count {
@@ -174,8 +174,8 @@ impl<'a> Subject<'a> {
 
     /// The integrated picture of many frames, and of parts of them; radiance is averaged, then tone-mapped.
     fn exact(&self, scene: &Scene) -> Result<Parts<Picture>> {
-        let settings = Settings { output: Output::Linear, ..self.settings_for(scene) };
-        let mut bench = self.bench(scene, settings, Shading::Reference)?;
+        let (shading, output) = (Shading::Reference, Output::Linear);
+        let mut bench = self.bench(scene, RenderSettings { shading, output, ..self.settings_for(scene) })?;
         let half = || {
             for _ in 0..self.detail.half {
                 bench.draw()?;
@@ -187,10 +187,10 @@ impl<'a> Subject<'a> {
     }
 
     /// Without smaller levels there is nothing that anisotropy could choose; lavapipe walks whole textures for it then.
-    fn settings_for(&self, scene: &Scene) -> Settings {
+    fn settings_for(&self, scene: &Scene) -> RenderSettings {
         let mut settings = self.settings.clone();
         if scene.textures.iter().all(|texture| texture.levels.len() == 1) {
-            settings.textures.anisotropy = 1;
+            settings.textures.anisotropy = Some(1);
         }
         settings
     }
@@ -203,8 +203,8 @@ impl<'a> Subject<'a> {
         tone_neutral(radiance * exposure_scale(f64::from(self.raw.exposure_ev)))
     }
 
-    fn bench(&self, scene: &Scene, settings: Settings, shading: Shading) -> Result<Bench> {
-        Bench::new(self.context, scene, settings, shading, self.detail.size, vec![self.eye])
+    fn bench(&self, scene: &Scene, settings: RenderSettings) -> Result<Bench> {
+        Bench::new(self.context, scene, settings, self.detail.size, vec![self.eye])
     }
 }
 /// The eye looking `offset` pixels beside each pixel's centre.

@@ -11,14 +11,15 @@ mod scene;
 use glam::DVec3;
 use serde::Serialize;
 
-use super::bench::{Bench, Context};
+use super::bench::Bench;
 use super::machine::Machine;
 use super::report::{write_json, write_table};
 use super::request::MeasureRequest;
+use crate::context::Context;
 use crate::reference::brdf::{DIELECTRIC_F0, Geometry};
 use crate::reference::energy::Scattering;
 use crate::reference::table::specular_albedo;
-use crate::render::{Settings, Shading};
+use crate::render::{RenderSettings, Shading};
 use crate::{Result, say};
 use scene::{Grid, bench, share};
 
@@ -63,10 +64,10 @@ struct Results {
 }
 
 /// Measures and writes `furnace.csv`, `furnace.json` and `furnace.png`.
-pub fn run(request: &MeasureRequest, context: Context<'_>) -> Result<()> {
+pub fn run(request: &MeasureRequest, context: &Context) -> Result<()> {
     let folder = request.folder();
     picture::draw(context)?.write(&folder.join("furnace.png"))?;
-    let mut results = Results { machine: Machine::new(context.gpu), summary: vec![], rows: vec![] };
+    let mut results = Results { machine: Machine::new(&context.gpu), summary: vec![], rows: vec![] };
     let bar = context.report.progress("furnace", 2 + 2 * FRAMES as u64);
     for (frames, scattering) in [
         (1, Scattering::Single),
@@ -87,26 +88,26 @@ pub fn run(request: &MeasureRequest, context: Context<'_>) -> Result<()> {
 }
 
 /// 21 × 11 × 16 roughnesses, metalnesses and views as the renderer draws them.
-fn drawn(context: Context<'_>, scattering: Scattering) -> Result<Vec<Row>> {
+fn drawn(context: &Context, scattering: Scattering) -> Result<Vec<Row>> {
     const METALNESSES: usize = 11;
     let lines = (0..METALNESSES).map(|line| [1.0, share(line, METALNESSES)]).collect();
     let grid = Grid { roughnesses: 21, views: 16, lines, patch: 4 };
-    let settings = Settings { scattering, samples: 1, ..Settings::default() };
-    let mut bench = bench(context, &grid.scene(), grid.pixels(), settings, Shading::Pbr)?;
+    let settings = RenderSettings { scattering, samples: 1, ..RenderSettings::default() };
+    let mut bench = bench(context, &grid.scene(), grid.pixels(), settings)?;
     bench.draw()?;
     rows(&grid, &bench, "drawn", scattering)
 }
 
 /// White dielectric, half metal and metal; of what scatters once, white metal, F0 = 1, and black dielectric, F0 = 0.04, which
 /// tell A from B.
-fn integrated(context: Context<'_>, scattering: Scattering, frames: usize) -> Result<Vec<Row>> {
+fn integrated(context: &Context, scattering: Scattering, frames: usize) -> Result<Vec<Row>> {
     let lines = match scattering {
         Scattering::Single => vec![[1.0, 1.0], [0.0, 0.0]],
         Scattering::Multiple => vec![[1.0, 0.0], [1.0, 0.5], [1.0, 1.0]],
     };
     let grid = Grid { roughnesses: 11, views: 8, lines, patch: 16 };
-    let settings = Settings { scattering, ..Settings::default() };
-    let mut bench = bench(context, &grid.scene(), grid.pixels(), settings, Shading::Reference)?;
+    let settings = RenderSettings { scattering, shading: Shading::Reference, ..RenderSettings::default() };
+    let mut bench = bench(context, &grid.scene(), grid.pixels(), settings)?;
     for _ in 0..frames {
         bench.draw()?;
     }
@@ -157,23 +158,15 @@ fn mean_and_error(values: impl Iterator<Item = f64> + Clone) -> [f64; 2] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::asset::Report;
     use crate::precompute::harness_tests::with_gpu;
     use crate::reference::energy::furnace;
-
-    fn context_of(
-        gpu: &std::sync::Arc<crate::gpu::Gpu>,
-        run: impl FnOnce(Context<'_>) -> Result<Vec<Row>>,
-    ) -> Vec<Row> {
-        run(Context { gpu, cache: None, report: &Report::silent() }).unwrap()
-    }
 
     /// Case 20 of tests/gpu/stability.rs: the renderer itself. Its terms add up to 1 by construction; what they hold is tested by
     /// integration below.
     #[test]
     fn the_renderer_s_furnace_hides_every_white_surface() {
         let [single, multiple] = [Scattering::Single, Scattering::Multiple]
-            .map(|scattering| with_gpu(|gpu| context_of(gpu, |context| drawn(context, scattering))));
+            .map(|scattering| with_gpu(|gpu| drawn(&Context::silent(gpu), scattering).unwrap()));
         assert_eq!([single.len(), multiple.len()], [21 * 11 * 16; 2]);
         println!("{}\n{}", summary(&single), summary(&multiple));
         assert!(multiple.iter().all(|row| (row.reflected - 1.0).abs() < 0.005));
@@ -190,7 +183,7 @@ mod tests {
     #[test]
     fn the_sampled_brdf_reflects_all_light_and_scatters_once_what_the_table_says() {
         let [single, multiple] = [Scattering::Single, Scattering::Multiple]
-            .map(|scattering| with_gpu(|gpu| context_of(gpu, |context| integrated(context, scattering, 300))));
+            .map(|scattering| with_gpu(|gpu| integrated(&Context::silent(gpu), scattering, 300).unwrap()));
         assert_eq!([single.len(), multiple.len()], [2 * 11 * 8, 3 * 11 * 8]);
         for row in &multiple {
             assert!(row.standard_error.unwrap() < 0.0016, "too noisy to be judged: {row:?}");

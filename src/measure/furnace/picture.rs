@@ -5,12 +5,12 @@ use std::f32::consts::{PI, TAU};
 
 use glam::{Mat4, Vec3};
 
-use super::super::bench::Context;
 use super::scene::{bench, in_furnace, share};
 use crate::Result;
 use crate::asset::picture::{Kind, Picture};
+use crate::context::Context;
 use crate::reference::energy::Scattering;
-use crate::render::{Settings, Shading};
+use crate::render::RenderSettings;
 use crate::scene::{Bounds, Instance, Material, Mesh, Scene, Vertex};
 
 const COLUMNS: usize = 11;
@@ -22,12 +22,12 @@ const WIDTH: usize = COLUMNS * CELL;
 const SHOWN: [f32; 2] = [0.5, 1.05];
 
 /// Draws both grids.
-pub fn draw(context: Context<'_>) -> Result<Picture> {
+pub fn draw(context: &Context) -> Result<Picture> {
     let [width, height] = [2 * WIDTH + GAP, LINES * CELL];
     let mut pixels = vec![[1.0; 3]; width * height];
     for (i, scattering) in [Scattering::Single, Scattering::Multiple].into_iter().enumerate() {
-        let settings = Settings { scattering, ..Settings::default() };
-        let mut bench = bench(context, &balls(), [WIDTH as u32, height as u32], settings, Shading::Pbr)?;
+        let settings = RenderSettings { scattering, ..RenderSettings::default() };
+        let mut bench = bench(context, &balls(), [WIDTH as u32, height as u32], settings)?;
         bench.draw()?;
         for (j, radiance) in bench.radiance()?.iter().enumerate() {
             let value = (radiance.x - SHOWN[0]) / (SHOWN[1] - SHOWN[0]);
@@ -81,13 +81,12 @@ fn ball(material: usize) -> Mesh {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::asset::Report;
     use crate::precompute::harness_tests::with_gpu;
 
     /// The grid on the right is as white as what is behind it; on the left the last ball of rough metal is not.
     #[test]
     fn balls_are_seen_on_the_left_only() {
-        let picture = with_gpu(|gpu| draw(Context { gpu, cache: None, report: &Report::silent() }).unwrap());
+        let picture = with_gpu(|gpu| draw(&Context::silent(gpu)).unwrap());
         let behind = (1.0 - SHOWN[0]) / (SHOWN[1] - SHOWN[0]);
         let middle = |grid: usize, column: usize, line: usize| {
             let x = grid * (WIDTH + GAP) + column * CELL + CELL / 2;

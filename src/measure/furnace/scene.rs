@@ -2,10 +2,11 @@
 
 use glam::{Mat4, Vec3};
 
-use super::super::bench::{Bench, Context};
+use super::super::bench::Bench;
 use crate::Result;
 use crate::asset::Panorama;
-use crate::render::{Eye, Output, Settings, Shading};
+use crate::context::Context;
+use crate::render::{Eye, Output, RenderSettings};
 use crate::scene::{Bounds, Environment, Instance, Material, Mesh, Scene, Vertex};
 
 /// Surfaces and directions: columns of roughnesses and, within each, views; a line for each material.
@@ -94,17 +95,11 @@ pub fn in_furnace(meshes: Vec<Mesh>, instances: Vec<Instance>, materials: Vec<Ma
 }
 
 /// What lies between the origin and (width, −height), seen from so far along +Z that all of it is seen from one direction.
-pub fn bench(
-    context: Context<'_>,
-    scene: &Scene,
-    size: [u32; 2],
-    settings: Settings,
-    shading: Shading,
-) -> Result<Bench> {
+pub fn bench(context: &Context, scene: &Scene, size: [u32; 2], settings: RenderSettings) -> Result<Bench> {
     let bounds = scene.bounds();
     let [width, height] = [bounds.max.x.ceil(), -bounds.min.y.floor()];
     let (middle, away) = (Vec3::new(0.5 * width, -0.5 * height, 0.0), 200.0 * width);
     let fov = 2.0 * (0.5 * height / away).atan().to_degrees();
     let eye = Eye::looking(middle + away * Vec3::Z, middle, fov, size[0] as f32 / size[1] as f32);
-    Bench::new(context, scene, Settings { output: Output::Linear, ..settings }, shading, size, vec![eye])
+    Bench::new(context, scene, RenderSettings { output: Output::Linear, ..settings }, size, vec![eye])
 }

@@ -2,67 +2,66 @@
 
 use std::path::Path;
 
-use super::super::bench::{Bench, Budget, Context, Cost, first_eye, interleaved, ratio};
+use super::super::bench::{Bench, Budget, Cost, first_eye, interleaved, ratio};
 use super::super::request::MeasureRequest;
 use super::config::{Config, Standing};
 use super::reference::{Reference, Seen, Shot, textures};
 use super::settings;
 use crate::Result;
-use crate::asset::{Report, Storage, TextureOptions};
-use crate::render::{Output, Settings, Shading};
+use crate::asset::{Report, Storage};
+use crate::context::Context;
+use crate::render::{Output, RenderSettings};
 use crate::scene::Scene;
 use crate::scene::needs::resolution::Viewpoint;
-use crate::view::{QualityOptions, load_scene};
+use crate::view::load_scene;
 
 /// A scene, its default configuration, and its reference picture.
 pub struct Judge<'a> {
-    context: Context<'a>,
+    context: &'a Context,
     path: &'a Path,
     pub shot: Shot,
     budget: Budget,
     /// By how their textures are stored.
     scenes: Vec<(Storage, Scene)>,
     default: Bench,
-    default_settings: (Shading, Settings),
+    default_settings: RenderSettings,
     pub reference: Reference,
 }
 
 impl<'a> Judge<'a> {
     /// Loads a scene, draws its reference picture, and prepares the default, as its first camera sees it.
-    pub fn new(context: Context<'a>, path: &'a Path, request: &MeasureRequest) -> Result<Self> {
+    pub fn new(context: &'a Context, path: &'a Path, request: &MeasureRequest) -> Result<Self> {
         let (size, half, seconds) = if request.full { ([1280, 720], 64, 10) } else { ([384, 216], 16, 2) };
         let size = request.picture.unwrap_or(size);
-        let raw = load_scene(path, &textures(context.gpu), context.report)?;
+        let raw = load_scene(path, &textures(&context.gpu).options(context), &context.report)?;
         let (eye, exposure_ev) = (first_eye(&raw, size), raw.exposure_ev);
         let shot = Shot { eye, size, exposure_ev, pixels_per_degree: request.pixels_per_degree };
-        let options = QualityOptions::default();
-        let settings = settings_of(context, shot, options);
+        let settings = settings_of(context, shot, RenderSettings::default());
         let reference = Reference::new(context, shot, &raw, &settings, half)?;
         let mut scenes = vec![(Storage::Raw, raw)];
-        let scene = stored(&mut scenes, path, &settings.textures)?;
-        let default = Bench::new(context, scene, settings.clone(), options.shading, size, vec![eye])?;
-        let default_settings = (options.shading, settings);
+        let scene = stored(context, &mut scenes, path, &settings)?;
+        let default = Bench::new(context, scene, settings.clone(), size, vec![eye])?;
         let budget = Budget { least: 5, seconds };
-        Ok(Self { context, path, shot, budget, scenes, default, default_settings, reference })
+        Ok(Self { context, path, shot, budget, scenes, default, default_settings: settings, reference })
     }
 
     /// Draws with these flags, interleaved with the default, and judges the picture; `None` for flags that are the default
     /// here.
     pub fn measure(&mut self, dimension: &str, flags: &str) -> Result<Option<Config>> {
-        let (options, shot) = (settings::options(flags)?, self.shot);
-        let settings = settings_of(self.context, shot, options);
-        if !flags.is_empty() && (options.shading, &settings) == (self.default_settings.0, &self.default_settings.1) {
+        let shot = self.shot;
+        let settings = settings_of(self.context, shot, settings::options(flags)?);
+        if !flags.is_empty() && settings == self.default_settings {
             return Ok(None);
         }
-        let scene = stored(&mut self.scenes, self.path, &settings.textures)?;
-        let bench = |settings| Bench::new(self.context, scene, settings, options.shading, shot.size, vec![shot.eye]);
+        let scene = stored(self.context, &mut self.scenes, self.path, &settings)?;
+        let bench = |settings| Bench::new(self.context, scene, settings, shot.size, vec![shot.eye]);
         let mut timed = bench(settings.clone())?;
         let times = interleaved(&mut [&mut self.default, &mut timed], self.budget)?;
-        let costs = Cost::of(&times[0]).zip(Cost::of(&times[1])).zip(ratio(self.context.gpu, &times[0], &times[1]));
+        let costs = Cost::of(&times[0]).zip(Cost::of(&times[1])).zip(ratio(&self.context.gpu, &times[0], &times[1]));
         let Some(((default, cost), ratio)) = costs else { return Ok(None) };
         let display = timed.display()?;
         drop(timed);
-        let mut linear = bench(Settings { output: Output::Linear, ..settings })?;
+        let mut linear = bench(RenderSettings { output: Output::Linear, ..settings })?;
         linear.draw()?;
         let radiance = linear.radiance()?.into_iter().map(|pixel| pixel.to_array()).collect();
         let (error, halves) = self.reference.judge(shot, &Seen { radiance, display })?;
@@ -80,19 +79,25 @@ impl<'a> Judge<'a> {
     }
 }
 
-/// Options as settings for this one picture; what the GPU cannot do is the default then, and not measured.
-fn settings_of(context: Context<'_>, shot: Shot, options: QualityOptions) -> Settings {
+/// Settings for this one picture on this GPU; what it cannot do is the default then, and not measured.
+fn settings_of(context: &Context, shot: Shot, settings: RenderSettings) -> RenderSettings {
     let Shot { eye, size, .. } = shot;
     let viewpoint = Viewpoint::new(eye.position(), 0.0, [eye.left, eye.right, eye.down, eye.up], size);
-    Settings { viewpoint: Some(viewpoint), ..options.settings(context.gpu, context.cache, &Report::silent()) }
+    RenderSettings { viewpoint: Some(viewpoint), textures: settings.textures.resolved(context), ..settings }
 }
 
 /// The scene with its textures stored so, loaded when it is first needed.
-fn stored<'a>(scenes: &'a mut Vec<(Storage, Scene)>, path: &Path, textures: &TextureOptions) -> Result<&'a Scene> {
+fn stored<'a>(
+    context: &Context,
+    scenes: &'a mut Vec<(Storage, Scene)>,
+    path: &Path,
+    settings: &RenderSettings,
+) -> Result<&'a Scene> {
+    let textures = settings.textures.options(context);
     let index = match scenes.iter().position(|(storage, _)| *storage == textures.storage) {
         Some(index) => index,
         None => {
-            scenes.push((textures.storage, load_scene(path, textures, &Report::silent())?));
+            scenes.push((textures.storage, load_scene(path, &textures, &Report::silent())?));
             scenes.len() - 1
         }
     };

@@ -11,10 +11,10 @@ use std::path::Path;
 
 use serde::Serialize;
 
-use super::bench::Context;
 use super::machine::Machine;
 use super::report::{write_json, write_table};
 use super::request::MeasureRequest;
+use crate::context::Context;
 use crate::{Result, say};
 use config::{Config, Ladder};
 use judge::Judge;
@@ -26,7 +26,7 @@ const SCENES: [&str; 3] = ["sphere", "teapot", "tearoom"];
 
 /// Measures, and after each configuration writes `ladder.csv`, `ladder.json` and `ladder.md`; after each scene, its chart, and
 /// a ladder in the cache, which [`choose`] reads.
-pub fn run(request: &MeasureRequest, context: Context<'_>) -> Result<()> {
+pub fn run(request: &MeasureRequest, context: &Context) -> Result<()> {
     let (folder, limit) = (request.folder(), request.limit());
     let mut done: Vec<Ladder> = Vec::new();
     for path in request.scenes_or(&SCENES)? {
@@ -34,8 +34,8 @@ pub fn run(request: &MeasureRequest, context: Context<'_>) -> Result<()> {
             write(folder, context, &done.iter().chain([ladder]).collect::<Vec<_>>())
         })?;
         chart::plot(&ladder).write(folder, &format!("ladder-{}", ladder.scene))?;
-        if let Some(cache) = context.cache {
-            let stored = store::store(cache, &path, context.gpu, &ladder);
+        if let Some(cache) = &context.cache {
+            let stored = store::store(cache, &path, &context.gpu, &ladder);
             stored.unwrap_or_else(|error| {
                 context.report.warn(format!("{error}; --tolerance and --budget-ms cannot use this ladder"));
             });
@@ -52,7 +52,7 @@ pub fn run(request: &MeasureRequest, context: Context<'_>) -> Result<()> {
 
 /// Measures one scene's settings: each alone, then what is worth combining.
 fn measure(
-    context: Context<'_>,
+    context: &Context,
     path: &Path,
     request: &MeasureRequest,
     mut written: impl FnMut(&Ladder) -> Result<()>,
@@ -61,7 +61,7 @@ fn measure(
     let software = context.gpu.info().is_software();
     let mut ladder = Ladder {
         scene: path.file_stem().unwrap_or_default().to_string_lossy().into_owned(),
-        machine: Machine::new(context.gpu),
+        machine: Machine::new(&context.gpu),
         size: judge.shot.size,
         time: if software { "processor time" } else { "GPU time" }.into(),
         reference: judge.reference.facts.clone(),
@@ -110,7 +110,7 @@ struct Results<'a> {
     ladders: &'a [&'a Ladder],
 }
 
-fn write(folder: &Path, context: Context<'_>, ladders: &[&Ladder]) -> Result<()> {
+fn write(folder: &Path, context: &Context, ladders: &[&Ladder]) -> Result<()> {
     let mut rows = Vec::new();
     for ladder in ladders {
         rows.extend(ladder.configs.iter().map(|config| Row { scene: &ladder.scene, config }));
@@ -119,7 +119,7 @@ fn write(folder: &Path, context: Context<'_>, ladders: &[&Ladder]) -> Result<()>
     let columns = "scene dimension flags frames ms ratio_median ratio_low ratio_high gpu_ms_median cpu_ms_median flip flip_max \
                    flip_over_default flip_noise relative_mse dominated_by";
     write_table(folder, "ladder", ("Speed against accuracy", &notes), &rows, columns)?;
-    write_json(folder, "ladder", &Results { machine: Machine::new(context.gpu), ladders })
+    write_json(folder, "ladder", &Results { machine: Machine::new(&context.gpu), ladders })
 }
 
 #[cfg(test)]

@@ -3,14 +3,15 @@
 use glam::{DVec3, Vec3};
 use serde::{Deserialize, Serialize};
 
-use super::super::bench::{Bench, Context, size_error};
+use super::super::bench::{Bench, size_error};
 use super::super::noise::{Halves, Parts, blocks, floor_share};
 use crate::Result;
-use crate::asset::{Storage, TextureOptions};
+use crate::asset::Storage;
+use crate::context::Context;
 use crate::gpu::Gpu;
 use crate::reference::metrics::{Flip, flip, relative_mse};
 use crate::reference::tone;
-use crate::render::{Eye, Output, Settings, Shading};
+use crate::render::{Eye, Output, RenderSettings, Shading, TextureSettings};
 use crate::scene::Scene;
 
 /// It is drawn with so many pixels along a pixel's side: edges are averaged over 16 places a frame, and textures are read
@@ -70,19 +71,20 @@ pub struct Shot {
     pub pixels_per_degree: f32,
 }
 
-/// The textures that the reference picture's scene is loaded with.
-pub fn textures(gpu: &Gpu) -> TextureOptions {
+/// How textures of the reference picture's scene are kept.
+pub fn textures(gpu: &Gpu) -> TextureSettings {
     let anisotropy = if gpu.info().is_software() { 1 } else { MOST_ANISOTROPY };
-    TextureOptions { storage: Storage::Raw, anisotropy, ..TextureOptions::default() }
+    TextureSettings { storage: Some(Storage::Raw), anisotropy: Some(anisotropy), ..TextureSettings::default() }
 }
 
 impl Reference {
     /// Draws twice `half` frames of `scene`, which has been loaded with [`textures`].
-    pub fn new(context: Context<'_>, shot: Shot, scene: &Scene, settings: &Settings, half: u32) -> Result<Self> {
+    pub fn new(context: &Context, shot: Shot, scene: &Scene, settings: &RenderSettings, half: u32) -> Result<Self> {
         let size = shot.size.map(|side| side * FINENESS);
-        let (textures, output) = (textures(context.gpu), Output::Linear);
-        let settings = Settings { textures, output, viewpoint: None, ..settings.clone() };
-        let mut bench = Bench::new(context, scene, settings, Shading::Reference, size, vec![shot.eye])?;
+        let (textures, output) = (textures(&context.gpu), Output::Linear);
+        let shading = Shading::Reference;
+        let settings = RenderSettings { shading, textures, output, viewpoint: None, ..settings.clone() };
+        let mut bench = Bench::new(context, scene, settings, size, vec![shot.eye])?;
         let bar = context.report.progress("reference", 2 * u64::from(half));
         let mut gpu_ms = 0.0;
         let draw = || {

@@ -3,7 +3,7 @@
 use clap::Parser;
 
 use super::super::pareto::Score;
-use crate::view::QualityOptions;
+use crate::render::RenderSettings;
 use crate::{Error, Result};
 
 /// What can be set, and to what other than the default; a setting that is the default here is not measured twice.
@@ -42,14 +42,14 @@ pub const NOT_FOR_SOFTWARE: &[&str] = &["--anisotropy 4", "--anisotropy 16"];
 #[command(no_binary_name = true)]
 struct Flags {
     #[command(flatten)]
-    options: QualityOptions,
+    options: RenderSettings,
 }
 
 /// The options of flags that are separated by spaces.
 ///
 /// # Errors
 /// Flags that this program does not know, such as those of another version's ladder.
-pub fn options(flags: &str) -> Result<QualityOptions> {
+pub fn options(flags: &str) -> Result<RenderSettings> {
     let parsed = Flags::try_parse_from(flags.split_whitespace());
     parsed.map(|flags| flags.options).map_err(|_| Error::Usage(format!("`{flags}` are not settings of this program")))
 }
@@ -96,9 +96,9 @@ mod tests {
     #[test]
     fn every_flag_is_one_of_the_program_s() {
         for flags in DIMENSIONS.iter().flat_map(|(_, all)| *all).chain(KNOWN.iter().map(|(_, flags)| flags)) {
-            assert_ne!(options(flags).unwrap(), QualityOptions::default(), "{flags}");
+            assert_ne!(options(flags).unwrap(), RenderSettings::default(), "{flags}");
         }
-        assert_eq!(options("").unwrap(), QualityOptions::default());
+        assert_eq!(options("").unwrap(), RenderSettings::default());
         assert!(matches!(options("--antialiasing 4"), Err(Error::Usage(_))));
         assert!(NOT_FOR_SOFTWARE.iter().all(|flags| DIMENSIONS.iter().any(|(_, all)| all.contains(flags))));
     }

@@ -7,9 +7,10 @@ use super::config::Ladder;
 use super::settings;
 use crate::asset::cache::Key;
 use crate::asset::file;
-use crate::gpu::{Gpu, GpuOptions};
+use crate::context::Setup;
+use crate::gpu::Gpu;
 use crate::precompute::Cache;
-use crate::view::QualityOptions;
+use crate::render::RenderSettings;
 use crate::{Error, Result, say};
 
 /// Bytes of a ladder, or of a scene's own file, that are read at most: a gigabyte, as of models.
@@ -28,12 +29,12 @@ pub fn store(cache: &Cache, scene: &Path, gpu: &Gpu, ladder: &Ladder) -> Result<
 ///
 /// # Errors
 /// No ladder has been measured; nothing in it holds the limit; a file that cannot be read.
-pub fn choose(scene: &Path, limit: Limit, gpu: GpuOptions<'_>, cache: Option<&Cache>) -> Result<QualityOptions> {
-    let Some(cache) = cache else {
+pub fn choose(scene: &Path, limit: Limit, setup: &Setup<'_>) -> Result<RenderSettings> {
+    let Some(cache) = &setup.cache else {
         let problem = "--tolerance and --budget-ms choose from what `measure ladder` left in the cache";
         return Err(Error::Usage(format!("{problem}; leave out --no-cache")));
     };
-    let gpu = Gpu::open(gpu)?;
+    let gpu = Gpu::open(setup.gpu)?;
     let path = path(cache, scene, &gpu)?;
     if !path.is_file() {
         return Err(Error::NotMeasured { scene: scene.into(), gpu: gpu.info().name.clone() });

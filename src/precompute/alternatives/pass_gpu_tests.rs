@@ -6,6 +6,7 @@ use glam::{DVec2, DVec3, Vec3};
 
 use super::{AlternativePass, Environment, Method, Target};
 use crate::asset::Panorama;
+use crate::context::Context;
 use crate::gpu::{Image, Subresource};
 use crate::precompute::harness_tests::{texels, with_gpu};
 use crate::precompute::{LightMaps, Options};
@@ -25,7 +26,8 @@ fn direction(i: usize, size: u32) -> DVec3 {
 /// The maps of `method` for a panorama, by way of a cube of `size`: for each target its texels with their directions.
 fn fill(panorama: &Panorama, size: u32, method: Method, targets: &[Target]) -> Vec<Vec<(DVec3, DVec3)>> {
     with_gpu(|gpu| {
-        let light = LightMaps::new(gpu, panorama, &Options { face_size: 16, ..Options::default() }).unwrap();
+        let light =
+            LightMaps::new(&Context::silent(gpu), panorama, Options { face_size: 16, ..Options::default() }).unwrap();
         let environment = Environment::new(gpu, &light.panorama, light.scale, size).unwrap();
         let pass = AlternativePass::new(gpu, &environment, method, targets).unwrap();
         assert!(pass.run(gpu).unwrap()[0].ms > 0.0);

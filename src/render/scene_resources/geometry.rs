@@ -10,18 +10,12 @@ use crate::gpu::{Buffer, BufferKind, Gpu, Upload};
 use crate::scene::cluster::Cluster;
 use crate::{Error, Result};
 
-/// The buffers, and where in them each cluster lies.
+/// The buffers, and which indices draw each cluster.
 pub struct Geometry {
     pub vertices: Arc<Buffer>,
+    /// 32 bits each, into all vertices: ranges that lie next to each other can be drawn as one.
     pub indices: Arc<Buffer>,
-    pub ranges: Vec<MeshRange>,
-}
-
-/// One cluster's part of the buffers.
-#[derive(Clone)]
-pub struct MeshRange {
-    pub indices: Range<u32>,
-    pub first_vertex: i32,
+    pub ranges: Vec<Range<u32>>,
 }
 
 impl Geometry {
@@ -31,20 +25,24 @@ impl Geometry {
     /// More vertices or indices than Vulkan can number, or than there is memory for.
     pub fn new(gpu: &Arc<Gpu>, clusters: &[Cluster]) -> Result<Self> {
         let mut ranges = Vec::with_capacity(clusters.len());
-        let (mut first_vertex, mut first_index) = (0, 0);
+        let (mut first_vertices, mut vertex, mut index) = (Vec::with_capacity(clusters.len()), 0, 0);
         for cluster in clusters {
-            let end = first_index + cluster.indices.len();
-            let (Ok(start), Ok(end), Ok(vertex)) = (first_index.try_into(), end.try_into(), first_vertex.try_into())
+            let end = index + cluster.indices.len();
+            let (Ok(first), Ok(start), Ok(end_index)) = (u32::try_from(vertex), index.try_into(), end.try_into())
             else {
-                let problem = format!("{first_vertex} vertices and {end} indices are too many");
+                let problem = format!("{vertex} vertices and {end} indices are too many");
                 return Err(Error::GpuMemory { what: "geometry".into(), problem });
             };
-            ranges.push(MeshRange { indices: start..end, first_vertex: vertex });
-            (first_vertex, first_index) = (first_vertex + cluster.vertices.len(), first_index + cluster.indices.len());
+            ranges.push(start..end_index);
+            first_vertices.push(first);
+            (vertex, index) = (vertex + cluster.vertices.len(), end);
         }
         let vertices: Vec<PackedVertex> =
             clusters.par_iter().flat_map_iter(|c| c.vertices.iter().map(PackedVertex::from)).collect();
-        let indices: Vec<u16> = clusters.iter().flat_map(|c| &c.indices).copied().collect();
+        let absolute = |(cluster, first): (&Cluster, u32)| -> Vec<u32> {
+            cluster.indices.iter().map(|index| first + u32::from(*index)).collect()
+        };
+        let indices: Vec<u32> = clusters.iter().zip(first_vertices).flat_map(absolute).collect();
         let (vertices, indices): (&[u8], &[u8]) = (bytemuck::cast_slice(&vertices), bytemuck::cast_slice(&indices));
         let vertex_buffer = Buffer::new(gpu, "vertices", BufferKind::Vertex, vertices.len() as u64)?;
         let index_buffer = Buffer::new(gpu, "indices", BufferKind::Index, indices.len() as u64)?;

@@ -1,13 +1,19 @@
-//! A scene's textures on the GPU, within a budget.
+//! A scene's textures on the GPU, within a budget, and the sets that bind a material's.
 
+use std::collections::HashMap;
 use std::sync::Arc;
 
 use serde::Serialize;
 
 use crate::asset::ktx2::TexelFormat;
 use crate::asset::mips::level_size;
-use crate::asset::{MipChain, Report, TextureOptions};
-use crate::gpu::{Format, Gpu, Image, ImageDesc, ImageUsageFlags, Upload};
+use crate::asset::{MipChain, TextureOptions};
+use crate::context::Context;
+use crate::gpu::{
+    AddressMode, Binding, DescriptorSet, DescriptorSetLayout, Format, Gpu, Image, ImageDesc, ImageUsageFlags, Sampler,
+    Upload, upload_rows,
+};
+use crate::scene::Material;
 use crate::{Error, Result};
 
 /// What textures leave free for pictures, light maps and other programs where no budget was given.
@@ -28,12 +34,12 @@ pub struct TextureFacts {
 
 /// The scene's textures from the levels on that are needed, and what they take.
 pub fn upload(
-    gpu: &Arc<Gpu>,
+    context: &Context,
     textures: &[MipChain],
     first_levels: &[u32],
     options: &TextureOptions,
-    report: &Report,
 ) -> Result<(Vec<Arc<Image>>, TextureFacts)> {
+    let Context { gpu, report, .. } = context;
     if !gpu.compresses_textures()
         && let Some(texture) = textures.iter().find(|texture| texture.format.is_compressed())
     {
@@ -65,6 +71,63 @@ pub fn upload(
     })?;
     progress.finish_and_clear();
     Ok((images, facts))
+}
+
+/// Sets of a base color, a normal and an ORM map, one for each different combination.
+pub struct TextureSets<'a> {
+    pub all: Vec<DescriptorSet>,
+    known: HashMap<[Option<usize>; 3], u32>,
+    gpu: &'a Arc<Gpu>,
+    layout: &'a DescriptorSetLayout,
+    images: &'a [Arc<Image>],
+    sampler: Arc<Sampler>,
+    /// One texel for maps that are absent: 1 in every channel.
+    white: Arc<Image>,
+    /// One texel for absent normal maps: in half float, because no eight-bit number is one half.
+    flat: Arc<Image>,
+}
+
+impl<'a> TextureSets<'a> {
+    /// No sets yet.
+    pub fn new(
+        gpu: &'a Arc<Gpu>,
+        layout: &'a DescriptorSetLayout,
+        images: &'a [Arc<Image>],
+        anisotropy: u32,
+    ) -> Result<Self> {
+        let texel = |name, value: [f32; 4]| {
+            let usage = ImageUsageFlags::SAMPLED | ImageUsageFlags::TRANSFER_DST;
+            let image = Image::new(gpu, name, ImageDesc::flat(Format::R16G16B16A16_SFLOAT, [1, 1], usage))?;
+            let halves = value.map(half::f16::from_f32);
+            upload_rows(gpu, &image, size_of_val(&halves) as u64, |_| bytemuck::cast_slice(&halves).to_vec())?;
+            Ok::<_, Error>(image)
+        };
+        Ok(Self {
+            all: Vec::new(),
+            known: HashMap::new(),
+            gpu,
+            layout,
+            images,
+            sampler: Sampler::new(gpu, "material", AddressMode::Repeat, anisotropy)?,
+            white: texel("white", [1.0; 4])?,
+            flat: texel("flat normal", [0.5, 0.5, 1.0, 1.0])?,
+        })
+    }
+
+    /// The index of a material's set, which is created if there is none like it.
+    pub fn index(&mut self, material: &Material) -> Result<u32> {
+        let maps = [material.base_color_map, material.normal_map, material.orm_map];
+        if let Some(index) = self.known.get(&maps) {
+            return Ok(*index);
+        }
+        let absent = [&self.white, &self.flat, &self.white];
+        let binding = |i: usize| Binding::Sampled(maps[i].map_or(absent[i], |map| &self.images[map]), &self.sampler);
+        let set = DescriptorSet::new(self.gpu, &material.name, self.layout, &[0, 1, 2].map(binding))?;
+        self.all.push(set);
+        let index = self.all.len() as u32 - 1;
+        self.known.insert(maps, index);
+        Ok(index)
+    }
 }
 
 /// The first level that is kept of each texture. The textures with the longest side lose a level, all of them at once,

@@ -1,11 +1,10 @@
 //! The app with a headset as its only output: frames, and the end.
 
-use std::sync::Arc;
 use std::time::Duration;
 
 use super::session::{End, FrameResult, Session};
 use super::{Connected, RunReport};
-use crate::precompute::Cache;
+use crate::context::Setup;
 use crate::view::app::{App, Update};
 use crate::view::{ViewRequest, interrupt, screenshot};
 use crate::{Error, Result, say};
@@ -17,14 +16,12 @@ const POLL: Duration = Duration::from_millis(10);
 ///
 /// # Errors
 /// [`Error::Headset`] where it is lost on the way; whatever stops loading or drawing; validation messages where asked for.
-pub fn run(request: &ViewRequest, connected: Connected, cache: Option<&Cache>) -> Result<()> {
+pub fn run(request: &ViewRequest, connected: Connected, setup: &Setup<'_>) -> Result<()> {
     let scene = request.scene()?;
-    let gpu = Arc::clone(&connected.gpu);
-    let messages = gpu.messages();
+    let context = setup.with(&connected.gpu);
+    let messages = context.gpu.messages();
     let session = connected.begin(request.hidden_area)?;
-    let settings = request.settings(&gpu, cache);
-    let app = App::new(&gpu, settings, request.look.shading, session.target(), || {})?;
-    drop(gpu);
+    let app = App::new(context, request.settings.clone(), session.target(), || {})?;
     let mut headset = HeadsetApp { session, app };
     interrupt::listen(|| {});
     headset.app.open_scene(&scene);
@@ -64,7 +61,7 @@ impl HeadsetApp {
             }
             if self.session.frames() == 1 {
                 let [width, height] = self.session.size();
-                let (headset, gpu) = (self.session.name(), &self.app.gpu.info().name);
+                let (headset, gpu) = (self.session.name(), &self.app.context.gpu.info().name);
                 say!("pbr-vr: in the headset {headset}, {width}x{height} per eye on {gpu}");
             }
             if frames.is_some_and(|frames| self.session.frames() >= frames) {
@@ -80,7 +77,7 @@ impl HeadsetApp {
                 Update::Scene { .. } => self.session.go_to(0),
                 Update::Failed(error) => crate::complain!("pbr-vr: {error}"),
                 Update::Screenshot(written) => screenshot::report(&written),
-                Update::Light(_) => {}
+                Update::Light(_) | Update::Settings => {}
             }
         }
         Ok(())
@@ -89,8 +86,8 @@ impl HeadsetApp {
     fn report(&self) -> RunReport {
         RunReport {
             on: "headset",
-            gpu: self.app.gpu.info().name.clone(),
-            driver: self.app.gpu.info().driver.clone(),
+            gpu: self.app.context.gpu.info().name.clone(),
+            driver: self.app.context.gpu.info().driver.clone(),
             frames: self.session.frames(),
             present_mode: None,
             headset: Some(self.session.report()),

@@ -18,8 +18,8 @@ use super::quality::{Finished, Level, Quality};
 use super::report::{FrameTime, HeadsetReport, Timeline};
 use super::runtime::{DEVICES, EYES, Runtime};
 use super::watchdog::{Patience, Watchdog};
-use crate::gpu::{FrameRing, Gpu, PassTimes, UNIFORM_RANGE};
-use crate::render::FRAMES_IN_FLIGHT;
+use crate::gpu::{FrameRing, Gpu, PassTimes};
+use crate::render::{FRAME_BYTES, FRAMES_IN_FLIGHT};
 use crate::view::app::{Requests, ShownScene};
 use crate::view::frame_clock::ms_since;
 use crate::view::loader::Target;
@@ -104,7 +104,7 @@ impl Session {
         Ok(Self {
             hands: Hands::new(&runtime),
             images: EyeImages::new(gpu, size)?,
-            ring: FrameRing::new(gpu, UNIFORM_RANGE)?,
+            ring: FrameRing::new(gpu, FRAME_BYTES)?,
             levels: [0; FRAMES_IN_FLIGHT],
             level: quality.level(),
             warm_up: WARM_UP,
@@ -220,8 +220,7 @@ impl Session {
         let seconds = self.last.replace(started).map_or(0.0, |last| (started - last).as_secs_f32());
         let Step { world_from_play, jumped, fade, requests } =
             self.hands.step(&self.runtime, scene, &self.head, seconds);
-        scene.prepare(fade);
-        let slot = self.draw(scene, world_from_play)?;
+        let slot = self.draw(scene, world_from_play, fade)?;
         self.recording = started.elapsed();
         let cpu_ms = ms_since(started) as f32;
         let started = Instant::now();
@@ -291,19 +290,19 @@ impl Session {
     }
 
     /// Records and submits a frame; returns its slot.
-    fn draw(&mut self, scene: &mut ShownScene, world_from_play: Mat4) -> Result<usize> {
+    fn draw(&mut self, scene: &mut ShownScene, world_from_play: Mat4, fade: f32) -> Result<usize> {
         let (size, slot) = (self.size(), self.ring.next_slot());
         let world_from_head = world_from_play * self.head.space_from_head;
         let eyes = self.optics.map(|optics| optics.eye(world_from_head));
-        let renderer = &mut scene.loaded.renderer;
-        renderer.resize(size)?;
         let finished = self.ring.finish_slot()?;
         self.choose_level(slot, &finished);
         self.times = finished;
+        let inputs = scene.inputs(&eyes, fade, Some(self.hands.gizmos()));
+        let renderer = &mut scene.loaded.renderer;
+        renderer.resize(size)?;
         renderer.set_area(self.level.size);
         let mut frame = self.ring.begin()?;
-        renderer.set_gizmos(slot, self.hands.gizmos())?;
-        renderer.record_scene(&mut frame.commands, slot, &eyes);
+        renderer.record(&mut frame, &inputs)?;
         self.images.fill(&mut frame.commands, slot, renderer.picture(), self.level.size);
         self.gpu.with_queue_locked(|| self.runtime.submit_timing());
         frame.submit(None)?;

@@ -122,18 +122,18 @@ impl WindowOutput {
         control.step(self.keys.movement(), self.keys.fast(), seconds);
         let size = self.presenter.size();
         scene.loaded.renderer.resize(size)?;
-        scene.prepare(0.0);
-        let eye = control.eye(size[0] as f32 / size[1] as f32);
+        let eyes = [control.eye(size[0] as f32 / size[1] as f32)];
+        let inputs = scene.inputs(&eyes, 0.0, None);
         let largest = (TEXT_SCALE * self.window.scale_factor()).round().max(1.0) as u32;
         let mut settings = settings(scene, control.mode(), self.presenter.mode().name()).to_vec();
         let renderer = &mut scene.loaded.renderer;
         settings.extend(renderer.standard_error(self.presenter.slot()).map(|error| error.to_string()));
         let status = Status { rate: self.clock.rate(), settings: &settings, loading: &app.loading };
         let (lines, scale) = self.hud.fit(now, &status, largest, |scale| Overlay::grid(size, scale));
-        self.overlay.set_text(self.presenter.slot(), &lines, size, scale);
+        self.overlay.set_text(&lines, size, scale);
         // Screenshots are of the scene alone.
         let overlay = (!self.screenshot).then_some(&self.overlay);
-        let recording = self.presenter.show(acquired, renderer, eye, overlay, &self.window)?;
+        let recording = self.presenter.show(acquired, renderer, &inputs, overlay, &self.window)?;
         self.clock.add_recording(recording);
         if std::mem::take(&mut self.screenshot) {
             let pixels = self.presenter.read(renderer)?;
@@ -163,7 +163,7 @@ impl WindowOutput {
         settings.push(session.line());
         let status = Status { rate: self.clock.rate(), settings: &settings, loading: &app.loading };
         let (lines, scale) = self.hud.fit(now, &status, largest, |scale| Overlay::grid(picture, scale));
-        self.overlay.set_text(self.presenter.slot(), &lines, picture, scale);
+        self.overlay.set_text(&lines, picture, scale);
         // The text is drawn over the left eye's picture.
         let overlay = (mirror != Mirror::Right).then_some(&self.overlay);
         self.presenter.show_parts(acquired, &scene.loaded.renderer, overlay, &parts, &self.window)?;
@@ -186,6 +186,7 @@ impl WindowOutput {
                 }
             }
             Update::Light(name) => self.announce(format!("lit by {name}")),
+            Update::Settings => {}
             Update::Screenshot(written) => self.report_screenshot(&written),
             Update::Failed(error) => self.complain(&error),
         }
@@ -227,7 +228,7 @@ impl WindowOutput {
 
 /// The settings in words.
 fn settings(scene: &ShownScene, mode: Mode, present_mode: &str) -> [String; 6] {
-    let shading = scene.loaded.renderer.shading().to_possible_value();
+    let shading = scene.loaded.renderer.settings().shading.to_possible_value();
     let mode = match mode {
         Mode::Orbit => "orbit",
         Mode::Fly => "fly",

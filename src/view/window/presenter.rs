@@ -9,10 +9,9 @@ use winit::window::Window;
 
 use super::fit::Fit;
 use crate::gpu::{
-    Acquired, FrameRing, Gpu, ImageAccess, PassTimes, Polled, PresentMode, Rect, Subresource, Swapchain, UNIFORM_RANGE,
-    read_image,
+    Acquired, FrameRing, Gpu, ImageAccess, PassTimes, Polled, PresentMode, Rect, Subresource, Swapchain, read_image,
 };
-use crate::render::{Eye, Overlay, Renderer};
+use crate::render::{FRAME_BYTES, FrameInputs, Overlay, Renderer};
 use crate::{Error, Result};
 
 /// How long after a failed acquisition the next one is tried.
@@ -42,7 +41,7 @@ impl WindowPresenter {
         let handle = window.window_handle().map_err(no_handle)?.as_raw();
         // SAFETY: the caller keeps the window and the event loop alive for as long.
         let swapchain = unsafe { Swapchain::new(gpu, display, handle) }?;
-        let ring = FrameRing::new(gpu, UNIFORM_RANGE)?;
+        let ring = FrameRing::new(gpu, FRAME_BYTES)?;
         let gpu = Arc::clone(gpu);
         Ok(Self { gpu, swapchain, ring, mode: PresentMode::Vsync, fit: Fit::none(), retry_at: None })
     }
@@ -155,7 +154,7 @@ impl WindowPresenter {
     ) -> Result<()> {
         let mut frame = self.ring.begin()?;
         if let Some(overlay) = overlay {
-            renderer.record_text(&mut frame.commands, frame.slot, overlay);
+            renderer.record_overlay(&mut frame, overlay)?;
         }
         frame.commands.prepare(renderer.picture(), ImageAccess::CopyFrom);
         self.swapchain.copy_parts(&mut frame.commands, renderer.picture(), parts, &acquired);
@@ -168,13 +167,14 @@ impl WindowPresenter {
         &mut self,
         acquired: Acquired,
         renderer: &mut Renderer,
-        eye: Eye,
+        inputs: &FrameInputs<'_>,
         overlay: Option<&Overlay>,
         window: &Window,
     ) -> Result<Duration> {
         let started = ThreadTime::now();
         let mut frame = self.ring.begin()?;
-        renderer.record(&mut frame.commands, frame.slot, &[eye], overlay);
+        renderer.record(&mut frame, inputs)?;
+        overlay.map_or(Ok(()), |overlay| renderer.record_overlay(&mut frame, overlay))?;
         frame.commands.prepare(renderer.picture(), ImageAccess::CopyFrom);
         self.swapchain.copy(&mut frame.commands, renderer.picture(), Subresource { mip: 0, layer: 0 }, &acquired);
         frame.submit(Some(&acquired))?;

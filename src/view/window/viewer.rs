@@ -1,7 +1,6 @@
 //! The app with a window as its output and, as long as there is one, a headset, which the window then mirrors.
 
 use std::path::Path;
-use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use winit::event_loop::{ControlFlow, EventLoopProxy};
@@ -11,8 +10,7 @@ use winit::window::Window;
 use super::hot_reload::ShaderWatch;
 use super::hud::title;
 use super::output::WindowOutput;
-use crate::gpu::Gpu;
-use crate::precompute::Cache;
+use crate::context::Context;
 use crate::view::app::{App, Update};
 use crate::view::frame_clock::ms_since;
 use crate::view::headset::{End, FrameResult, HeadsetReport, RunReport, Session};
@@ -47,14 +45,14 @@ impl Viewer {
     /// # Safety
     /// The window's event loop must outlive the viewer.
     pub unsafe fn new(
-        gpu: &Arc<Gpu>,
+        context: Context,
         window: Window,
-        (request, cache): (&ViewRequest, Option<&Cache>),
+        request: &ViewRequest,
         wake: EventLoopProxy<()>,
         session: Option<Session>,
     ) -> Result<Self> {
         // SAFETY: the caller's promise.
-        let mut output = unsafe { WindowOutput::new(gpu, window) }?;
+        let mut output = unsafe { WindowOutput::new(&context.gpu, window) }?;
         if session.is_some() {
             output.presenter.choose_free_mode();
         }
@@ -64,7 +62,7 @@ impl Viewer {
         };
         let target = session.as_ref().map_or_else(|| output.target(), Session::target);
         Ok(Self {
-            app: App::new(gpu, request.settings(gpu, cache), request.look.shading, target, wake)?,
+            app: App::new(context, request.settings.clone(), target, wake)?,
             session,
             session_report: None,
             mirror: request.mirror,
@@ -91,8 +89,8 @@ impl Viewer {
         let headset = self.session.as_ref().map(|session| session.report()).or_else(|| self.session_report.clone());
         RunReport {
             on: if headset.is_some() { "headset" } else { "window" },
-            gpu: self.app.gpu.info().name.clone(),
-            driver: self.app.gpu.info().driver.clone(),
+            gpu: self.app.context.gpu.info().name.clone(),
+            driver: self.app.context.gpu.info().driver.clone(),
             frames: self.frames,
             present_mode: Some(self.output.presenter.mode().name()),
             headset,
@@ -120,7 +118,7 @@ impl Viewer {
             self.frames += 1;
             if self.frames == 1 {
                 let [width, height] = self.output.presenter.size();
-                say!("pbr-vr: window {width}x{height} on {}", self.app.gpu.info().name);
+                say!("pbr-vr: window {width}x{height} on {}", self.app.context.gpu.info().name);
             }
         }
         Ok(())
@@ -184,7 +182,7 @@ impl Viewer {
         session.mirrored(shown, ms_since(now));
         if self.frames == 1 {
             let [width, height] = session.size();
-            let (headset, gpu) = (session.name(), &self.app.gpu.info().name);
+            let (headset, gpu) = (session.name(), &self.app.context.gpu.info().name);
             say!("pbr-vr: in the headset {headset}, {width}x{height} per eye on {gpu}, mirrored in a window");
         }
         self.app.obey(requests)
@@ -225,8 +223,8 @@ impl Viewer {
         let now = Instant::now();
         let due = self.shader_watch.is_due(now);
         let Some(scene) = self.app.scene.as_mut().filter(|_| due) else { return Ok(()) };
-        let overlay = crate::render::Overlay::new(&self.app.gpu, 1);
-        match scene.loaded.renderer.reload_shaders().and(overlay) {
+        let overlay = crate::render::Overlay::new(&self.app.context.gpu, 1);
+        match scene.loaded.reload_shaders().and(overlay) {
             Ok(overlay) => {
                 self.output.overlay = overlay;
                 self.output.hud.forget();

@@ -1,0 +1,68 @@
+//! Every descriptor binding of the renderer's shaders, by set. build.rs makes `bindings.glsl` of these tables, so that
+//! a shader names a binding instead of numbering it: `layout(SCENE_LIGHTS, scalar)`.
+
+use crate::gpu::BindingType::{self, Sampled, Storage, StorageDynamic, StorageImage, UniformDynamic};
+
+/// The bindings of one descriptor set: names and types, in order from binding 0.
+pub struct SetBindings {
+    /// The number of the set in `layout(set = …)`.
+    pub set: u32,
+    pub bindings: &'static [(&'static str, BindingType)],
+}
+
+/// Data that is written once per frame; see `gpu::FrameRing`. The storage binding holds what each pass pushes for itself.
+pub const FRAME: SetBindings =
+    SetBindings { set: 0, bindings: &[("FRAME_UNIFORMS", UniformDynamic), ("FRAME_STORAGE", StorageDynamic)] };
+
+/// A scene and its light.
+pub const SCENE: SetBindings = SetBindings {
+    set: 1,
+    bindings: &[
+        ("SCENE_INSTANCES", Storage),
+        ("SCENE_MATERIALS", Storage),
+        ("SCENE_LIGHTS", Storage),
+        ("SCENE_PANORAMA", Sampled),
+        ("SCENE_IRRADIANCE", Sampled),
+        ("SCENE_SPECULAR_EVEN", Sampled),
+        ("SCENE_SPECULAR_ODD", Sampled),
+        ("SCENE_BRDF_TABLE", Sampled),
+    ],
+};
+
+/// The textures of one material.
+pub const TEXTURES: SetBindings =
+    SetBindings { set: 2, bindings: &[("BASE_COLOR_MAP", Sampled), ("NORMAL_MAP", Sampled), ("ORM_MAP", Sampled)] };
+
+/// What the reference's samples are drawn from.
+pub const IMPORTANCE: SetBindings = SetBindings { set: 3, bindings: &[("REFERENCE_IMPORTANCE", Storage)] };
+
+/// The reference's accumulation, a compute pass of its own.
+pub const ACCUMULATE: SetBindings = SetBindings {
+    set: 0,
+    bindings: &[
+        ("ACCUMULATE_LATEST", Sampled),
+        ("ACCUMULATE_MEAN", StorageImage),
+        ("ACCUMULATE_DEVIATIONS", StorageImage),
+        ("ACCUMULATE_ERRORS", Storage),
+    ],
+};
+
+/// The accumulated mean as a picture.
+pub const SHOW: SetBindings = SetBindings { set: 1, bindings: &[("SHOW_MEAN", Sampled)] };
+
+/// Text over the picture.
+pub const TEXT: SetBindings = SetBindings { set: 1, bindings: &[("TEXT_FONT", Storage)] };
+
+/// All of them.
+pub const ALL: [SetBindings; 7] = [FRAME, SCENE, TEXTURES, IMPORTANCE, ACCUMULATE, SHOW, TEXT];
+
+/// `bindings.glsl`: a macro per binding.
+pub fn glsl() -> String {
+    let mut text = String::from("// The bindings of src/render/bindings.rs, made by build.rs.\n");
+    for SetBindings { set, bindings } in ALL {
+        for (binding, (name, _)) in bindings.iter().enumerate() {
+            text += &format!("#define {name} set = {set}, binding = {binding}\n");
+        }
+    }
+    text
+}

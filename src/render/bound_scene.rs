@@ -1,0 +1,59 @@
+//! A scene under a light: the resources of both, and the descriptor set that binds them.
+
+use std::sync::Arc;
+
+use super::frame::SceneConstants;
+use super::layouts::Layouts;
+use super::lighting::Lighting;
+use super::scene_resources::SceneResources;
+use crate::Result;
+use crate::gpu::{AddressMode, Binding, DescriptorSet, Gpu, Sampler};
+
+/// The set changes as a whole when the light does.
+pub struct BoundScene {
+    pub resources: SceneResources,
+    pub lighting: Lighting,
+    /// `bindings::SCENE`.
+    pub set: DescriptorSet,
+}
+
+impl BoundScene {
+    /// Binds a scene and its light.
+    pub fn new(gpu: &Arc<Gpu>, layouts: &Layouts, resources: SceneResources, lighting: Lighting) -> Result<Self> {
+        let set = scene_set(gpu, layouts, &resources, &lighting)?;
+        Ok(Self { resources, lighting, set })
+    }
+
+    /// Puts the scene under another light.
+    pub fn set_lighting(&mut self, gpu: &Arc<Gpu>, layouts: &Layouts, lighting: Lighting) -> Result<()> {
+        self.set = scene_set(gpu, layouts, &self.resources, &lighting)?;
+        self.lighting = lighting;
+        Ok(())
+    }
+
+    /// What frames' blocks say of the scene.
+    pub fn constants(&self) -> SceneConstants {
+        SceneConstants { environment_scale: self.lighting.maps.scale, light_count: self.resources.light_count }
+    }
+}
+
+fn scene_set(
+    gpu: &Arc<Gpu>,
+    layouts: &Layouts,
+    resources: &SceneResources,
+    Lighting { maps, table }: &Lighting,
+) -> Result<DescriptorSet> {
+    let panorama = Sampler::new(gpu, "panorama", AddressMode::Panorama, 1)?;
+    let clamped = Sampler::new(gpu, "clamped", AddressMode::Clamp, 1)?;
+    let bindings = [
+        Binding::Storage(&resources.instances),
+        Binding::Storage(&resources.materials),
+        Binding::Storage(&resources.lights),
+        Binding::Sampled(&maps.panorama, &panorama),
+        Binding::Sampled(&maps.irradiance_over_pi, &clamped),
+        Binding::Sampled(&maps.specular[0], &clamped),
+        Binding::Sampled(&maps.specular[1], &clamped),
+        Binding::Sampled(&table.image, &clamped),
+    ];
+    DescriptorSet::new(gpu, "scene", &layouts.scene, &bindings)
+}

@@ -1,0 +1,74 @@
+//! What a frame is drawn from: what may differ from frame to frame, and the block that shaders read of it.
+
+use glam::Mat4;
+
+use super::draws::CullOptions;
+use super::eye::Eye;
+use super::gizmos::{ControllerGizmos, GizmoVertex, MAX_GIZMO_VERTICES};
+use super::overlay::MAX_CHARACTERS;
+use super::shared::{EyeBlock, FrameBlock};
+use crate::scene::Scene;
+
+/// Bytes of a `gpu::FrameRing` that draws frames: blocks, gizmos and text, with room for alignment.
+pub const FRAME_BYTES: u64 = (MAX_GIZMO_VERTICES * size_of::<GizmoVertex>() + 4 * MAX_CHARACTERS + 4096) as u64;
+
+/// What may differ from frame to frame.
+#[derive(Clone, Copy)]
+pub struct FrameInputs<'a> {
+    /// As many as the renderer draws for.
+    pub eyes: &'a [Eye],
+    /// Stops of exposure; the picture's radiance is multiplied by 2^ev.
+    pub exposure_ev: f32,
+    /// The panorama's rotation about +Y, radians.
+    pub environment_rotation: f32,
+    /// Darkens scene and sky: 0 not at all, 1 to black.
+    pub fade: f32,
+    /// Moves all models of the scene together, rigidly.
+    pub world_from_models: Mat4,
+    /// What is done so that the frame costs less.
+    pub culling: CullOptions,
+    /// Shown in the scene; only where there is more than one eye.
+    pub gizmos: Option<&'a ControllerGizmos>,
+}
+
+impl<'a> FrameInputs<'a> {
+    /// The scene as its file describes it.
+    pub fn of(scene: &Scene, eyes: &'a [Eye]) -> Self {
+        Self {
+            eyes,
+            exposure_ev: scene.exposure_ev,
+            environment_rotation: scene.environment.rotation_degrees.to_radians(),
+            fade: 0.0,
+            world_from_models: Mat4::IDENTITY,
+            culling: CullOptions::default(),
+            gizmos: None,
+        }
+    }
+
+    /// The block that shaders read; the rest of it is about the scene.
+    pub(super) fn block(&self, scene: SceneConstants) -> FrameBlock {
+        let mut block = FrameBlock {
+            environment_rotation: [self.environment_rotation.cos(), self.environment_rotation.sin()],
+            exposure: self.exposure_ev.exp2() * (1.0 - self.fade.clamp(0.0, 1.0)),
+            environment_scale: scene.environment_scale,
+            light_count: scene.light_count,
+            world_from_models: self.world_from_models.to_cols_array_2d(),
+            ..FrameBlock::default()
+        };
+        for (block, eye) in block.eyes.iter_mut().zip(self.eyes) {
+            *block = EyeBlock {
+                clip_from_world: eye.clip_from_world().to_cols_array_2d(),
+                world_from_view: eye.world_from_view.to_cols_array_2d(),
+                tangents: [eye.left, eye.right, eye.down, eye.up],
+            };
+        }
+        block
+    }
+}
+
+/// What a [`FrameBlock`] says of the scene.
+#[derive(Clone, Copy, Debug)]
+pub struct SceneConstants {
+    pub environment_scale: f32,
+    pub light_count: u32,
+}

@@ -1,0 +1,51 @@
+//! The descriptor set layouts of `bindings`, created once per renderer.
+
+use std::sync::Arc;
+
+use super::bindings::{ACCUMULATE, FRAME, IMPORTANCE, SCENE, SHOW, SetBindings, TEXT, TEXTURES};
+use crate::Result;
+use crate::gpu::{BindingType, DescriptorSetLayout, Gpu};
+
+/// One layout per set of bindings.
+pub struct Layouts {
+    pub frame: DescriptorSetLayout,
+    pub scene: DescriptorSetLayout,
+    pub textures: DescriptorSetLayout,
+    pub importance: DescriptorSetLayout,
+    pub accumulate: DescriptorSetLayout,
+    pub show: DescriptorSetLayout,
+}
+
+impl Layouts {
+    /// Creates them.
+    pub fn new(gpu: &Arc<Gpu>) -> Result<Self> {
+        Ok(Self {
+            frame: frame(gpu)?,
+            scene: layout(gpu, "scene", &SCENE)?,
+            textures: layout(gpu, "textures", &TEXTURES)?,
+            importance: layout(gpu, "importance", &IMPORTANCE)?,
+            accumulate: layout(gpu, "accumulate", &ACCUMULATE)?,
+            show: layout(gpu, "show", &SHOW)?,
+        })
+    }
+
+    /// The sets of passes that draw a scene: frame, scene, textures, importance.
+    pub fn drawing(&self) -> [&DescriptorSetLayout; 4] {
+        [&self.frame, &self.scene, &self.textures, &self.importance]
+    }
+}
+
+/// The layout of set 0, which every `gpu::FrameRing` fills.
+pub fn frame(gpu: &Arc<Gpu>) -> Result<DescriptorSetLayout> {
+    layout(gpu, "frame", &FRAME)
+}
+
+/// The layout of the text's font.
+pub fn text(gpu: &Arc<Gpu>) -> Result<DescriptorSetLayout> {
+    layout(gpu, "text", &TEXT)
+}
+
+fn layout(gpu: &Arc<Gpu>, name: &str, set: &SetBindings) -> Result<DescriptorSetLayout> {
+    let kinds: Vec<BindingType> = set.bindings.iter().map(|(_, kind)| *kind).collect();
+    DescriptorSetLayout::new(gpu, name, &kinds)
+}

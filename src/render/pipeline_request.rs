@@ -1,0 +1,22 @@
+//! What pipelines are made for: plain data that any thread can make them from while frames go on.
+
+use std::sync::Arc;
+
+use super::layouts::Layouts;
+use super::settings::RenderSettings;
+use crate::gpu::{Gpu, Image};
+use crate::scene::MaterialFeatures;
+
+/// A scene's features, the settings, and the number of eyes.
+#[derive(Clone)]
+pub struct PipelineRequest {
+    pub(super) gpu: Arc<Gpu>,
+    pub(super) layouts: Arc<Layouts>,
+    pub(super) variants: Vec<MaterialFeatures>,
+    /// The number of point lights; `None` for any.
+    pub(super) constant_lights: Option<u32>,
+    /// What the reference's samples are drawn from.
+    pub(super) panorama: Arc<Image>,
+    pub settings: RenderSettings,
+    pub eyes: u32,
+}

@@ -1,0 +1,52 @@
+//! The pipelines of all passes for one scene and one group of settings.
+
+use super::forward::ForwardPass;
+use super::gizmos::GizmoPass;
+use super::hidden_area::HiddenAreaPass;
+use super::pipeline_request::PipelineRequest;
+use super::reference_accumulator::ReferencePasses;
+use super::settings::{RenderSettings, Shading};
+use crate::Result;
+
+/// Everything that has to be made again when shading, samples, output or the number of eyes changes.
+pub struct PassPipelines {
+    pub(super) settings: RenderSettings,
+    pub(super) eyes: u32,
+    pub(super) forward: ForwardPass,
+    /// Only where there is more than one eye.
+    pub(super) gizmos: Option<GizmoPass>,
+    pub(super) hidden_area: Option<HiddenAreaPass>,
+    /// Only for [`Shading::Reference`].
+    pub(super) reference: Option<ReferencePasses>,
+}
+
+impl PassPipelines {
+    /// Creates them; the driver may take long. Any thread may do it.
+    ///
+    /// # Errors
+    /// A failed Vulkan call; with `hot-reload`, a shader that does not compile.
+    pub fn build(request: &PipelineRequest) -> Result<Self> {
+        let PipelineRequest { settings, eyes, .. } = request;
+        let is_reference = settings.shading == Shading::Reference;
+        // The reference never shows gizmos; all its samples of a pixel have to show the same scene.
+        let has_headset_passes = *eyes > 1 && !is_reference;
+        Ok(Self {
+            settings: settings.clone(),
+            eyes: *eyes,
+            forward: ForwardPass::new(request)?,
+            gizmos: has_headset_passes.then(|| GizmoPass::new(request)).transpose()?,
+            hidden_area: has_headset_passes.then(|| HiddenAreaPass::new(request)).transpose()?,
+            reference: is_reference.then(|| ReferencePasses::new(request)).transpose()?,
+        })
+    }
+
+    /// What they are made for.
+    pub fn settings(&self) -> &RenderSettings {
+        &self.settings
+    }
+
+    /// The number of eyes they draw for.
+    pub fn eyes(&self) -> u32 {
+        self.eyes
+    }
+}

@@ -1,0 +1,283 @@
+//! A scene on the GPU and everything that draws it, frame by frame.
+
+use std::sync::Arc;
+
+use super::bound_scene::BoundScene;
+use super::draws::{DrawCounts, DrawList};
+use super::eye::Eye;
+use super::frame::FrameInputs;
+use super::frame_set::FrameSet;
+use super::hidden_area::HiddenArea;
+use super::kept_pipelines::KeptPipelines;
+use super::layouts::Layouts;
+use super::lighting::Lighting;
+use super::overlay::Overlay;
+use super::pipeline_request::PipelineRequest;
+use super::pipelines::PassPipelines;
+use super::reference_accumulator::{ReferenceAccumulator, StandardError, jittered};
+use super::scene_resources::{SceneResources, TextureFacts};
+use super::settings::RenderSettings;
+use super::shared::{FrameBlock, MAX_EYES};
+use super::targets::{Detail, ViewTargets};
+use crate::Result;
+use crate::context::Context;
+use crate::gpu::{FrameContext, Image, PassTime};
+use crate::scene::{Scene, SceneFeatures};
+
+/// A scene on the GPU and everything that draws it.
+pub struct Renderer {
+    context: Context,
+    pub(super) layouts: Arc<Layouts>,
+    pub(super) scene: BoundScene,
+    pipelines: PassPipelines,
+    targets: ViewTargets,
+    /// Only for `Shading::Reference`.
+    reference: Option<ReferenceAccumulator>,
+    hidden_area: Option<HiddenArea>,
+    draws: DrawList,
+}
+
+impl Renderer {
+    /// Uploads a scene, precomputes its light and makes targets of `size` pixels for `eyes` eyes (1 to [`MAX_EYES`]).
+    ///
+    /// # Errors
+    /// Sizes that the GPU cannot have, no memory, or a failed Vulkan call.
+    pub fn new(context: &Context, scene: &Scene, settings: RenderSettings, size: [u32; 2], eyes: u32) -> Result<Self> {
+        let gpu = &context.gpu;
+        let mut kept = KeptPipelines::load(context);
+        settings.textures.warn_if_raw(context);
+        let layouts = Arc::new(Layouts::new(gpu)?);
+        let features = SceneFeatures::of(scene, settings.model, settings.viewpoint);
+        let textures = settings.textures.options(context);
+        let resources = SceneResources::new(context, &layouts, scene, &features, &textures)?;
+        let lighting = Lighting::new(context, &scene.environment.panorama, &settings)?;
+        let scene = BoundScene::new(gpu, &layouts, resources, lighting)?;
+        let request = request(context, &layouts, &scene, settings, eyes);
+        let pipelines = PassPipelines::build(&request)?;
+        kept.save();
+        Ok(Self {
+            targets: ViewTargets::new(gpu, size, eyes, Detail::of(&request.settings))?,
+            reference: accumulator(&request, &pipelines, size)?,
+            context: context.clone(),
+            layouts,
+            scene,
+            pipelines,
+            hidden_area: None,
+            draws: DrawList::default(),
+        })
+    }
+
+    /// How the scene is drawn.
+    pub fn settings(&self) -> &RenderSettings {
+        &self.pipelines.settings
+    }
+
+    /// The number of eyes that are drawn for.
+    pub fn eyes(&self) -> u32 {
+        self.pipelines.eyes
+    }
+
+    /// What pipelines for this scene with other settings, or for another number of eyes, are built from.
+    pub fn pipeline_request(&self, settings: RenderSettings, eyes: u32) -> PipelineRequest {
+        request(&self.context, &self.layouts, &self.scene, settings, eyes)
+    }
+
+    /// Draws with other pipelines from now on, and with what their settings say of targets. On an error nothing changes.
+    ///
+    /// # Errors
+    /// No memory for targets.
+    pub fn set_pipelines(&mut self, pipelines: PassPipelines) -> Result<()> {
+        let (size, eyes) = (self.size(), pipelines.eyes);
+        let mut targets = ViewTargets::new(&self.context.gpu, size, eyes, Detail::of(&pipelines.settings))?;
+        if eyes == self.eyes() {
+            targets.area = self.targets.area;
+        } else {
+            self.hidden_area = None;
+        }
+        let request = self.pipeline_request(pipelines.settings.clone(), eyes);
+        self.reference = accumulator(&request, &pipelines, size)?;
+        (self.targets, self.pipelines) = (targets, pipelines);
+        Ok(())
+    }
+
+    /// Puts the scene under another light, precomputed with `settings`.
+    ///
+    /// # Errors
+    /// Whatever stops making what the reference's samples are drawn from.
+    pub fn set_lighting(&mut self, lighting: Lighting, settings: &RenderSettings) -> Result<()> {
+        self.scene.set_lighting(&self.context.gpu, &self.layouts, lighting)?;
+        let RenderSettings { geometry, split_sum, cube_size, irradiance_size, .. } = *settings;
+        let settings =
+            RenderSettings { geometry, split_sum, cube_size, irradiance_size, ..self.pipelines.settings.clone() };
+        // Geometry and split sum are constants of the pipelines; the reference's samples are drawn from the panorama.
+        if settings != self.pipelines.settings || self.reference.is_some() {
+            self.rebuild(settings, self.eyes())?;
+        }
+        Ok(())
+    }
+
+    /// Builds pipelines and draws with them from now on; on an error the old ones stay. Frames wait for it.
+    ///
+    /// # Errors
+    /// No memory; with `hot-reload`, a shader that does not compile.
+    pub fn rebuild(&mut self, settings: RenderSettings, eyes: u32) -> Result<()> {
+        let pipelines = PassPipelines::build(&self.pipeline_request(settings, eyes))?;
+        self.set_pipelines(pipelines)
+    }
+
+    /// New targets; the old ones are destroyed once the GPU is done with them.
+    ///
+    /// # Errors
+    /// A size that the GPU cannot have; no memory.
+    pub fn resize(&mut self, size: [u32; 2]) -> Result<()> {
+        if self.size() != size {
+            let request = self.pipeline_request(self.settings().clone(), self.eyes());
+            let targets = ViewTargets::new(&self.context.gpu, size, request.eyes, Detail::of(&request.settings))?;
+            self.reference = accumulator(&request, &self.pipelines, size)?;
+            self.targets = targets;
+        }
+        Ok(())
+    }
+
+    /// Draws only the upper left `area` pixels of the picture from now on, at most all of them.
+    pub fn set_area(&mut self, area: [u32; 2]) {
+        let size = self.size();
+        self.targets.area = [0, 1].map(|i| area[i].clamp(1, size[i]));
+    }
+
+    /// Leaves out what no eye can see from now on: triangles of each eye's picture, as [`HiddenArea::new`] takes them.
+    ///
+    /// # Errors
+    /// No memory.
+    pub fn set_hidden_area(&mut self, eyes: &[Vec<[f32; 2]>]) -> Result<()> {
+        self.hidden_area = HiddenArea::new(&self.context.gpu, eyes)?;
+        Ok(())
+    }
+
+    /// How much the last recorded frame draws.
+    pub fn draw_counts(&self) -> DrawCounts {
+        self.draws.counts(self.scene.resources.draws.len())
+    }
+
+    /// The resolved picture, one layer per eye, as the last recorded frame leaves it.
+    pub fn picture(&self) -> &Arc<Image> {
+        &self.targets.picture
+    }
+
+    /// What the scene's textures take.
+    pub fn texture_facts(&self) -> &TextureFacts {
+        &self.scene.resources.texture_facts
+    }
+
+    /// GPU time of precomputation, pass by pass.
+    pub fn precompute_times(&self) -> impl Iterator<Item = &PassTime> {
+        self.scene.lighting.times()
+    }
+
+    /// How settled the reference was after the finished frame that had `slot`; `None` for other shading, and before two
+    /// frames.
+    pub fn standard_error(&self, slot: usize) -> Option<StandardError> {
+        self.reference.as_ref()?.standard_error(slot)
+    }
+
+    /// Records one frame, into a ring of `FRAME_BYTES`.
+    ///
+    /// # Errors
+    /// A ring with too few bytes.
+    pub fn record(&mut self, frame: &mut FrameContext<'_>, inputs: &FrameInputs<'_>) -> Result<()> {
+        self.list_draws(inputs);
+        let Self { scene, pipelines, targets, reference, draws, .. } = self;
+        let block = inputs.block(scene.constants());
+        if let Some((reference, passes)) = reference.as_mut().zip(pipelines.reference.as_ref()) {
+            let index = reference.next_index(block, targets.area);
+            let eyes = each(inputs.eyes, |eye| jittered(eye, index, targets.area));
+            let jittered = FrameInputs { eyes: &eyes[..inputs.eyes.len()], ..*inputs };
+            let block = frame.push(&FrameBlock { sample_index: index, ..jittered.block(scene.constants()) })?;
+            reference.record(frame, block, passes, targets, |commands, set| {
+                pipelines.forward.draw_surfaces(commands, set, scene, draws.calls(), Some(&passes.importance));
+                pipelines.forward.draw_sky(commands, set, scene, Some(&passes.importance));
+            });
+            return Ok(());
+        }
+        let gizmos = inputs.gizmos.map_or(&[][..], |gizmos| gizmos.triangles());
+        let (block, vertices) = (frame.push(&block)?, frame.push_bytes(bytemuck::cast_slice(gizmos))?);
+        let set = FrameSet { set: frame.set, block };
+        frame.commands.pass("scene", |commands| {
+            targets.render(commands, |commands| {
+                if let Some((pass, area)) = pipelines.hidden_area.as_ref().zip(self.hidden_area.as_ref()) {
+                    pass.draw(commands, area);
+                }
+                pipelines.forward.draw_surfaces(commands, set, scene, draws.calls(), None);
+                if let Some(pass) = &pipelines.gizmos {
+                    pass.draw(commands, set, vertices, gizmos.len() as u32);
+                }
+                pipelines.forward.draw_sky(commands, set, scene, None);
+            });
+        });
+        Ok(())
+    }
+
+    /// Records text over the picture as it is.
+    ///
+    /// # Errors
+    /// A ring with too few bytes.
+    pub fn record_overlay(&self, frame: &mut FrameContext<'_>, overlay: &Overlay) -> Result<()> {
+        let cells = frame.push_bytes(overlay.bytes())?;
+        let set = FrameSet { set: frame.set, block: 0 };
+        frame.commands.pass("text", |commands| {
+            self.targets.draw_over(commands, |commands| overlay.draw(commands, set, cells));
+        });
+        Ok(())
+    }
+
+    /// Lists what is drawn. Where the models have been moved, the eyes are moved the other way instead.
+    fn list_draws(&mut self, inputs: &FrameInputs<'_>) {
+        let models_from_world = inputs.world_from_models.inverse();
+        let moved = each(inputs.eyes, |eye| Eye { world_from_view: models_from_world * eye.world_from_view, ..*eye });
+        self.draws.fill(&self.scene.resources.draws, &moved[..inputs.eyes.len()], inputs.culling);
+    }
+
+    fn size(&self) -> [u32; 2] {
+        self.targets.picture.desc().size
+    }
+}
+
+/// One result for each eye; those beyond are the first eye's.
+fn each(eyes: &[Eye], change: impl Fn(&Eye) -> Eye) -> [Eye; MAX_EYES] {
+    std::array::from_fn(|i| change(eyes.get(i).unwrap_or(&eyes[0])))
+}
+
+fn request(
+    context: &Context,
+    layouts: &Arc<Layouts>,
+    scene: &BoundScene,
+    settings: RenderSettings,
+    eyes: u32,
+) -> PipelineRequest {
+    PipelineRequest {
+        gpu: Arc::clone(&context.gpu),
+        layouts: Arc::clone(layouts),
+        variants: scene.resources.variants.clone(),
+        constant_lights: scene.resources.constant_lights,
+        panorama: Arc::clone(&scene.lighting.maps.panorama),
+        settings,
+        eyes,
+    }
+}
+
+/// What the reference keeps from frame to frame, where its passes are there.
+fn accumulator(
+    request: &PipelineRequest,
+    pipelines: &PassPipelines,
+    size: [u32; 2],
+) -> Result<Option<ReferenceAccumulator>> {
+    pipelines.reference.as_ref().map(|_| ReferenceAccumulator::new(request, size)).transpose()
+}
+
+/// Whether pictures of this size can be made here.
+///
+/// # Errors
+/// Sides beyond what images may have; more bytes than the GPU's memory has.
+pub fn check_size(context: &Context, size: [u32; 2], eyes: u32, settings: &RenderSettings) -> Result<()> {
+    ViewTargets::check(&context.gpu, size, eyes, Detail::of(settings))
+}

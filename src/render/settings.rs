@@ -1,0 +1,305 @@
+//! How a scene is drawn: settings that the command line gives, that can change while the program runs, and how much is
+//! made again when they do.
+
+use clap::{Args, ValueEnum};
+
+use super::targets::Output;
+use crate::asset::{Storage, TextureOptions};
+use crate::context::Context;
+use crate::precompute::{Options, check_face_size, check_irradiance_size};
+use crate::reference::brdf::Geometry;
+use crate::reference::energy::Scattering;
+use crate::reference::table::SplitSum;
+use crate::scene::Model;
+use crate::scene::needs::resolution::Viewpoint;
+
+/// Least scale: below it pictures show nothing.
+const SMALLEST_SCALE: f32 = 0.25;
+/// Frames that a still picture averages if the user does not say how many.
+const REFERENCE_FRAMES: u64 = 256;
+
+/// What fragments show; the same order as in `glsl/shared.glsl`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, ValueEnum)]
+pub enum Shading {
+    /// Physically based.
+    #[default]
+    Pbr,
+    /// Phong: ambient light and point lights only.
+    Phong,
+    /// Base color.
+    #[value(alias = "albedo")]
+    BaseColor,
+    /// Shading normal in world space, n/2 + 1/2.
+    Normal,
+    Metallic,
+    Roughness,
+    Occlusion,
+    /// Texture coordinates, v downwards.
+    Uv,
+    /// Tangent in world space, t/2 + 1/2.
+    Tangent,
+    /// Normal distribution D / (1 + D), for the first point light or else one at the eye.
+    D,
+    /// Fresnel reflectance, likewise.
+    F,
+    /// Masking and shadowing, likewise.
+    G,
+    /// The environment's diffuse light.
+    Diffuse,
+    /// The environment's specular light.
+    Specular,
+    /// Irradiance / pi.
+    Irradiance,
+    /// Physically based without approximation: the shading integral, sampled frame after frame until it is stopped.
+    Reference,
+}
+
+impl Shading {
+    /// Frames that a still picture takes if the user does not say how many.
+    pub fn default_frames(self) -> u64 {
+        if self == Self::Reference { REFERENCE_FRAMES } else { 1 }
+    }
+
+    /// The shading `steps` further in the list of all, which wraps around. Where the view does not hold still, as in a
+    /// headset, [`Shading::Reference`] is skipped: it would show only noise, and far too slowly.
+    pub fn step(self, steps: usize, holds_still: bool) -> Self {
+        let all = Self::value_variants();
+        let next = |at: usize| (at + steps) % all.len();
+        let at = next(all.iter().position(|shading| *shading == self).unwrap_or(0));
+        if holds_still || all[at] != Self::Reference { all[at] } else { all[next(at)] }
+    }
+}
+
+/// How a scene is drawn.
+#[derive(Args, Clone, Debug, PartialEq)]
+pub struct RenderSettings {
+    /// How surfaces are shaded, or which of their inputs and terms is shown.
+    #[arg(long, value_enum, default_value_t)]
+    pub shading: Shading,
+    /// Masking and shadowing term.
+    #[arg(long, value_enum, default_value_t)]
+    pub geometry: Geometry,
+    /// How often light bounces between a surface's microfacets.
+    #[arg(long, value_enum, default_value_t)]
+    pub scattering: Scattering,
+    /// How surfaces mirror the panorama.
+    #[arg(long, value_enum, default_value_t)]
+    pub split_sum: SplitSum,
+    /// Model what the scene needs, or everything: the same picture, slower.
+    #[arg(long, value_enum, default_value_t)]
+    pub model: Model,
+    /// Samples of each pixel at the edges of triangles: 1 (quick, jagged) or 4.
+    #[arg(long, value_name = "N", default_value_t = 4, value_parser = parse_samples)]
+    pub samples: u32,
+    /// Draw pictures smaller by this factor, 0.25 to 1, and enlarge them; `--shading reference` is always drawn whole.
+    #[arg(long, value_name = "FACTOR", default_value_t = 1.0, value_parser = parse_scale)]
+    pub scale: f32,
+    /// Texels along a face of the sharpest mirrored light: a power of two from 16 to 1024.
+    #[arg(long, value_name = "N", default_value_t = Options::default().face_size,
+        value_parser = |text: &str| parse_side(text, check_face_size))]
+    pub cube_size: u32,
+    /// Texels along a face of the diffuse light: a power of two from 4 to 128.
+    #[arg(long, value_name = "N", default_value_t = Options::default().irradiance_size,
+        value_parser = |text: &str| parse_side(text, check_irradiance_size))]
+    pub irradiance_size: u32,
+    #[command(flatten)]
+    pub textures: TextureSettings,
+    /// What pictures hold.
+    #[arg(skip)]
+    pub output: Output,
+    /// Where all pictures will be taken from; `None` for anywhere.
+    #[arg(skip)]
+    pub viewpoint: Option<Viewpoint>,
+}
+
+impl Default for RenderSettings {
+    fn default() -> Self {
+        let Options { face_size, irradiance_size } = Options::default();
+        Self {
+            shading: Shading::default(),
+            geometry: Geometry::default(),
+            scattering: Scattering::default(),
+            split_sum: SplitSum::default(),
+            model: Model::default(),
+            samples: 4,
+            scale: 1.0,
+            cube_size: face_size,
+            irradiance_size,
+            textures: TextureSettings::default(),
+            output: Output::default(),
+            viewpoint: None,
+        }
+    }
+}
+
+/// How textures are kept; what is left out is chosen for the GPU.
+#[derive(Args, Clone, Copy, Debug, Default, PartialEq)]
+pub struct TextureSettings {
+    /// How textures are stored: four bytes a texel, or compressed to one. What suits the GPU if left out.
+    // A processor takes ten times as long for each texel of a block (measured on lavapipe), and has no memory to save.
+    #[arg(long = "textures", value_enum, value_name = "TEXTURES")]
+    pub storage: Option<Storage>,
+    /// GPU memory for textures; the largest lose levels until all fit. What is free, less a margin, if left out.
+    #[arg(long = "texture-budget", value_name = "MIB")]
+    pub budget_mib: Option<u32>,
+    /// Samples of a texture seen at a slant, at most: 1 (quick, blurred) to 16. 8 if left out, or 1 on a software renderer.
+    // lavapipe 22.3 takes 160 s for a frame of Dabrovic Sponza with any but 1, and under 1 s with that (640×360).
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=16))]
+    pub anisotropy: Option<u32>,
+    /// Leave out the N largest levels of each texture.
+    #[arg(long, value_name = "N", default_value_t = 0, value_parser = clap::value_parser!(u32).range(..=16))]
+    pub drop_levels: u32,
+}
+
+impl TextureSettings {
+    /// How textures are loaded for this context's GPU.
+    pub fn options(&self, context: &Context) -> TextureOptions {
+        let gpu = &context.gpu;
+        let (storage, anisotropy) = if gpu.info().is_software() {
+            (Storage::Raw, 1)
+        } else {
+            (Storage::Bc, TextureOptions::default().anisotropy)
+        };
+        let storage = self.storage.unwrap_or(storage);
+        TextureOptions {
+            storage: if gpu.compresses_textures() { storage } else { Storage::Raw },
+            cache: context.cache.clone(),
+            budget_bytes: self.budget_mib.map(|mib| u64::from(mib) << 20),
+            dropped_levels: self.drop_levels,
+            anisotropy: self.anisotropy.unwrap_or(anisotropy),
+        }
+    }
+
+    /// The same with what is left out chosen for this context's GPU.
+    pub fn resolved(&self, context: &Context) -> Self {
+        let TextureOptions { storage, anisotropy, .. } = self.options(context);
+        Self { storage: Some(storage), anisotropy: Some(anisotropy), ..*self }
+    }
+
+    /// Warns where textures should be compressed and the GPU cannot read them so.
+    pub(super) fn warn_if_raw(&self, context: &Context) {
+        let gpu = &context.gpu;
+        if self.storage != Some(Storage::Raw) && !gpu.info().is_software() && !gpu.compresses_textures() {
+            let name = &gpu.info().name;
+            context.report.warn(format!("{name}: no block-compressed textures; they take four times the memory"));
+        }
+    }
+}
+
+/// What has to be made again when settings change; each includes those before it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Change {
+    Nothing,
+    /// Render targets.
+    Targets,
+    /// Pipelines.
+    Pipelines,
+    /// Light maps and the BRDF table.
+    Light,
+    /// The scene, with its textures.
+    Scene,
+}
+
+impl RenderSettings {
+    /// How light is precomputed.
+    pub fn precompute(&self) -> Options {
+        Options { face_size: self.cube_size, irradiance_size: self.irradiance_size }
+    }
+
+    /// What has to be made again to get from these settings to others.
+    pub fn difference(&self, other: &Self) -> Change {
+        // A field that is not listed here does not compile.
+        let Self {
+            shading,
+            geometry,
+            scattering,
+            split_sum,
+            model,
+            samples,
+            scale,
+            cube_size,
+            irradiance_size,
+            textures,
+            output,
+            viewpoint,
+        } = other;
+        let needs = [
+            (self.scale != *scale, Change::Targets),
+            (self.samples != *samples || self.output != *output, Change::Pipelines),
+            (self.shading != *shading || self.scattering != *scattering, Change::Pipelines),
+            (self.geometry != *geometry || self.split_sum != *split_sum, Change::Light),
+            (self.cube_size != *cube_size || self.irradiance_size != *irradiance_size, Change::Light),
+            (self.model != *model || self.textures != *textures || self.viewpoint != *viewpoint, Change::Scene),
+        ];
+        needs.into_iter().filter(|(differs, _)| *differs).map(|(_, change)| change).max().unwrap_or(Change::Nothing)
+    }
+}
+
+fn parse_samples(text: &str) -> std::result::Result<u32, String> {
+    match text {
+        "1" => Ok(1),
+        "4" => Ok(4),
+        _ => Err("1 or 4".into()),
+    }
+}
+
+fn parse_scale(text: &str) -> std::result::Result<f32, String> {
+    let scale = text.parse().ok().filter(|scale| (SMALLEST_SCALE..=1.0).contains(scale));
+    scale.ok_or_else(|| format!("a number from {SMALLEST_SCALE} to 1"))
+}
+
+fn parse_side(text: &str, check: fn(u32) -> crate::Result<()>) -> std::result::Result<u32, String> {
+    let side = text.parse().map_err(|_| "not a number of texels".to_owned())?;
+    check(side).map(|()| side).map_err(|error| error.to_string())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn shadings_wrap_around_and_skip_the_reference_where_the_view_moves() {
+        let all = Shading::value_variants();
+        for (steps, holds_still) in [(1, true), (all.len() - 1, true), (1, false), (all.len() - 1, false)] {
+            let mut seen = vec![Shading::Pbr];
+            loop {
+                let next = seen[seen.len() - 1].step(steps, holds_still);
+                if next == Shading::Pbr {
+                    break;
+                }
+                assert!(!seen.contains(&next), "{seen:?}, then {next:?}");
+                seen.push(next);
+            }
+            assert_eq!(seen.len(), all.len() - usize::from(!holds_still));
+            assert_eq!(seen.contains(&Shading::Reference), holds_still);
+        }
+        assert_eq!(Shading::Reference.step(1, false), Shading::Pbr);
+    }
+
+    #[test]
+    fn arguments_left_out_are_the_defaults() {
+        let command = RenderSettings::augment_args(clap::Command::new("settings").no_binary_name(true));
+        let matches = command.try_get_matches_from(Vec::<String>::new()).unwrap();
+        let parsed = <RenderSettings as clap::FromArgMatches>::from_arg_matches(&matches).unwrap();
+        assert_eq!(parsed, RenderSettings::default());
+    }
+
+    #[test]
+    fn a_change_is_as_large_as_its_largest_part() {
+        let default = RenderSettings::default;
+        let changes = [
+            (default(), Change::Nothing),
+            (RenderSettings { scale: 0.5, ..default() }, Change::Targets),
+            (RenderSettings { shading: Shading::Phong, ..default() }, Change::Pipelines),
+            (RenderSettings { samples: 1, scale: 0.5, ..default() }, Change::Pipelines),
+            (RenderSettings { output: Output::Linear, ..default() }, Change::Pipelines),
+            (RenderSettings { cube_size: 64, ..default() }, Change::Light),
+            (RenderSettings { geometry: Geometry::Karis2013, shading: Shading::D, ..default() }, Change::Light),
+            (RenderSettings { model: Model::Everything, cube_size: 64, ..default() }, Change::Scene),
+        ];
+        for (other, change) in changes {
+            assert_eq!(default().difference(&other), change, "{other:?}");
+            assert_eq!(other.difference(&default()), change, "{other:?}");
+        }
+    }
+}
