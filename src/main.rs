@@ -79,7 +79,7 @@ fn run(cli: Cli) -> Result<()> {
             if let Some(limit) = chosen(request.choice) {
                 request.settings = measure::choose(&request.scene()?, limit, &setup)?;
             }
-            request.run(&setup)
+            view::show(&request, &setup)
         }
         Command::Render(mut request) => {
             request.check()?;

@@ -43,6 +43,7 @@ pub mod on_disk {
     use std::path::PathBuf;
 
     use super::words;
+    use crate::gpu::shader_compiler::compile;
     use crate::{Error, Result};
 
     /// As build.rs generated them: the tables are compiled into the program.
@@ -59,9 +60,12 @@ pub mod on_disk {
             return Ok(None);
         }
         let path = folder.join(name);
-        let spirv = crate::gpu::shader_compiler::compile(&path, &folder, BINDINGS, cfg!(debug_assertions)).map_err(
-            |problem| Error::Broken { path, what: "shader", problem, remedy: "fix it; the last good one stays in use" },
-        )?;
+        let spirv = compile(&path, &folder, BINDINGS, cfg!(debug_assertions)).map_err(|problem| Error::Broken {
+            path,
+            what: "shader",
+            problem,
+            remedy: "fix it; the last good one stays in use",
+        })?;
         Ok(words(&spirv))
     }
 }

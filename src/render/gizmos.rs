@@ -7,9 +7,9 @@ use std::mem::offset_of;
 use bytemuck::{Pod, Zeroable};
 
 use super::frame_set::FrameSet;
+use super::output::Output;
 use super::pipeline_request::PipelineRequest;
 use super::shared::constant;
-use super::targets::Output;
 use crate::Result;
 use crate::gpu::{Commands, DepthState, GraphicsDesc, Pipeline};
 

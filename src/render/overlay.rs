@@ -6,7 +6,7 @@ use font8x8::legacy::BASIC_LEGACY;
 
 use super::frame_set::FrameSet;
 use super::layouts;
-use super::targets::Output;
+use super::output::Output;
 use crate::Result;
 use crate::gpu::{Binding, Buffer, BufferKind, Commands, DescriptorSet, Gpu, GraphicsDesc, Pipeline};
 

@@ -10,9 +10,10 @@ use serde::Serialize;
 use super::eye::Eye;
 use super::frame_set::FrameSet;
 use super::importance::Importance;
+use super::output::Output;
 use super::pipeline_request::PipelineRequest;
 use super::shared::{FrameBlock, constant};
-use super::targets::{Output, ViewTargets};
+use super::targets::ViewTargets;
 use crate::Result;
 use crate::gpu::{
     AddressMode, Attachments, Binding, Buffer, BufferKind, ColourAttachment, Commands, DEPTH_FORMAT, DepthAttachment,

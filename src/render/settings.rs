@@ -3,7 +3,7 @@
 
 use clap::{Args, ValueEnum};
 
-use super::targets::Output;
+use super::output::Output;
 use crate::asset::{Storage, TextureOptions};
 use crate::context::Context;
 use crate::precompute::{Options, check_face_size, check_irradiance_size};

@@ -2,40 +2,13 @@
 
 use std::sync::Arc;
 
+use super::output::Output;
 use super::settings::RenderSettings;
 use crate::gpu::{
-    Attachments, ColourAttachment, Commands, DEPTH_FORMAT, DepthAttachment, Format, Gpu, Image, ImageAccess, ImageDesc,
+    Attachments, ColourAttachment, Commands, DEPTH_FORMAT, DepthAttachment, Gpu, Image, ImageAccess, ImageDesc,
     ImageUsageFlags, Rect, Shape,
 };
 use crate::{Error, Result};
-
-/// What pictures hold.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
-pub enum Output {
-    /// What a viewer sees: exposed, tone-mapped, 8-bit sRGB.
-    #[default]
-    Display,
-    /// Scene radiance as it is, 32-bit float.
-    Linear,
-}
-
-impl Output {
-    /// The picture's format: RGBA.
-    pub fn format(self) -> Format {
-        match self {
-            Self::Display => Format::R8G8B8A8_SRGB,
-            Self::Linear => Format::R32G32B32A32_SFLOAT,
-        }
-    }
-
-    /// Bytes per pixel.
-    pub fn bytes(self) -> u64 {
-        match self {
-            Self::Display => 4,
-            Self::Linear => 16,
-        }
-    }
-}
 
 /// How much a frame's images hold.
 #[derive(Clone, Copy, Debug, PartialEq)]

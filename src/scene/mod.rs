@@ -1,6 +1,7 @@
-//! A scene as plain data: meshes, materials, lights, cameras, environment.
+//! Scenes: their contents as plain data, loading, and what can be known of them before they are drawn.
 
 pub mod cluster;
+mod contents;
 mod culling_bounds;
 pub mod description;
 mod floor;
@@ -11,94 +12,8 @@ pub mod mesh;
 pub mod needs;
 pub mod tangent;
 
-use glam::{Mat4, Vec3};
-
-use crate::asset::{MipChain, Panorama};
+pub use contents::{Camera, Environment, Instance, Material, PointLight, Scene};
 pub use floor::floor_under;
 pub use load::{LoadOptions, load};
 pub use mesh::{Bounds, Mesh, Vertex};
 pub use needs::{MaterialFeatures, Model, SceneFeatures};
-
-/// A loaded scene. World space is right-handed, +Y up, in metres.
-#[derive(Clone, Debug)]
-pub struct Scene {
-    pub meshes: Vec<Mesh>,
-    pub instances: Vec<Instance>,
-    pub materials: Vec<Material>,
-    pub textures: Vec<MipChain>,
-    pub lights: Vec<PointLight>,
-    /// At least one.
-    pub cameras: Vec<Camera>,
-    pub environment: Environment,
-    /// Exposure in stops: displayed = radiance · 2^exposure_ev.
-    pub exposure_ev: f32,
-}
-
-impl Scene {
-    /// Number of triangles, those of a mesh counted for each instance.
-    pub fn triangles(&self) -> usize {
-        self.instances.iter().map(|i| self.meshes[i.mesh].indices.len() / 3).sum()
-    }
-
-    /// Bounds of everything in world space; empty without instances.
-    pub fn bounds(&self) -> Bounds {
-        let placed = self.instances.iter().map(|i| self.meshes[i.mesh].bounds.placed(i.world_from_local));
-        Bounds::of(placed.filter(|b| *b != Bounds::EMPTY).flat_map(|b| [b.min, b.max]))
-    }
-}
-
-/// A mesh with its transform.
-#[derive(Clone, Copy, Debug)]
-pub struct Instance {
-    /// Index into [`Scene::meshes`].
-    pub mesh: usize,
-    pub world_from_local: Mat4,
-}
-
-/// Metallic–roughness material; each map, where present, is multiplied by its factor.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Material {
-    pub name: String,
-    /// Linear RGB.
-    pub base_color_factor: Vec3,
-    pub metallic_factor: f32,
-    /// Perceptual roughness: alpha = roughness².
-    pub roughness_factor: f32,
-    /// Indices into [`Scene::textures`].
-    pub base_color_map: Option<usize>,
-    pub normal_map: Option<usize>,
-    /// Occlusion, roughness, metallic in R, G, B.
-    pub orm_map: Option<usize>,
-    /// Minimum and maximum of factor times map; coarser levels of a map may be rougher, where normals vary.
-    pub metallic_range: [f32; 2],
-    pub roughness_range: [f32; 2],
-    /// Whether occlusion in the ORM map darkens anything.
-    pub occludes: bool,
-    /// With `Some(a)`, fragments whose base color map has alpha < a are discarded.
-    pub alpha_cutoff: Option<f32>,
-}
-
-/// A point light.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct PointLight {
-    pub position: Vec3,
-    /// Radiant intensity per channel, W/sr.
-    pub intensity: Vec3,
-}
-
-/// A named viewpoint.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Camera {
-    pub name: String,
-    pub position: Vec3,
-    pub target: Vec3,
-    pub vertical_fov_degrees: f32,
-}
-
-/// The panorama around the scene.
-#[derive(Clone, Debug)]
-pub struct Environment {
-    pub panorama: Panorama,
-    /// Turns the panorama about +Y, counter-clockwise seen from above.
-    pub rotation_degrees: f32,
-}

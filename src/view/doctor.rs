@@ -24,7 +24,7 @@ pub fn run() -> Result<()> {
         "layer installed",
         "no layer; for --validate install vulkan-validationlayers or the Vulkan SDK",
     );
-    match super::request::no_display() {
+    match super::show::no_display() {
         None => say!("display     there"),
         Some(reason) => say!("display     missing: {reason}; pictures can be written all the same"),
     }

@@ -17,6 +17,7 @@ mod playlist;
 mod render;
 mod request;
 mod screenshot;
+mod show;
 #[expect(unsafe_code, reason = "calls Vulkan and the window system")]
 mod window;
 
@@ -28,4 +29,5 @@ pub use loader::load_scene;
 pub use needs::{NeedsRequest, needs};
 pub use render::{RenderFacts, RenderRequest, picture_files, render};
 pub use request::{Mirror, On, ViewRequest};
+pub use show::show;
 pub use window::console;

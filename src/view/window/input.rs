@@ -9,7 +9,7 @@ use winit::event::{ElementState, KeyEvent, MouseButton, MouseScrollDelta};
 use winit::window::Fullscreen;
 
 use super::keys::{Action, action};
-use super::output::WindowOutput;
+use super::output::{Drag, WindowOutput};
 use super::viewer::Viewer;
 use crate::Result;
 use crate::render::Shading;
@@ -18,13 +18,6 @@ use crate::render::Shading;
 const ROTATION_STEP: f32 = TAU / 72.0;
 /// Pixels of a touchpad's scrolling, at scale 1, that count as one notch of a wheel.
 const PIXELS_PER_NOTCH: f64 = 40.0;
-
-/// What a drag with the mouse does.
-#[derive(Clone, Copy, PartialEq, Eq)]
-pub enum Drag {
-    Turn,
-    Pan,
-}
 
 impl WindowOutput {
     /// The keyboard's focus came or went.

@@ -11,7 +11,6 @@ use winit::keyboard::ModifiersState;
 use winit::window::Window;
 
 use super::hud::{Hud, Status, title};
-use super::input::Drag;
 use super::keys::PressedKeys;
 use super::mirror::{crop, parts};
 use super::presenter::WindowPresenter;
@@ -32,6 +31,13 @@ const POLL: Duration = Duration::from_millis(100);
 const TEXT_SCALE: f64 = 2.0;
 /// How often the title bar changes.
 const TITLE_PERIOD: Duration = Duration::from_millis(500);
+
+/// What a drag with the mouse does.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub enum Drag {
+    Turn,
+    Pan,
+}
 
 /// One window. Drop order: the swapchain before the window it presents to.
 pub struct WindowOutput {
