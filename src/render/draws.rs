@@ -232,7 +232,7 @@ mod tests {
         let in_order = [near(0, 0..3), near(0, 3..6), near(0, 6..9), near(1, 9..12), near(0, 15..18)];
         list.fill(&in_order, &[eye], CullOptions::default());
         let calls: Vec<_> = list.calls().iter().map(|call| (call.instance, call.indices.clone())).collect();
-        assert_eq!(calls, [(0, 0..9), (0, 15..18), (1, 9..12)]);
+        assert_eq!(calls, [(0, 0..9), (1, 9..12), (0, 15..18)]);
         assert_eq!(list.counts(5), DrawCounts { calls: 3, ranges: 5, all_ranges: 5 });
     }
 

@@ -15,7 +15,7 @@ use crate::asset::TextureOptions;
 use crate::context::Context;
 use crate::gpu::{Buffer, BufferKind, DescriptorSet, Gpu};
 use crate::scene::cluster::{Cluster, clusters};
-use crate::scene::{Material, MaterialFeatures, Scene, SceneFeatures};
+use crate::scene::{Material, MaterialFeatures, PointLight, Scene, SceneFeatures};
 pub use geometry::Geometry;
 pub use textures::TextureFacts;
 use textures::TextureSets;
@@ -54,13 +54,14 @@ impl SceneResources {
         let (images, texture_facts) = textures::upload(context, &scene.textures, &features.first_levels, options)?;
         let mut sets = TextureSets::new(gpu, &layouts.textures, &images, options.anisotropy)?;
         let mut variants = Variants::default();
-        let mut materials = Vec::new();
+        let mut drawn = Vec::new();
         for (material, features) in scene.materials.iter().zip(&features.materials) {
-            materials.push(MaterialIndices { variant: variants.index(*features), textures: sets.index(material)? });
+            let (variant, textures) = (variants.index(*features), sets.index(material)?);
+            drawn.push(DrawnMaterial { variant, textures, masked: features.alpha_mask });
         }
         let lights: Vec<LightBlock> = scene.lights.iter().map(LightBlock::from).collect();
         let blocks: Vec<MaterialBlock> = scene.materials.iter().map(MaterialBlock::from).collect();
-        let (draws, instances) = draws(&clusters, &geometry, |material| (materials[material], &variants.all));
+        let (draws, instances) = draws(&clusters, &geometry, &drawn);
         Ok(Self {
             geometry,
             instances: storage(gpu, "instances", &instances)?,
@@ -76,11 +77,12 @@ impl SceneResources {
     }
 }
 
-/// What a material is drawn with.
+/// What a material is drawn with: see [`Draw`].
 #[derive(Clone, Copy)]
-struct MaterialIndices {
+struct DrawnMaterial {
     variant: u32,
     textures: u32,
+    masked: bool,
 }
 
 /// Combinations of features, each once.
@@ -100,16 +102,11 @@ impl Variants {
 }
 
 /// A draw for each cluster and each of its placements, and the instances, each a material at a placement.
-fn draws<'a>(
-    clusters: &[Cluster],
-    geometry: &Geometry,
-    material: impl Fn(usize) -> (MaterialIndices, &'a Vec<MaterialFeatures>),
-) -> (Vec<Draw>, Vec<InstanceBlock>) {
+fn draws(clusters: &[Cluster], geometry: &Geometry, materials: &[DrawnMaterial]) -> (Vec<Draw>, Vec<InstanceBlock>) {
     let (mut draws, mut instances) = (Vec::new(), Vec::new());
     let mut known: HashMap<(usize, [u32; 16]), u32> = HashMap::new();
     for (cluster, indices) in clusters.iter().zip(&geometry.ranges) {
-        let (MaterialIndices { variant, textures }, variants) = material(cluster.material);
-        let masked = variants[variant as usize].alpha_mask;
+        let DrawnMaterial { variant, textures, masked } = materials[cluster.material];
         for world_from_local in &cluster.placements {
             let bits = world_from_local.to_cols_array().map(f32::to_bits);
             let instance = *known.entry((cluster.material, bits)).or_insert_with(|| {
@@ -127,12 +124,9 @@ fn draws<'a>(
 
 /// A storage buffer of these blocks, or of a single zero one: a buffer cannot be empty.
 fn storage<T: bytemuck::Pod>(gpu: &Arc<Gpu>, name: &str, blocks: &[T]) -> Result<Arc<Buffer>> {
-    let bytes = if blocks.is_empty() {
-        bytemuck::bytes_of(&T::zeroed()).to_vec()
-    } else {
-        bytemuck::cast_slice(blocks).to_vec()
-    };
-    Buffer::with_bytes(gpu, name, BufferKind::StorageFromCpu, &bytes)
+    let none = [T::zeroed()];
+    let blocks = if blocks.is_empty() { &none } else { blocks };
+    Buffer::with_bytes(gpu, name, BufferKind::StorageFromCpu, bytemuck::cast_slice(blocks))
 }
 
 impl From<&Material> for MaterialBlock {
@@ -146,8 +140,8 @@ impl From<&Material> for MaterialBlock {
     }
 }
 
-impl From<&crate::scene::PointLight> for LightBlock {
-    fn from(light: &crate::scene::PointLight) -> Self {
+impl From<&PointLight> for LightBlock {
+    fn from(light: &PointLight) -> Self {
         Self { position: light.position.into(), intensity: light.intensity.into() }
     }
 }
