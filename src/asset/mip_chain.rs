@@ -5,7 +5,6 @@ use clap::ValueEnum;
 use super::compress::{Block, compress, decompress};
 use super::ktx2::{Ktx2, TexelFormat};
 use super::mips::{self, NormalLoss, level_size};
-use super::texture::Encoding;
 use super::{Cache, Report, Texture};
 
 /// How textures store their texels.
@@ -54,24 +53,24 @@ pub struct MipChain {
 impl MipChain {
     /// A base color map; alpha is a mask where there is a cutoff, else 1.
     pub fn base_color(texture: Texture, cutoff: Option<f32>, storage: Storage, report: &Report) -> Self {
-        let (name, size) = (texture.name.clone(), [texture.width, texture.height]);
+        let plain = Self::without_levels(&texture, TexelFormat::Rgba8Srgb);
         let block = if cutoff.is_some() { Block::Alpha } else { Block::Opaque };
         let levels = report.time("mips", || mips::base_color_levels(texture, cutoff));
-        Self::store(name, size, Encoding::Srgb, levels, block, storage, report)
+        Self { levels, ..plain }.stored(storage, block, report)
     }
 
     /// A normal map: x and y; shaders reconstruct z.
     pub fn normal(texture: &Texture, storage: Storage, report: &Report) -> Self {
-        let size = [texture.width, texture.height];
         let levels = report.time("mips", || mips::normal_levels(texture));
-        Self::store(texture.name.clone(), size, Encoding::Normal, levels, Block::TwoChannels, storage, report)
+        let plain = Self::without_levels(texture, TexelFormat::Rgba8);
+        Self { levels, ..plain }.stored(storage, Block::TwoChannels, report)
     }
 
     /// An ORM map; roughness is raised where `normals` lose detail.
     pub fn orm(texture: Texture, normals: Option<&NormalLoss>, storage: Storage, report: &Report) -> Self {
-        let (name, size) = (texture.name.clone(), [texture.width, texture.height]);
+        let plain = Self::without_levels(&texture, TexelFormat::Rgba8);
         let levels = report.time("mips", || mips::orm_levels(texture, normals));
-        Self::store(name, size, Encoding::Linear, levels, Block::Opaque, storage, report)
+        Self { levels, ..plain }.stored(storage, Block::Opaque, report)
     }
 
     /// Bytes of the levels from `first` on.
@@ -117,30 +116,27 @@ impl MipChain {
         Some(Self { name, width, height, format: texture.format, levels: texture.levels })
     }
 
-    fn store(
-        name: String,
-        size: [u32; 2],
-        encoding: Encoding,
-        mut levels: Vec<Vec<u8>>,
-        block: Block,
-        storage: Storage,
-        report: &Report,
-    ) -> Self {
-        if storage == Storage::Bc {
-            // Level by level, so that only one is in memory twice.
-            for (level, bytes) in (0u32..).zip(&mut levels) {
-                *bytes = compress(block, level_size(size, level), bytes, report);
-            }
+    fn without_levels(texture: &Texture, format: TexelFormat) -> Self {
+        let Texture { name, width, height, .. } = texture;
+        Self { name: name.clone(), width: *width, height: *height, format, levels: Vec::new() }
+    }
+
+    /// Plain texels, compressed if `storage` says so.
+    fn stored(mut self, storage: Storage, block: Block, report: &Report) -> Self {
+        if storage == Storage::Raw {
+            return self;
         }
-        let format = match (storage, encoding) {
-            (Storage::Raw, Encoding::Srgb) => TexelFormat::Rgba8Srgb,
-            (Storage::Raw, _) => TexelFormat::Rgba8,
-            (Storage::Bc, Encoding::Srgb) => TexelFormat::Bc7Srgb,
-            (Storage::Bc, Encoding::Linear) => TexelFormat::Bc7,
-            (Storage::Bc, Encoding::Normal) => TexelFormat::Bc5,
+        let size = [self.width, self.height];
+        // Level by level, so that only one is in memory twice.
+        for (level, bytes) in (0u32..).zip(&mut self.levels) {
+            *bytes = compress(block, level_size(size, level), bytes, report);
+        }
+        self.format = match (block, self.format) {
+            (Block::TwoChannels, _) => TexelFormat::Bc5,
+            (_, TexelFormat::Rgba8Srgb) => TexelFormat::Bc7Srgb,
+            _ => TexelFormat::Bc7,
         };
-        let [width, height] = size;
-        Self { name, width, height, format, levels }
+        self
     }
 }
 
@@ -149,6 +145,7 @@ const NAME: &str = "pbrvrName";
 
 #[cfg(test)]
 mod tests {
+    use super::super::texture::Encoding;
     use super::*;
 
     fn texture(width: u32, height: u32) -> Texture {
