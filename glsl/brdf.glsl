@@ -15,7 +15,7 @@ const float DIELECTRIC_F0 = 0.04;
 
 // Roughness below which a light of no size is not sharpened further: there D falls to a quarter over 4 alpha = 0.46
 // degrees, less than the sun's disc (0.53 degrees) and about five pixels of an HTC Vive (0.09 degrees); a smaller
-// highlight belongs to no real lamp and flickers between pixels.
+// highlight belongs to no real light source and flickers between pixels.
 const float MIN_ROUGHNESS = 0.045;
 
 // alpha = roughness^2: Burley, "Physically-Based Shading at Disney" (2012), section 5.4.

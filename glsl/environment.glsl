@@ -7,7 +7,7 @@
 #include "levels.glsl"
 #include "table.glsl"
 
-// SceneResources direction to the frame that the panorama was stored in.
+// World direction to the frame that the panorama was stored in.
 vec3 panorama_from_world(vec3 d)
 {
     return rotate_y(d, vec2(frame.environment_rotation.x, -frame.environment_rotation.y));

@@ -8,11 +8,11 @@
 #include "environment.glsl"
 #include "output.glsl"
 #include "surface.glsl"
-#include "lamps.glsl"
+#include "point_lights.glsl"
 
 layout(location = 0) out vec4 colour;
 
-// Phong knows neither metals nor mirror images of the surroundings: an ambient term and the lamps are all it has.
+// Phong has neither metals nor mirror images of the surroundings, only an ambient term and the point lights.
 vec3 phong(Surface s)
 {
     return s.base_color * environment_diffuse(s.n) * s.occlusion + point_lights_phong(s);
@@ -47,9 +47,9 @@ Split environment(Surface s, SpecularLobe lobe)
     return split;
 }
 
-// The surface as lamps see it, which have no size: without more width, edges and rims thinner than a pixel would flash. Its
-// normals are taken to turn evenly across the pixel, a box.
-Surface widened_for_lamps(Surface s)
+// The surface for point lights, with its lobe widened: lights of no size would flash on edges and rims thinner than a
+// pixel. The normal is assumed to turn evenly across the pixel, a box.
+Surface widened_for_point_lights(Surface s)
 {
     vec3 n = normalize_or(normal_world, vec3(0.0, 1.0, 0.0));
     vec3 across = dFdx(n), down = dFdy(n);
@@ -61,11 +61,11 @@ vec3 physically_based(Surface s)
 {
     SpecularLobe lobe = lobe_of(s);
     Split split = environment(s, lobe);
-    vec3 lamps = point_lights(widened_for_lamps(s), Energy(lobe.mean_entry, MULTI_SCATTER), lobe.entry);
-    return split.diffuse + split.specular + lamps;
+    vec3 points = point_lights(widened_for_point_lights(s), Energy(lobe.mean_entry, MULTI_SCATTER), lobe.entry);
+    return split.diffuse + split.specular + points;
 }
 
-// D, F and G for the first light, or for a lamp at the eye where the scene has none.
+// D, F and G for the first light, or for one at the eye if the scene has none.
 vec3 term(Surface s)
 {
     vec3 l = s.v;

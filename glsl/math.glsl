@@ -22,7 +22,7 @@ vec3 normalize_or(vec3 v, vec3 otherwise)
 }
 
 // The nearest number of a half float's ten binary digits, for x >= 0 from 6e-5 on: what a driver then stores as a half is
-// this, whichever way it rounds. Some cut off, which would set_fade every map.
+// this, whichever way it rounds. Some cut off, which would darken every map.
 vec3 round_to_half(vec3 x)
 {
     return uintBitsToFloat((floatBitsToUint(x) + 0x1000u) & 0xffffe000u);

@@ -1,4 +1,4 @@
-# One of our scenes in Blender's Cycles: the same camera, panorama, lamps and materials. Run by tools/cycles-reference.
+# One of our scenes in Blender's Cycles: the same camera, panorama, point lights and materials. Run by tools/cycles-reference.
 """blender --background --factory-startup --python tools/cycles_scene.py -- JOB.json
 
 How our conventions map onto Blender's (3.4), each of them checked by a picture in which the two must agree:
@@ -15,7 +15,7 @@ How our conventions map onto Blender's (3.4), each of them checked by a picture 
 - Diffuse part: Lambert times what the specular part leaves towards the eye, from a table in the job. Ours takes the same share
   at the light's side too, which no node can know; under even light both are one.
 - `principled` instead of these two: Blender's own mixture (Specular 0.5, Burley's diffuse, which takes nothing for the specular).
-- Occlusion map: it dims what the panorama gives, not the lamps; only where nothing else shades. So these two lights are rendered
+- Occlusion map: it dims what the panorama gives, not the point lights; only where nothing else shades. So these two lights are rendered
   apart and added.
 - Exposure: none; both write linear radiance."""
 
@@ -206,14 +206,14 @@ def add_model(model, job):
     return builders
 
 
-def add_light(light):
-    point = light["point"]
-    lamp = bpy.data.lights.new("point", "POINT")
+def add_light(description):
+    point = description["point"]
+    light = bpy.data.lights.new("point", "POINT")
     peak = max(point["intensity"])
-    lamp.energy = 4 * math.pi * peak
-    lamp.color = [channel / peak if peak else 0.0 for channel in point["intensity"]]
-    lamp.shadow_soft_size = 0.0
-    placed = bpy.data.objects.new("point", lamp)
+    light.energy = 4 * math.pi * peak
+    light.color = [channel / peak if peak else 0.0 for channel in point["intensity"]]
+    light.shadow_soft_size = 0.0
+    placed = bpy.data.objects.new("point", light)
     placed.location = TURN @ Vector(point["position"])
     bpy.context.scene.collection.objects.link(placed)
     return placed
@@ -302,16 +302,16 @@ def save(pixels, size, file):
     image.save()
 
 
-def render_apart(job, lamps, builders):
-    """What the panorama gives, dimmed by occlusion maps, plus what the lamps give, not dimmed."""
+def render_apart(job, lights, builders):
+    """What the panorama gives, dimmed by occlusion maps, plus what the point lights give, not dimmed."""
     output, parts = Path(job["output"]), []
     world = next(node for node in bpy.context.scene.world.node_tree.nodes if node.type == "BACKGROUND")
     for panorama, samples in ((True, job["samples"]), (False, max(job["samples"] // 4, 1))):
-        if not panorama and not lamps:
+        if not panorama and not lights:
             break
         world.inputs["Strength"].default_value = float(panorama)
-        for lamp in lamps:
-            lamp.hide_render = panorama
+        for light in lights:
+            light.hide_render = panorama
         for builder in builders:
             builder.occlude(panorama)
         render(output, samples)
@@ -323,11 +323,11 @@ def render_apart(job, lamps, builders):
 
 def build(job):
     builders = [builder for model in job["models"] for builder in add_model(model, job)]
-    lamps = [add_light(light) for light in job["lights"]]
+    lights = [add_light(light) for light in job["lights"]]
     add_world(job["environment"])
     add_camera(job["camera"])
     settle(job)
-    return lamps, builders
+    return lights, builders
 
 
 def shrink(job):
@@ -349,10 +349,10 @@ def main():
     if "shrink" in job:
         return shrink(job)
     bpy.ops.preferences.addon_enable(module="cycles")
-    lamps, builders = build(job)
+    lights, builders = build(job)
     started, processor = time.monotonic(), time.process_time()
     if job["unoccluded"]:
-        render_apart(job, lamps, builders)
+        render_apart(job, lights, builders)
     else:
         render(job["output"], job["samples"])
     facts = {

@@ -35,7 +35,7 @@ impl<T> Parts<T> {
     }
 }
 
-/// A picture's FLIP against both halves of the exact one, in parts by blocks of pixels that add up to the mean.
+/// A picture's FLIP against both halves of the reference, in parts by blocks of pixels that add up to the mean.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Halves(pub [Vec<f64>; 2]);
 

@@ -58,7 +58,7 @@ impl Eye {
         })
     }
 
-    /// SceneResources position, metres.
+    /// Position in world space, metres.
     pub fn position(&self) -> Vec3 {
         self.world_from_view.w_axis.truncate()
     }
@@ -75,7 +75,7 @@ impl Eye {
         )
     }
 
-    /// SceneResources to clip space.
+    /// World space to clip space.
     pub fn clip_from_world(&self) -> Mat4 {
         self.clip_from_view() * self.world_from_view.inverse()
     }

@@ -29,9 +29,9 @@ impl Stages {
     fn new(settings: &RenderSettings) -> Self {
         if settings.shading == Shading::Reference {
             return Self {
-                surface: "exact.frag",
-                cutout: "exact.frag",
-                sky: "exact_sky.frag",
+                surface: "reference.frag",
+                cutout: "reference.frag",
+                sky: "reference_sky.frag",
                 colour: Output::Linear.format(),
                 samples: 1,
             };

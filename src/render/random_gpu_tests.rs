@@ -58,7 +58,7 @@ fn texture(name: &str, format: TexelFormat, random: &mut Random) -> MipChain {
     MipChain { name: name.into(), width: side, height: side, format, levels }
 }
 
-/// Materials of all kinds with all maps under a sky with a sun, and lamps, in each other's places too.
+/// Materials of all kinds with all maps under a sky with a sun, and point lights. Values also stand where others belong.
 fn scene() -> Scene {
     let mut random = Random(22);
     let factors = [0.0, 1e-30, 0.04, 0.5, 1.0];
@@ -88,7 +88,7 @@ fn scene() -> Scene {
         bounds,
     };
     let all = 0..MATERIALS as usize;
-    let lamp = |position, intensity| PointLight { position, intensity: Vec3::splat(intensity) };
+    let light = |position, intensity| PointLight { position, intensity: Vec3::splat(intensity) };
     let sun = Vec3::new(0.3, 0.8, 0.5).normalize();
     let sky = |d: Vec3| if d.dot(sun) > 0.99 { Vec3::splat(SKY) } else { Vec3::splat(1.0) + 0.5 * d };
     Scene {
@@ -102,10 +102,10 @@ fn scene() -> Scene {
             texture("surface", TexelFormat::Rgba8, &mut random),
         ],
         lights: vec![
-            lamp(Vec3::new(1.0, 2.0, 3.0), 100.0),
-            lamp(Vec3::ZERO, 1e6),
-            lamp(Vec3::new(-1e19, 0.0, 1.0), 1e6),
-            lamp(Vec3::new(0.0, -1.0, 0.0), 0.0),
+            light(Vec3::new(1.0, 2.0, 3.0), 100.0),
+            light(Vec3::ZERO, 1e6),
+            light(Vec3::new(-1e19, 0.0, 1.0), 1e6),
+            light(Vec3::new(0.0, -1.0, 0.0), 0.0),
         ],
         cameras: Vec::new(),
         environment: Environment { panorama: Panorama::from_fn(64, 32, sky), rotation_degrees: 30.0 },
@@ -119,9 +119,9 @@ struct Case {
     fragment: &'static str,
     shading: Shading,
     geometry: Geometry,
-    lamps: bool,
+    point_lights: bool,
     hostile: u32,
-    /// Whether some lie in a lamp or in the eye.
+    /// Whether some lie in a point light or in the eye.
     inside: bool,
 }
 
@@ -133,7 +133,7 @@ fn shade(gpu: &Arc<Gpu>, renderer: &Renderer, inputs: &FrameInputs<'_>, case: Ca
         (constant::SHADING, case.shading as u32),
         (constant::GEOMETRY, case.geometry as u32),
         (constant::LINEAR_OUTPUT, 1),
-        (constant::LIGHTS, if case.lamps { u32::MAX } else { 0 }),
+        (constant::LIGHTS, if case.point_lights { u32::MAX } else { 0 }),
         (constant::METALNESS, 2),
     ];
     let desc = GraphicsDesc {
@@ -181,11 +181,11 @@ fn wrong(radiance: &[[f32; 4]], most: &[[f32; 4]]) -> (usize, Option<(usize, [f3
     (bad.len(), bad.first().map(|i| (*i, radiance[*i])), shares.fold(0.0, f32::max))
 }
 
-/// What each fragment may send at most: of the surroundings what they are, as nothing reflects more than it gets; of lamps, what
-/// each one's irradiance there times the BRDF's peak is (test_bound.frag).
+/// An upper bound of each fragment's radiance: the greatest radiance of the surroundings, as nothing reflects more than it
+/// receives, and each point light's irradiance times the BRDF's peak (test_bound.frag).
 fn most(gpu: &Arc<Gpu>, renderer: &Renderer, inputs: &FrameInputs<'_>, case: Case) -> Vec<[f32; 4]> {
     let mut most = vec![[0.0; 4]; (SIZE[0] * SIZE[1]) as usize];
-    if case.lamps {
+    if case.point_lights {
         most = shade(gpu, renderer, inputs, Case { fragment: "test_bound.frag", ..case });
     }
     // Rounding takes its share: near a lobe's centre D is known to 1e-3 or so.
@@ -213,13 +213,13 @@ fn a_million_random_and_hostile_surfaces_send_light_that_is_finite_not_negative_
             fragment: "forward.frag",
             shading: Shading::Pbr,
             geometry: Geometry::Smith,
-            lamps: true,
+            point_lights: true,
             hostile: 24,
             inside: true,
         };
         for case in [
             ours,
-            Case { lamps: false, ..ours },
+            Case { point_lights: false, ..ours },
             Case { geometry: Geometry::Karis2013, ..ours },
             Case { shading: Shading::Phong, ..ours },
             Case { hostile: 0, ..ours },
@@ -227,17 +227,17 @@ fn a_million_random_and_hostile_surfaces_send_light_that_is_finite_not_negative_
             let most = most(gpu, &renderer, inputs, case);
             assert!(most.iter().flatten().all(|value| value.is_finite()), "the bound bounds nothing");
             let (count, first, greatest) = wrong(&shade(gpu, &renderer, inputs, case), &most);
-            let what = format!("{:?}, {:?}, lamps: {}", case.shading, case.geometry, case.lamps);
+            let what = format!("{:?}, {:?}, point lights: {}", case.shading, case.geometry, case.point_lights);
             println!("{what}: {count} wrong, at most {greatest} of the bound");
             assert_eq!(count, 0, "{what}: the first is {first:?}");
         }
         // The form that tutorials have; negative, infinite and NaN alone count as wrong. On the same surfaces, on those without
-        // hostile vectors, and without any in a lamp, where next to nothing is left.
+        // hostile vectors, and without any in a point light, where next to nothing is left.
         let anything = vec![[f32::MAX; 4]; (SIZE[0] * SIZE[1]) as usize];
         for (hostile, inside, least) in [(24, true, 250_000), (0, true, 200_000), (0, false, 0)] {
             let naive = Case { fragment: "test_naive.frag", hostile, inside, ..ours };
             let (count, first, _) = wrong(&shade(gpu, &renderer, inputs, naive), &anything);
-            println!("as in tutorials, hostile: {hostile}, in lamps: {inside}: {count} wrong");
+            println!("as in tutorials, hostile: {hostile}, in point lights: {inside}: {count} wrong");
             assert!(count >= least, "in the plain form only {count} are wrong any more, the first {first:?}");
         }
     });

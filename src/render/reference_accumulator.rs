@@ -21,9 +21,9 @@ use crate::gpu::{
     ImageUsageFlags, Pipeline, Sampler, Shape,
 };
 
-/// What frames are accumulated in: `Output::Linear`'s format, which `glsl/exact.frag` writes.
+/// What frames are accumulated in: `Output::Linear`'s format, which `glsl/reference.frag` writes.
 const FORMAT: Format = Format::R32G32B32A32_SFLOAT;
-/// Pixels along a side of `glsl/exact_accumulate.comp`'s workgroups.
+/// Pixels along a side of `glsl/reference_accumulate.comp`'s workgroups.
 const GROUP: u32 = 8;
 
 /// How far from settled a picture is: standard errors of its pixels, each over the pixel's own radiance, R + G + B.
@@ -63,7 +63,7 @@ impl Shown {
     }
 }
 
-/// What `glsl/exact_accumulate.comp` is pushed.
+/// What `glsl/reference_accumulate.comp` is pushed.
 #[repr(C)]
 #[derive(Clone, Copy, Pod, Zeroable)]
 struct Count {
@@ -83,11 +83,11 @@ impl ReferencePasses {
     pub fn new(request: &PipelineRequest) -> Result<Self> {
         let PipelineRequest { gpu, layouts, panorama, settings, eyes, .. } = request;
         let push_bytes = size_of::<Count>() as u32;
-        let accumulate = Pipeline::compute(gpu, "exact_accumulate.comp", &[], &[&layouts.accumulate], push_bytes)?;
+        let accumulate = Pipeline::compute(gpu, "reference_accumulate.comp", &[], &[&layouts.accumulate], push_bytes)?;
         let show = GraphicsDesc {
             name: "show",
-            vertex: "exact_show.vert",
-            fragment: Some("exact_show.frag"),
+            vertex: "reference_show.vert",
+            fragment: Some("reference_show.frag"),
             constants: &[
                 (constant::EYES, *eyes),
                 (constant::LINEAR_OUTPUT, u32::from(settings.output == Output::Linear)),

@@ -124,7 +124,7 @@ pub struct RenderFacts {
     pub draws: DrawCounts,
     /// Wall time from recording the first frame to the end of the last.
     pub frames_ms: f64,
-    /// Of the exact picture after two frames or more.
+    /// Of the reference, after two frames or more.
     pub standard_error: Option<StandardError>,
     pub warnings: Vec<String>,
 }

@@ -86,8 +86,8 @@ fn a_ladder_tells_every_setting_apart_and_its_choices_are_taken() {
             assert!(value.is_finite() && value > 0.0, "{key} of {config}");
         }
     }
-    // Karis' masking and one lobe for all, Phong, and light that bounces once are other light: farther from exact than the default by more than
-    // what is left of the exact picture's own error, which is less than any error.
+    // Karis' masking and one lobe for all, Phong, and light that bounces once are other light: farther from the reference than the default by more than
+    // what is left of the reference's own error, which is less than any error.
     let floor = &ladder["ladders"][0]["reference"]["floor"];
     let floor = ["flip", "relative_mse"].map(|key| floor[key].as_f64().expect("a floor"));
     for (key, floor) in ["flip", "relative_mse"].into_iter().zip(floor) {
@@ -227,9 +227,9 @@ fn each_setting_changes_the_picture_and_keeps_its_size() {
         assert_eq!(picture.dimensions(), (97, 65), "{flags:?}");
         assert!(picture != plain, "{flags:?} did nothing");
     }
-    let exact = ["--shading", "reference", "--frames", "2"];
+    let reference = ["--shading", "reference", "--frames", "2"];
     assert!(
-        draw("a.png", &exact) == draw("b.png", &[&exact[..], &["--scale", "0.5"]].concat()),
-        "the exact picture is whole"
+        draw("a.png", &reference) == draw("b.png", &[&reference[..], &["--scale", "0.5"]].concat()),
+        "the reference is drawn whole"
     );
 }

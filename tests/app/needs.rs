@@ -22,7 +22,7 @@ fn shipped(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/scenes").join(name)
 }
 
-/// A square each of some of dielectric (`plain`), metal and half of both, under two lamps.
+/// A square each of some of dielectric (`plain`), metal and half of both, under two point lights.
 fn kinds(shop: &Workshop, names: &[&str]) -> PathBuf {
     shop.sky(5.0);
     let mut obj = "mtllib kinds.mtl\nvn 0 0 1\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\n".to_owned();

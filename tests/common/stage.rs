@@ -107,7 +107,7 @@ impl Stage {
     }
 }
 
-/// The whole world `scale` times as large, with lamps that light it as before.
+/// The whole world `scale` times as large, with point lights that light it as before.
 pub fn scaled(mut scene: Scene, scale: f32) -> Scene {
     for instance in &mut scene.instances {
         instance.world_from_local = Mat4::from_scale(glam::Vec3::splat(scale)) * instance.world_from_local;

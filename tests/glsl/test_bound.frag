@@ -1,10 +1,10 @@
-// What the lamps may add to a surface at most, from each one's own irradiance there: what src/render/random_gpu_tests.rs holds the
-// lamps' light against.
+// An upper bound of what the point lights add to a surface, from the irradiance of each: src/render/random_gpu_tests.rs
+// compares the point lights' light with it.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shared.glsl"
 #include "brdf.glsl"
-#include "lamps.glsl"
+#include "point_lights.glsl"
 
 layout(location = 0) out vec4 colour;
 

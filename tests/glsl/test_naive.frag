@@ -1,5 +1,5 @@
-// The lamps' light as tutorials write it, with the guards that these have: cosines of at least 0, and 0.0001 more in the
-// denominator. What src/render/random_gpu_tests.rs shows to fail.
+// The light of point lights as tutorials write it, with their guards: cosines of at least 0, and 0.0001 more in the
+// denominator. src/render/random_gpu_tests.rs shows that it fails.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shared.glsl"
@@ -10,7 +10,7 @@ layout(location = 0) out vec4 colour;
 
 void cut_out(float above) {}
 
-// Schlick's G1 with Karis's k for lamps.
+// Schlick's G1 with Karis's k for point lights.
 float masking(float cosine, float roughness)
 {
     float k = (roughness + 1.0) * (roughness + 1.0) / 8.0;

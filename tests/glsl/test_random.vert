@@ -9,7 +9,7 @@ layout(push_constant, scalar) uniform Range {
     uint first;      // pixel of the first triangle
     uint seed;
     uint hostile;    // of 256 corners' vectors, so many are hostile
-    uint inside;     // 1: some surfaces lie in a lamp or in the eye
+    uint inside;     // 1: some surfaces lie in a point light or in the eye
     uvec2 size;      // of the picture, pixels
 } range;
 
@@ -86,7 +86,7 @@ void main()
     random();
     vec3 n = direction(), t = direction(), p = direction() * pow(10.0, 6.0 * unit() - 4.0);
     if (range.inside == 1u && random() % 4u == 0u && frame.light_count > 0u)
-        p = lights[random() % frame.light_count].position; // in a lamp
+        p = lights[random() % frame.light_count].position; // in a point light
     if (range.inside == 1u && random() % 16u == 0u)
         p = frame.eyes[0].world_from_view[3].xyz; // in the eye
     bool own = random() % 4u == 0u, turned = random() % 2u == 0u;

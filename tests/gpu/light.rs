@@ -1,4 +1,4 @@
-//! Light end to end on the GPU: furnace, inverse square, orientation, normal maps, lamps, masks, stereo.
+//! Light end to end on the GPU: furnace, inverse square, orientation, normal maps, point lights, masks, stereo.
 
 use std::path::PathBuf;
 
@@ -81,7 +81,7 @@ fn a_white_furnace_shows_a_metal_that_scatters_once_by_its_directional_albedo() 
     }
 }
 
-fn lamp(height: f32, intensity: f32) -> String {
+fn point_light(height: f32, intensity: f32) -> String {
     format!(
         "[[light]]\npoint = {{ position = [0, 0, {height}], intensity = [{intensity}, {intensity}, {intensity}] }}\n"
     )
@@ -91,13 +91,13 @@ fn lit_square(height: f32, intensity: f32, roughness: f32, geometry: Geometry, m
     let shop = Workshop::new();
     shop.panorama("sky.exr", 16, |_| BLACK);
     let mtl = material([0.5; 3], metallic, roughness);
-    let scene = scene(&shop, &square("m.mtl"), &mtl, 1.0, &lamp(height, intensity));
+    let scene = scene(&shop, &square("m.mtl"), &mtl, 1.0, &point_light(height, intensity));
     let picture = &shop.render(&scene, &PictureOptions { size: [65, 65], geometry, ..PictureOptions::default() })[0];
     pixel(picture, 32, 32)[0]
 }
 
 #[test]
-fn a_lamp_twice_as_far_gives_a_quarter() {
+fn a_point_light_twice_as_far_gives_a_quarter() {
     let (near, far) =
         (lit_square(1.0, 40.0, 0.5, Geometry::Smith, 0.0), lit_square(2.0, 40.0, 0.5, Geometry::Smith, 0.0));
     assert!((near / far - 4.0).abs() < 0.004, "{near} against {far}");
@@ -117,7 +117,7 @@ fn brdf(v: DVec3, l: DVec3, roughness: f64, geometry: Geometry, metallic: f64) -
 }
 
 #[test]
-fn a_lamp_gives_the_radiance_that_the_f64_brdf_says() {
+fn a_point_light_gives_the_radiance_that_the_f64_brdf_says() {
     let unit = |x, y, z| DVec3::new(x, y, z).normalize();
     // Head on, beside the mirror direction, out of the plane of incidence, either and both grazing, light from the eye's side.
     let directions = [
@@ -155,14 +155,14 @@ fn a_lamp_gives_the_radiance_that_the_f64_brdf_says() {
 }
 
 #[test]
-fn sixteen_lamps_add_up() {
+fn sixteen_point_lights_add_up() {
     let shop = Workshop::new();
     shop.panorama("sky.exr", 16, |_| BLACK);
-    let render = |lamps: &str| {
-        let scene = scene(&shop, &square("m.mtl"), &material([0.5; 3], 0.0, 0.4), 1.0, lamps);
+    let render = |lights: &str| {
+        let scene = scene(&shop, &square("m.mtl"), &material([0.5; 3], 0.0, 0.4), 1.0, lights);
         shop.render(&scene, &PictureOptions::default()).remove(0)
     };
-    let (one, many) = (render(&lamp(1.5, 32.0)), render(&lamp(1.5, 2.0).repeat(16)));
+    let (one, many) = (render(&point_light(1.5, 32.0)), render(&point_light(1.5, 2.0).repeat(16)));
     for (a, b) in one.pixels.iter().zip(&many.pixels) {
         assert!((a[0] - b[0]).abs() <= 1e-4 * a[0].max(1e-3), "{a:?} against {b:?}");
     }
@@ -364,7 +364,7 @@ fn every_shading_mode_draws_without_a_message() {
     use clap::ValueEnum;
     let shop = Workshop::new();
     shop.panorama("sky.exr", 32, compass);
-    let scene = scene(&shop, &sphere("m.mtl"), &material([0.8, 0.3, 0.2], 0.2, 0.4), 3.5, &lamp(3.0, 10.0));
+    let scene = scene(&shop, &sphere("m.mtl"), &material([0.8, 0.3, 0.2], 0.2, 0.4), 3.5, &point_light(3.0, 10.0));
     let mut seen: Vec<Vec<[f32; 3]>> = Vec::new();
     for &shading in Shading::value_variants() {
         let picture =

@@ -6,7 +6,7 @@
 mod common;
 
 mod draws;
-mod exact;
+mod reference;
 mod hands;
 mod light;
 mod pictures;

@@ -15,7 +15,7 @@ const ACROSS: u32 = 8;
 const JITTERS: u32 = 12;
 
 /// A golden square, smooth but for bumps of two texels of 1024², some 16 of which lie in a pixel; under a sky with a sun,
-/// and a lamp.
+/// and a point light.
 fn shiny(shop: &Workshop) -> Scene {
     let slope = |x: u32, y: u32| {
         let mut h = (x / 2).wrapping_mul(0x9e37_79b1) ^ (y / 2).wrapping_mul(0x85eb_ca77);

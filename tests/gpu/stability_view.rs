@@ -211,22 +211,22 @@ fn canted_eyes_with_uneven_frusta_see_each_direction_where_it_is() {
 
 #[test]
 fn the_smoothest_and_the_roughest_surfaces_are_finite_and_next_to_their_neighbours() {
-    let lamps = "[[light]]\npoint = { position = [0, 0, 3], intensity = [20, 20, 20] }\n";
+    let lights = "[[light]]\npoint = { position = [0, 0, 3], intensity = [20, 20, 20] }\n";
     with_gpu(|gpu| {
         for metallic in [0.0, 1.0] {
-            let show = |roughness: f32, lamps: &str| {
+            let show = |roughness: f32, lights: &str| {
                 let mtl = material([0.9; 3], metallic, roughness);
-                let scene = world(&[("m", mtl, sphere("m.mtl"), "")], lamps);
+                let scene = world(&[("m", mtl, sphere("m.mtl"), "")], lights);
                 let eye = eye_of(&scene.cameras[0]);
                 let radiance = Stage::new(gpu, &scene, SIZE, 4, Output::Linear).radiance(&eye);
-                // The lamp's irradiance is 5 W/m², its highlight at most 1 / (4 π 0.045⁴) / sr.
-                let most = if lamps.is_empty() { 1.51 } else { 1.51 + 5.0 * 19_500.0 };
+                // The point light's irradiance is 5 W/m², its highlight at most 1 / (4 π 0.045⁴) / sr.
+                let most = if lights.is_empty() { 1.51 } else { 1.51 + 5.0 * 19_500.0 };
                 assert_sane(&radiance, most, &format!("metallic {metallic}, roughness {roughness}"));
                 radiance
             };
             for (end, neighbour) in [(0.0, 1e-4), (1.0, 0.999)] {
-                for lamps in ["", lamps] {
-                    let (a, b) = (show(end, lamps), show(neighbour, lamps));
+                for lights in ["", lights] {
+                    let (a, b) = (show(end, lights), show(neighbour, lights));
                     let off = |(a, b): (&[f32; 4], &[f32; 4])| (a[0] - b[0]).abs() / (0.1 + a[0]);
                     let worst = a.iter().zip(&b).map(off).fold(0.0, f32::max);
                     assert!(worst < 0.01, "metallic {metallic}: {end} and {neighbour} differ by {worst}");
@@ -255,10 +255,11 @@ fn maps_full_of_nonsense_neither_break_a_picture_nor_make_light() {
     }
     shop.write("m.obj", &sphere("m.mtl"));
     let camera = "[[camera]]\nname = \"c\"\nposition = [0, 0, 4]\ntarget = [0, 0, 0]\nvertical_fov_degrees = 40\n";
-    let lamp = "[[light]]\npoint = { position = [0, 0, 1], intensity = [1, 1, 1] }\n"; // in the very surface
-    let text =
-        |lamp: &str| format!("environment = {{ panorama = \"sky.exr\" }}\n{lamp}[[model]]\nfile = \"m.obj\"\n{camera}");
-    let (dark, lit) = (shop.write("dark.toml", &text("")), shop.write("lit.toml", &text(lamp)));
+    let light = "[[light]]\npoint = { position = [0, 0, 1], intensity = [1, 1, 1] }\n"; // in the very surface
+    let text = |light: &str| {
+        format!("environment = {{ panorama = \"sky.exr\" }}\n{light}[[model]]\nfile = \"m.obj\"\n{camera}")
+    };
+    let (dark, lit) = (shop.write("dark.toml", &text("")), shop.write("lit.toml", &text(light)));
     with_gpu(|gpu| {
         let show = |mtl: &str, path, most: f32, case: &str| {
             shop.write("m.mtl", mtl);
@@ -277,7 +278,7 @@ fn maps_full_of_nonsense_neither_break_a_picture_nor_make_light() {
                 }
                 let all = format!("{white}map_Kd {others}.png\nmap_Pm {others}.png\nmap_Ka {others}.png\n");
                 show(&all, &dark, 1.005, &all);
-                // The nearest fragments are a millimetre from the lamp.
+                // The nearest fragments are a millimetre from the light.
                 show(&all, &lit, 1e13, &all);
             }
         }

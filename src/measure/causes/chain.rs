@@ -109,7 +109,7 @@ fn reflectance(lobe: &Lobe, f0: DVec3) -> DVec3 {
     f0 * lobe.base.weight + lobe.fresnel.weight
 }
 
-/// RenderSettings beside the approximations.
+/// Settings beside the approximations.
 #[derive(Clone, Copy, Debug)]
 pub struct Variant {
     pub split_sum: SplitSum,

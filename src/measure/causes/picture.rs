@@ -1,4 +1,4 @@
-//! A scene's picture: by default, exact, and with one approximation after the other replaced.
+//! A scene's picture: with the default settings, as the reference, and with one approximation after the other replaced.
 
 use std::path::Path;
 
@@ -25,7 +25,7 @@ pub struct Detail {
     pub size: [u32; 2],
     /// Places along a pixel's side where all of a pixel is averaged.
     pub places: u32,
-    /// Frames of half an exact picture.
+    /// Frames of half a reference.
     pub half: u32,
     /// Texels along a face of a cube that counts as exact.
     pub cube: u32,
@@ -77,18 +77,18 @@ impl<'a> Subject<'a> {
         let bar = self.context.report.progress("pictures", 5);
         let seen = self.drawn(&self.compressed, &self.settings)?;
         let bare = top_levels(&self.compressed);
-        let parts = self.exact(&top_levels(&self.raw))?;
-        let exact = &parts.all;
+        let parts = self.reference(&top_levels(&self.raw))?;
+        let reference = &parts.all;
         bar.inc(1);
         let row = |ablation, words: [&str; 3], seen: &Picture, other: &Picture| {
-            let numbers = [self.flip(seen, other)?, self.flip(seen, exact)?, self.flip(other, exact)?];
+            let numbers = [self.flip(seen, other)?, self.flip(seen, reference)?, self.flip(other, reference)?];
             Ok::<Row, Error>(Row::new(Kind::Picture, &self.name, ablation, words, numbers))
         };
-        // The exact picture's own error, from its two halves.
+        // The reference's own error, from its two halves.
         let floor = floor_share() * self.flip(&parts.halves[0], &parts.halves[1])?;
-        let words = ["floor", "exact picture", "its own two halves"];
+        let words = ["floor", "reference", "its own two halves"];
         let floor = Row::new(Kind::Picture, &self.name, Ablation::Floor, words, [floor, floor, 0.0]);
-        keep(vec![row(Ablation::Whole, ["all", "as it is", "exact"], &seen, exact)?, floor])?;
+        keep(vec![row(Ablation::Whole, ["all", "as it is", "exact"], &seen, reference)?, floor])?;
         let exactly = |cause, default, instead, a, b| row(Ablation::Exact, [cause, default, instead], a, b);
         let raw = self.drawn(&self.raw, &self.settings)?;
         keep(vec![exactly("compression", "BC7 and BC5", "raw", &seen, &raw)?])?;
@@ -109,13 +109,13 @@ impl<'a> Subject<'a> {
         let words = ("mips and anisotropy, then all places", "all places, finest level");
         keep(vec![exactly("mips", words.0, words.1, &display, &unfiltered)?])?;
         drop(bare);
-        let integrated = self.exact(&self.compressed)?.all;
+        let integrated = self.reference(&self.compressed)?.all;
         keep(vec![exactly("split sum, maps and table", "looked up", "integrated", &radiance, &integrated)?])?;
         bar.finish_and_clear();
         Ok(())
     }
 
-    /// RenderSettings that replace one of the defaults; the cause, the default, the replacement.
+    /// Settings that replace one of the defaults: the cause, the default, the replacement.
     fn other_settings(&self) -> Vec<(Ablation, [String; 3], RenderSettings)> {
         use Ablation::{Exact, Other};
         let mut all = Vec::new();
@@ -172,8 +172,8 @@ impl<'a> Subject<'a> {
         ])
     }
 
-    /// The integrated picture of many frames, and of parts of them; radiance is averaged, then tone-mapped.
-    fn exact(&self, scene: &Scene) -> Result<Parts<Picture>> {
+    /// The reference of many frames, and of parts of them; radiance is averaged, then tone-mapped.
+    fn reference(&self, scene: &Scene) -> Result<Parts<Picture>> {
         let (shading, output) = (Shading::Reference, Output::Linear);
         let mut bench = self.bench(scene, RenderSettings { shading, output, ..self.settings_for(scene) })?;
         let half = || {

@@ -88,9 +88,9 @@ impl Results {
         vec![
             "Filled, `exact`: one approximation is replaced by what is exact, all others stay. Rings, `other`: by another setting."
                 .into(),
-            "Dashed, `floor`: noise of the exact picture, in all together and split sum.".into(),
+            "Dashed, `floor`: noise of the reference, in all together and split sum.".into(),
             format!(
-                "{gpu}, {date}. Exact pictures: radiance averaged, then the tone curve. FLIP as seen with {PIXELS_PER_DEGREE} \
+                "{gpu}, {date}. References: radiance averaged, then the tone curve. FLIP as seen with {PIXELS_PER_DEGREE} \
                  pixels per degree."
             ),
         ]

@@ -17,7 +17,7 @@ pub fn plot(ladder: &Ladder) -> Plot {
         series("dominated", 6, Mark::Ring),
         series("default", 0, Mark::Circle),
     ];
-    let mut key = vec![(String::new(), "RenderSettings (× the default's time, FLIP); dominated ones last:".to_owned())];
+    let mut key = vec![(String::new(), "Settings (× the default's time, FLIP); dominated ones last:".to_owned())];
     for (number, config) in (1..).zip(configs) {
         key.push((format!("{number}"), words(config)));
         let (ms, flip, noise) = (config.ms, config.error.flip, config.standing.flip_noise);

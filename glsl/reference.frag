@@ -7,7 +7,7 @@
 #include "energy.glsl"
 #include "sampling.glsl"
 #include "surface.glsl"
-#include "lamps.glsl"
+#include "point_lights.glsl"
 #include "importance.glsl"
 
 layout(location = 0) out vec4 radiance;
@@ -126,6 +126,6 @@ void main()
 {
     Surface s = read_surface();
     Energy energy = Energy(table_mean(brdf_table, s.roughness), MULTI_SCATTER);
-    vec3 lamps = point_lights(s, energy, table_entry(brdf_table, s.nv, s.roughness));
-    radiance = vec4(environment_light(s) + lamps, 1.0);
+    vec3 points = point_lights(s, energy, table_entry(brdf_table, s.nv, s.roughness));
+    radiance = vec4(environment_light(s) + points, 1.0);
 }

@@ -1,12 +1,12 @@
 // What the scene's point lights add to a surface: sums, not samples.
-#ifndef LAMPS_GLSL
-#define LAMPS_GLSL
+#ifndef POINT_LIGHTS_GLSL
+#define POINT_LIGHTS_GLSL
 
 #include "shared.glsl"
 #include "energy.glsl"
 #include "surface.glsl"
 
-// Irradiance of a point light on a surface that faces it, W/m^2, and its direction, a unit vector even in the lamp itself.
+// Irradiance of a point light on a surface that faces it, W/m^2, and its direction, a unit vector even where the light itself is.
 vec3 light_irradiance(PointLight light, out vec3 l)
 {
     vec3 to_light = light.position - position_world;

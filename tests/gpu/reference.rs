@@ -38,7 +38,7 @@ impl Case {
     }
 }
 
-fn exact(shop: &Workshop, case: &Case, geometry: Geometry, frames: u64) -> (Picture, StandardError) {
+fn reference(shop: &Workshop, case: &Case, geometry: Geometry, frames: u64) -> (Picture, StandardError) {
     shop.write("m.mtl", &material(ALBEDO, case.metallic, case.roughness));
     shop.write("model.obj", &square("m.mtl"));
     let [x, y, z] = (100.0 * case.v()).to_array();
@@ -72,7 +72,7 @@ fn agree(shop: &Workshop, sky: &Path, cases: &[Case]) {
     let panorama = Panorama::load(sky, &Report::silent()).expect("the panorama");
     for geometry in [Geometry::Smith, Geometry::Karis2013] {
         for case in cases {
-            let (picture, error) = exact(shop, case, geometry, 32);
+            let (picture, error) = reference(shop, case, geometry, 32);
             let truth = case.truth(&panorama, geometry);
             let name = format!("{geometry:?}, metallic {}, roughness {}", case.metallic, case.roughness);
             let mut said = 0.0;
@@ -114,21 +114,21 @@ fn sun_sky(shop: &Workshop) -> PathBuf {
 }
 
 #[test]
-fn the_exact_picture_agrees_with_the_integrals_under_even_light() {
+fn the_reference_agrees_with_the_integrals_under_even_light() {
     let shop = Workshop::new();
     let sky = shop.panorama("sky.exr", 64, |_| [1.0; 3]);
     agree(&shop, &sky, &cases());
 }
 
 #[test]
-fn the_exact_picture_agrees_with_the_integrals_under_a_gradient() {
+fn the_reference_agrees_with_the_integrals_under_a_gradient() {
     let shop = Workshop::new();
     let sky = shop.panorama("sky.exr", 64, |d| d.map(|c| (1.0 + 0.8 * c) as f32));
     agree(&shop, &sky, &cases());
 }
 
 #[test]
-fn the_exact_picture_agrees_with_the_integrals_under_a_tiny_sun() {
+fn the_reference_agrees_with_the_integrals_under_a_tiny_sun() {
     let shop = Workshop::new();
     let sky = sun_sky(&shop);
     agree(&shop, &sky, &cases()[2..]);
@@ -138,7 +138,7 @@ fn the_exact_picture_agrees_with_the_integrals_under_a_tiny_sun() {
 fn the_standard_error_falls_with_the_root_of_the_frames() {
     let shop = Workshop::new();
     shop.panorama("sky.exr", 64, |d| d.map(|c| (1.0 + 0.8 * c) as f32));
-    let [few, many] = [8, 128].map(|frames| exact(&shop, &cases()[4], Geometry::Smith, frames).1);
+    let [few, many] = [8, 128].map(|frames| reference(&shop, &cases()[4], Geometry::Smith, frames).1);
     assert_eq!((few.frames, many.frames), (8, 128));
     let ratio = few.mean_relative / many.mean_relative;
     assert!((3.2..4.8).contains(&ratio), "{ratio}, not 4");
