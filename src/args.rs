@@ -9,7 +9,7 @@ use crate::{Error, Result};
 /// `WIDTHxHEIGHT` in pixels.
 ///
 /// # Errors
-/// What was expected instead.
+/// A description of the expected value.
 pub fn parse_size(text: &str) -> std::result::Result<[u32; 2], String> {
     let problem = || format!("`{text}` is not WIDTHxHEIGHT in pixels, such as 1280x720");
     let (width, height) = text.split_once(['x', 'X']).ok_or_else(problem)?;
@@ -20,7 +20,7 @@ pub fn parse_size(text: &str) -> std::result::Result<[u32; 2], String> {
 /// A finite number above 0.
 ///
 /// # Errors
-/// What was expected instead.
+/// A description of the expected value.
 pub fn parse_positive(text: &str) -> std::result::Result<f64, String> {
     let number = text.parse().ok().filter(|number: &f64| number.is_finite() && *number > 0.0);
     number.ok_or_else(|| "a number above 0".into())
@@ -29,14 +29,14 @@ pub fn parse_positive(text: &str) -> std::result::Result<f64, String> {
 /// Pixels per degree of visual angle, in the range that FLIP can use.
 ///
 /// # Errors
-/// What was expected instead.
+/// A description of the expected value.
 pub fn parse_pixels_per_degree(text: &str) -> std::result::Result<f32, String> {
     let (least, most) = (PIXELS_PER_DEGREE_RANGE.start(), PIXELS_PER_DEGREE_RANGE.end());
     let number = text.parse().ok().filter(|number| PIXELS_PER_DEGREE_RANGE.contains(number));
     number.ok_or_else(|| format!("a number from {least} to {most}"))
 }
 
-/// Writes a command's facts where `--json` asks for them.
+/// Writes a command's results as JSON if `--json` names a file.
 ///
 /// # Errors
 /// [`Error::Write`].

@@ -1,4 +1,4 @@
-//! What every command works with: the GPU, the cache on disk and the report; and how the command line opens them.
+//! The context of every command (GPU, cache on disk, report), and the command-line options that open it.
 
 use std::sync::Arc;
 
@@ -26,7 +26,7 @@ pub struct GlobalOptions {
 }
 
 impl GlobalOptions {
-    /// How a [`Context`] is opened with these options; warnings and progress go to the terminal.
+    /// The setup that these options ask for; warnings and progress go to the terminal.
     pub fn setup(&self) -> Setup<'_> {
         Setup {
             gpu: GpuOptions { name: self.gpu.as_deref(), validate: self.validate, ..GpuOptions::default() },
@@ -46,7 +46,7 @@ pub struct Setup<'a> {
 }
 
 impl<'a> Setup<'a> {
-    /// Without a cache; warnings are only collected.
+    /// Without a cache; warnings are collected but not printed.
     pub fn silent(gpu: GpuOptions<'a>) -> Self {
         Self { gpu, cache: None, report: Arc::new(Report::silent()) }
     }
@@ -54,12 +54,12 @@ impl<'a> Setup<'a> {
     /// Opens the GPU.
     ///
     /// # Errors
-    /// No GPU that can be used.
+    /// There is no usable GPU.
     pub fn open(&self) -> Result<Context> {
         Ok(self.with(&Gpu::open(self.gpu)?))
     }
 
-    /// The context of a GPU that is open already.
+    /// A context for a GPU that is already open.
     pub fn with(&self, gpu: &Arc<Gpu>) -> Context {
         Context { gpu: Arc::clone(gpu), cache: self.cache.clone(), report: Arc::clone(&self.report) }
     }
@@ -75,7 +75,7 @@ pub struct Context {
 }
 
 impl Context {
-    /// Without a cache; warnings are only collected.
+    /// Without a cache; warnings are collected but not printed.
     pub fn silent(gpu: &Arc<Gpu>) -> Self {
         Setup::silent(GpuOptions::default()).with(gpu)
     }

@@ -27,7 +27,7 @@ enum Command {
     View(ViewRequest),
     /// Write a picture of a scene.
     Render(RenderRequest),
-    /// Write what a panorama is precomputed to, as KTX2 files.
+    /// Precompute a panorama's light and write it as KTX2 files.
     Bake(BakeRequest),
     /// Measure speed against accuracy: tables and charts.
     Measure(MeasureRequest),
@@ -37,7 +37,7 @@ enum Command {
     Compare(CompareRequest),
     /// Say what this machine has, what is missing, and what to do.
     Doctor,
-    /// Started by the program itself as a child process: whether a headset answers.
+    /// Internal: looks for a headset in a child process.
     #[command(name = view::PROBE_SUBCOMMAND, hide = true)]
     ProbeHeadset,
 }
@@ -55,9 +55,9 @@ fn main() -> ExitCode {
     }
 }
 
-/// Says what is wrong with the command line, or what was asked about it, and ends.
+/// Prints a usage error, or the help that was asked for, and exits.
 fn refuse(error: &clap::Error) -> ! {
-    // Where it cannot be printed, nothing can be said.
+    // If printing fails, there is nowhere to report it.
     let _ = error.print();
     let scene = std::env::args().nth(1).filter(|first| is_scene(first));
     if let (clap::error::ErrorKind::InvalidSubcommand, Some(scene)) = (error.kind(), scene) {
@@ -66,7 +66,7 @@ fn refuse(error: &clap::Error) -> ! {
     std::process::exit(error.exit_code())
 }
 
-/// Whether a name is that of a scene.
+/// Whether a file name is a scene's.
 fn is_scene(name: &str) -> bool {
     [".toml", ".obj"].iter().any(|end| name.to_lowercase().ends_with(end))
 }
@@ -108,13 +108,13 @@ fn start_log(verbose: u8) {
     use tracing_subscriber::filter::{LevelFilter, Targets};
     use tracing_subscriber::layer::SubscriberExt as _;
     use tracing_subscriber::util::SubscriberInitExt as _;
-    // What libraries say about the desktop is of use only to who looks for a defect.
+    // Messages of desktop libraries help only with debugging.
     let (ours, others) = match verbose {
         0 => (LevelFilter::WARN, LevelFilter::ERROR),
         1 => (LevelFilter::INFO, LevelFilter::WARN),
         _ => (LevelFilter::DEBUG, LevelFilter::DEBUG),
     };
-    // Windows' console shows colours once it is asked to; where it cannot, their codes would be rubbish on the screen.
+    // The console of Windows has to be switched to ANSI colours; without them, the escape codes would be visible.
     let console_shows_colours = anstyle_query::windows::enable_ansi_colors() != Some(false);
     let ansi = std::io::IsTerminal::is_terminal(&std::io::stderr()) && console_shows_colours;
     let layer = tracing_subscriber::fmt::layer()

@@ -10,7 +10,7 @@ pub struct SetBindings {
     pub bindings: &'static [(&'static str, BindingType)],
 }
 
-/// Data that is written once per frame; see `gpu::FrameRing`. The storage binding holds what each pass pushes for itself.
+/// Data that is written once per frame; see `gpu::FrameRing`. The storage binding holds data that passes push.
 pub const FRAME: SetBindings =
     SetBindings { set: 0, bindings: &[("FRAME_UNIFORMS", UniformDynamic), ("FRAME_STORAGE", StorageDynamic)] };
 
@@ -33,10 +33,10 @@ pub const SCENE: SetBindings = SetBindings {
 pub const TEXTURES: SetBindings =
     SetBindings { set: 2, bindings: &[("BASE_COLOR_MAP", Sampled), ("NORMAL_MAP", Sampled), ("ORM_MAP", Sampled)] };
 
-/// What the reference's samples are drawn from.
+/// The importance table for the reference's panorama samples.
 pub const IMPORTANCE: SetBindings = SetBindings { set: 3, bindings: &[("REFERENCE_IMPORTANCE", Storage)] };
 
-/// The reference's accumulation, a compute pass of its own.
+/// The reference's accumulation, a compute pass.
 pub const ACCUMULATE: SetBindings = SetBindings {
     set: 0,
     bindings: &[
@@ -47,7 +47,7 @@ pub const ACCUMULATE: SetBindings = SetBindings {
     ],
 };
 
-/// The accumulated mean as a picture.
+/// The pass that shows the accumulated mean.
 pub const SHOW: SetBindings = SetBindings { set: 1, bindings: &[("SHOW_MEAN", Sampled)] };
 
 /// Text over the picture.

@@ -9,7 +9,7 @@ use super::scene_resources::SceneResources;
 use crate::Result;
 use crate::gpu::{AddressMode, Binding, DescriptorSet, Gpu, Sampler};
 
-/// The set changes as a whole when the light does.
+/// A scene and its light, with a descriptor set that is created again when the light changes.
 pub struct BoundScene {
     pub resources: SceneResources,
     pub lighting: Lighting,
@@ -31,7 +31,7 @@ impl BoundScene {
         Ok(())
     }
 
-    /// What frames' blocks say of the scene.
+    /// The scene's part of each [`FrameBlock`](super::shared::FrameBlock).
     pub fn constants(&self) -> SceneConstants {
         SceneConstants { environment_scale: self.lighting.maps.scale, light_count: self.resources.light_count }
     }

@@ -1,4 +1,4 @@
-//! What no eye can see: boxes outside of every frustum, and from where closed surfaces show only their fronts.
+//! Culling: boxes outside of every eye's frustum, and boxes seen from outside, whose back faces are invisible.
 
 use glam::{Vec3, Vec4};
 
@@ -6,10 +6,10 @@ use super::eye::Eye;
 use super::shared::MAX_EYES;
 use crate::scene::Bounds;
 
-/// A box counts as outside only if it is so by this part of its distance: a twentieth of a pixel of 1000 across a right
-/// angle, far above the rounding of f32 and of the rasteriser's 1/256 pixel.
+/// Margin relative to distance: a box is culled only if it is this far outside. A twentieth of a pixel (at 1000 pixels
+/// across 90°) is far above the rounding of f32 and the rasteriser's 1/256 pixel.
 const MARGIN: f32 = 1e-4;
-/// And by this part of the coordinates themselves, about ten roundings of f32, for scenes far from the origin.
+/// Margin relative to the coordinates, about ten roundings of f32, for scenes far from the origin.
 const ROUNDING: f32 = 1e-6;
 
 /// The frusta of all eyes of one frame.
@@ -28,19 +28,19 @@ struct Frustum {
 }
 
 impl Frusta {
-    /// Of at most [`MAX_EYES`] eyes, canted or not.
+    /// The frusta of at most [`MAX_EYES`] eyes, which may be canted.
     pub fn of(eyes: &[Eye]) -> Self {
         let mut frusta = Self { eyes: Default::default(), count: eyes.len().min(MAX_EYES) };
         frusta.eyes.iter_mut().zip(eyes).for_each(|(frustum, eye)| *frustum = Frustum::of(eye));
         frusta
     }
 
-    /// Whether any eye may see something of a box. Never wrongly `false`.
+    /// Whether any eye may see a part of a box: conservative, never wrongly `false`.
     pub fn may_see(&self, bounds: &Bounds) -> bool {
         self.eyes[..self.count].iter().any(|eye| eye.may_see(bounds))
     }
 
-    /// Whether every eye, with all of its near plane, is outside of a box.
+    /// Whether every eye and its near plane are outside of a box.
     pub fn all_outside(&self, bounds: &Bounds) -> bool {
         self.eyes[..self.count].iter().all(|eye| {
             let reach = (1.0 + MARGIN) * eye.near_reach + ROUNDING * size_of_coordinates(bounds, eye.position);

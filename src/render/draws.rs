@@ -1,4 +1,4 @@
-//! What one frame draws, and in which order: nothing that no eye sees, near before far.
+//! The draw calls of a frame: culled ranges of triangles, sorted near to far and merged.
 
 use std::ops::Range;
 
@@ -19,18 +19,18 @@ pub struct Draw {
     pub variant: u32,
     /// Index into the scene's sets of textures.
     pub textures: u32,
-    /// Fragments may be missing; drawn after those where none is, which then hide many of them.
+    /// Alpha-tested: drawn after opaque surfaces, which hide many of its fragments.
     masked: bool,
-    /// World space, before all models are moved together.
+    /// World space, before the common movement of all models.
     bounds: Bounds,
-    /// From outside of this box no back face can be seen.
+    /// No back face is visible from outside of this box.
     culling_bounds: Option<Bounds>,
 }
 
 impl Draw {
-    /// A cluster at one of its placements; of the first variant and textures.
+    /// A cluster at one of its placements, with variant and texture indices of 0.
     pub fn new(cluster: &Cluster, indices: Range<u32>, instance: u32, world_from_local: Mat4, masked: bool) -> Self {
-        // Through a hole back faces are seen; a mirror image shows its backs where its original shows fronts.
+        // Back faces show through holes; mirrored placements swap fronts and backs.
         let keeps_sides = !masked && world_from_local.determinant() > 0.0;
         let culling_bounds = cluster.culling_bounds.filter(|_| keeps_sides);
         Self {
@@ -55,7 +55,7 @@ pub enum Order {
     Shuffled(u32),
 }
 
-/// What is done so that a frame costs less. None of it changes the picture; each can be left out, to measure it.
+/// Optimisations of a frame. None changes the picture; each can be switched off for measurements.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct CullOptions {
     /// Leave out ranges outside of every eye's frustum.
@@ -71,7 +71,7 @@ impl Default for CullOptions {
     }
 }
 
-/// One frame's draw calls; its memory is used again for the next.
+/// The draw calls of one frame; memory is reused for the next.
 #[derive(Default)]
 pub struct DrawList {
     visible: Vec<Visible>,
@@ -91,14 +91,14 @@ pub struct DrawCall {
 /// A range that some eye may see.
 struct Visible {
     masked: bool,
-    /// Metres to the nearest eye, as bits: these sort like the number, which is not negative.
+    /// Metres to the nearest eye, as the bits of an f32; of numbers that are not negative, these sort alike.
     distance_bits: u32,
     /// Index in the scene's draws.
     draw: u32,
     call: DrawCall,
 }
 
-/// What one frame draws.
+/// Counts of one frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
 pub struct DrawCounts {
     /// Draw calls.
@@ -110,7 +110,7 @@ pub struct DrawCounts {
 }
 
 impl DrawList {
-    /// Lists what some eyes may see. Allocates only where there are more draws than ever before.
+    /// Collects the draw calls that some eye may see. Allocates only if there are more draws than ever before.
     pub fn fill(&mut self, draws: &[Draw], eyes: &[Eye], culling: CullOptions) {
         let frusta = Frusta::of(eyes);
         self.visible.clear();
@@ -138,7 +138,7 @@ impl DrawList {
         &self.calls
     }
 
-    /// How many there are, of a scene with `all_ranges` ranges.
+    /// Their counts, for a scene with `all_ranges` ranges.
     pub fn counts(&self, all_ranges: usize) -> DrawCounts {
         DrawCounts { calls: self.calls.len(), ranges: self.visible.len(), all_ranges }
     }
@@ -162,8 +162,8 @@ impl Visible {
         }
     }
 
-    /// Whole surfaces before those with holes, near before far. The index decides between equals, so that the order never
-    /// depends on the sort, and keeps neighbours together.
+    /// Opaque before alpha-tested, near before far. Ties are broken by the index, so that the order is deterministic and
+    /// neighbours stay together.
     fn key(&self) -> (bool, u32, u32) {
         (self.masked, self.distance_bits, self.draw)
     }

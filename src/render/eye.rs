@@ -4,9 +4,9 @@ use glam::{Affine3A, Mat3, Mat4, Vec3, Vec4};
 
 use crate::scene::Camera;
 
-/// Metres from an eye to its near plane at most; the far plane is at infinity.
+/// The greatest distance to the near plane, metres; the far plane is at infinity.
 pub const NEAR_METRES: f32 = 0.02;
-/// The near plane lies no farther than this part of the way to what is looked at, so that tiny scenes are not cut.
+/// The greatest distance to the near plane as a part of the distance to the target, so that tiny scenes are not cut.
 const NEAR_PART: f32 = 0.01;
 
 /// Mean distance between human pupils, metres (Dodgson 2004, "Variation and extrema of human interpupillary distance").
@@ -27,7 +27,7 @@ pub struct Eye {
 }
 
 impl Eye {
-    /// A symmetric eye with a rigid `world_from_view`, whose attention is `distance_metres` away.
+    /// A symmetric eye with a rigid `world_from_view` and a target `distance_metres` away.
     pub fn symmetric(world_from_view: Mat4, vertical_fov_degrees: f32, aspect: f32, distance_metres: f32) -> Self {
         let up = (0.5 * vertical_fov_degrees.to_radians()).tan();
         let right = up * aspect;
@@ -38,7 +38,7 @@ impl Eye {
     /// A symmetric eye that looks from `position` to `target`, upright.
     pub fn looking(position: Vec3, target: Vec3, vertical_fov_degrees: f32, aspect: f32) -> Self {
         let backward = (position - target).try_normalize().unwrap_or(Vec3::Z);
-        // Looking straight up or down leaves no way to tell what is upright: take −Z for up.
+        // Looking straight up or down, up is undefined: take −Z.
         let side = Vec3::Y.cross(backward).try_normalize().unwrap_or(Vec3::X);
         let axes = Mat3::from_cols(side, backward.cross(side), backward);
         let world_from_view = Mat4::from(Affine3A::from_mat3_translation(axes, position));

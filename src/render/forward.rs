@@ -1,5 +1,5 @@
 //! The forward pass: surfaces, with one pipeline per combination of material features, and the sky behind them. It draws
-//! the picture, or the samples of the reference.
+//! the picture, or one frame of the reference's samples.
 
 use super::bound_scene::BoundScene;
 use super::draws::DrawCall;
@@ -16,7 +16,7 @@ use crate::reference::energy::Scattering;
 use crate::reference::table::SplitSum;
 use crate::scene::MaterialFeatures;
 
-/// The fragment stages, and what they draw into.
+/// The fragment stages and the format and samples of their target.
 struct Stages {
     surface: &'static str,
     cutout: &'static str,
@@ -61,7 +61,7 @@ impl ForwardPass {
             (constant::GEOMETRY, settings.geometry as u32),
             (constant::LINEAR_OUTPUT, u32::from(settings.output == Output::Linear)),
             (constant::SLICES, u32::from(settings.split_sum == SplitSum::Slices)),
-            // Below 0 the shader reads the frame's number.
+            // Below 0: the shader reads the count from the frame's block.
             (constant::LIGHTS, constant_lights.unwrap_or(u32::MAX)),
         ];
         let drawing = layouts.drawing();
@@ -102,8 +102,8 @@ impl ForwardPass {
         Ok(Self { surfaces, sky: Pipeline::graphics(gpu, &sky)?, eyes: *eyes })
     }
 
-    /// Draws surfaces for all eyes, setting only what changes from call to call. `importance` is what the reference's
-    /// samples are drawn from.
+    /// Draws surfaces for all eyes, setting only what changes from call to call. `importance` is the table
+    /// for the reference's samples.
     pub fn draw_surfaces(
         &self,
         commands: &mut Commands<'_>,

@@ -1,4 +1,4 @@
-//! What a frame is drawn from: what may differ from frame to frame, and the block that shaders read of it.
+//! Inputs of a frame, and the uniform block that shaders read.
 
 use glam::Mat4;
 
@@ -9,13 +9,13 @@ use super::overlay::MAX_CHARACTERS;
 use super::shared::{EyeBlock, FrameBlock};
 use crate::scene::Scene;
 
-/// Bytes of a `gpu::FrameRing` that draws frames: blocks, gizmos and text, with room for alignment.
+/// Bytes per frame of a `gpu::FrameRing` for rendering: uniform blocks, gizmos and text, with room for alignment.
 pub const FRAME_BYTES: u64 = (MAX_GIZMO_VERTICES * size_of::<GizmoVertex>() + 4 * MAX_CHARACTERS + 4096) as u64;
 
-/// What may differ from frame to frame.
+/// Inputs that may change every frame.
 #[derive(Clone, Copy)]
 pub struct FrameInputs<'a> {
-    /// As many as the renderer draws for.
+    /// One per eye of the renderer.
     pub eyes: &'a [Eye],
     /// Stops of exposure; the picture's radiance is multiplied by 2^ev.
     pub exposure_ev: f32,
@@ -25,14 +25,14 @@ pub struct FrameInputs<'a> {
     pub fade: f32,
     /// Moves all models of the scene together, rigidly.
     pub world_from_models: Mat4,
-    /// What is done so that the frame costs less.
+    /// Optimisations of the frame.
     pub culling: CullOptions,
-    /// Shown in the scene; only where there is more than one eye.
+    /// Shown in the scene; only with more than one eye.
     pub gizmos: Option<&'a ControllerGizmos>,
 }
 
 impl<'a> FrameInputs<'a> {
-    /// The scene as its file describes it.
+    /// The inputs that the scene's file describes.
     pub fn of(scene: &Scene, eyes: &'a [Eye]) -> Self {
         Self {
             eyes,
@@ -45,7 +45,7 @@ impl<'a> FrameInputs<'a> {
         }
     }
 
-    /// The block that shaders read; the rest of it is about the scene.
+    /// The uniform block, with the scene's constants added.
     pub(super) fn block(&self, scene: SceneConstants) -> FrameBlock {
         let mut block = FrameBlock {
             environment_rotation: [self.environment_rotation.cos(), self.environment_rotation.sin()],
@@ -66,7 +66,7 @@ impl<'a> FrameInputs<'a> {
     }
 }
 
-/// What a [`FrameBlock`] says of the scene.
+/// The scene's part of a [`FrameBlock`].
 #[derive(Clone, Copy, Debug)]
 pub struct SceneConstants {
     pub environment_scale: f32,

@@ -1,8 +1,8 @@
-//! Set 0 as passes bind it: the frame's block, and what a pass has pushed for itself.
+//! Descriptor set 0 as passes bind it: the frame's uniform block and a pass's own storage.
 
 use crate::gpu::{Commands, DescriptorSet, Pipeline};
 
-/// Set 0 of one frame.
+/// Descriptor set 0 of one frame.
 #[derive(Clone, Copy)]
 pub struct FrameSet<'a> {
     pub set: &'a DescriptorSet,
@@ -11,7 +11,7 @@ pub struct FrameSet<'a> {
 }
 
 impl FrameSet<'_> {
-    /// Binds a pipeline and the set; `storage` is the offset of what the pass has pushed for itself, or 0.
+    /// Binds a pipeline and the set; `storage` is the offset of the data that the pass has pushed, or 0.
     pub fn bind(&self, commands: &mut Commands<'_>, pipeline: &Pipeline, storage: u32) {
         commands.bind_pipeline(pipeline);
         commands.bind_set(pipeline, 0, self.set, &[self.block, storage]);

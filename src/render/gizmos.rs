@@ -13,10 +13,10 @@ use super::shared::constant;
 use crate::Result;
 use crate::gpu::{Commands, DepthState, GraphicsDesc, Pipeline};
 
-/// Vertices that one frame holds at most; triangles beyond are left out.
+/// The most vertices of one frame; further triangles are left out.
 pub const MAX_GIZMO_VERTICES: usize = 6144;
 
-/// A corner of an unlit triangle, the same as in `glsl/gizmos.vert`.
+/// A vertex of an unlit triangle, as `glsl/gizmos.vert` reads it.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 pub struct GizmoVertex {
@@ -28,7 +28,7 @@ pub struct GizmoVertex {
 
 const _: () = assert!(size_of::<GizmoVertex>() == 24 && offset_of!(GizmoVertex, colour) == 12);
 
-/// Triangles of one frame, both sides visible; made anew in each, in room that is kept.
+/// Triangles of one frame, visible from both sides. They are built again for each frame, in memory that is kept.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ControllerGizmos {
     /// Three per triangle.
@@ -42,7 +42,7 @@ impl Default for ControllerGizmos {
 }
 
 impl ControllerGizmos {
-    /// Forgets the last frame's.
+    /// Removes all triangles.
     pub fn clear(&mut self) {
         self.triangles.clear();
     }
@@ -52,7 +52,7 @@ impl ControllerGizmos {
         &self.triangles
     }
 
-    /// Adds one, if there is room.
+    /// Adds a triangle, if there is room.
     fn triangle(&mut self, corners: [glam::Vec3; 3], colour: glam::Vec3) {
         if self.triangles.len() + 3 <= MAX_GIZMO_VERTICES {
             let vertex = |p: glam::Vec3| GizmoVertex { position: p.into(), colour: colour.into() };
@@ -61,7 +61,7 @@ impl ControllerGizmos {
     }
 }
 
-/// Draws gizmos with the frame's other triangles.
+/// The pass that draws gizmos together with the scene.
 pub(super) struct GizmoPass {
     pipeline: Pipeline,
     eyes: u32,
@@ -89,7 +89,7 @@ impl GizmoPass {
         Ok(Self { pipeline, eyes: *eyes })
     }
 
-    /// Draws `vertices` corners, pushed at the offset `storage`; called while rendering the scene.
+    /// Draws `vertices` vertices that were pushed at the offset `storage`; to be called while the scene is rendered.
     pub fn draw(&self, commands: &mut Commands<'_>, frame: FrameSet<'_>, storage: u32, vertices: u32) {
         if vertices > 0 {
             frame.bind(commands, &self.pipeline, storage);

@@ -1,4 +1,5 @@
-//! What the lenses hide of each eye's picture: drawn first at the nearest depth, so that nothing there is shaded.
+//! The hidden area, the part of each eye's picture that no lens shows: drawn first at the nearest depth, so that nothing
+//! there is shaded.
 
 use std::sync::Arc;
 
@@ -18,12 +19,12 @@ pub struct HiddenArea {
 
 impl HiddenArea {
     /// From the triangles of each eye, three corners each, in the units of the eye's picture: 0 to 1, v downwards.
-    /// `None` if there is not a single one.
+    /// `None` if there are no triangles.
     pub fn new(gpu: &Arc<Gpu>, eyes: &[Vec<[f32; 2]>]) -> Result<Option<Self>> {
         let corners: Vec<Corner> = (0u8..)
             .zip(eyes)
             .flat_map(|(eye, corners)| {
-                // A last triangle that lacks corners is no triangle.
+                // An incomplete last triangle is ignored.
                 let whole = &corners[..corners.len() / 3 * 3];
                 whole.iter().map(move |[u, v]| [2.0 * u - 1.0, 2.0 * v - 1.0, f32::from(eye)])
             })
@@ -45,11 +46,11 @@ impl HiddenArea {
     }
 }
 
-/// Draws a hidden area.
+/// The pass that draws a hidden area.
 pub struct HiddenAreaPass(Pipeline);
 
 impl HiddenAreaPass {
-    /// Creates its pipeline.
+    /// Creates the pipeline.
     pub fn new(PipelineRequest { gpu, settings, .. }: &PipelineRequest) -> Result<Self> {
         let desc = GraphicsDesc {
             name: "hidden area",
@@ -65,7 +66,7 @@ impl HiddenAreaPass {
         Ok(Self(Pipeline::graphics(gpu, &desc)?))
     }
 
-    /// Called while rendering, before all else.
+    /// Draws the triangles; to be called while rendering, before everything else.
     pub fn draw(&self, commands: &mut Commands<'_>, area: &HiddenArea) {
         commands.bind(&self.0, &[]);
         commands.bind_mesh(&area.corners, &area.indices);

@@ -1,4 +1,4 @@
-//! What the reference draws its panorama samples from: an alias table over the panorama's cells, on the GPU.
+//! Importance sampling of the panorama for the reference: an alias table over the panorama's cells, on the GPU.
 
 use std::sync::Arc;
 
@@ -9,17 +9,17 @@ use crate::Result;
 use crate::gpu::{Binding, Buffer, BufferKind, DescriptorSet, Gpu, Image, Subresource, read_image};
 use crate::reference::importance::{Cell, alias_table};
 
-/// Cells across the table at most: 2^19 of them take 6 MiB.
+/// The most cells across the table: 2^19 cells take 6 MiB.
 const MOST_CELLS: u32 = 1024;
 
-/// The table of one panorama; the same as in `glsl/importance.glsl`.
+/// The alias table of one panorama, as `glsl/importance.glsl` reads it.
 pub struct Importance {
     /// `bindings::IMPORTANCE`.
     pub set: DescriptorSet,
 }
 
 impl Importance {
-    /// Reads a panorama's mip of at most [`MOST_CELLS`] across back from the GPU, and waits for that.
+    /// Builds the table from the panorama's first mip of at most [`MOST_CELLS`] across; waits for its readback from the GPU.
     pub fn new(gpu: &Arc<Gpu>, layouts: &Layouts, panorama: &Image) -> Result<Self> {
         let mips = panorama.desc().mips;
         let mip = (0..mips).find(|mip| panorama.mip_size(*mip)[0] <= MOST_CELLS).unwrap_or(mips - 1);

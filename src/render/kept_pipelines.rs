@@ -9,14 +9,14 @@ use crate::context::Context;
 use crate::gpu::Gpu;
 use crate::{Error, Result};
 
-/// The folder beside the cache's own.
+/// The folder's name, next to the cache.
 const FOLDER: &str = "pipelines";
-/// More than any driver keeps for one program.
+/// A limit above the size of any real driver cache.
 const MOST_BYTES: u64 = 256 << 20;
 /// Bytes of the hash that a file begins with.
 const HASH: usize = blake3::OUT_LEN;
 
-/// The driver's cache of one GPU and its file. Everything works without, only later, so that nothing here fails.
+/// The driver's cache of one GPU and its file. It only saves time, so errors are ignored.
 pub struct KeptPipelines {
     gpu: Arc<Gpu>,
     file: Option<PathBuf>,
@@ -25,7 +25,7 @@ pub struct KeptPipelines {
 }
 
 impl KeptPipelines {
-    /// Gives the driver the pipelines of former runs; without a cache, none are kept.
+    /// Loads the pipelines of earlier runs into the driver's cache; without a cache on disk, none are kept.
     pub fn load(context: &Context) -> Self {
         let Context { gpu, cache, .. } = context;
         let file = cache.as_ref().map(|cache| cache.beside(FOLDER).join(gpu.pipeline_cache_name()));
@@ -64,7 +64,7 @@ fn write(path: &Path, bytes: &[u8]) -> Result<()> {
     write_atomically(path, &[blake3::hash(bytes).as_bytes(), bytes].concat())
 }
 
-/// The driver's bytes, if they are the ones that were written.
+/// The driver's bytes, if their hash is right.
 fn read(path: &Path) -> Result<Vec<u8>> {
     let mut bytes = file::read(path, "pipelines", MOST_BYTES)?;
     let broken = |problem: &str| Error::Broken {
@@ -106,7 +106,7 @@ mod gpu_tests {
         let with_cache = |gpu: &Arc<Gpu>| Context { cache: Some(cache.clone()), ..Context::silent(gpu) };
         let kept = with_gpu(|gpu| {
             let mut kept = KeptPipelines::load(&with_cache(gpu));
-            // A driver may keep nothing beyond a header: then this first file is what there is to keep.
+            // A driver may keep nothing but a header; then the first file already has everything.
             kept.size = 0;
             kept.save();
             kept.file.clone().unwrap()

@@ -17,7 +17,7 @@ pub struct Layouts {
 }
 
 impl Layouts {
-    /// Creates them.
+    /// Creates all layouts.
     pub fn new(gpu: &Arc<Gpu>) -> Result<Self> {
         Ok(Self {
             frame: frame(gpu)?,
@@ -29,7 +29,7 @@ impl Layouts {
         })
     }
 
-    /// The sets of passes that draw a scene: frame, scene, textures, importance.
+    /// The layouts of passes that draw a scene: frame, scene, textures, importance.
     pub fn drawing(&self) -> [&DescriptorSetLayout; 4] {
         [&self.frame, &self.scene, &self.textures, &self.importance]
     }

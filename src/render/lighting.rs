@@ -1,4 +1,4 @@
-//! The light of a panorama as frames use it: light maps and the BRDF table, which are precomputed.
+//! Precomputed lighting of a panorama: light maps and the BRDF table.
 
 use super::settings::RenderSettings;
 use crate::Result;
@@ -7,7 +7,7 @@ use crate::context::Context;
 use crate::gpu::PassTime;
 use crate::precompute::{BrdfTable, LightMaps};
 
-/// Light maps and BRDF table.
+/// Light maps and the BRDF table.
 pub struct Lighting {
     pub maps: LightMaps,
     pub table: BrdfTable,

@@ -10,7 +10,7 @@ use super::output::Output;
 use crate::Result;
 use crate::gpu::{Binding, Buffer, BufferKind, Commands, DescriptorSet, Gpu, GraphicsDesc, Pipeline};
 
-/// Characters that fit on the screen's grid at most; more are cut.
+/// The most characters; further ones are cut.
 pub const MAX_CHARACTERS: usize = 4096;
 /// Font pixels: a cell's size, with a little room between lines, and the distance from the picture's corner.
 const CELL: [f32; 2] = [8.0, 10.0];
@@ -63,18 +63,18 @@ impl Overlay {
         self.origin_ndc = pixel.map(|p| p * MARGIN * scale - 1.0);
     }
 
-    /// How many columns and rows of text fit.
+    /// The number of columns and rows of text that fit.
     pub fn grid(picture: [u32; 2], scale: u32) -> [usize; 2] {
         let fits = |i: usize| ((picture[i] as f32 / scale as f32 - 2.0 * MARGIN) / CELL[i]).max(0.0) as usize;
         [fits(0), fits(1)]
     }
 
-    /// What a frame has to push for [`Overlay::draw`].
+    /// The data that a frame has to push for [`Overlay::draw`].
     pub(super) fn bytes(&self) -> &[u8] {
         bytemuck::cast_slice(&self.cells)
     }
 
-    /// Draws the text, pushed at the offset `storage`; called while rendering.
+    /// Draws the text that was pushed at the offset `storage`; to be called while rendering.
     pub(super) fn draw(&self, commands: &mut Commands<'_>, frame: FrameSet<'_>, storage: u32) {
         frame.bind(commands, &self.pipeline, storage);
         commands.bind_set(&self.pipeline, 1, &self.font, &[]);

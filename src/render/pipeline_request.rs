@@ -1,4 +1,4 @@
-//! What pipelines are made for: plain data that any thread can make them from while frames go on.
+//! Everything that pipelines depend on, as plain data: any thread can build pipelines from it while frames go on.
 
 use std::sync::Arc;
 
@@ -15,7 +15,7 @@ pub struct PipelineRequest {
     pub(super) variants: Vec<MaterialFeatures>,
     /// The number of point lights; `None` for any.
     pub(super) constant_lights: Option<u32>,
-    /// What the reference's samples are drawn from.
+    /// The panorama that the reference samples.
     pub(super) panorama: Arc<Image>,
     pub settings: RenderSettings,
     pub eyes: u32,

@@ -8,12 +8,12 @@ use super::reference_accumulator::ReferencePasses;
 use super::settings::{RenderSettings, Shading};
 use crate::Result;
 
-/// Everything that has to be made again when shading, samples, output or the number of eyes changes.
+/// All pipelines; built again when shading, samples, output or the number of eyes change.
 pub struct PassPipelines {
     pub(super) settings: RenderSettings,
     pub(super) eyes: u32,
     pub(super) forward: ForwardPass,
-    /// Only where there is more than one eye.
+    /// Only with more than one eye.
     pub(super) gizmos: Option<GizmoPass>,
     pub(super) hidden_area: Option<HiddenAreaPass>,
     /// Only for [`Shading::Reference`].
@@ -21,14 +21,14 @@ pub struct PassPipelines {
 }
 
 impl PassPipelines {
-    /// Creates them; the driver may take long. Any thread may do it.
+    /// Compiles all pipelines, which may take long. Any thread may call it.
     ///
     /// # Errors
     /// A failed Vulkan call; with `hot-reload`, a shader that does not compile.
     pub fn build(request: &PipelineRequest) -> Result<Self> {
         let PipelineRequest { settings, eyes, .. } = request;
         let is_reference = settings.shading == Shading::Reference;
-        // The reference never shows gizmos; all its samples of a pixel have to show the same scene.
+        // The reference never shows gizmos, as all samples of a pixel must show the same scene.
         let has_headset_passes = *eyes > 1 && !is_reference;
         Ok(Self {
             settings: settings.clone(),
@@ -40,7 +40,7 @@ impl PassPipelines {
         })
     }
 
-    /// What they are made for.
+    /// The request that they were built from.
     pub fn settings(&self) -> &RenderSettings {
         &self.settings
     }

@@ -21,17 +21,17 @@ use crate::gpu::{
     ImageUsageFlags, Pipeline, Sampler, Shape,
 };
 
-/// What frames are accumulated in: `Output::Linear`'s format, which `glsl/reference.frag` writes.
+/// The format of samples and means: `Output::Linear`'s, which `glsl/reference.frag` writes.
 const FORMAT: Format = Format::R32G32B32A32_SFLOAT;
 /// Pixels along a side of `glsl/reference_accumulate.comp`'s workgroups.
 const GROUP: u32 = 8;
 
-/// How far from settled a picture is: standard errors of its pixels, each over the pixel's own radiance, R + G + B.
+/// The standard errors of a picture's pixels, relative to each pixel's radiance, R + G + B.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct StandardError {
-    /// Averaged so far.
+    /// Frames averaged so far.
     pub frames: u32,
-    /// Over all pixels that have light.
+    /// The mean over all pixels that are not black.
     pub mean_relative: f64,
     pub max_relative: f64,
 }
@@ -46,7 +46,7 @@ impl fmt::Display for StandardError {
     }
 }
 
-/// What frames that are averaged have in common.
+/// The inputs that all averaged frames share.
 #[derive(Clone, Copy)]
 struct Shown {
     /// Without jitter.
@@ -56,14 +56,14 @@ struct Shown {
 }
 
 impl Shown {
-    /// Exposure comes after averaging.
+    /// Whether frames of both can be averaged: exposure may differ, as it is applied after averaging.
     fn is_like(&self, other: &Self) -> bool {
         let bare = |shown: &Self| FrameBlock { exposure: 0.0, sample_index: 0, ..shown.block };
         bytes_of(&bare(self)) == bytes_of(&bare(other)) && self.area == other.area
     }
 }
 
-/// What `glsl/reference_accumulate.comp` is pushed.
+/// The push constants of `glsl/reference_accumulate.comp`.
 #[repr(C)]
 #[derive(Clone, Copy, Pod, Zeroable)]
 struct Count {
@@ -71,7 +71,7 @@ struct Count {
     frames: u32,
 }
 
-/// The passes after the forward pass, and what its samples are drawn from.
+/// The passes that follow the forward pass, and the importance table of its samples.
 pub struct ReferencePasses {
     accumulate: Pipeline,
     show: Pipeline,
@@ -79,7 +79,7 @@ pub struct ReferencePasses {
 }
 
 impl ReferencePasses {
-    /// Creates their pipelines, and the panorama's importance table.
+    /// Creates the pipelines and the panorama's importance table.
     pub fn new(request: &PipelineRequest) -> Result<Self> {
         let PipelineRequest { gpu, layouts, panorama, settings, eyes, .. } = request;
         let push_bytes = size_of::<Count>() as u32;
@@ -101,25 +101,25 @@ impl ReferencePasses {
     }
 }
 
-/// Images that outlive a frame: the mean of all frames so far, and how far from settled it is.
+/// The mean of all frames so far and its standard error, in images that outlive a frame.
 pub struct ReferenceAccumulator {
     latest: Arc<Image>,
     depth: Arc<Image>,
     mean: Arc<Image>,
     deviations: Arc<Image>,
     errors: Arc<Buffer>,
-    /// For each slot, and how many frames its errors are of.
+    /// For each frame slot: the errors, and the number of frames they belong to.
     readbacks: Vec<(Arc<Buffer>, u32)>,
     accumulate: DescriptorSet,
     show: DescriptorSet,
     groups: [u32; 3],
     frames: u32,
-    /// What the accumulated frames show.
+    /// The inputs of the accumulated frames.
     shown: Option<Shown>,
 }
 
 impl ReferenceAccumulator {
-    /// For pictures of `size` pixels of a request's eyes.
+    /// Creates the images for pictures of `size` pixels, one layer per eye of the request.
     pub fn new(PipelineRequest { gpu, layouts, eyes, .. }: &PipelineRequest, size: [u32; 2]) -> Result<Self> {
         let make = |name: &str, format, usage| {
             let flat = ImageDesc::flat(format, size, usage);
@@ -155,7 +155,7 @@ impl ReferenceAccumulator {
         })
     }
 
-    /// The number of the frame that comes next among those averaged: 0 whenever it shows something else than the last.
+    /// The index of the next frame among those averaged: 0 whenever its inputs differ from the last frame's.
     /// `block` is without jitter, `area` the part of the picture that is drawn.
     pub fn next_index(&mut self, block: FrameBlock, area: [u32; 2]) -> u32 {
         let shown = Shown { block, area };
@@ -166,7 +166,7 @@ impl ReferenceAccumulator {
         self.frames
     }
 
-    /// Has `draw` draw one frame's samples, adds them and shows the mean in the picture of `targets`. `block` is the
+    /// Records one frame: `draw` draws its samples, which are accumulated; the mean is shown in the picture of `targets`. `block` is the
     /// offset of the frame's block.
     pub fn record(
         &mut self,
@@ -225,8 +225,8 @@ impl ReferenceAccumulator {
     }
 }
 
-/// The eye looking through another point of its pixels in frame `index`: evenly distributed, independent between frames,
-/// which keeps the standard error honest.
+/// The eye with the subpixel jitter of frame `index`: uniform, and independent between frames, as the standard error
+/// assumes.
 pub fn jittered(eye: &Eye, index: u32, size: [u32; 2]) -> Eye {
     let bits = pcg4d(UVec4::new(index, 0x9e37, 0x79b9, 0x7f4a));
     let unit = |bits: u32| (bits >> 8) as f32 / 16_777_216.0 - 0.5;

@@ -67,22 +67,22 @@ impl Renderer {
         })
     }
 
-    /// How the scene is drawn.
+    /// The current settings.
     pub fn settings(&self) -> &RenderSettings {
         &self.pipelines.settings
     }
 
-    /// The number of eyes that are drawn for.
+    /// The number of eyes.
     pub fn eyes(&self) -> u32 {
         self.pipelines.eyes
     }
 
-    /// What pipelines for this scene with other settings, or for another number of eyes, are built from.
+    /// A request for pipelines of this scene with other settings or another number of eyes.
     pub fn pipeline_request(&self, settings: RenderSettings, eyes: u32) -> PipelineRequest {
         request(&self.context, &self.layouts, &self.scene, settings, eyes)
     }
 
-    /// Draws with other pipelines from now on, and with what their settings say of targets. On an error nothing changes.
+    /// Replaces the pipelines, and the targets if their settings ask for others. On an error nothing changes.
     ///
     /// # Errors
     /// No memory for targets.
@@ -100,23 +100,23 @@ impl Renderer {
         Ok(())
     }
 
-    /// Puts the scene under another light, precomputed with `settings`.
+    /// Replaces the scene's light by one that was precomputed with `settings`.
     ///
     /// # Errors
-    /// Whatever stops making what the reference's samples are drawn from.
+    /// The reference's importance table cannot be built.
     pub fn set_lighting(&mut self, lighting: Lighting, settings: &RenderSettings) -> Result<()> {
         self.scene.set_lighting(&self.context.gpu, &self.layouts, lighting)?;
         let RenderSettings { geometry, split_sum, cube_size, irradiance_size, .. } = *settings;
         let settings =
             RenderSettings { geometry, split_sum, cube_size, irradiance_size, ..self.pipelines.settings.clone() };
-        // Geometry and split sum are constants of the pipelines; the reference's samples are drawn from the panorama.
+        // Geometry and split sum are constants of the pipelines; the reference samples the panorama itself.
         if settings != self.pipelines.settings || self.reference.is_some() {
             self.rebuild(settings, self.eyes())?;
         }
         Ok(())
     }
 
-    /// Builds pipelines and draws with them from now on; on an error the old ones stay. Frames wait for it.
+    /// Builds pipelines on the calling thread and uses them from now on; on an error the old ones stay.
     ///
     /// # Errors
     /// No memory; with `hot-reload`, a shader that does not compile.
@@ -125,7 +125,7 @@ impl Renderer {
         self.set_pipelines(pipelines)
     }
 
-    /// New targets; the old ones are destroyed once the GPU is done with them.
+    /// Replaces the targets; the old ones are destroyed once the GPU has finished with them.
     ///
     /// # Errors
     /// A size that the GPU cannot have; no memory.
@@ -145,7 +145,7 @@ impl Renderer {
         self.targets.area = [0, 1].map(|i| area[i].clamp(1, size[i]));
     }
 
-    /// Leaves out what no eye can see from now on: triangles of each eye's picture, as [`HiddenArea::new`] takes them.
+    /// Sets the hidden area, which is not shaded from now on: triangles of each eye's picture as for [`HiddenArea::new`].
     ///
     /// # Errors
     /// No memory.
@@ -154,7 +154,7 @@ impl Renderer {
         Ok(())
     }
 
-    /// How much the last recorded frame draws.
+    /// The draw counts of the last recorded frame.
     pub fn draw_counts(&self) -> DrawCounts {
         self.draws.counts(self.scene.resources.draws.len())
     }
@@ -164,7 +164,7 @@ impl Renderer {
         &self.targets.picture
     }
 
-    /// What the scene's textures take.
+    /// The memory use of the scene's textures.
     pub fn texture_facts(&self) -> &TextureFacts {
         &self.scene.resources.texture_facts
     }
@@ -174,8 +174,8 @@ impl Renderer {
         self.scene.lighting.times()
     }
 
-    /// How settled the reference was after the finished frame that had `slot`; `None` for other shading, and before two
-    /// frames.
+    /// The reference's standard error after the finished frame that had `slot`; `None` for other shading, and before the
+    /// second frame.
     pub fn standard_error(&self, slot: usize) -> Option<StandardError> {
         self.reference.as_ref()?.standard_error(slot)
     }
@@ -217,7 +217,7 @@ impl Renderer {
         Ok(())
     }
 
-    /// Records text over the picture as it is.
+    /// Records text over the finished picture.
     ///
     /// # Errors
     /// A ring with too few bytes.
@@ -230,7 +230,7 @@ impl Renderer {
         Ok(())
     }
 
-    /// Lists what is drawn. Where the models have been moved, the eyes are moved the other way instead.
+    /// Collects the draw calls. Models that are moved together are handled by moving the eyes the opposite way.
     fn list_draws(&mut self, inputs: &FrameInputs<'_>) {
         let models_from_world = inputs.world_from_models.inverse();
         let moved = each(inputs.eyes, |eye| Eye { world_from_view: models_from_world * eye.world_from_view, ..*eye });
@@ -242,7 +242,7 @@ impl Renderer {
     }
 }
 
-/// One result for each eye; those beyond are the first eye's.
+/// Maps each eye; unused elements repeat the first eye's result.
 fn each(eyes: &[Eye], change: impl Fn(&Eye) -> Eye) -> [Eye; MAX_EYES] {
     std::array::from_fn(|i| change(eyes.get(i).unwrap_or(&eyes[0])))
 }
@@ -265,7 +265,7 @@ fn request(
     }
 }
 
-/// What the reference keeps from frame to frame, where its passes are there.
+/// The reference's accumulator, if its passes exist.
 fn accumulator(
     request: &PipelineRequest,
     pipelines: &PassPipelines,

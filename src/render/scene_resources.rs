@@ -21,7 +21,7 @@ pub use textures::TextureFacts;
 use textures::TextureSets;
 pub use vertex::{ATTRIBUTES, PackedVertex};
 
-/// Everything of a scene but its environment.
+/// The GPU resources of a scene without its environment.
 pub struct SceneResources {
     pub geometry: Geometry,
     /// `InstanceBlock`, `MaterialBlock` and `LightBlock` each.
@@ -40,7 +40,7 @@ pub struct SceneResources {
 }
 
 impl SceneResources {
-    /// Uploads what a scene needs.
+    /// Uploads a scene.
     pub fn new(
         context: &Context,
         layouts: &Layouts,
@@ -77,7 +77,7 @@ impl SceneResources {
     }
 }
 
-/// What a material is drawn with: see [`Draw`].
+/// The pipeline variant and texture set of a material, and whether it is alpha-tested: see [`Draw`].
 #[derive(Clone, Copy)]
 struct DrawnMaterial {
     variant: u32,
@@ -101,7 +101,7 @@ impl Variants {
     }
 }
 
-/// A draw for each cluster and each of its placements, and the instances, each a material at a placement.
+/// One draw per cluster and placement, and the instances, each a material at a placement.
 fn draws(clusters: &[Cluster], geometry: &Geometry, materials: &[DrawnMaterial]) -> (Vec<Draw>, Vec<InstanceBlock>) {
     let (mut draws, mut instances) = (Vec::new(), Vec::new());
     let mut known: HashMap<(usize, [u32; 16]), u32> = HashMap::new();

@@ -1,5 +1,5 @@
-//! How a scene is drawn: settings that the command line gives, that can change while the program runs, and how much is
-//! made again when they do.
+//! Render settings: given on the command line, changed while the program runs; and which resources have to be made again
+//! after a change.
 
 use clap::{Args, ValueEnum};
 
@@ -13,12 +13,12 @@ use crate::reference::table::SplitSum;
 use crate::scene::Model;
 use crate::scene::needs::resolution::Viewpoint;
 
-/// Least scale: below it pictures show nothing.
+/// The smallest scale; below it, pictures are unrecognisable.
 const SMALLEST_SCALE: f32 = 0.25;
-/// Frames that a still picture averages if the user does not say how many.
+/// The default number of frames that a still reference averages.
 const REFERENCE_FRAMES: u64 = 256;
 
-/// What fragments show; the same order as in `glsl/shared.glsl`.
+/// Shading modes, in the order of `glsl/shared.glsl`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, ValueEnum)]
 pub enum Shading {
     /// Physically based.
@@ -50,18 +50,18 @@ pub enum Shading {
     Specular,
     /// Irradiance / pi.
     Irradiance,
-    /// Physically based without approximation: the shading integral, sampled frame after frame until it is stopped.
+    /// The reference: the shading integral without approximation, sampled and averaged over frames.
     Reference,
 }
 
 impl Shading {
-    /// Frames that a still picture takes if the user does not say how many.
+    /// The default number of frames of a still picture.
     pub fn default_frames(self) -> u64 {
         if self == Self::Reference { REFERENCE_FRAMES } else { 1 }
     }
 
-    /// The shading `steps` further in the list of all, which wraps around. Where the view does not hold still, as in a
-    /// headset, [`Shading::Reference`] is skipped: it would show only noise, and far too slowly.
+    /// The mode `steps` further in the list of all, which wraps around. If the view does not hold still, as in a headset,
+    /// [`Shading::Reference`] is skipped: it would be noisy and far too slow.
     pub fn step(self, steps: usize, holds_still: bool) -> Self {
         let all = Self::value_variants();
         let next = |at: usize| (at + steps) % all.len();
@@ -107,7 +107,7 @@ pub struct RenderSettings {
     /// What pictures hold.
     #[arg(skip)]
     pub output: Output,
-    /// Where all pictures will be taken from; `None` for anywhere.
+    /// The only viewpoint of all pictures, if it is known; otherwise they may be taken from anywhere.
     #[arg(skip)]
     pub viewpoint: Option<Viewpoint>,
 }
@@ -132,7 +132,7 @@ impl Default for RenderSettings {
     }
 }
 
-/// How textures are kept; what is left out is chosen for the GPU.
+/// How textures are stored and sampled; whatever is left out is chosen for the GPU.
 #[derive(Args, Clone, Copy, Debug, Default, PartialEq)]
 pub struct TextureSettings {
     /// How textures are stored: four bytes a texel, or compressed to one. What suits the GPU if left out.
@@ -152,7 +152,7 @@ pub struct TextureSettings {
 }
 
 impl TextureSettings {
-    /// How textures are loaded for this context's GPU.
+    /// The options for loading textures for this context's GPU.
     pub fn options(&self, context: &Context) -> TextureOptions {
         let gpu = &context.gpu;
         let (storage, anisotropy) = if gpu.info().is_software() {
@@ -170,13 +170,13 @@ impl TextureSettings {
         }
     }
 
-    /// The same with what is left out chosen for this context's GPU.
+    /// The same, with defaults for this context's GPU filled in.
     pub fn resolved(&self, context: &Context) -> Self {
         let TextureOptions { storage, anisotropy, .. } = self.options(context);
         Self { storage: Some(storage), anisotropy: Some(anisotropy), ..*self }
     }
 
-    /// Warns where textures should be compressed and the GPU cannot read them so.
+    /// Warns if textures should be compressed but the GPU does not support that.
     pub(super) fn warn_if_raw(&self, context: &Context) {
         let gpu = &context.gpu;
         if self.storage != Some(Storage::Raw) && !gpu.info().is_software() && !gpu.compresses_textures() {
@@ -186,7 +186,7 @@ impl TextureSettings {
     }
 }
 
-/// What has to be made again when settings change; each includes those before it.
+/// The resources that have to be made again when settings change; each variant includes those before it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Change {
     Nothing,
@@ -201,14 +201,14 @@ pub enum Change {
 }
 
 impl RenderSettings {
-    /// How light is precomputed.
+    /// The options for precomputing light.
     pub fn precompute(&self) -> Options {
         Options { face_size: self.cube_size, irradiance_size: self.irradiance_size }
     }
 
-    /// What has to be made again to get from these settings to others.
+    /// The resources that have to be made again to change from these settings to others.
     pub fn difference(&self, other: &Self) -> Change {
-        // A field that is not listed here does not compile.
+        // A new field does not compile until it is listed here.
         let Self {
             shading,
             geometry,

@@ -1,4 +1,4 @@
-//! Data that Rust writes and GLSL reads; the same as `glsl/shared.glsl`, in scalar block layout.
+//! Structures shared with shaders: twins of `glsl/shared.glsl`, in scalar block layout.
 
 use std::mem::offset_of;
 
@@ -18,21 +18,21 @@ pub struct EyeBlock {
     pub tangents: [f32; 4],
 }
 
-/// What every draw of one frame shares: `FRAME_UNIFORMS`.
+/// Uniforms of one frame: `FRAME_UNIFORMS`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 pub struct FrameBlock {
     pub eyes: [EyeBlock; MAX_EYES],
-    /// cos and sin of the panorama's turn about +Y.
+    /// cos and sin of the panorama's rotation about +Y.
     pub environment_rotation: [f32; 2],
     /// Multiplies radiance before the tone curve.
     pub exposure: f32,
-    /// Multiplies what the environment's maps hold.
+    /// Multiplies values of the environment's maps.
     pub environment_scale: f32,
     pub light_count: u32,
-    /// Frames accumulated before this one; 0 where nothing is.
+    /// Frames accumulated before this one; 0 without accumulation.
     pub sample_index: u32,
-    /// Moves all instances, rigidly.
+    /// A rigid movement of all instances.
     pub world_from_models: [[f32; 4]; 4],
 }
 
@@ -66,7 +66,7 @@ pub struct LightBlock {
     pub intensity: [f32; 3],
 }
 
-// Scalar layout packs exactly as repr(C) does with these members; this proves it where a member is added.
+// With these members, scalar layout equals repr(C); this checks it.
 const _: () = {
     assert!(size_of::<EyeBlock>() == 144);
     assert!(offset_of!(FrameBlock, environment_rotation) == 144 * MAX_EYES);

@@ -10,23 +10,23 @@ use crate::gpu::{
 };
 use crate::{Error, Result};
 
-/// How much a frame's images hold.
+/// The kind and size of a frame's images.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Detail {
     pub output: Output,
     /// Per pixel: 1 or 4.
     pub samples: u32,
-    /// Sides of what is drawn over those of the picture, at most 1.
+    /// The sides of the drawn image relative to the picture's, at most 1.
     pub scale: f32,
 }
 
 impl Detail {
-    /// What these settings ask for.
+    /// The kind that settings ask for.
     pub fn of(&RenderSettings { output, samples, scale, .. }: &RenderSettings) -> Self {
         Self { output, samples, scale }
     }
 
-    /// Pixels that are drawn for so many of the picture.
+    /// The drawn size for a picture's size, pixels.
     fn drawn(self, picture: [u32; 2]) -> [u32; 2] {
         picture.map(|side| ((side as f32 * self.scale).round() as u32).clamp(1, side.max(1)))
     }
@@ -37,10 +37,10 @@ pub struct ViewTargets {
     detail: Detail,
     samples: Option<Arc<Image>>,
     depth: Arc<Image>,
-    /// What is drawn, where it is smaller than the picture.
+    /// The drawn image, if it is smaller than the picture.
     small: Option<Arc<Image>>,
     pub picture: Arc<Image>,
-    /// The part of the picture that is made, pixels from the upper left corner.
+    /// The part of the picture that is drawn, pixels from the upper left corner.
     pub area: [u32; 2],
 }
 
@@ -68,7 +68,7 @@ impl ViewTargets {
         })
     }
 
-    /// Whether such targets can be made.
+    /// Checks that such targets can be made.
     pub fn check(gpu: &Gpu, size: [u32; 2], eyes: u32, detail: Detail) -> Result<()> {
         let most = gpu.max_image_size();
         if size.iter().any(|s| !(1..=most).contains(s)) {
@@ -84,7 +84,7 @@ impl ViewTargets {
         Ok(())
     }
 
-    /// GPU memory that such targets take, about.
+    /// The approximate GPU memory of such targets.
     fn bytes(size: [u32; 2], eyes: u32, detail: Detail) -> u64 {
         let Detail { output, samples, .. } = detail;
         let depth_bytes = 4;

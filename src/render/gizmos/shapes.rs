@@ -13,15 +13,15 @@ const RAY_RADIUS: f32 = 0.002;
 const RIBBON_WIDTH: f32 = 0.03;
 const RING_RADIUS: f32 = 0.25;
 const RING_WIDTH: f32 = 0.05;
-/// Metres above the floor, so that neither hides the other.
+/// Metres above the floor, against z-fighting.
 const RING_LIFT: f32 = 0.004;
 const WAND_SIDES: u16 = 12;
 const RAY_SIDES: u16 = 4;
 const RING_SIDES: u16 = 48;
 
 impl ControllerGizmos {
-    /// A cone in the hand that points along the pose's −Z, its tip at the pose's origin; its sides are shaded a little, so
-    /// that its shape is seen.
+    /// A cone in the hand that points along the pose's −Z, its tip at the pose's origin; its sides are shaded a little, to
+    /// show its shape.
     pub fn wand(&mut self, world_from_hand: &Mat4, colour: Vec3) {
         let place = |p: Vec3| world_from_hand.transform_point3(p);
         let tip = place(Vec3::ZERO);
@@ -45,7 +45,7 @@ impl ControllerGizmos {
 
     /// A level ribbon along a line of points: the teleport's arc.
     pub fn ribbon(&mut self, points: &[Vec3], colour: Vec3) {
-        // A line straight up or down has no side of its own: it takes the last one's.
+        // A vertical segment has no sideways direction of its own: it takes the last one's.
         let mut side = Vec3::X;
         let mut before: Option<[Vec3; 2]> = None;
         for (i, point) in points.iter().enumerate() {

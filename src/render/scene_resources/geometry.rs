@@ -10,7 +10,7 @@ use crate::gpu::{Buffer, BufferKind, Gpu, Upload};
 use crate::scene::cluster::Cluster;
 use crate::{Error, Result};
 
-/// The buffers, and which indices draw each cluster.
+/// The buffers, and each cluster's range of indices.
 pub struct Geometry {
     pub vertices: Arc<Buffer>,
     /// 32 bits each, into all vertices: ranges that lie next to each other can be drawn as one.
@@ -19,10 +19,10 @@ pub struct Geometry {
 }
 
 impl Geometry {
-    /// Uploads the clusters; one range each, in their order.
+    /// Uploads the clusters; returns one range per cluster, in their order.
     ///
     /// # Errors
-    /// More vertices or indices than Vulkan can number, or than there is memory for.
+    /// Too many vertices or indices for 32 bits or for the GPU's memory.
     pub fn new(gpu: &Arc<Gpu>, clusters: &[Cluster]) -> Result<Self> {
         let mut ranges = Vec::with_capacity(clusters.len());
         let (mut first_vertices, mut vertex, mut index) = (Vec::with_capacity(clusters.len()), 0, 0);

@@ -16,23 +16,23 @@ use crate::gpu::{
 use crate::scene::Material;
 use crate::{Error, Result};
 
-/// What textures leave free for pictures, light maps and other programs where no budget was given.
+/// GPU memory left free for pictures, light maps and other programs if no budget was given.
 const MARGIN_BYTES: u64 = 512 << 20;
 
-/// What a scene's textures take.
+/// The memory use of a scene's textures.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct TextureFacts {
     pub count: usize,
     /// On the GPU, all levels.
     pub bytes: u64,
-    /// With four bytes a texel and no level left out.
+    /// At four bytes per texel with all levels.
     pub raw_bytes: u64,
     pub budget_bytes: u64,
-    /// Top levels left out of the textures that lost most.
+    /// The most top levels that any texture lost.
     pub dropped_levels: u32,
 }
 
-/// The scene's textures from the levels on that are needed, and what they take.
+/// Uploads the levels of the scene's textures that are needed and fit; returns their memory use, too.
 pub fn upload(
     context: &Context,
     textures: &[MipChain],
@@ -73,7 +73,7 @@ pub fn upload(
     Ok((images, facts))
 }
 
-/// Sets of a base color, a normal and an ORM map, one for each different combination.
+/// Descriptor sets of a base color, a normal and an ORM map, one for each combination in use.
 pub struct TextureSets<'a> {
     pub all: Vec<DescriptorSet>,
     known: HashMap<[Option<usize>; 3], u32>,
@@ -114,7 +114,7 @@ impl<'a> TextureSets<'a> {
         })
     }
 
-    /// The index of a material's set, which is created if there is none like it.
+    /// The index of a material's set; creates it if there is none yet.
     pub fn index(&mut self, material: &Material) -> Result<u32> {
         let maps = [material.base_color_map, material.normal_map, material.orm_map];
         if let Some(index) = self.known.get(&maps) {
@@ -163,7 +163,7 @@ fn facts(textures: &[MipChain], firsts: &[u32], budget_bytes: u64) -> TextureFac
     }
 }
 
-/// One line on what had to go.
+/// A message about the levels left out.
 fn told(textures: &[MipChain], firsts: &[u32], facts: &TextureFacts) -> String {
     let mib = |bytes: u64| bytes as f64 / f64::from(1 << 20);
     let fewer = firsts.iter().filter(|first| **first > 0).count();

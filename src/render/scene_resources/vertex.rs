@@ -9,8 +9,8 @@ use crate::gpu::Format;
 use crate::reference::octahedral::pack_frame;
 use crate::scene::Vertex;
 
-/// Position and texture coordinates keep their 32 bits: in 16, walls that meet would come apart by a part of a pixel, and
-/// coordinates that run over several repetitions would miss a 2048² map's texels.
+/// Positions and texture coordinates keep 32 bits: with 16, adjacent walls would show gaps of a part of a pixel, and
+/// coordinates over several repetitions would be too coarse for the texels of a 2048² map.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 pub struct PackedVertex {
