@@ -1,5 +1,5 @@
-//! What every output shows: the current scene and its state, the wanted settings, the loader and the playlist. Outputs (a
-//! window, a headset, or both) draw it and pass on what the user asks for.
+//! State shared by all outputs: the current scene, the requested settings, the loader and the playlist. Outputs (a window, a
+//! headset, or both) draw it and pass on the user's requests.
 
 use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
@@ -12,10 +12,10 @@ use crate::context::Context;
 use crate::render::{Change, ControllerGizmos, CullOptions, Eye, FrameInputs, Lighting, RenderSettings};
 use crate::{Error, Result};
 
-/// The current scene, and what the user has changed of it.
+/// The current scene with the user's changes.
 pub struct ShownScene {
     pub loaded: Box<LoadedScene>,
-    /// Index of the camera chosen last.
+    /// The index of the last chosen camera.
     pub camera: usize,
     /// Stops.
     pub exposure_ev: f32,
@@ -25,7 +25,7 @@ pub struct ShownScene {
     pub world_from_models: Mat4,
     /// The file of the panorama that lights it; `None` for uniform light.
     panorama: Option<PathBuf>,
-    /// What [`ShownScene::reset`] turns the panorama to: another panorama than the scene's own starts unturned.
+    /// The rotation after [`ShownScene::reset`]: 0 for a panorama other than the scene's own.
     first_rotation: f32,
 }
 
@@ -43,14 +43,14 @@ impl ShownScene {
         }
     }
 
-    /// Exposure, panorama and models as they were at first.
+    /// Restores the initial exposure, panorama rotation and models.
     pub fn reset(&mut self) {
         self.exposure_ev = self.loaded.exposure_ev;
         self.environment_rotation = self.first_rotation;
         self.world_from_models = Mat4::IDENTITY;
     }
 
-    /// The scene as it is now; `fade` darkens it, 0 to 1.
+    /// The inputs of a frame of the scene; `fade` darkens it, 0 to 1.
     pub fn inputs<'a>(&self, eyes: &'a [Eye], fade: f32, gizmos: Option<&'a ControllerGizmos>) -> FrameInputs<'a> {
         FrameInputs {
             eyes,
@@ -64,7 +64,7 @@ impl ShownScene {
     }
 }
 
-/// What the user asks of the app with a controller's buttons.
+/// Requests made with a controller's buttons.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Requests {
     pub next_scene: bool,
@@ -72,9 +72,9 @@ pub struct Requests {
     pub next_shading: bool,
 }
 
-/// Something that the loader has finished.
+/// A result of the loader.
 pub enum Update {
-    /// Another scene is shown; whether there was one before.
+    /// Another scene is shown; whether there was one before it.
     Scene { replaced: bool },
     /// The scene is lit by the panorama of this name.
     Light(String),
@@ -92,10 +92,10 @@ pub struct App {
     playlist: Playlist,
     /// `None` until the first scene is loaded.
     pub scene: Option<ShownScene>,
-    /// How scenes are to be drawn: the one that is shown follows as soon as the loader has what that takes.
+    /// The requested settings; the shown scene changes to them when the loader has finished.
     settings: RenderSettings,
     target: Target,
-    /// Of the last request for pipelines.
+    /// The number of the last request for pipelines.
     pipelines: u64,
     /// Names of the files being loaded, in order.
     pub loading: VecDeque<String>,
@@ -125,7 +125,7 @@ impl App {
         })
     }
 
-    /// Starts loading a scene, whatever its name.
+    /// Starts loading a scene, whatever its file extension.
     pub fn open_scene(&mut self, path: &Path) {
         self.playlist.set_scene(path);
         self.loading.push_back(file_name(path));
@@ -158,10 +158,10 @@ impl App {
         self.loader.start(LoadRequest::Panorama { path: path.to_owned(), settings: self.settings.clone() });
     }
 
-    /// Draws for another target from now on: the current scene and those that are still loading.
+    /// Changes the target of the current scene and of those that are still loading.
     ///
     /// # Errors
-    /// Whatever stops making pipelines and images for another number of eyes; then nothing has changed.
+    /// Pipelines or images for another number of eyes cannot be made; then nothing has changed.
     pub fn set_target(&mut self, target: Target) -> Result<()> {
         if let Some(scene) = &mut self.scene {
             draw_for(scene, target.eyes)?;
@@ -174,7 +174,7 @@ impl App {
     /// Takes the oldest result of the loader, if there is one.
     ///
     /// # Errors
-    /// The first scene does not load; whatever stops putting a result on the GPU.
+    /// The first scene does not load, or a result cannot be put on the GPU.
     pub fn collect(&mut self) -> Result<Option<Update>> {
         let Some(result) = self.loader.take()? else { return Ok(None) };
         Ok(Some(match result {
@@ -198,7 +198,7 @@ impl App {
                     scene.loaded.renderer.set_pipelines(*pipelines)?;
                     Update::Settings
                 }
-                // Something else has been asked for meanwhile.
+                // Another request has replaced this one.
                 (Ok(_), _) => Update::Settings,
                 (Err(error), _) => Update::Failed(error),
             },
@@ -206,13 +206,13 @@ impl App {
         }))
     }
 
-    /// Draws with other settings as soon as what they take is there; until then the scene is drawn as before.
+    /// Requests other settings; until the loader has what they need, the scene is drawn as before.
     pub fn set_settings(&mut self, settings: RenderSettings) {
         self.settings = settings;
         self.follow_settings();
     }
 
-    /// Has the loader make what the shown scene needs for the current settings.
+    /// Asks the loader for whatever the shown scene needs for the current settings.
     fn follow_settings(&mut self) {
         let Some(scene) = &mut self.scene else { return };
         self.pipelines += 1;
@@ -242,7 +242,7 @@ impl App {
         self.set_settings(RenderSettings { shading, ..self.settings.clone() });
     }
 
-    /// Does what a controller's buttons ask for.
+    /// Handles requests made with a controller's buttons.
     ///
     /// # Errors
     /// None where files have the extensions that they were found by.
@@ -290,7 +290,7 @@ impl App {
     }
 }
 
-/// Draws for another number of eyes at once: nothing can be drawn for these before.
+/// Changes the number of eyes on the calling thread, as no frame can be drawn before.
 fn draw_for(scene: &mut ShownScene, eyes: u32) -> Result<()> {
     let renderer = &mut scene.loaded.renderer;
     if renderer.eyes() == eyes { Ok(()) } else { renderer.rebuild(renderer.settings().clone(), eyes) }

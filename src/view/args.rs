@@ -1,11 +1,11 @@
-//! Settings chosen by their cost or error instead of one by one.
+//! Command-line arguments that choose settings by their measured cost or error.
 
 use clap::{Args, Id};
 
 use crate::args::parse_positive;
 use crate::render::RenderSettings;
 
-/// Settings chosen by what they cost or give, from the measured ladder of the scene, instead of one by one.
+/// Settings chosen by cost or error from the measured ladder of the scene.
 #[derive(Args, Clone, Copy, Debug, Default, PartialEq)]
 #[group(multiple = false, conflicts_with_all = setting_flags())]
 pub struct Choice {
@@ -17,7 +17,7 @@ pub struct Choice {
     pub budget_ms: Option<f64>,
 }
 
-/// Every flag of the settings: a clap group has no members that are flattened in.
+/// All flags of the settings; a clap group does not include flattened arguments.
 fn setting_flags() -> Vec<Id> {
     RenderSettings::augment_args(clap::Command::new("settings"))
         .get_arguments()

@@ -54,7 +54,7 @@ impl BakeRequest {
     }
 }
 
-/// What baking did, for `--json`.
+/// Times and facts of a bake, for `--json`.
 #[derive(Serialize)]
 pub struct BakeFacts {
     pub panorama: PathBuf,
@@ -78,7 +78,7 @@ pub struct BakedFile {
     pub format: &'static str,
     /// Texels of level 0.
     pub size: [u32; 2],
-    /// 0 if it is no array.
+    /// Layers; 0 for a texture that is not an array.
     pub layers: u32,
     pub faces: u32,
     pub levels: usize,
@@ -166,8 +166,8 @@ fn write(gpu: &Arc<Gpu>, folder: &Path, light: &LightMaps, table: &BrdfTable) ->
     BAKED.iter().zip(textures).map(|(name, texture)| write_file(folder.join(name), &texture)).collect()
 }
 
-/// Maps that hold radiance / `scale` as a texture that holds radiance: in halves, bit for bit, unless scale says that
-/// these do not reach far enough.
+/// A texture of radiance from maps of radiance / `scale`: half floats, bit for bit, if the scale is 1, else full floats,
+/// because halves might overflow.
 fn radiance(gpu: &Arc<Gpu>, maps: &[&crate::gpu::Image], scale: f32) -> Result<Ktx2> {
     let texture = read_texture(gpu, maps)?;
     Ok(if scale > 1.0 && texture.format == TexelFormat::Rgba16Float { widen(texture, scale) } else { texture })
@@ -177,7 +177,7 @@ fn radiance(gpu: &Arc<Gpu>, maps: &[&crate::gpu::Image], scale: f32) -> Result<K
 fn widen(mut texture: Ktx2, scale: f32) -> Ktx2 {
     let number = |(i, bytes): (usize, &[u8])| {
         let half = f32::from(f16::from_le_bytes([bytes[0], bytes[1]]));
-        // Rounding to halves may have gone up from the largest of all floats.
+        // Rounding to halves may have rounded the largest float up.
         let value = if i % 4 < 3 { (half * scale).min(f32::MAX) } else { half };
         value.to_le_bytes()
     };

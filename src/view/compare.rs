@@ -13,7 +13,7 @@ use crate::{Error, Result, say};
 /// The files that `--maps` writes.
 const MAPS: [&str; 3] = ["a.png", "b.png", "flip.png"];
 
-/// Two pictures and what is written about them.
+/// Two pictures and the outputs of their comparison.
 #[derive(Args, Clone, Debug)]
 pub struct CompareRequest {
     pub a: PathBuf,

@@ -7,23 +7,23 @@ use glam::{Affine3A, Mat3, Mat4, Vec2, Vec3};
 use crate::render::Eye;
 use crate::scene::{Bounds, Camera};
 
-/// Radians that a drag over the picture's whole height turns.
+/// The rotation of a drag over the picture's height, radians.
 const ORBIT_RADIANS: f32 = PI;
 const LOOK_RADIANS: f32 = FRAC_PI_2;
-/// What one notch of the wheel multiplies: the distance while orbiting, the speed while flying.
+/// The factor of one notch of the wheel, on the distance (orbit) or the speed (fly).
 const ZOOM_PER_NOTCH: f32 = 0.9;
 const SPEED_PER_NOTCH: f32 = 1.25;
 /// Scene sizes per second.
 const FLY_SPEED: f32 = 0.5;
 const FAST: f32 = 4.0;
-/// How near and how far one gets, in scene sizes; also the slowest and fastest flight, per second.
+/// Limits of the distance in scene sizes, and of the speed in scene sizes per second.
 const NEAREST: f32 = 1e-3;
 const FARTHEST: f32 = 100.0;
 
-/// What drags, wheel and keys do.
+/// The mode of camera control.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Mode {
-    /// Drags turn the camera about a point, the wheel goes nearer and farther.
+    /// Drags turn the camera about a point; the wheel changes the distance.
     Orbit,
     /// Drags turn the head, keys move.
     Fly,
@@ -37,7 +37,7 @@ pub struct Control {
     target: Vec3,
     /// Radians about +Y, counter-clockwise seen from above; 0 looks along −Z.
     yaw: f32,
-    /// Radians upwards, −π/2 to π/2. The axes come from the angles, so looking straight down is as good as any.
+    /// Radians upwards, −π/2 to π/2. The axes come from the angles, so looking straight down is no special case.
     pitch: f32,
     /// Metres from the eye to the target.
     distance: f32,
@@ -53,7 +53,7 @@ pub struct Control {
 }
 
 impl Control {
-    /// Takes over a scene's camera; `bounds` (of the scene) set speed and range.
+    /// Starts at a scene's camera; the scene's `bounds` set speed and range.
     pub fn new(camera: &Camera, bounds: Bounds) -> Self {
         let distance = camera.position.distance(camera.target);
         let radius = bounds.radius();
@@ -88,7 +88,7 @@ impl Control {
         self.speed = FLY_SPEED;
     }
 
-    /// What drags, wheel and keys do now.
+    /// The current mode.
     pub fn mode(&self) -> Mode {
         self.mode
     }
@@ -156,7 +156,7 @@ impl Control {
         Mat3::from_rotation_y(self.yaw) * Mat3::from_rotation_x(self.pitch)
     }
 
-    /// Not beyond where the scene is a speck: there, single floats would lose it.
+    /// Keeps the eye near enough to the scene for the precision of f32.
     fn move_target(&mut self, by: Vec3) {
         let reach = (FARTHEST * self.size).max(self.target.distance(self.centre));
         self.target = self.centre + (self.target + by - self.centre).clamp_length_max(reach);
@@ -202,7 +202,7 @@ mod tests {
         let (target, distance) = (control.target, control.distance);
         let mut before = control.eye(1.0).world_from_view;
         for i in 0..2000 {
-            // Small steps that run into both poles again and again.
+            // Small steps that repeatedly reach both poles.
             control.turn(Vec2::new(0.004, if (i / 300) % 2 == 0 { 0.005 } else { -0.005 }));
             let now = control.eye(1.0).world_from_view;
             let axes = Mat3::from_mat4(now);

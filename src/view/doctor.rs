@@ -10,7 +10,7 @@ use crate::{Result, say};
 /// Prints the findings.
 ///
 /// # Errors
-/// No GPU will do: then nothing can be drawn on this machine.
+/// No GPU of this machine is usable.
 pub fn run() -> Result<()> {
     say!("pbr-vr {}", env!("CARGO_PKG_VERSION"));
     let gpus = survey();

@@ -4,7 +4,7 @@ use std::time::{Duration, Instant};
 
 use crate::gpu::PassTime;
 
-/// Averages are made over this time.
+/// The averaging period.
 const PERIOD: Duration = Duration::from_millis(500);
 /// The longest time step; after a stall, movement continues from where it was.
 const LONGEST_STEP: Duration = Duration::from_millis(100);
@@ -28,7 +28,7 @@ pub struct Rate {
     pub passes: Vec<PassTime>,
 }
 
-/// Fed once per frame.
+/// Measures frame times; called once per frame.
 #[derive(Default)]
 pub struct FrameClock {
     last: Option<Instant>,
@@ -36,7 +36,7 @@ pub struct FrameClock {
     time: Duration,
     recording: Duration,
     recorded: u32,
-    /// Sums, and over how many frames.
+    /// Sums and the number of frames.
     passes: Vec<(PassTime, u32)>,
     gpu: (f64, u32),
     rate: Option<Rate>,
@@ -55,7 +55,7 @@ impl FrameClock {
         step.min(LONGEST_STEP).as_secs_f32()
     }
 
-    /// Nothing is drawn for a while; that time does not count.
+    /// Pauses: time until the next frame does not count.
     pub fn pause(&mut self) {
         self.last = None;
     }

@@ -40,19 +40,19 @@ pub struct Connected {
 impl Connected {
     /// Begins a session.
     pub fn begin(self, v: HiddenAreaV) -> Result<Session> {
-        // Should it fail, its arguments are dropped in the right order: the runtime before our reference to the GPU.
+        // On failure, arguments are dropped in the right order: the runtime before our reference to the GPU.
         let Self { runtime, watchdog, gpu } = self;
         Session::new(runtime, &gpu, watchdog, v)
     }
 }
 
-/// Drop order: the runtime before the instance that it knows.
+/// Drop order: the runtime before the instance that it uses.
 struct Opening {
     runtime: Runtime,
     _instance: Arc<Instance>,
 }
 
-/// Connects, in the order that OpenVR demands: runtime, instance extensions, instance, its choice of a GPU, device
+/// Connects, in the order that OpenVR requires: runtime, instance extensions, instance, its choice of a GPU, device
 /// extensions, device.
 ///
 /// # Errors

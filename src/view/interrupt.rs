@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 
-/// How long exit handlers of libraries may take.
+/// The time limit for exit handlers of libraries.
 const EXIT_LIMIT: Duration = Duration::from_secs(3);
 /// The exit status of a process that is interrupted: 128 + SIGINT.
 const INTERRUPTED: i32 = 130;
@@ -18,18 +18,18 @@ static WAKE: Mutex<Option<Wake>> = Mutex::new(None);
 /// Handles signals from now on; after each first one, `wake` is called on another thread.
 pub fn listen(wake: impl Fn() + Send + 'static) {
     *lock() = Some(Box::new(wake));
-    // Fails where it is already set, which is harmless, and where the system refuses: then signals kill, as they did before.
+    // Fails if a handler is already set, which is harmless, or if the system refuses: then signals end the process as by default.
     if let Err(error) = ctrlc::set_handler(on_signal) {
         tracing::debug!("signals are not handled: {error}");
     }
 }
 
-/// Signals end the process at once again: no loop looks at [`is_requested`] any more.
+/// From now on, signals end the process at once, because no loop checks [`is_requested`] any more.
 pub fn stop_listening() {
     *lock() = None;
 }
 
-/// Whether a signal asks for the end.
+/// Whether a signal has requested the end.
 pub fn is_requested() -> bool {
     REQUESTED.load(Ordering::Relaxed)
 }

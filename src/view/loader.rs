@@ -44,14 +44,14 @@ pub struct LoadedScene {
     pub bounds: Bounds,
     /// World heights of the floor under each camera.
     pub floors: Vec<f32>,
-    /// As the scene's file has it, stops.
+    /// The scene file's exposure, stops.
     pub exposure_ev: f32,
-    /// As the scene's file has it, radians about +Y.
+    /// The scene file's rotation of the panorama about +Y, radians.
     pub environment_rotation: f32,
 }
 
 impl LoadedScene {
-    /// Builds all pipelines again from the shaders as they are now; on an error the old ones stay.
+    /// Builds all pipelines again from the current shaders; on an error the old ones stay.
     ///
     /// # Errors
     /// A shader that does not compile.
@@ -62,17 +62,17 @@ impl LoadedScene {
     }
 }
 
-/// What a scene is drawn for.
+/// The target that a scene is drawn for.
 #[derive(Clone)]
 pub struct Target {
     /// Pixels of one eye's picture.
     pub size: [u32; 2],
     pub eyes: u32,
-    /// What a headset's lenses hide of each eye's picture: triangles, three corners each, 0 to 1, v downwards.
+    /// The hidden area of each eye's picture: triangles, three corners each, 0 to 1, v downwards.
     pub hidden: [Vec<[f32; 2]>; 2],
 }
 
-/// What the loader can be asked for.
+/// Requests to the loader.
 pub enum LoadRequest {
     Scene {
         path: PathBuf,
@@ -83,18 +83,18 @@ pub enum LoadRequest {
         path: PathBuf,
         settings: RenderSettings,
     },
-    /// The number says which request a result belongs to.
+    /// Pipelines; the number identifies the request in its result.
     Pipelines(u64, PipelineRequest),
     /// RGBA, 8 bits a channel.
     Screenshot {
         pixels: Vec<u8>,
         size: [u32; 2],
     },
-    /// Free a scene that is no longer drawn: that takes the queue's lock once for each of its GPU objects.
+    /// Free a scene that is no longer drawn, which locks the queue once per GPU object.
     Discard(Box<LoadedScene>),
 }
 
-/// What came of a request, in the same order; nothing for [`LoadRequest::Discard`].
+/// Results in the order of requests; [`LoadRequest::Discard`] has none.
 pub enum LoadResult {
     Scene(Result<Box<LoadedScene>>),
     Panorama { path: PathBuf, settings: RenderSettings, lighting: Result<Box<Lighting>> },
@@ -102,7 +102,7 @@ pub enum LoadResult {
     Screenshot(Result<PathBuf>),
 }
 
-/// The thread. When dropped, it finishes the request under way, writes the remaining screenshots, and ends.
+/// The loader's thread. On drop it finishes the current request, writes the remaining screenshots, and ends.
 pub struct Loader {
     requests: Option<Sender<LoadRequest>>,
     results: Receiver<LoadResult>,
@@ -127,7 +127,7 @@ impl Loader {
                     continue;
                 }
                 if let Some(result) = perform(&context, request) {
-                    // The receiver outlives this thread, which its owner joins.
+                    // The receiver outlives this thread, because its owner joins the thread.
                     let _ = sender.send(result);
                     wake();
                 }
@@ -142,7 +142,7 @@ impl Loader {
 
     /// Puts a request at the end of the queue.
     pub fn start(&self, request: LoadRequest) {
-        // It fails only if the thread has died, which `take` reports.
+        // This fails only if the thread has panicked, which `take` reports.
         if let Some(requests) = &self.requests {
             let _ = requests.send(request);
         }
@@ -151,7 +151,7 @@ impl Loader {
     /// The oldest result not yet taken.
     ///
     /// # Errors
-    /// [`Error::Window`] where the thread has died.
+    /// [`Error::Window`] if the thread has panicked.
     pub fn take(&self) -> Result<Option<LoadResult>> {
         match self.results.try_recv() {
             Ok(result) => Ok(Some(result)),
@@ -177,7 +177,7 @@ impl Drop for Loader {
     }
 }
 
-/// Wakes the output even if the thread dies.
+/// Wakes the output even if the thread panics.
 struct WakeAtEnd<F: Fn()>(F);
 
 impl<F: Fn()> Drop for WakeAtEnd<F> {
@@ -187,7 +187,7 @@ impl<F: Fn()> Drop for WakeAtEnd<F> {
 }
 
 fn perform(context: &Context, request: LoadRequest) -> Option<LoadResult> {
-    // Warnings are printed, but those of hours of loading need not be kept.
+    // Warnings have been printed; keeping them would only use memory.
     let context = &Context { report: Arc::new(Report::to_terminal()), ..context.clone() };
     match request {
         LoadRequest::Scene { path, settings, target } => {

@@ -1,4 +1,4 @@
-//! `needs`: what is modelled for a scene, what is left out, and why.
+//! `needs`: the features that a scene's shaders model, those left out, and why.
 
 use std::path::PathBuf;
 
@@ -11,7 +11,7 @@ use crate::scene::load::files as scene_files;
 use crate::scene::needs::findings::Findings;
 use crate::{Result, say};
 
-/// A scene, and where its findings are written.
+/// A scene and the file for the findings.
 #[derive(Args, Clone, Debug)]
 pub struct NeedsRequest {
     /// A scene description (.toml) or a model (.obj).
@@ -28,7 +28,7 @@ pub struct NeedsRequest {
 pub fn needs(request: &NeedsRequest, report: &Report) -> Result<()> {
     let NeedsRequest { scene, json } = request;
     Outputs::of(scene_files(scene)).file_if(json.as_deref())?;
-    // Nothing is drawn: compressing would only take time.
+    // Nothing is drawn, so textures need not be compressed.
     let textures = TextureOptions { storage: Storage::Raw, ..TextureOptions::default() };
     let findings = Findings::of(&load_scene(scene, &textures, report)?);
     say!("{}: {} triangles, {}", scene.display(), findings.triangles, findings.lines().join("\n  "));

@@ -12,7 +12,7 @@ pub struct Playlist {
     panoramas: Cycle,
 }
 
-/// Files in order, and the current one's index, where it is among them.
+/// Files in order, and the index of the current one, if it is among them.
 #[derive(Default)]
 struct Cycle {
     files: Vec<PathBuf>,
@@ -31,7 +31,7 @@ impl Playlist {
         Self { scenes, panoramas: Cycle::new(&folder.join("panoramas"), &["hdr", "exr"]) }
     }
 
-    /// A scene (description or model) is shown now, under its own panorama.
+    /// Notes that a scene (description or model) is shown, under its own panorama.
     pub fn set_scene(&mut self, scene: &Path) {
         self.scenes.set(scene);
         let environment = Description::load(scene).ok().and_then(|description| description.environment);
@@ -39,12 +39,12 @@ impl Playlist {
         self.panoramas.set(panorama.as_deref().unwrap_or(Path::new(shipped::PANORAMA)));
     }
 
-    /// A panorama is shown now.
+    /// Notes that a panorama is shown.
     pub fn set_panorama(&mut self, panorama: &Path) {
         self.panoramas.set(panorama);
     }
 
-    /// The scene after the one that is shown or was asked for last; `None` if there is no other.
+    /// The scene after the one that is shown or was requested last; `None` if there is no other.
     pub fn next_scene(&mut self) -> Option<PathBuf> {
         self.scenes.next()
     }
@@ -64,7 +64,7 @@ impl Cycle {
         Self { files, at: None }
     }
 
-    /// Goes to a file, by name; before the first if it is not among them.
+    /// Makes a file the current one, by name; if it is not among them, the next is the first.
     fn set(&mut self, file: &Path) {
         self.at = self.files.iter().position(|known| known.file_name() == file.file_name());
     }

@@ -25,7 +25,7 @@ use crate::scene::needs::resolution::Viewpoint;
 use crate::scene::{Camera, Scene};
 use crate::{Error, Result, say};
 
-/// A picture of a scene, and where it is written.
+/// A picture of a scene and its output file.
 #[derive(Args, Clone, Debug, PartialEq)]
 pub struct RenderRequest {
     /// A scene description (.toml) or a model (.obj).
@@ -71,7 +71,7 @@ impl RenderRequest {
         }
     }
 
-    /// Checks that the outputs can be written and are no inputs.
+    /// Checks that the outputs can be written and are not inputs.
     ///
     /// # Errors
     /// The first output that cannot be used.
@@ -95,7 +95,7 @@ impl RenderRequest {
     }
 }
 
-/// What a render was made of, for `--json`.
+/// Times and facts of a render, for `--json`.
 #[derive(Serialize)]
 pub struct RenderFacts {
     pub scene: PathBuf,
@@ -114,7 +114,7 @@ pub struct RenderFacts {
     /// precompute. What is found in the cache is neither decoded nor compressed.
     pub stages_ms: BTreeMap<&'static str, f64>,
     pub textures: TextureFacts,
-    /// GPU time of each precompute pass; those from the cache say so by name.
+    /// GPU time of each precompute pass; names of those taken from the cache say so.
     pub precompute: Vec<PassTime>,
     /// GPU time of each pass, one list per frame.
     pub gpu_frames: Vec<Vec<PassTime>>,
@@ -141,7 +141,7 @@ pub fn render(request: &RenderRequest, setup: &Setup<'_>) -> Result<RenderFacts>
     let messages = context.gpu.messages();
     let open_ms = ms_since(started);
     let settings = RenderSettings { output, ..request.settings.clone() };
-    // Better now than after loading.
+    // Errors are better found before loading.
     check_size(&context, request.size, if request.stereo { 2 } else { 1 }, &settings)?;
     let started = Instant::now();
     let mut scene = load_scene(&request.scene, &settings.textures.options(&context), &context.report)?;
@@ -157,7 +157,7 @@ pub fn render(request: &RenderRequest, setup: &Setup<'_>) -> Result<RenderFacts>
     let viewpoint = Some(Viewpoint::new(eye.position(), around_metres, tangents, request.size));
     let settings = RenderSettings { viewpoint, ..settings };
     let mut renderer = Renderer::new(&context, &scene, settings, request.size, eyes.len() as u32)?;
-    // They are on the GPU now.
+    // The textures are on the GPU now.
     scene.textures = Vec::new();
     let prepare_ms = open_ms + ms_since(started);
     let started = Instant::now();
@@ -199,7 +199,7 @@ pub fn find_camera<'a>(scene: &'a Scene, name: Option<&str>) -> Result<&'a Camer
     })
 }
 
-/// Draws frames; returns the GPU times of each and what recording each took.
+/// Draws frames; returns the GPU times and the recording time of each.
 fn draw(
     context: &Context,
     renderer: &mut Renderer,
@@ -222,7 +222,7 @@ fn draw(
     Ok((times, record_ms))
 }
 
-/// The slot of the last of so many frames.
+/// The slot of the last of `frames` frames.
 fn last_slot(frames: u64) -> usize {
     usize::try_from((frames.max(1) - 1) % FRAMES_IN_FLIGHT as u64).unwrap_or(0)
 }

@@ -12,12 +12,12 @@ use crate::render::RenderSettings;
 use crate::scene::load::files as scene_files;
 use crate::{Error, Result};
 
-/// A scene, and where and how it is shown.
+/// A scene and how to show it.
 #[derive(Args, Clone, Debug, Default, PartialEq)]
 pub struct ViewRequest {
     /// A scene description (.toml) or a model (.obj); the demo if left out.
     pub scene: Option<PathBuf>,
-    /// Where to show it.
+    /// The output.
     #[arg(long, value_enum, default_value_t)]
     pub on: On,
     /// Stop after this many frames.
@@ -26,7 +26,7 @@ pub struct ViewRequest {
     /// Which way v points in the headset's hidden area; `off` draws that, too.
     #[arg(long, value_enum, default_value_t)]
     pub hidden_area: HiddenAreaV,
-    /// What the window beside a headset shows.
+    /// What the mirror window of a headset shows.
     #[arg(long, value_enum, default_value_t)]
     pub mirror: Mirror,
     /// Write times and facts of the run, as JSON.
@@ -47,7 +47,7 @@ pub enum On {
     Window,
 }
 
-/// What a window beside the headset shows.
+/// The content of a headset's mirror window.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
 pub enum Mirror {
     /// Both eyes, side by side.
@@ -57,18 +57,18 @@ pub enum Mirror {
     Right,
 }
 
-/// Which outputs the window's event loop is to open.
+/// The outputs that the window's event loop opens.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Wanted {
     Window,
-    /// The headset, mirrored in the window; the window alone if that fails.
+    /// The headset, mirrored in the window; if that fails, the window alone.
     Headset,
     /// The headset, or an error.
     HeadsetOnly,
 }
 
 impl ViewRequest {
-    /// The scene's file: the one that is named, or the demo.
+    /// The scene's file: as given, or the demo.
     ///
     /// # Errors
     /// The demo is not found.
@@ -76,7 +76,7 @@ impl ViewRequest {
         self.scene.clone().map_or_else(|| Ok(shipped::folder()?.join(shipped::DEMO)), Ok)
     }
 
-    /// Checks that the report can be written and is no input.
+    /// Checks that the report can be written and is not an input.
     ///
     /// # Errors
     /// [`Error::Usage`], [`Error::Write`]; the demo is not found.

@@ -1,4 +1,4 @@
-//! The desktop window: the event loop, and when the window and the GPU come and go.
+//! The desktop window: event loop, and lifetime of the window and the GPU.
 
 pub mod console;
 mod desktop_failure;
@@ -30,19 +30,19 @@ use crate::gpu::{Gpu, GpuOptions, Messages};
 use crate::{Error, Result, say};
 use viewer::Viewer;
 
-/// While a window is dragged or its menu is open, Windows runs a loop of its own, which never comes to `about_to_wait`, but
-/// paints. Elsewhere winit comes to `about_to_wait` after each painting.
+/// While a window is dragged or its menu is open, Windows runs a modal loop, in which winit emits redraws but never
+/// `about_to_wait`. Elsewhere `about_to_wait` follows every redraw.
 const HAS_MODAL_LOOPS: bool = cfg!(windows);
 /// Logical pixels.
 const SIZE: LogicalSize<u32> = LogicalSize::new(1280, 720);
 
-/// Shows a scene in a window until that is closed, or for as many frames as asked for; and in a headset, if wanted, with the
-/// window as its mirror. `no_headset`, if known, is why there is no headset, and is printed with the window. Returns why no
-/// window could be opened, if so; then nothing has been shown.
+/// Shows a scene in a window until it is closed or the requested number of frames is reached; if requested, also in a
+/// headset, with the window as its mirror. `no_headset` is the known reason why there is no headset; it is printed. Returns
+/// the reason if no window could be opened; then nothing has been shown.
 ///
 /// # Errors
-/// Whatever stops loading or drawing; a headset that is wanted before all else and cannot be had; validation messages where
-/// asked for.
+/// Whatever stops loading or drawing; a required headset that is not available; validation messages where
+/// validation was asked for.
 pub fn run(
     request: &ViewRequest,
     setup: &Setup<'_>,
@@ -92,7 +92,7 @@ fn window_error(error: impl std::fmt::Display) -> Error {
 
 fn problem_of(error: &impl std::fmt::Display) -> String {
     let text = error.to_string();
-    // Winit begins with the line of its source, which means nothing to users.
+    // Winit's messages begin with a source location, which means nothing to users.
     let what = text.strip_prefix("os error at ").and_then(|rest| rest.split_once(": "));
     what.map_or(text.as_str(), |(_, what)| what).to_owned()
 }
@@ -104,12 +104,12 @@ struct EventHandler<'a> {
     no_headset: Option<&'a str>,
     proxy: EventLoopProxy<()>,
     viewer: Option<Viewer>,
-    /// Whether there has been a viewer.
+    /// Whether a viewer has ever been created.
     opened: bool,
     messages: Option<Arc<Messages>>,
-    /// What ended the program early.
+    /// The error that ended the program early.
     failure: Option<Error>,
-    /// Whether the report could be written.
+    /// The result of writing the report.
     reported: Result<()>,
     /// Whether `about_to_wait` has drawn for the headset since the last redraw.
     waited: bool,
@@ -152,7 +152,7 @@ impl EventHandler<'_> {
         }
     }
 
-    /// Calls `act` with the viewer, if there is one; a failure ends the program.
+    /// Calls `act` with the viewer, if there is one; an error ends the program.
     fn with(&mut self, event_loop: &ActiveEventLoop, act: impl FnOnce(&mut Viewer) -> Result<()>) {
         // After the first failure there are no more attempts: the device may be gone.
         let Some(viewer) = self.viewer.as_mut().filter(|_| self.failure.is_none()) else { return };
@@ -162,7 +162,8 @@ impl EventHandler<'_> {
         }
     }
 
-    /// Requests a redraw, so that frames go on in a modal loop: it shows as two redraws without `about_to_wait` in between.
+    /// Requests a redraw, so that frames go on in a modal loop, which is detected by two redraws without `about_to_wait`
+    /// between them.
     fn keep_painting(&mut self) {
         let viewer = self.viewer.as_mut().filter(|viewer| HAS_MODAL_LOOPS && viewer.is_in_headset());
         if let Some(viewer) = viewer.filter(|_| self.failure.is_none())

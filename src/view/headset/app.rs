@@ -1,4 +1,4 @@
-//! The app with a headset as its only output: frames, and the end.
+//! The app with a headset as its only output: frame loop and shutdown.
 
 use std::time::Duration;
 
@@ -15,7 +15,7 @@ const POLL: Duration = Duration::from_millis(10);
 /// Shows a scene in a connected headset until the runtime, a signal or the number of frames ends it.
 ///
 /// # Errors
-/// [`Error::Headset`] where it is lost on the way; whatever stops loading or drawing; validation messages where asked for.
+/// [`Error::Headset`] if the headset is lost; whatever stops loading or drawing; validation messages where asked for.
 pub fn run(request: &ViewRequest, connected: Connected, setup: &Setup<'_>) -> Result<()> {
     let scene = request.scene()?;
     let context = setup.with(&connected.gpu);

@@ -1,16 +1,16 @@
-//! Meaning of the runtime's codes: refusals at the start, and errors of the frame loop's calls.
+//! Meaning of the runtime's error codes: at initialisation, and of the frame loop's calls.
 
 use std::fmt;
 
 use openvr_sys as sys;
 use serde::{Deserialize, Serialize};
 
-/// The runtime refused to start.
+/// The runtime's initialisation failed.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Refusal {
     /// EVRInitError.
     pub code: u32,
-    /// What the loader or the runtime calls it.
+    /// The loader's or the runtime's name for it.
     pub words: String,
 }
 
@@ -49,17 +49,17 @@ impl fmt::Display for Refusal {
 /// What to do after WaitGetPoses or Submit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum After {
-    /// All is well.
+    /// No error.
     Continue,
-    /// Normal before the first frame and while the runtime's own dashboard has the eyes: go on, and go on submitting.
+    /// Normal before the first frame and while the dashboard is open: continue submitting.
     NoFocus,
-    /// This frame is not seen; the next may be. Count it and say so once.
+    /// This frame is lost; the next may be shown. Count it and report it once.
     FrameLost(&'static str),
-    /// No frame will ever be seen.
+    /// No frame will be shown any more.
     GiveUp(&'static str),
 }
 
-/// What a code of the compositor means.
+/// The reaction to a code of the compositor.
 pub fn after(code: sys::EVRCompositorError) -> After {
     match code {
         sys::EVRCompositorError_VRCompositorError_None => After::Continue,

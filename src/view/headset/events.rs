@@ -2,22 +2,22 @@
 
 use openvr_sys as sys;
 
-/// What has happened.
+/// An event of the runtime.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Event {
-    /// The runtime closes; we have to go.
+    /// The runtime asks the program to quit.
     Quit,
-    /// Distance between the eyes, or the lenses: ask for the optics again.
+    /// The eyes' distance or the lenses changed: query the optics again.
     OpticsChanged,
-    /// A device came; 0 is the headset.
+    /// A device was connected; 0 is the headset.
     DeviceOn(u32),
-    /// A device went.
+    /// A device was disconnected.
     DeviceOff(u32),
-    /// The runtime's own menu came up or went away.
+    /// The dashboard was opened or closed.
     Dashboard(bool),
-    /// We draw on a GPU that the headset does not hang on.
+    /// The program uses a GPU that the headset is not connected to.
     WrongGpu,
-    /// Nothing of ours.
+    /// Not relevant to this program.
     Other(u32),
 }
 
@@ -49,7 +49,7 @@ mod tests {
         assert_eq!((Event::new(105, 0), Event::new(110, 0)), (Event::OpticsChanged, Event::OpticsChanged));
         assert_eq!((Event::new(100, 2), Event::new(101, 0)), (Event::DeviceOn(2), Event::DeviceOff(0)));
         assert_eq!((Event::new(502, 0), Event::new(503, 0)), (Event::Dashboard(true), Event::Dashboard(false)));
-        // Other programs' leaving is none of our business.
+        // The end of other programs is not relevant.
         assert_eq!((Event::new(701, 0), Event::new(99_999, 0)), (Event::Other(701), Event::Other(99_999)));
     }
 }

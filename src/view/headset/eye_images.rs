@@ -18,9 +18,9 @@ pub struct EyeImages {
 }
 
 impl EyeImages {
-    /// Of `size` pixels each.
+    /// Creates images of `size` pixels.
     pub fn new(gpu: &Arc<Gpu>, size: [u32; 2]) -> Result<Self> {
-        // What a compositor may do with them: copy, sample, resolve.
+        // A compositor may copy, sample or resolve them.
         let usage = ImageUsageFlags::TRANSFER_SRC
             | ImageUsageFlags::TRANSFER_DST
             | ImageUsageFlags::SAMPLED
@@ -31,7 +31,7 @@ impl EyeImages {
     }
 
     /// Copies the upper left `area` of both layers of a picture and leaves the pair in layout TRANSFER_SRC_OPTIMAL, as
-    /// OpenVR demands. The last column and row are repeated once beyond the area: filtering at its edge reads them.
+    /// OpenVR requires. The last column and row are repeated once beyond the area: filtering at its edge reads them.
     pub fn fill(&self, commands: &mut Commands<'_>, slot: usize, picture: &Image, area: [u32; 2]) {
         commands.pass("eyes", |commands| {
             let (areas, count) = with_border(area, picture.desc().size);
@@ -44,7 +44,7 @@ impl EyeImages {
         });
     }
 
-    /// What the runtime has to know of a pair.
+    /// The description of a pair for the runtime.
     pub fn pictures(&self, slot: usize) -> [EyePicture; 2] {
         self.pairs[slot].each_ref().map(|image| EyePicture {
             handles: self.handles,

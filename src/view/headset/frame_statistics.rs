@@ -21,7 +21,7 @@ pub struct FrameTiming {
     pub index: u32,
     /// `m_nNumFramePresents`: times this frame was shown.
     pub presents: u32,
-    /// `m_nNumMisPresented`: of these, at another refresh than foreseen.
+    /// `m_nNumMisPresented`: of these, at another refresh than planned.
     pub mispresented: u32,
     /// `m_nNumDroppedFrames`: times the frame before was scanned out once more.
     pub dropped: u32,
@@ -47,7 +47,7 @@ impl FrameTiming {
         self.flags & REASON_GPU != 0
     }
 
-    /// Refreshes that the runtime makes us leave out after each frame: 1 is half the display's rate.
+    /// Refreshes that the runtime makes the program skip after each frame: 1 is half the display's rate.
     pub fn throttled(self) -> u32 {
         self.flags >> THROTTLE_SHIFT & THROTTLE_MASK
     }
@@ -56,20 +56,20 @@ impl FrameTiming {
 /// Sums since the start.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct FrameStatistics {
-    /// Frames of ours that were seen by the compositor.
+    /// The program's frames that the compositor received.
     pub frames: u64,
-    /// Times that any of them was shown.
+    /// How often they were shown, in total.
     pub presents: u64,
     pub mispresented: u64,
     pub dropped: u64,
-    /// Frames that were shown again for want of a newer one, by choice of the runtime or not.
+    /// Frames that were shown again because there was no newer one, whether or not the runtime chose so.
     pub reprojected: u64,
-    /// Frames for which the compositor gives our CPU, our GPU as its reason to reuse a picture.
+    /// Frames reused because the program's CPU work, or its GPU work, was late, according to the compositor.
     pub late_cpu: u64,
     pub late_gpu: u64,
     /// Frames with motion smoothing.
     pub smoothed: u64,
-    /// Frames at a part of the display's rate because the runtime said so.
+    /// Frames at a part of the display's rate because the runtime throttled the program.
     pub throttled: u64,
     last: Option<FrameTiming>,
 }
@@ -99,7 +99,7 @@ impl FrameStatistics {
         self.last
     }
 
-    /// Frames per second that the runtime asks of us now, on a display of `refresh_hz`.
+    /// Frames per second that the runtime currently asks for, on a display of `refresh_hz`.
     pub fn rate_hz(&self, refresh_hz: f32) -> f32 {
         refresh_hz / (1 + self.last.map_or(0, FrameTiming::throttled)) as f32
     }

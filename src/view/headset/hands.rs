@@ -1,4 +1,4 @@
-//! Controllers at work: teleport and snap turns, grabbed models, requests for other scenes; and the gizmos that show it.
+//! Interaction by controllers: teleport, snap turns, grabbing models, requests for other scenes; and their gizmos.
 
 use glam::{Mat4, Vec3};
 
@@ -12,11 +12,11 @@ use crate::asset::shipped;
 use crate::render::ControllerGizmos;
 use crate::view::app::{Requests, ShownScene};
 
-/// Linear display colours: wands and rays, and arcs that lead nowhere.
+/// Linear display colours: wands and rays, and arcs without a landing.
 const LIGHT: Vec3 = Vec3::new(0.75, 0.8, 0.85);
 const GO: Vec3 = Vec3::new(0.1, 0.7, 0.3);
 const NO_GO: Vec3 = Vec3::new(0.8, 0.15, 0.1);
-/// How far a ray reaches: it only shows where the hand points.
+/// The length of a ray, which only shows the hand's direction.
 const RAY_METRES: f32 = 0.35;
 
 /// The result of one frame of input.
@@ -35,7 +35,7 @@ pub struct Hands {
     actions: Option<Actions>,
     /// `None` until the scene's first frame.
     rig: Option<Rig>,
-    /// Whether the place was found from a real pose of the head.
+    /// Whether the rig was placed by a real pose of the head.
     settled: bool,
     camera: usize,
     teleport_fade: TeleportFade,
@@ -58,7 +58,7 @@ impl Hands {
         self.teleport_fade = TeleportFade::default();
     }
 
-    /// What is drawn of the hands.
+    /// The gizmos to draw.
     pub fn gizmos(&self) -> &ControllerGizmos {
         &self.gizmos
     }

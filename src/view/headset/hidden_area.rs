@@ -2,7 +2,7 @@
 
 use clap::ValueEnum;
 
-/// Cells along a side of the grid on which the share is counted.
+/// Cells along a side of the grid for [`share`].
 const GRID: usize = 512;
 
 /// Whether hidden pixels are left out, and which way up the runtime gives them.
@@ -19,7 +19,7 @@ pub enum HiddenAreaV {
 }
 
 impl HiddenAreaV {
-    /// Corners with v downwards, as pictures have it; none if everything is drawn.
+    /// The corners with v downwards, as in pictures; none for `Off`.
     pub fn downwards(self, corners: &[[f32; 2]]) -> Vec<[f32; 2]> {
         match self {
             Self::Up => corners.iter().map(|[u, v]| [*u, 1.0 - v]).collect(),

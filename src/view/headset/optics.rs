@@ -1,4 +1,4 @@
-//! How the eyes see: frustums and places on the head, and where the head is, from the runtime's raw numbers.
+//! Optics of the eyes (frusta and poses relative to the head) and the head's pose, from the runtime's raw numbers.
 
 use glam::{Mat3, Mat4, Vec4};
 use openvr_sys as sys;
@@ -16,10 +16,10 @@ pub struct Optics {
 }
 
 impl Optics {
-    /// From the raw projection: left, right, "top", "bottom". What it calls top is the tangent downwards, below 0.
+    /// From the raw projection: left, right, "top", "bottom". Its "top" is the downward tangent, below 0.
     ///
     /// # Errors
-    /// Numbers that are no frustum, or no rigid place.
+    /// The numbers are not a frustum or not a rigid transform.
     pub fn new([left, right, top, bottom]: [f32; 4], head_from_eye: Mat4) -> Result<Self> {
         let problem = |what| Error::Headset { problem: format!("its runtime gives an eye that has {what}") };
         let finite = [left, right, top, bottom].iter().all(|t| t.is_finite());
@@ -39,7 +39,7 @@ impl Optics {
     }
 }
 
-/// Rows to a matrix.
+/// A matrix from its rows.
 pub fn matrix(rows: &sys::HmdMatrix34_t) -> Mat4 {
     let [x, y, z] = rows.m.map(Vec4::from_array);
     Mat4::from_cols(x, y, z, Vec4::W).transpose()
@@ -50,7 +50,7 @@ fn is_rigid(matrix: &Mat4) -> bool {
     matrix.is_finite() && (turn * turn.transpose()).abs_diff_eq(Mat3::IDENTITY, 1e-2) && turn.determinant() > 0.0
 }
 
-/// Where the headset is, as last known.
+/// The last known pose of the headset.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Head {
     /// In the play space: metres, floor at y = 0.

@@ -15,30 +15,30 @@ use super::runtime::{Role, Runtime};
 use crate::error::shortened;
 use crate::say;
 
-/// The hidden subcommand that the child is started with.
+/// The hidden subcommand of the child.
 pub const SUBCOMMAND: &str = "probe-headset";
-/// How long the answer is waited for.
+/// The time limit for the child.
 const LIMIT: Duration = Duration::from_secs(15);
 /// How often the child is polled.
 const TICK: Duration = Duration::from_millis(10);
-/// How long output is waited for after the child has ended.
+/// The time limit for the child's output after it has ended.
 const REST: Duration = Duration::from_millis(500);
-/// Characters of the runtime's last line that are shown where it dies.
+/// Characters of the runtime's last line that are shown if it crashes.
 const LONGEST_REASON: usize = 200;
 
-/// What the child found.
+/// The child's result.
 #[derive(Debug, PartialEq, Eq, Serialize, Deserialize)]
 enum Answer {
-    /// Runtime and headset are there; the headset's name if the runtime was running already.
+    /// There are a runtime and a headset; the headset's name if the runtime was running already.
     Ready(Option<String>),
     NoHeadset,
     Refused(Refusal),
 }
 
-/// Looks for a runtime, then asks it in a child process. Returns the headset's name if the runtime knows it already.
+/// Looks for a runtime, then probes it in a child process. Returns the headset's name if the runtime was running already.
 ///
 /// # Errors
-/// One line: why there is no headset, and what to do.
+/// One line that says why there is no headset and what to do.
 pub fn probe() -> Result<Option<String>, String> {
     check_registry()?;
     let program = std::env::current_exe().map_err(|e| format!("the headset cannot be asked for ({e})"))?;
@@ -108,15 +108,15 @@ fn read_in_background(pipe: impl io::Read + Send + 'static) -> Receiver<String> 
     lines
 }
 
-/// What a pipe held. Waits a little for the rest: another process may have inherited the pipe and keep it open.
+/// The content of a pipe. Waits a little for the rest: another process may have inherited the pipe and keep it open.
 fn collect(lines: Receiver<String>) -> String {
     let until = Instant::now() + REST;
     std::iter::from_fn(|| lines.recv_timeout(until.saturating_duration_since(Instant::now())).ok()).collect()
 }
 
-/// The child's part: prints what it finds as one line of JSON.
+/// The child's part: prints its result as a line of JSON.
 pub fn answer() {
-    // Plain data always has a text.
+    // Serialising plain data cannot fail.
     say!("{}", serde_json::to_string(&ask()).unwrap_or_default());
 }
 

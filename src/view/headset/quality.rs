@@ -4,37 +4,37 @@
 //! frame, predict from 85 %, raise under 70 %. Pure: the same times give the same levels. Multisampling stays as it is;
 //! changing it would need other images and pipelines.
 
-/// Parts of the frame's budget.
+/// Thresholds, as parts of the frame's budget.
 const RAISE_UNDER: f32 = 0.70;
 const PREDICT_FROM: f32 = 0.85;
 const LOWER_ABOVE: f32 = 0.90;
-/// What a frame that was too slow is brought to: between raising and predicting.
+/// The target after a frame that was too slow, between the thresholds for raising and predicting.
 const AIM: f32 = 0.75;
-/// Part of a frame's time that pixels do not change (vertices, shadows), assumed when the area shrinks; when it grows, none
-/// is, so that both estimates err towards slow.
+/// The part of a frame's time that does not depend on pixels (vertices, shadows), assumed when the area shrinks; 0 is
+/// assumed when it grows, so that both estimates err towards slow.
 const FIXED_SHARE: f32 = 0.2;
 /// Levels per halving of the area. A step of 2^(1/4) = 1.19 takes a frame from under 70 % to no more than 84 %: raising
 /// never leads straight back.
 const LEVELS_PER_HALF: i32 = 4;
 /// The smallest area is a quarter of the largest: half the width, half the height.
 const LEVELS: i32 = 2 * LEVELS_PER_HALF + 1;
-/// Pixels: what sizes are multiples of, except the largest.
+/// Sizes are multiples of this many pixels, except the largest.
 const MULTIPLE: u32 = 8;
-/// Levels that one slow frame alone takes off: it may be a hiccup of the system.
+/// The most levels to drop after a single slow frame, which may be an outlier.
 const FIRST_STEP: usize = 2;
-/// Frames between the last result and the frame that is decided upon.
+/// Frames between the newest result and the frame whose level is chosen.
 const LATENCY: f32 = 2.0;
-/// The budget where none is known: 90 Hz.
+/// The budget if the display's rate is unknown: 90 Hz.
 const USUAL_BUDGET_MS: f32 = 1000.0 / 90.0;
 
-/// How large the next frame is.
+/// A level of quality: the size of a frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Level {
-    /// Which, 0 the largest.
+    /// 0 is the largest.
     pub index: usize,
     /// Pixels of the sub-rectangle in the image's upper left corner, per eye.
     pub size: [u32; 2],
-    /// What to hand to the compositor: the greatest texture coordinates u and v; the least are 0.
+    /// The greatest texture coordinates u and v, for the compositor; the least are 0.
     pub bounds: [f32; 2],
 }
 
@@ -49,13 +49,13 @@ pub struct Finished {
     pub reprojected_for_gpu: bool,
 }
 
-/// Picks levels, frame by frame.
+/// Chooses the level of each frame.
 #[derive(Clone, Debug)]
 pub struct Quality {
     budget_ms: f32,
     levels: Vec<Level>,
     level: usize,
-    /// The result before, as part of the budget at today's level.
+    /// The previous result, as a part of the budget at the current level.
     before: Option<f32>,
     /// Results in a row that were well under the budget.
     calm: u32,
@@ -109,7 +109,7 @@ impl Quality {
         } else if now > PREDICT_FROM && coming > LOWER_ABOVE {
             self.change(self.level + FIRST_STEP);
         } else if finished.reprojected_for_gpu {
-            // Others use the GPU too: our time alone does not tell.
+            // Other programs use the GPU, too, so the program's own time is not enough.
             self.calm = 0;
             if now > RAISE_UNDER && self.pause == 0 {
                 self.change(self.level + 1);
@@ -130,7 +130,7 @@ impl Quality {
         }
     }
 
-    /// The largest level, no larger than today's, that brings a time to [`AIM`]; the smallest if none does.
+    /// The largest level, no larger than the current one, that brings a time to [`AIM`]; the smallest if none does.
     fn enough(&self, now: f32) -> usize {
         let fits = |i: &usize| self.estimate(now, self.level, *i) <= AIM;
         (self.level..self.levels.len()).find(fits).unwrap_or(self.levels.len() - 1)
@@ -143,7 +143,7 @@ impl Quality {
         self.calm = 0;
     }
 
-    /// What a time measured at one level would be at another.
+    /// Converts a time measured at one level to another level.
     fn estimate(&self, time: f32, from: usize, to: usize) -> f32 {
         let area = |i: usize| self.levels[i].size.map(f64::from).iter().product::<f64>();
         let ratio = (area(to) / area(from)) as f32;

@@ -1,4 +1,4 @@
-//! The report of a run (`--report`): where its frames' time went, and what happened.
+//! The report of a run (`--report`): frame times and events.
 
 use std::collections::{BTreeMap, VecDeque};
 
@@ -15,7 +15,7 @@ const KEPT: usize = 20_000;
 pub struct FrameTime {
     /// In WaitGetPoses.
     pub wait_ms: f32,
-    /// Ours: events, waiting for the frame before the last, recording.
+    /// The program's own work: events, waiting for the frame before the last, recording.
     pub cpu_ms: f32,
     /// In Submit and PostPresentHandoff.
     pub submit_ms: f32,
@@ -35,14 +35,14 @@ pub struct RunReport {
     pub gpu: String,
     pub driver: String,
     pub frames: u64,
-    /// How the window showed them at the end.
+    /// The window's present mode at the end.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub present_mode: Option<&'static str>,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub headset: Option<HeadsetReport>,
 }
 
-/// The headset's share of it.
+/// The headset's part of the report.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct HeadsetReport {
     pub name: String,
@@ -61,7 +61,7 @@ pub struct HeadsetReport {
     pub hidden_area_share: [f64; 2],
     /// Frames for which the runtime had no pose.
     pub lost_poses: u64,
-    /// WaitGetPoses and Submit while others have the eyes.
+    /// Calls of WaitGetPoses and Submit while another program was shown.
     pub calls_without_focus: u64,
     /// Errors of the runtime's calls that cost a frame, by call and code.
     pub failed_calls: BTreeMap<String, u64>,
@@ -74,7 +74,7 @@ pub struct HeadsetReport {
     pub timeline: VecDeque<FrameTime>,
 }
 
-/// What the compositor made of the frames.
+/// The compositor's statistics of the frames.
 #[derive(Clone, Copy, Debug, Default, Serialize)]
 pub struct CompositorReport {
     pub frames: u64,
@@ -93,7 +93,7 @@ impl From<&FrameStatistics> for CompositorReport {
     }
 }
 
-/// The times of a run's frames, in room that is taken once.
+/// The times of a run's frames, in memory that is allocated once.
 pub struct Timeline {
     frames: VecDeque<FrameTime>,
     sum: [f64; 6],
@@ -109,7 +109,7 @@ impl Default for Timeline {
 }
 
 impl Timeline {
-    /// A frame has ended.
+    /// Notes a frame's times at its end.
     pub fn push(&mut self, time: FrameTime) {
         if self.frames.len() == KEPT {
             self.frames.pop_front();
@@ -122,7 +122,7 @@ impl Timeline {
         self.count += 1;
     }
 
-    /// The GPU time of a frame `ago` frames before the one under way has arrived.
+    /// Notes the GPU time of the frame `ago` frames before the current one.
     pub fn set_gpu(&mut self, ago: usize, gpu_ms: f32) {
         let at = self.frames.len().checked_sub(ago);
         if let Some(frame) = at.and_then(|at| self.frames.get_mut(at)) {
@@ -132,7 +132,7 @@ impl Timeline {
         }
     }
 
-    /// The mirror has been drawn, which is after the frame's end.
+    /// Notes the mirror's time, which comes after the frame's end.
     pub fn set_mirror(&mut self, mirror_ms: f32) {
         if let Some(frame) = self.frames.back_mut() {
             frame.mirror_ms = mirror_ms;

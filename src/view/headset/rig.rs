@@ -11,21 +11,21 @@ use crate::scene::{Bounds, Camera};
 
 /// Degrees of one snap turn.
 pub const SNAP_DEGREES: f32 = 30.0;
-/// Heights above the floor at which a camera is taken for a person's eyes, metres: from a low chair to a tall man.
+/// Camera heights above the floor, metres, that count as a person's eye height: from a low chair to a tall man.
 const PERSON_METRES: std::ops::RangeInclusive<f32> = 0.9..=2.3;
-/// Metres per second with which the teleport's arc leaves the hand, and m/s² that bend it.
+/// The arc's initial speed, m/s, and gravity, m/s².
 const ARC_SPEED: f32 = 6.5;
 const GRAVITY: f32 = 9.81;
-/// The limits of a deliberate aim: distance along the floor, and elevation.
+/// Limits for a landing: distance along the floor, and elevation of the aim.
 const FARTHEST_METRES: f32 = 7.0;
 const STEEPEST_DEGREES: f32 = 70.0;
-/// Seconds until an arc that meets no floor is given up.
+/// The longest flight of an arc, seconds.
 const ARC_SECONDS: f32 = 3.0;
 /// Points of an arc, its ends included.
 pub const ARC_POINTS: usize = 33;
-/// Seconds from sight to dark, and back.
+/// Seconds to fade to black, and back.
 const BLINK_SECONDS: f32 = 0.1;
-/// Larger than this, what would be grabbed is a place and not an object: radius, metres.
+/// The radius, metres, above which a scene is a place and not an object to grab.
 const LARGEST_OBJECT_METRES: f32 = 1.5;
 
 /// The play space in the world: turned about +Y, moved, never tilted or scaled.
@@ -38,8 +38,9 @@ pub struct Rig {
 }
 
 impl Rig {
-    /// Puts a user at a scene's camera, looking its way. Where the camera is a person's height above `floor`, the room's
-    /// floor is put there, as in a room or a church; else, as with a teapot, the eyes are put where the camera is.
+    /// Places the user at a scene's camera, facing its direction. If the camera is at a person's eye height above `floor`, the
+    /// room's floor is aligned with it, as in a room or a church; otherwise, as with a teapot, the eyes are placed at the
+    /// camera.
     pub fn start(camera: &Camera, floor: f32, play_from_head: &Mat4) -> Self {
         let eyes = Self::seated(camera, play_from_head);
         if PERSON_METRES.contains(&(camera.position.y - floor)) {
@@ -48,7 +49,7 @@ impl Rig {
         eyes
     }
 
-    /// Puts the head where the camera is, looking its way: the seated position.
+    /// Places the head at the camera, facing its direction: the seated position.
     pub fn seated(camera: &Camera, play_from_head: &Mat4) -> Self {
         let yaw = yaw_of(camera.target - camera.position) - yaw_of(-play_from_head.z_axis.truncate());
         let rig = Self { origin_world: Vec3::ZERO, yaw: yaw.rem_euclid(TAU) };
@@ -74,23 +75,23 @@ impl Rig {
         self.origin_world += before - self.world_from_play().transform_point3(head_play);
     }
 
-    /// Puts the floor under the head at a point of the world.
+    /// Moves the floor under the head to a point of the world.
     pub fn teleport(&mut self, landing_world: Vec3, play_from_head: &Mat4) {
         let under_head = head_of(play_from_head).with_y(0.0);
         self.origin_world += landing_world - self.world_from_play().transform_point3(under_head);
     }
 }
 
-/// The way a teleport would take.
+/// A teleport's arc.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Arc {
-    /// World, from the hand on.
+    /// World positions, from the hand on.
     pub points: [Vec3; ARC_POINTS],
-    /// Where it meets the floor, if one may go there.
+    /// The landing on the floor, if it is allowed.
     pub landing: Option<Vec3>,
 }
 
-/// A throw's parabola from the hand along its −Z to the floor of height `floor`; no landing if it is too steep or too far.
+/// A parabola from the hand along its −Z to the floor of height `floor`; no landing if it is too steep or too far.
 pub fn teleport_arc(world_from_hand: &Mat4, floor: f32) -> Arc {
     let start = world_from_hand.w_axis.truncate();
     let velocity = -world_from_hand.z_axis.truncate().normalize_or(Vec3::Z) * ARC_SPEED;
@@ -107,26 +108,27 @@ pub fn teleport_arc(world_from_hand: &Mat4, floor: f32) -> Arc {
     Arc { points, landing: (meets && near && flat).then_some(landing) }
 }
 
-/// The short fade in which a teleport happens.
+/// The short fade during which a teleport happens.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct TeleportFade {
     target: Option<Vec3>,
-    /// Since the user let go; beyond the end, sight is free.
+    /// Seconds since the release; nothing is faded after the end.
     seconds: Option<f32>,
 }
 
 impl TeleportFade {
-    /// Closes the eyes; they open at `landing_world`. One that has not arrived yet is forgotten.
+    /// Starts a fade to black and back, with a move to `landing_world` in between; replaces a teleport that has not moved the
+    /// user yet.
     pub fn begin(&mut self, landing_world: Vec3) {
         let seconds = self.seconds.filter(|s| *s < BLINK_SECONDS).unwrap_or(0.0);
         *self = Self { target: Some(landing_world), seconds: Some(seconds) };
     }
 
-    /// Goes on by a frame. Darkness to show it with, 0 to 1, and, in one frame, where to go.
+    /// Advances by a frame. Returns the darkness, 0 to 1, and, in one frame, the place to move to.
     pub fn step(&mut self, frame_seconds: f32) -> (f32, Option<Vec3>) {
         let Some(seconds) = self.seconds.map(|s| s + frame_seconds.max(0.0)) else { return (0.0, None) };
         let arrived = if seconds >= BLINK_SECONDS { self.target.take() } else { None };
-        // However long the frame was, the one in which the user is moved is dark.
+        // The frame in which the user is moved is black, however long it was.
         let seconds = if arrived.is_some() { BLINK_SECONDS } else { seconds };
         self.seconds = (seconds < 2.0 * BLINK_SECONDS).then_some(seconds);
         let fade = 1.0 - (seconds - BLINK_SECONDS).abs() / BLINK_SECONDS;
@@ -147,7 +149,7 @@ pub struct Grab {
 }
 
 impl Grab {
-    /// Takes hold of models that stand at `world_from_models`.
+    /// Grabs models at `world_from_models`.
     pub fn begin(world_from_hand: &Mat4, world_from_models: &Mat4) -> Self {
         Self { hand_from_models: world_from_hand.inverse() * *world_from_models }
     }

@@ -13,37 +13,37 @@ use super::optics::{Optics, matrix};
 use crate::gpu::Handles;
 use crate::{Error, Result};
 
-/// Poses that the runtime fills, one per device; the headset's is the first.
+/// The number of poses that the runtime writes, one per device; the headset's is the first.
 pub const DEVICES: usize = sys::k_unMaxTrackedDeviceCount as usize;
-/// Names are not longer than this; what a runtime says to be longer is nonsense.
+/// A limit for the lengths of names that a runtime reports; longer ones are invalid.
 const LONGEST_TEXT: u32 = 1 << 16;
-/// Likewise for the triangles of a hidden area.
+/// A limit for the triangles of a hidden area.
 const MOST_TRIANGLES: u32 = 1 << 20;
 
 /// Left or right.
 pub const EYES: [sys::EVREye; 2] = [sys::EVREye_Eye_Left, sys::EVREye_Eye_Right];
 
-/// What kind of program this is to the runtime.
+/// The kind of application, for the runtime.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Role {
-    /// It shows pictures. Starts the runtime's own programs if need be.
+    /// Shows pictures; starts the runtime's own programs if needed.
     Scene,
-    /// It only asks.
+    /// Only queries the runtime.
     Background,
 }
 
-/// The connection. At most one at a time; it must go before any Vulkan object that the runtime knows of.
+/// The connection; at most one at a time. It must be dropped before any Vulkan object that the runtime uses.
 pub struct Runtime {
     system: *const sys::VR_IVRSystem_FnTable,
     compositor: *const sys::VR_IVRCompositor_FnTable,
-    /// Null where the runtime has no input.
+    /// Null if the runtime has no input system.
     input: *const sys::VR_IVRInput_FnTable,
-    /// The compositor leaves our queue alone while it waits for us.
+    /// Whether the compositor leaves the program's queue alone in `wait_get_poses`.
     explicit_timing: bool,
 }
 
 impl Runtime {
-    /// Connects; the caller has seen to it that there is no other connection.
+    /// Connects; the caller guarantees that there is no other connection.
     pub fn start(role: Role) -> std::result::Result<Self, Refusal> {
         let kind = match role {
             Role::Scene => sys::EVRApplicationType_VRApplication_Scene,
@@ -67,7 +67,7 @@ impl Runtime {
         Ok(runtime)
     }
 
-    /// Whether the device is there and switched on; 0 is the headset.
+    /// Whether a device is connected and switched on; 0 is the headset.
     pub fn is_connected(&self, device: u32) -> bool {
         // SAFETY: the entry takes any index.
         self.system().IsTrackedDeviceConnected.is_none_or(|call| unsafe { call(device) })
@@ -84,7 +84,7 @@ impl Runtime {
         }
     }
 
-    /// Pictures a second; `None` where the runtime does not know.
+    /// The display's rate in Hz; `None` if the runtime does not know it.
     pub fn display_hertz(&self) -> Option<f32> {
         let call = self.system().GetFloatTrackedDeviceProperty?;
         let mut error = sys::ETrackedPropertyError_TrackedProp_Success;
@@ -102,14 +102,14 @@ impl Runtime {
         Some(text.to_string_lossy().trim().to_owned())
     }
 
-    /// Names of Vulkan instance extensions that it needs.
+    /// Names of the Vulkan instance extensions that the runtime needs.
     pub fn instance_extensions(&self) -> Vec<CString> {
         let call = self.compositor().GetVulkanInstanceExtensionsRequired;
         // SAFETY: buffer and size belong together.
         words(call.and_then(|call| text_of(|buffer, size| unsafe { call(buffer, size) })))
     }
 
-    /// The VkPhysicalDevice that the headset hangs on; 0 where the runtime names none.
+    /// The VkPhysicalDevice that the headset is connected to; 0 if the runtime names none.
     pub fn output_device(&self, instance: u64) -> u64 {
         let mut device = 0;
         if let Some(call) = self.system().GetOutputDevice {
@@ -119,7 +119,7 @@ impl Runtime {
         device
     }
 
-    /// Names of Vulkan device extensions that it needs on a VkPhysicalDevice.
+    /// Names of the Vulkan device extensions that the runtime needs on a VkPhysicalDevice.
     pub fn device_extensions(&self, physical: u64) -> Vec<CString> {
         let call = self.compositor().GetVulkanDeviceExtensionsRequired;
         let physical = physical as *mut sys::VkPhysicalDevice_T;
@@ -141,7 +141,7 @@ impl Runtime {
         Ok([width, height])
     }
 
-    /// How one eye sees.
+    /// The optics of one eye.
     pub fn optics(&self, eye: sys::EVREye) -> Result<Optics> {
         let raw = need(self.system().GetProjectionRaw, "GetProjectionRaw")?;
         let place = need(self.system().GetEyeToHeadTransform, "GetEyeToHeadTransform")?;
@@ -176,7 +176,7 @@ impl Runtime {
         there.then(|| Event::new(event.eventType, event.trackedDeviceIndex))
     }
 
-    /// Says that we are on our way out. Only after [`Event::Quit`]: unasked, it makes some runtimes abort.
+    /// Acknowledges [`Event::Quit`]. Without that event, some runtimes abort.
     pub fn acknowledge_quit(&self) {
         if let Some(call) = self.system().AcknowledgeQuit_Exiting {
             // SAFETY: no arguments.
@@ -184,7 +184,8 @@ impl Runtime {
         }
     }
 
-    /// Poses stand on the floor from now on; and the compositor keeps off our queue, where it knows how to.
+    /// Sets the standing tracking space and, if the compositor supports it, explicit timing, with which it leaves the
+    /// program's queue alone.
     pub fn prepare(&mut self) {
         if let Some(call) = self.compositor().SetTrackingSpace {
             // SAFETY: a value of the enumeration.
@@ -200,20 +201,20 @@ impl Runtime {
         }
     }
 
-    /// Whether `wait_get_poses` leaves our queue alone.
+    /// Whether `wait_get_poses` leaves the program's queue alone.
     pub fn has_explicit_timing(&self) -> bool {
         self.explicit_timing
     }
 
     /// Waits until the next frame is due; fills every device's pose at the time it will be seen. Returns the code.
-    /// Without explicit timing it uses our queue.
+    /// Without explicit timing it uses the program's queue.
     pub fn wait_get_poses(&self, poses: &mut [sys::TrackedDevicePose_t; DEVICES]) -> Result<sys::EVRCompositorError> {
         let call = need(self.compositor().WaitGetPoses, "WaitGetPoses")?;
         // SAFETY: the array has as many poses as is said; no second array is asked for.
         Ok(unsafe { call(poses.as_mut_ptr(), DEVICES as u32, ptr::null_mut(), 0) })
     }
 
-    /// Tells the compositor where on the queue the frame begins. Uses our queue.
+    /// Tells the compositor where on the queue the frame begins. Uses the program's queue.
     pub fn submit_timing(&self) {
         if let Some(call) = self.compositor().SubmitExplicitTimingData.filter(|_| self.explicit_timing) {
             // SAFETY: no arguments. It only improves measurements: its code changes nothing.
@@ -221,8 +222,8 @@ impl Runtime {
         }
     }
 
-    /// Shows one eye its picture: the part from 0, 0 to `bounds`. Where the user has `jumped`, the compositor makes no
-    /// frames of its own from this one and the one before. Returns the code. Uses our queue.
+    /// Submits one eye's picture: the part from 0, 0 to `bounds`. If the user has `jumped`, the compositor does not
+    /// extrapolate from this frame and the one before. Returns the code. Uses the program's queue.
     pub fn submit(
         &self,
         eye: sys::EVREye,
@@ -258,7 +259,7 @@ impl Runtime {
         Ok(unsafe { call(eye, &mut texture, &mut bounds, flags) })
     }
 
-    /// What became of a frame some time ago.
+    /// The compositor's timing of an earlier frame.
     pub fn frame_timing(&self, frames_ago: u32) -> Option<FrameTiming> {
         let call = self.compositor().GetFrameTiming?;
         let mut timing = sys::Compositor_FrameTiming { m_nSize: FRAME_TIMING_BYTES, ..Default::default() };
@@ -266,7 +267,7 @@ impl Runtime {
         unsafe { call(&mut timing, frames_ago) }.then(|| FrameTiming::from(&timing))
     }
 
-    /// Says that both eyes have been submitted. Uses our queue.
+    /// Notifies the compositor that both eyes have been submitted. Uses the program's queue.
     pub fn post_present_handoff(&self) {
         if let Some(call) = self.compositor().PostPresentHandoff {
             // SAFETY: no arguments.
@@ -274,7 +275,7 @@ impl Runtime {
         }
     }
 
-    /// The functions of its input system; `None` where it has none.
+    /// The function table of the input system; `None` if there is none.
     pub fn input(&self) -> Option<&sys::VR_IVRInput_FnTable> {
         // SAFETY: null, or a table that the runtime keeps until it is disconnected, which `drop` does.
         unsafe { self.input.as_ref() }
@@ -300,7 +301,7 @@ impl Drop for Runtime {
     }
 }
 
-/// One eye's image, as the runtime wants to know it: flat, one sample, ready to be copied from.
+/// One eye's image as the runtime requires it: 2D, one sample, in a layout to be copied from.
 pub struct EyePicture {
     pub handles: Handles,
     /// VkImage.
@@ -328,7 +329,7 @@ fn need<T>(entry: Option<T>, name: &str) -> Result<T> {
     entry.ok_or_else(|| Error::Headset { problem: format!("its runtime lacks {name}; update it") })
 }
 
-/// What the loader calls an error.
+/// The loader's name for an error.
 fn words_of(code: sys::EVRInitError) -> String {
     // SAFETY: the call takes any code.
     let text = unsafe { sys::VR_GetVRInitErrorAsEnglishDescription(code) };
@@ -339,7 +340,7 @@ fn words_of(code: sys::EVRInitError) -> String {
     unsafe { CStr::from_ptr(text) }.to_string_lossy().into_owned()
 }
 
-/// A text that is asked for twice: for its size, NUL counted, and for itself. `None` if there is none.
+/// Reads a string by two calls, the first for its size (with NUL). `None` if there is none.
 fn text_of(mut ask: impl FnMut(*mut c_char, u32) -> u32) -> Option<CString> {
     let size = ask(ptr::null_mut(), 0);
     if !(1..=LONGEST_TEXT).contains(&size) {

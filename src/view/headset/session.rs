@@ -1,4 +1,4 @@
-//! A session in the headset: the frames from the first pose to the runtime's shutdown.
+//! A session in the headset: its frame loop, from the first pose to the runtime's shutdown.
 
 use std::mem::ManuallyDrop;
 use std::sync::Arc;
@@ -29,9 +29,9 @@ use crate::{Result, say};
 const USUAL_HERTZ: f32 = 90.0;
 /// Seconds after which a disconnected headset is given up: longer than a loose contact.
 const GONE_SECONDS: f32 = 0.5;
-/// Frames at a new place whose times are ignored: the driver still compiles and moves data.
+/// Frames after a change of scene whose times are ignored: the driver still compiles and moves data.
 const WARM_UP: u32 = 10;
-/// The pause between frames that the runtime refuses, and therefore does not pace.
+/// The pause after a frame that the runtime refuses, because refused frames are not paced.
 const PAUSE: Duration = Duration::from_millis(5);
 
 /// Why a session is over.
@@ -39,13 +39,13 @@ const PAUSE: Duration = Duration::from_millis(5);
 pub enum End {
     /// The runtime asked the program to quit.
     Quit,
-    /// The headset or its runtime is gone; why, and what to do.
+    /// The headset or its runtime is lost; the reason, and what to do.
     Lost(String),
 }
 
-/// How a frame went.
+/// The result of a frame.
 pub enum FrameResult {
-    /// It was submitted; what the user asked for meanwhile.
+    /// It was submitted; the user's requests.
     Shown(Requests),
     Over(End),
 }
@@ -84,7 +84,7 @@ pub struct Session {
 }
 
 impl Session {
-    /// Begins; `watchdog` has watched the start already.
+    /// Begins a session; `watchdog` is already watching.
     pub fn new(mut runtime: Runtime, gpu: &Arc<Gpu>, watchdog: Watchdog, v: HiddenAreaV) -> Result<Self> {
         runtime.prepare();
         let most = gpu.max_image_size();
@@ -127,7 +127,7 @@ impl Session {
         })
     }
 
-    /// What a scene is drawn for.
+    /// The target that scenes are drawn for.
     pub fn target(&self) -> Target {
         Target { size: self.report.size, eyes: 2, hidden: self.hidden.clone() }
     }

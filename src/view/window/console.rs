@@ -1,5 +1,5 @@
-//! The console window that Windows opens for a program that Explorer or SteamVR starts: it must not stand before the
-//! picture, nor close before an error in it was read. Elsewhere, and in a console that others use too, nothing happens.
+//! The console window that Windows opens for a program that Explorer or SteamVR starts: it must not cover the
+//! picture, nor close before an error in it was read. On other systems, and in a shared console, nothing happens.
 
 /// Minimises the program's own console without giving the focus to it.
 pub fn step_aside() {
@@ -15,7 +15,7 @@ pub fn hold() {
         own::show(windows_sys::Win32::UI::WindowsAndMessaging::SW_RESTORE);
         if std::io::stdin().is_terminal() && std::io::stderr().is_terminal() {
             crate::complain!("Press Enter to close this window.");
-            // Whatever is read, or not: the wait is over.
+            // The result of reading does not matter.
             let _ = std::io::stdin().read_line(&mut String::new());
         }
     }

@@ -1,11 +1,11 @@
-//! A connection to the desktop that breaks: winit panics then (elsewhere Xlib ends the process), and nothing can be drawn any
-//! more. The user gets one line instead of a backtrace.
+//! A lost connection to the desktop: winit panics (elsewhere Xlib ends the process), and nothing can be drawn any more. The
+//! user gets one line instead of a backtrace.
 
 use std::path::Path;
 
 use crate::Error;
 
-/// Ends the process with one line where winit panics; other panics go to the hook that was installed before.
+/// Ends the process with one line if winit panics; other panics go to the hook that was installed before.
 pub fn install_hook() {
     let previous = std::panic::take_hook();
     std::panic::set_hook(Box::new(move |panic| {

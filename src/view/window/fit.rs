@@ -1,4 +1,4 @@
-//! When a swapchain is recreated: at once where it must be, once where it only might be better, and not too often.
+//! When to recreate a swapchain: at once if it is out of date, once per size if it is only suboptimal, and not too often.
 
 use std::time::{Duration, Instant};
 
@@ -8,8 +8,8 @@ use crate::gpu::Presented;
 #[derive(Debug)]
 pub struct Fit {
     stale: bool,
-    /// The size at which the swapchain was last called suboptimal, with no good picture since. Some surfaces say so for
-    /// ever, and recreating the swapchain, which waits for the GPU twice, changes nothing.
+    /// The size at which the swapchain was last reported as suboptimal, with no good picture since. Some surfaces always
+    /// report it, and recreating the swapchain, which waits for the GPU twice, changes nothing.
     suboptimal: Option<[u32; 2]>,
     made_at: Option<Instant>,
 }
@@ -20,17 +20,17 @@ impl Fit {
         Self { stale: true, suboptimal: None, made_at: None }
     }
 
-    /// The window or the present mode has changed.
+    /// Notes that the window or the present mode has changed.
     pub fn changed(&mut self) {
         (self.stale, self.suboptimal) = (true, None);
     }
 
-    /// The swapchain has been recreated.
+    /// Notes that the swapchain has been recreated.
     pub fn made(&mut self, now: Instant) {
         (self.stale, self.made_at) = (false, Some(now));
     }
 
-    /// A picture was shown, or not, with a swapchain of this size.
+    /// Notes the result of presenting with a swapchain of this size.
     pub fn judge(&mut self, presented: Presented, size: [u32; 2]) {
         match presented {
             Presented::Good => self.suboptimal = None,

@@ -1,4 +1,4 @@
-//! Watches the shaders' sources and says when they have changed and come to rest.
+//! Watches the shaders' sources for changes; editors' intermediate steps are skipped.
 
 use std::path::Path;
 use std::sync::mpsc::{Receiver, channel};
@@ -8,7 +8,7 @@ use notify::{EventKind, RecommendedWatcher, RecursiveMode, Watcher};
 
 use crate::{Error, Result};
 
-/// Editors write a file in several steps; this long after the last of them, it is whole.
+/// Editors write a file in several steps; it counts as complete this long after the last one.
 const REST: Duration = Duration::from_millis(200);
 
 /// A watched folder.
@@ -25,7 +25,7 @@ impl ShaderWatch {
         let failed = |e: notify::Error| Error::read(folder)(std::io::Error::other(e));
         let (sender, changes) = channel();
         let on_event = move |event: notify::Result<notify::Event>| {
-            // Reading is an event, too; compiling would set itself off.
+            // Reading is an event, too; compiling would trigger itself.
             let changed = |kind| matches!(kind, EventKind::Create(_) | EventKind::Modify(_) | EventKind::Remove(_));
             if event.is_ok_and(|event| changed(event.kind)) {
                 // The receiver is gone only while the window closes.
@@ -37,7 +37,7 @@ impl ShaderWatch {
         Ok(Self { _watcher: watcher, changes, due: None })
     }
 
-    /// Whether something has changed and been left alone since; true once per change.
+    /// Whether files have changed and the changes are complete; true once per change.
     pub fn is_due(&mut self, now: Instant) -> bool {
         if self.changes.try_iter().count() > 0 {
             self.due = Some(now + REST);

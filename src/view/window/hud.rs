@@ -14,7 +14,7 @@ const MOST_NOTES: usize = 6;
 /// Below this many characters a line is cut rather than wrapped.
 const NARROWEST: usize = 16;
 
-/// The current state in words.
+/// The current state as text.
 pub struct Status<'a> {
     pub rate: Option<&'a Rate>,
     /// Shading, exposure, camera …, in order.
@@ -36,7 +36,7 @@ impl Hud {
         self.push(now + NOTE_TIME, text.into());
     }
 
-    /// Shows what went wrong, for longer.
+    /// Shows an error message, for longer.
     pub fn error(&mut self, now: Instant, text: impl Into<String>) {
         self.push(now + ERROR_TIME, text.into());
     }
@@ -52,8 +52,7 @@ impl Hud {
         self.keys = !self.keys;
     }
 
-    /// The lines to show now, and at which scale they all fit: the largest, or else 1. `grid` gives columns and rows
-    /// at a scale.
+    /// The current lines and the largest scale at which they all fit, or else 1. `grid` gives columns and rows at a scale.
     pub fn fit(
         &mut self,
         now: Instant,
@@ -72,7 +71,7 @@ impl Hud {
         }
     }
 
-    /// The lines to show now, none longer than `columns`.
+    /// The current lines, none longer than `columns`.
     fn lines(&mut self, now: Instant, status: &Status<'_>, columns: usize) -> Vec<String> {
         self.notes.retain(|(until, _)| *until > now);
         let mut lines = Vec::new();
@@ -117,7 +116,7 @@ fn rate_line(rate: &Rate) -> String {
     format!("{fps:.1} fps  {ms:.2} ms  CPU {:.2} ms{gpu}", rate.record_ms)
 }
 
-/// Cuts a line at spaces, and words where they are longer than a line.
+/// Wraps a line at spaces, and words that are longer than a line.
 fn wrap(line: &str, columns: usize) -> Vec<String> {
     let columns = columns.max(NARROWEST);
     let mut rest: Vec<char> = line.chars().collect();

@@ -1,4 +1,4 @@
-//! Keyboard and mouse: what events do to the viewer.
+//! Keyboard and mouse events of the viewer.
 
 use std::f32::consts::TAU;
 
@@ -20,7 +20,7 @@ const ROTATION_STEP: f32 = TAU / 72.0;
 const PIXELS_PER_NOTCH: f64 = 40.0;
 
 impl WindowOutput {
-    /// The keyboard's focus came or went.
+    /// The keyboard's focus was gained or lost.
     pub fn focus(&mut self, focused: bool) {
         self.focused = focused;
         if !focused {
@@ -29,7 +29,7 @@ impl WindowOutput {
         }
     }
 
-    /// A mouse button went down or up.
+    /// A mouse button was pressed or released.
     pub fn button(&mut self, state: ElementState, button: MouseButton) {
         let drag = match button {
             MouseButton::Left => Drag::Turn,
@@ -74,7 +74,7 @@ impl WindowOutput {
 }
 
 impl Viewer {
-    /// A key went down or up; returns whether that ends the program.
+    /// A key was pressed or released; returns whether that ends the program.
     pub fn key(&mut self, event: &KeyEvent) -> Result<bool> {
         self.output.keys.follow(event);
         let alt = self.output.modifiers.alt_key();

@@ -15,7 +15,7 @@ pub enum Action {
     NextCamera,
     /// One of the scene's cameras, from 0.
     Camera(usize),
-    /// View, exposure and panorama as the scene has them.
+    /// Reset view, exposure and panorama.
     Reset,
     Fullscreen,
     NextPresentMode,
@@ -49,7 +49,7 @@ pub const HELP: [(&str, &str); 15] = [
     ("H  Esc", "these keys; quit"),
 ];
 
-/// What a pressed key asks for; while it is kept down, only some commands repeat.
+/// The command of a pressed key; while it is held, only some commands repeat.
 pub fn action(event: &KeyEvent, alt: bool) -> Option<Action> {
     let action = of_key(&event.logical_key, alt)?;
     (!event.repeat || matches!(action, Action::Exposure(_) | Action::Turn(_))).then_some(action)
@@ -91,7 +91,7 @@ fn of_key(key: &Key, alt: bool) -> Option<Action> {
 pub struct PressedKeys(HashSet<KeyCode>);
 
 impl PressedKeys {
-    /// Notes that a key went down or up.
+    /// Notes that a key was pressed or released.
     pub fn follow(&mut self, event: &KeyEvent) {
         if let PhysicalKey::Code(code) = event.physical_key {
             if event.state.is_pressed() {
@@ -102,7 +102,7 @@ impl PressedKeys {
         }
     }
 
-    /// The focus went to another window, which will see the keys go up.
+    /// Notes that the focus was lost: another window will receive the releases.
     pub fn release_all(&mut self) {
         self.0.clear();
     }

@@ -1,4 +1,4 @@
-//! How a window mirrors a headset: where the eyes' pictures go.
+//! Layout of the eyes' pictures in a headset's mirror window.
 
 use crate::gpu::{Rect, Subresource};
 use crate::view::Mirror;
@@ -6,7 +6,7 @@ use crate::view::Mirror;
 /// Bytes of a pixel of a screenshot.
 const PIXEL: usize = 4;
 
-/// The parts of the window that show the picture's layers: as large as they fit, undistorted, in the middle.
+/// The parts of the window that show the picture's layers: centred, as large as possible without distortion.
 pub fn parts(mirror: Mirror, picture: [u32; 2], window: [u32; 2]) -> Vec<(Subresource, [Rect; 2])> {
     let layers: &[u32] = match mirror {
         Mirror::Both => &[0, 1],

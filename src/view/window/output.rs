@@ -1,4 +1,4 @@
-//! The window as an output: swapchain, camera control and text, and how a frame of the window is drawn.
+//! The window as an output: swapchain, camera control, text, and drawing its frames.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -29,7 +29,7 @@ use crate::{Error, Result, say};
 const POLL: Duration = Duration::from_millis(100);
 /// Pixels per pixel of the font, at scale 1.
 const TEXT_SCALE: f64 = 2.0;
-/// How often the title bar changes.
+/// How often the title bar is updated.
 const TITLE_PERIOD: Duration = Duration::from_millis(500);
 
 /// What a drag with the mouse does.
@@ -90,7 +90,7 @@ impl WindowOutput {
         })
     }
 
-    /// What a scene is drawn for that this window alone shows.
+    /// The target of scenes that only this window shows.
     pub fn target(&self) -> Target {
         Target { size: self.size.map(|s| s.max(1)), eyes: 1, hidden: Default::default() }
     }
@@ -112,7 +112,7 @@ impl WindowOutput {
         pace
     }
 
-    /// Draws and shows one frame; returns whether there were a scene to draw and an image to draw to.
+    /// Draws and shows one frame; returns whether there were a scene and an image to draw to.
     pub fn draw(&mut self, app: &mut App) -> Result<bool> {
         let (wanted, Some(scene), Some(control)) = (self.size, app.scene.as_mut(), self.control.as_mut()) else {
             return Ok(false);
@@ -149,7 +149,7 @@ impl WindowOutput {
         Ok(true)
     }
 
-    /// Shows what the eyes of a headset see, if the window has an image for it now; returns whether it had.
+    /// Mirrors a headset's picture if an image is available now; returns whether it was.
     pub fn mirror(&mut self, app: &mut App, session: &Session, mirror: Mirror, now: Instant) -> Result<bool> {
         let (Some(scene), Some(control)) = (app.scene.as_mut(), self.control.as_ref()) else { return Ok(false) };
         let picture = session.area();
@@ -177,7 +177,7 @@ impl WindowOutput {
         Ok(true)
     }
 
-    /// Follows what the loader has finished: the camera of another scene, and a message.
+    /// Reacts to a result of the loader: sets the camera of a new scene, shows a message.
     pub fn update(&mut self, app: &App, update: Update) {
         match update {
             Update::Scene { replaced } => {
@@ -232,7 +232,7 @@ impl WindowOutput {
     }
 }
 
-/// The settings in words.
+/// The settings as text.
 fn settings(scene: &ShownScene, mode: Mode, present_mode: &str) -> [String; 6] {
     let shading = scene.loaded.renderer.settings().shading.to_possible_value();
     let mode = match mode {

@@ -14,10 +14,10 @@ use crate::gpu::{
 use crate::render::{FRAME_BYTES, FrameInputs, Overlay, Renderer};
 use crate::{Error, Result};
 
-/// How long after a failed acquisition the next one is tried.
+/// The pause after a failed acquisition.
 const RETRY: Duration = Duration::from_millis(20);
-/// A mirror that cannot be shown is tried again less often, and so is one whose window changes all the time: making a
-/// swapchain costs the headset frames.
+/// The pause for mirrors that cannot be shown or whose windows change all the time: making a swapchain costs the headset
+/// frames.
 const MIRROR_RETRY: Duration = Duration::from_millis(250);
 
 /// Presents frames in one window.
@@ -46,12 +46,12 @@ impl WindowPresenter {
         Ok(Self { gpu, swapchain, ring, mode: PresentMode::Vsync, fit: Fit::none(), retry_at: None })
     }
 
-    /// The window has another size now.
+    /// Notes that the window's size has changed.
     pub fn window_changed(&mut self) {
         self.fit.changed();
     }
 
-    /// Takes the next of the surface's present modes.
+    /// Changes to the surface's next present mode.
     pub fn next_mode(&mut self) -> PresentMode {
         let modes = self.swapchain.modes();
         let at = modes.iter().position(|mode| *mode == self.mode).unwrap_or(0);
@@ -60,7 +60,7 @@ impl WindowPresenter {
         self.mode
     }
 
-    /// How pictures are shown.
+    /// The present mode.
     pub fn mode(&self) -> PresentMode {
         self.mode
     }
@@ -80,8 +80,8 @@ impl WindowPresenter {
         self.retry_at
     }
 
-    /// Waits for the frame that had the slot, and for an image to show the next one with; `wanted` is the window's size.
-    /// Without an image there is nothing to draw to now. The times are the waited-for frame's.
+    /// Waits for the slot's previous frame and for an image; `wanted` is the window's size. `None` if no image is available.
+    /// Returns the previous frame's times.
     pub fn begin(&mut self, wanted: [u32; 2]) -> Result<(Option<Acquired>, PassTimes)> {
         let times = self.ring.finish_slot()?;
         if self.fit.is_stale() {
@@ -101,7 +101,7 @@ impl WindowPresenter {
         Ok(())
     }
 
-    /// Shows frames without waiting for the display, where the surface can.
+    /// Stops waiting for the display's refresh, if the surface supports that.
     pub fn choose_free_mode(&mut self) {
         let modes = self.swapchain.modes();
         let free = [PresentMode::Mailbox, PresentMode::Immediate].into_iter().find(|mode| modes.contains(mode));
@@ -109,13 +109,13 @@ impl WindowPresenter {
         self.fit.changed();
     }
 
-    /// Shows frames with the display's refresh again: nothing else sets their pace.
+    /// Waits for the display's refresh again, which then paces the frames.
     pub fn choose_vsync(&mut self) {
         self.mode = PresentMode::Vsync;
         self.fit.changed();
     }
 
-    /// Like `begin`, but waits for no image: `None` if there is none now.
+    /// Like `begin`, without waiting for an image.
     pub fn poll(&mut self, wanted: [u32; 2], now: Instant) -> Result<Option<Acquired>> {
         if wanted.contains(&0) || self.retry_at.is_some_and(|at| now < at) {
             return Ok(None);

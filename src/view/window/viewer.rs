@@ -1,4 +1,4 @@
-//! The app with a window as its output and, as long as there is one, a headset, which the window then mirrors.
+//! The app with a window as its output and, while one is connected, a headset that the window mirrors.
 
 use std::path::Path;
 use std::time::{Duration, Instant};
@@ -27,7 +27,7 @@ pub struct Viewer {
     /// Of a session that has ended.
     session_report: Option<HeadsetReport>,
     mirror: Mirror,
-    /// Mirroring failed once and is not tried again.
+    /// Mirroring has failed and is not tried again.
     mirror_broken: bool,
     #[cfg(feature = "hot-reload")]
     shader_watch: ShaderWatch,
@@ -37,7 +37,7 @@ pub struct Viewer {
 }
 
 impl Viewer {
-    /// Opens the outputs, without a scene yet.
+    /// Opens the outputs, without a scene.
     ///
     /// # Errors
     /// Whatever stops making the swapchain or starting the loader.
@@ -51,7 +51,7 @@ impl Viewer {
         wake: EventLoopProxy<()>,
         session: Option<Session>,
     ) -> Result<Self> {
-        // SAFETY: the caller's promise.
+        // SAFETY: guaranteed by the caller.
         let mut output = unsafe { WindowOutput::new(&context.gpu, window) }?;
         if session.is_some() {
             output.presenter.choose_free_mode();
@@ -148,7 +148,7 @@ impl Viewer {
         Ok(())
     }
 
-    /// The window has another size, pixels; 0 while it is minimised, on some systems.
+    /// Handles a new size of the window, pixels; 0 while it is minimised, on some systems.
     pub fn resized(&mut self, size: [u32; 2]) -> Result<()> {
         self.output.size = size;
         self.output.presenter.window_changed();
@@ -188,7 +188,7 @@ impl Viewer {
         self.app.obey(requests)
     }
 
-    /// Goes on in the window: scene and light stay, the eyes' pipelines and images go.
+    /// Continues in the window alone: scene and light stay; the eyes' pipelines and images are freed.
     fn leave_headset(&mut self, end: &End) -> Result<()> {
         self.session_report = self.session.as_ref().map(|session| session.report());
         // The runtime is shut down here.
@@ -205,7 +205,7 @@ impl Viewer {
         Ok(())
     }
 
-    /// Mirrors until that fails; the headset then goes on alone, as long as there is a GPU.
+    /// Mirrors the headset; if that fails, the headset continues without a mirror, unless the GPU is lost.
     fn mirror_if_it_works(&mut self, now: Instant) -> Result<bool> {
         let Some(session) = self.session.as_ref().filter(|_| !self.mirror_broken) else { return Ok(false) };
         match self.output.mirror(&mut self.app, session, self.mirror, now) {
