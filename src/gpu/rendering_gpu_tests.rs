@@ -1,4 +1,4 @@
-//! What passes can say: attachments, depth, subresources, comparisons and cube arrays, each on the GPU under validation.
+//! Rendering to attachments, depth, subresources, comparisons and cube arrays, each on the GPU under validation.
 
 use std::sync::Arc;
 

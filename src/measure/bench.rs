@@ -21,7 +21,7 @@ const WARM_UP: usize = 2;
 /// Milliseconds of one frame.
 #[derive(Clone, Copy, Debug)]
 pub struct FrameTime {
-    /// Of all GPU passes.
+    /// GPU time of all passes.
     pub gpu: f64,
     /// Processor time of all threads; `None` where the system does not report it.
     pub cpu: Option<f64>,
@@ -35,7 +35,7 @@ pub struct Bench {
     pub renderer: Renderer,
     ring: FrameRing,
     pub eyes: Vec<Eye>,
-    /// Of every frame, but for the eyes.
+    /// The inputs of every frame, without the eyes.
     pub inputs: FrameInputs<'static>,
     last_slot: usize,
 }
@@ -75,7 +75,7 @@ impl Bench {
         Ok(pixels.into_iter().map(|[r, g, b, _]| [r, g, b]).collect())
     }
 
-    /// The last frame's radiance (`Output::Linear`), likewise.
+    /// The last frame's radiance (`Output::Linear`), in the same order.
     pub fn radiance(&self) -> Result<Vec<Vec3>> {
         let pixels: Vec<[f32; 4]> = bytemuck::pod_collect_to_vec(&self.read(16)?);
         Ok(pixels.into_iter().map(|[r, g, b, _]| Vec3::new(r, g, b)).collect())
@@ -87,7 +87,7 @@ impl Bench {
         Ok(layers.map(read).collect::<Result<Vec<_>>>()?.concat())
     }
 
-    /// Of `Shading::Reference`: mean over the pixels of the standard error over radiance, after the last frame.
+    /// The mean relative standard error of the reference after the last frame.
     pub fn standard_error(&self) -> Option<f64> {
         self.renderer.standard_error(self.last_slot).map(|error| error.mean_relative)
     }
@@ -104,7 +104,7 @@ pub fn size_error() -> Error {
     Error::Usage("pictures of different sizes; this is a defect, please report it".into())
 }
 
-/// How many frames are timed: at least so many, and no more than [`MOST_FRAMES`], until time is up.
+/// The number of timed frames: at least this many, and at most [`MOST_FRAMES`], until the time is up.
 #[derive(Clone, Copy)]
 pub struct Budget {
     pub least: usize,
@@ -153,7 +153,7 @@ impl Spread {
     }
 }
 
-/// What frames cost, as in [`FrameTime`].
+/// Distributions of frame times, as in [`FrameTime`].
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Cost {
     pub frames: usize,
@@ -172,8 +172,8 @@ impl Cost {
     }
 }
 
-/// How many times the first's time the second takes, frame by frame of two that were drawn interleaved: GPU time, or where
-/// the GPU is a software renderer, processor time, which other programs disturb less.
+/// Ratios of the second's to the first's time, per frame of two interleaved benches: GPU time, or, on a software renderer,
+/// processor time, which other programs disturb less.
 pub fn ratio(gpu: &Gpu, first: &[FrameTime], second: &[FrameTime]) -> Option<Spread> {
     let software = gpu.info().is_software();
     let time = |frame: &FrameTime| frame.cpu.filter(|_| software).unwrap_or(frame.gpu);

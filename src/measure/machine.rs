@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::gpu::Gpu;
 
-/// Where and when something was measured.
+/// GPU and date of a measurement.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Machine {
     pub gpu: String,

@@ -37,7 +37,7 @@ const MEASUREMENTS: [Measurement; 6] = [
     ("scenes", "what frames and starts of the thesis's six scenes cost, beside its own numbers", scenes::run),
     ("furnace", "whether white surfaces reflect all of even light", furnace::run),
     ("ladder", "time and error of every setting that trades one for the other", ladder::run),
-    ("causes", "errors by cause: one approximation after the other replaced by what is exact", causes::run),
+    ("causes", "errors by cause: one approximation after the other replaced by its exact form", causes::run),
     ("precompute", "time and error of every way to fill the irradiance and specular maps", precompute::run),
 ];
 /// The one that needs no GPU.

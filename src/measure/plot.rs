@@ -35,7 +35,7 @@ const LINE: i32 = 15;
 const LETTER: i32 = 7;
 /// Width of the key, which makes the chart so much wider.
 const KEY_WIDTH: i32 = 480;
-/// What is this much smaller than the largest value is shown as none.
+/// Values smaller than the largest one by this factor count as zero.
 const DECADES: f64 = 1e-4;
 
 /// A chart.
@@ -71,7 +71,7 @@ pub enum YAxis {
 #[derive(Clone, Default)]
 pub struct Series {
     pub name: String,
-    /// Of the palette's seven; the last is grey.
+    /// Index into the palette of seven; the last is grey.
     pub colour: usize,
     pub mark: Mark,
     /// Whether points are joined.
@@ -211,7 +211,7 @@ impl Panel {
     }
 }
 
-/// Where values are on the canvas.
+/// Maps values to the canvas.
 struct Axes {
     left: i32,
     right: i32,

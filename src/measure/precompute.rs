@@ -52,7 +52,7 @@ struct Row {
     alpha: f64,
     /// Texels along a face of this map.
     face_size: u32,
-    /// How many texels were judged.
+    /// The number of judged texels.
     judged: usize,
     #[serde(flatten)]
     error: Accuracy,
@@ -72,7 +72,7 @@ struct Results {
     warnings: Vec<String>,
 }
 
-/// How much is measured.
+/// Sizes and numbers of samples.
 struct Sweep {
     sizes: Vec<u32>,
     methods: Vec<Method>,
@@ -103,7 +103,7 @@ impl Sweep {
     }
 }
 
-/// Maps of one method, and what they took.
+/// Maps of one method and their times.
 struct Filled {
     method: String,
     parameter: String,
@@ -258,7 +258,7 @@ fn total(times: &[PassTime]) -> f64 {
     times.iter().map(|pass| pass.ms).sum()
 }
 
-/// What maps of one panorama should hold (f64 sums over all of its texels), computed once for each lobe and size.
+/// Exact values for maps of one panorama (f64 sums over all of its texels), computed once for each lobe and size.
 struct Truths<'a> {
     panorama: &'a Panorama,
     most: usize,

@@ -14,17 +14,17 @@ use crate::{Error, Result};
 /// The name for all measurements.
 const ALL: &str = "all";
 
-/// What to measure, on what, and where results go.
+/// The measurements, their inputs and the output folder.
 #[derive(Args, Clone, Debug)]
 pub struct MeasureRequest {
-    /// What to measure; everything if left out, or for `all`. What ends in .toml or .obj is a scene for `ladder` and
-    /// `causes`.
+    /// Measurements by name; all of them if left out, or for `all`. Names that end in .toml or .obj are scenes for
+    /// `ladder` and `causes`.
     #[arg(value_name = "NAME|SCENE")]
     names: Vec<String>,
     /// The folder for CSV, JSON and charts; created if missing.
     #[arg(short, long, value_name = "DIR", required_unless_present = "list")]
     output: Option<PathBuf>,
-    /// Write everything that was measured.
+    /// Write all results as JSON.
     #[arg(long, value_name = "FILE")]
     pub json: Option<PathBuf>,
     /// A few sizes and parameters: minutes. The default.
@@ -83,7 +83,7 @@ impl MeasureRequest {
         self.names.iter().filter(|name| is_scene(name)).map(PathBuf::from).collect()
     }
 
-    /// What is to be chosen from each ladder.
+    /// The limit for a choice from each ladder.
     pub fn limit(&self) -> Option<Limit> {
         self.tolerance.map(Limit::Tolerance).or(self.budget_ms.map(Limit::BudgetMs))
     }

@@ -74,13 +74,13 @@ struct Row {
     thesis_triangles: usize,
     /// `desktop` or `stereo`.
     view: &'static str,
-    /// Of each eye's picture.
+    /// Pixels of each eye's picture.
     size: [u32; 2],
     way: &'static str,
     draws: usize,
     #[serde(flatten)]
     cost: Cost,
-    /// What the slower of GPU and recording thread allows.
+    /// The frame rate that the slower of GPU and recording thread allows.
     fps: f64,
     thesis_fps: f64,
     texture_mib: f64,
@@ -128,11 +128,11 @@ pub fn run(request: &MeasureRequest, context: &Context) -> Result<()> {
     Ok(())
 }
 
-/// Where a scene is seen.
+/// A view of a scene: in the window or in stereo.
 #[derive(Clone, Copy)]
 struct View {
     name: &'static str,
-    /// Of each eye's picture.
+    /// Pixels of each eye's picture.
     size: [u32; 2],
     eyes: u32,
 }

@@ -50,7 +50,7 @@ pub struct Accuracy {
 }
 
 impl Accuracy {
-    /// Of at least one value; a truth of zero counts as the smallest normal number, so that the result is never NaN.
+    /// The errors of at least one value; an exact value of zero counts as the smallest normal number, to avoid NaN.
     pub fn new(values: &[DVec3], truths: &[DVec3]) -> Self {
         let error = |(value, truth): (&DVec3, &DVec3)| {
             (*value - *truth).abs().element_sum() / truth.element_sum().max(f64::MIN_POSITIVE)

@@ -25,7 +25,7 @@ pub fn run() -> Result<()> {
         "no layer; for --validate install vulkan-validationlayers or the Vulkan SDK",
     );
     match super::show::no_display() {
-        None => say!("display     there"),
+        None => say!("display     available"),
         Some(reason) => say!("display     missing: {reason}; pictures can be written all the same"),
     }
     match headset::registry() {
@@ -34,7 +34,7 @@ pub fn run() -> Result<()> {
     }
     match headset::probe() {
         Ok(Some(name)) => say!("headset     {name}"),
-        Ok(None) => say!("headset     there; its runtime is not running and will be started"),
+        Ok(None) => say!("headset     found; its runtime is not running and will be started"),
         Err(reason) => say!("headset     missing: {reason}"),
     }
     match shipped::folder() {
@@ -50,9 +50,9 @@ pub fn run() -> Result<()> {
 
 fn print_gpu(index: usize, gpu: &GpuInfo) {
     let verdict = match &gpu.unfit {
-        Some(reason) => format!("will not do: {reason}"),
+        Some(reason) => format!("not usable: {reason}"),
         None if index == 0 => "used unless --gpu names another".into(),
-        None => "will do".into(),
+        None => "usable".into(),
     };
     say!("GPU         {} ({}, Vulkan {}, {}): {verdict}", gpu.name, gpu.kind, gpu.vulkan, gpu.driver);
     say!("            {:.1} GiB of its own", gpu.memory as f64 / f64::from(1 << 30));

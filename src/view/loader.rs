@@ -157,7 +157,7 @@ impl Loader {
             Ok(result) => Ok(Some(result)),
             Err(TryRecvError::Empty) => Ok(None),
             Err(TryRecvError::Disconnected) => Err(Error::Window {
-                problem: "the thread that loads scenes has died; this is a defect, please report it".into(),
+                problem: "the thread that loads scenes has panicked; this is a defect, please report it".into(),
             }),
         }
     }

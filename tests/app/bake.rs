@@ -1,4 +1,4 @@
-//! Baked files: what they hold, read by another reader too, and what the command tells.
+//! Baked files: their content, also by an independent reader, and the command's output.
 
 use std::collections::BTreeMap;
 use std::fs;

@@ -1,4 +1,4 @@
-//! The cache of precomputed maps, and everything that can befall it.
+//! The cache of precomputed maps: hits, versions, damaged, locked and unwritable files.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -32,7 +32,7 @@ impl Scene {
         Self { shop, scene, cache }
     }
 
-    /// The picture's bytes, and what is told about it.
+    /// The picture's bytes, and the messages.
     fn render(&self, cache: Option<&Cache>) -> (Vec<u8>, RenderFacts) {
         self.render_with(cache, Geometry::Smith, SplitSum::Moment)
     }

@@ -1,4 +1,4 @@
-//! The window end to end: the program under its own X server, with the validation layer, driven like a user would.
+//! The window end to end: the program under its own X server, with the validation layer, driven as by a user.
 
 use std::path::PathBuf;
 use std::process::Output;

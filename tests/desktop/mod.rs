@@ -21,7 +21,7 @@ use x11rb::wrapper::ConnectionExt as _;
 const PATIENCE: Duration = Duration::from_secs(180);
 pub const SCREEN: [u16; 2] = [2600, 2000];
 
-/// An X server of a test's own, on a display number nobody has; it ends with the test.
+/// An X server of a test's own, on a free display number; it ends with the test.
 pub struct Display {
     server: Child,
     name: String,
@@ -157,7 +157,7 @@ pub struct Hands {
 }
 
 impl Hands {
-    /// Finds the program's window: the one that is mapped. Without a window manager nobody else gives it the keyboard.
+    /// Finds the program's window: the one that is mapped. Without a window manager nothing else gives it the keyboard.
     pub fn on(display: &Display) -> Self {
         let (x, screen) = RustConnection::connect(Some(&display.name)).expect("the display");
         let root = x.setup().roots[screen].root;

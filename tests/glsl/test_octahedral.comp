@@ -1,4 +1,4 @@
-// What octahedral.glsl computes, for src/render/world/vertex.rs.
+// What octahedral.glsl computes, for src/render/scene_resources/vertex.rs.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_scalar_block_layout : require

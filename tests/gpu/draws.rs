@@ -1,4 +1,4 @@
-//! What is left out of a frame, and in which order the rest is drawn, cannot be seen in the picture.
+//! Culling and draw order do not change the picture.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;

@@ -168,7 +168,7 @@ fn sixteen_point_lights_add_up() {
     }
 }
 
-/// Radiance 1/2 + d/2: tells every direction from every other.
+/// Radiance 1/2 + d/2: different in every direction.
 fn compass(d: [f64; 3]) -> [f32; 3] {
     d.map(|c| (0.5 + 0.5 * c) as f32)
 }

@@ -1,4 +1,4 @@
-//! What the GPU precomputes from a panorama, against sums in f64 over all of its texels.
+//! Light maps precomputed on the GPU, against sums in f64 over all texels of the panorama.
 
 use crate::common::light::{Errors, level_errors, look_up, open_gpu, panorama, read_cube, relative};
 use glam::DVec3;
@@ -34,7 +34,7 @@ fn levels_and_irradiance_hold_what_sums_over_the_panorama_give() {
     messages.check().expect("no validation messages");
 }
 
-/// Directions that are nobody's texel centres, and roughnesses between the levels'.
+/// Directions that are no texel's centre, and roughnesses between the levels'.
 #[test]
 fn roughness_between_levels_is_close_to_its_own_lobe() {
     let (gpu, messages) = open_gpu();

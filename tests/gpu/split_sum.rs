@@ -1,4 +1,4 @@
-//! The split sum: its table against f64 quadrature, and what it makes of an environment against the full integral.
+//! The split sum: its table against f64 quadrature, and its reflections of an environment against the full integral.
 
 use std::path::Path;
 

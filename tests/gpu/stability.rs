@@ -1,4 +1,4 @@
-//! Where methods like ours are known to fail: the naive form is shown to fail still, ours to hold. Which test holds what:
+//! Cases in which methods like ours are known to fail: the naive form is shown to fail, ours to hold. The test of each case:
 //!
 //! | case | tests |
 //! |---|---|

@@ -1,4 +1,4 @@
-//! Eyes where it hurts: inside things, behind them, far from them, among tiny and huge ones, turned apart, at the near
+//! Difficult viewpoints: inside things, behind them, far from them, among tiny and huge ones, turned apart, at the near
 //! plane; and surfaces as smooth, as rough and as broken as they come. `stability.rs` lists all cases.
 
 use crate::common::stage::{Stage, assert_sane, scaled, scene, shipped, with_gpu};

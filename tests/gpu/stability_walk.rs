@@ -112,7 +112,7 @@ fn assert_calm(file: &str, most_per_million: f64) {
     assert!(flashes <= most, "{file}: {flashes} flashes, more than {most}");
 }
 
-/// The same without levels of detail and with one sample per pixel: it flashes so often at least. Ten frames tell.
+/// The same without levels of detail and with one sample per pixel: it flashes so often at least. Ten frames are enough.
 fn assert_restless(file: &str, least: usize) {
     let shipped = scene(&shipped(file));
     let eyes = &walk(&shipped)[140..154];

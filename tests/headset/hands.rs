@@ -1,4 +1,4 @@
-//! Controllers end to end: what the script presses is what the user then sees.
+//! Controllers end to end: the picture's response to buttons that the script presses.
 
 use headset_runtime::script::{Button, Script, Waypoint};
 
@@ -7,7 +7,7 @@ use crate::common::room::{Room, head, patient};
 /// Frames after a press in which the change must have been made: a teleport takes its time in the dark.
 const LATER: u64 = 60;
 
-/// A hand behind the head that points to the floor, where nobody sees it.
+/// A hand behind the head that points to the floor, where no eye sees it.
 fn out_of_sight() -> Vec<Waypoint> {
     vec![Waypoint { frame: 1, position: [0.0, 1.0, 1.0], rotation_degrees: [0.0, -80.0, 0.0] }]
 }

@@ -175,7 +175,7 @@ fn image(device: &ash::Device) -> (vk::Image, vk::DeviceMemory) {
     }
 }
 
-/// The client's whole life: it shows a left eye in red and a right one in blue until it is told to quit.
+/// The client's whole life: it shows a left eye in red and a right one in blue until the runtime asks it to quit.
 #[test]
 #[ignore = "the other tests start it in a process of its own"]
 fn client() {
@@ -196,7 +196,7 @@ fn client() {
         for (eye, which) in [openvr::Eye::Left, openvr::Eye::Right].into_iter().enumerate() {
             let color = [1.0 - eye as f32, 0.0, eye as f32, 1.0];
             client.draw(eye, color, layout);
-            // SAFETY: the image lives until the end, and nobody else uses the queue.
+            // SAFETY: the image lives until the end, and no other thread uses the queue.
             unsafe { compositor.submit(which, &client.texture(eye), None, None) }.expect("an accepted image");
         }
         compositor.post_present_handoff();

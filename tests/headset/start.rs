@@ -1,4 +1,4 @@
-//! Starting on a headset: every way in which there is none, told in one line and without hanging or dying with the runtime.
+//! Starting without a usable headset: every cause gives one line, and the program neither hangs nor crashes with the runtime.
 
 use std::fs;
 use std::path::Path;

@@ -1,4 +1,4 @@
-//! A ball under panoramas: all its roughnesses and angles, and what each approximation changes of them.
+//! The errors of each approximation for balls under panoramas, over all roughnesses and angles.
 
 use glam::DVec3;
 
@@ -23,7 +23,7 @@ const MATERIALS: [(&str, f64, DVec3); 3] = [
     ("black dielectric", 0.0, DVec3::ZERO),
 ];
 
-/// What a ball is sampled by.
+/// The sampling of a ball.
 pub struct Grid {
     pub roughness: &'static [f64],
     pub nv: &'static [f64],
@@ -116,7 +116,7 @@ impl<'a> Ball<'a> {
         std::array::from_fn(|material| self.points[material].iter().map(|point| point.truth).collect())
     }
 
-    /// What all points show, by material.
+    /// The radiance of all points, by material.
     fn values(&mut self, exact: Exact, variant: Variant, maps: Option<&Stored>) -> [Vec<DVec3>; MATERIALS.len()] {
         let (points, sums, stored) = (&self.points, &mut self.sums, maps.unwrap_or(&self.stored));
         loop {

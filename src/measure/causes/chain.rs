@@ -1,5 +1,5 @@
-//! The radiance that a pixel shows of the environment, with any set of approximations, the others exact: in f64, but for what
-//! is read back from the GPU.
+//! The radiance that a pixel reflects from the environment, with any set of approximations and everything else exact: in
+//! f64, except for values read back from the GPU.
 
 use glam::DVec3;
 
@@ -17,7 +17,7 @@ use crate::reference::table::{Entry, Lobe, SplitSum, table_lobe, table_slices};
 pub enum Cause {
     /// Light averaged under a round lobe with the mean vector of the BRDF's own, which is grey: n = v, matched.
     Lobe,
-    /// What is diffuse or scattered more than once from the irradiance alone.
+    /// The diffuse part and multiple scattering from the irradiance alone.
     Diffuse,
     /// Two of the stored lobes mixed instead of one between them; none wider than the last.
     Levels,
@@ -30,7 +30,7 @@ pub enum Cause {
 impl Cause {
     pub const ALL: [Self; 5] = [Self::Lobe, Self::Diffuse, Self::Levels, Self::Texels, Self::Table];
 
-    /// A name, the default, and what is exact.
+    /// A name, the default, and the exact form.
     pub fn words(self) -> [&'static str; 3] {
         match self {
             Self::Lobe => {
@@ -44,7 +44,7 @@ impl Cause {
     }
 }
 
-/// What is exact, everything else being approximated.
+/// The approximations that are replaced by their exact form.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Exact {
     Nothing,
@@ -58,14 +58,14 @@ impl Exact {
     }
 }
 
-/// One surface, seen: its truth, and the table's answers.
+/// One surface in one view: the exact result, and the table's values.
 pub struct Point {
     surface: Surface,
     /// All light that it reflects.
     pub truth: DVec3,
-    /// Of that, what single scattering mirrors, over its reflectance: the mean under the BRDF's own lobe.
+    /// The singly scattered part, divided by its reflectance: the mean under the BRDF's own lobe.
     own: DVec3,
-    /// What is diffuse or scattered more than once.
+    /// The diffuse and multiply scattered part.
     beyond: DVec3,
     exact: TableAt,
     stored: TableAt,
@@ -124,7 +124,8 @@ impl Default for Variant {
     }
 }
 
-/// Radiance of a point with some approximations; to be called again after `sums` has computed what this requested. None of them is the truth.
+/// The radiance of a point with some approximations; without any, it is the exact result. To be called again after `sums`
+/// has computed the means that this call requested.
 pub fn radiance(point: &Point, exact: Exact, variant: Variant, stored: &Stored, sums: &mut Sums<'_>) -> DVec3 {
     let Surface { n, albedo, metallic, .. } = point.surface;
     let at = if !exact.has(Cause::Table) { &point.stored } else { &point.exact };
@@ -143,7 +144,7 @@ pub fn radiance(point: &Point, exact: Exact, variant: Variant, stored: &Stored, 
     mirrored + beyond
 }
 
-/// Where a lobe at a point points, and its spread: as `lobe_part` in `glsl/environment.glsl`.
+/// The direction and spread of a lobe at a point, as `lobe_part` in `glsl/environment.glsl`.
 fn mean_and_spread(point: &Point, lobe: &Lobe) -> (DVec3, f64) {
     let Surface { n, v, albedo, metallic, .. } = point.surface;
     let nv = n.dot(v);
@@ -169,7 +170,7 @@ struct Maps<'a, 'p> {
 }
 
 impl Maps<'_, '_> {
-    /// What is mirrored once.
+    /// The singly scattered part.
     fn mirrored(&mut self, point: &Point, at: &TableAt, variant: Variant, exact: Exact) -> DVec3 {
         let Surface { n, v, albedo, metallic, roughness } = point.surface;
         let mut f0 = f0_from_metallic(albedo, metallic);

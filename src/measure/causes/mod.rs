@@ -1,4 +1,4 @@
-//! Errors by cause: one approximation after the other replaced by what is exact, for balls and for pictures.
+//! Errors by cause: one approximation after the other replaced by its exact form, for balls and for pictures.
 
 mod ball;
 mod chain;
@@ -16,7 +16,7 @@ use ball::Ball;
 use picture::Subject;
 use rows::{Results, Row};
 
-/// Measured where no scene is named.
+/// The scenes that are measured if none is named.
 const SCENES: [&str; 2] = ["teapot", "sphere"];
 
 /// Measures, and after each row writes `causes.csv`, `causes.json` and `causes.md`; at the end `causes.svg`.

@@ -18,7 +18,7 @@ use crate::scene::Scene;
 use crate::view::load_scene;
 use crate::{Error, Result};
 
-/// How much is drawn.
+/// Sizes and numbers of samples.
 #[derive(Clone, Copy)]
 pub struct Detail {
     /// Pixels.
@@ -186,7 +186,7 @@ impl<'a> Subject<'a> {
         Parts::new(half, |pixels| pixels.iter().map(light).collect())
     }
 
-    /// Without smaller levels there is nothing that anisotropy could choose; lavapipe walks whole textures for it then.
+    /// Without mips, anisotropic filtering is off: it could not choose a level, and lavapipe would read whole textures.
     fn settings_for(&self, scene: &Scene) -> RenderSettings {
         let mut settings = self.settings.clone();
         if scene.textures.iter().all(|texture| texture.levels.len() == 1) {
@@ -221,7 +221,7 @@ fn top_levels(scene: &Scene) -> Scene {
     scene
 }
 
-/// Of a display's linear light, 0 to 1.
+/// The sRGB bytes of a display's linear light, 0 to 1.
 fn bytes_of(light: DVec3) -> [u8; 3] {
     srgb_encode(light).to_array().map(|c| (c * 255.0).round() as u8) // `as` saturates
 }

@@ -10,7 +10,7 @@ use super::super::report::{write_json, write_table};
 use crate::Result;
 use crate::reference::metrics::PIXELS_PER_DEGREE;
 
-/// What a row compares.
+/// The kind of comparison of a row.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Ablation {
@@ -18,9 +18,9 @@ pub enum Ablation {
     Whole,
     /// The error of the exact result itself.
     Floor,
-    /// The default, but for one approximation, which is replaced by what is exact.
+    /// The default with one approximation replaced by its exact form.
     Exact,
-    /// The default, but for one setting.
+    /// The default with one setting replaced.
     Other,
 }
 
@@ -31,7 +31,8 @@ pub enum Kind {
     Picture,
 }
 
-/// One ablation of one subject; numbers are of a ball the mean of |difference| over the exact radiance, in %, of a picture FLIP.
+/// One ablation of one subject. Numbers are, for balls, the mean of |difference| over the exact radiance, in %; for
+/// pictures, FLIP.
 #[derive(Clone, Debug, Serialize)]
 pub struct Row {
     pub kind: Kind,
@@ -64,7 +65,7 @@ impl Row {
 pub struct Results {
     #[serde(flatten)]
     pub machine: Machine,
-    /// Of the pictures.
+    /// The pictures' size.
     pub size: [u32; 2],
     pub rows: Vec<Row>,
 }
@@ -86,7 +87,7 @@ impl Results {
     fn notes(&self) -> Vec<String> {
         let Machine { gpu, date, .. } = &self.machine;
         vec![
-            "Filled, `exact`: one approximation is replaced by what is exact, all others stay. Rings, `other`: by another setting."
+            "Filled, `exact`: one approximation is replaced by its exact form, all others stay. Rings, `other`: by another setting."
                 .into(),
             "Dashed, `floor`: noise of the reference, in all together and split sum.".into(),
             format!(
@@ -108,7 +109,7 @@ impl Results {
         self.rows.iter().filter(|row| row.ablation == Ablation::Whole).map(line).collect()
     }
 
-    /// How far the result moves for each cause; balls under all panoramas on the left, pictures on the right.
+    /// The change of the result for each cause; balls under all panoramas on the left, pictures on the right.
     pub fn plot(&self) -> Plot {
         let [width, height] = self.size;
         let mut panels = vec![self.panel(Kind::Ball, "balls", "mean relative difference of radiance, %", 0)];

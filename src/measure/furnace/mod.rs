@@ -37,12 +37,12 @@ struct Row {
     n_dot_v: f64,
     /// Share of the light that is reflected.
     reflected: f64,
-    /// Of `reflected`, where it was integrated: from the spread of the patch's pixels, which are independent.
+    /// The standard error of `reflected`, if it was integrated: from the spread of the patch's independent pixels.
     standard_error: Option<f64>,
     expected: f64,
 }
 
-/// All surfaces by one method, in words.
+/// A summary of all surfaces for one method.
 fn summary(rows: &[Row]) -> String {
     let most = |f: fn(&Row) -> f64| rows.iter().map(f).fold(f64::NEG_INFINITY, f64::max);
     let (least, largest) = (-most(|row| -row.reflected), most(|row| row.reflected));
@@ -147,7 +147,7 @@ fn rows(grid: &Grid, bench: &Bench, method: &'static str, scattering: Scattering
     Ok(rows)
 }
 
-/// Of independent numbers.
+/// The standard error of the mean of independent numbers.
 fn mean_and_error(values: impl Iterator<Item = f64> + Clone) -> [f64; 2] {
     let count = values.clone().count() as f64;
     let mean = values.clone().sum::<f64>() / count;

@@ -58,7 +58,7 @@ fn words(config: &Config) -> String {
     format!("{flags} ({:.2}×, {:.4}{noise})", config.ratio.median, config.error.flip)
 }
 
-/// How it was measured, for chart and table.
+/// Notes on the measurement, for chart and table.
 pub fn notes(ladder: &Ladder) -> Vec<String> {
     let Ladder { scene, machine: Machine { gpu, date, .. }, size: [width, height], reference, .. } = ladder;
     let ReferenceFacts { frames, fineness, pixels_per_degree, floor, .. } = reference;

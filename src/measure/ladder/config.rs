@@ -1,4 +1,4 @@
-//! What was measured of each configuration of settings, and what follows: Pareto front, choices, verdict.
+//! Results of each configuration of settings: Pareto front, choices, verdict.
 
 use serde::{Deserialize, Serialize};
 
@@ -13,17 +13,17 @@ use crate::reference::metrics::PIXELS_PER_DEGREE;
 /// One configuration of one scene.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Config {
-    /// What kind of setting it is.
+    /// The kind of setting.
     pub dimension: String,
     /// As on the command line; empty for the default.
     pub flags: String,
     #[serde(flatten)]
     pub cost: Cost,
-    /// How many times the default's time it takes, both drawn interleaved.
+    /// Ratio to the default's time, both drawn interleaved.
     pub ratio: Spread,
     /// The default's GPU time in that run.
     pub default_gpu_ms: f64,
-    /// That ratio of the default's time over all runs: what configurations are compared by.
+    /// The ratio times the default's time over all runs; configurations are compared by it.
     pub ms: f64,
     #[serde(flatten)]
     pub error: PictureError,
@@ -54,7 +54,7 @@ impl Config {
         self.flags.is_empty()
     }
 
-    /// Its flags, or what stands for none.
+    /// Its flags, or a name for the default.
     pub fn name(&self) -> &str {
         if self.is_default() { "default" } else { &self.flags }
     }
@@ -76,7 +76,7 @@ pub struct Ladder {
     #[serde(flatten)]
     pub machine: Machine,
     pub size: [u32; 2],
-    /// What ratios are of: `GPU time`, or `processor time` where the GPU is a software renderer.
+    /// The time that ratios compare: `GPU time`, or `processor time` on a software renderer.
     pub time: String,
     pub reference: ReferenceFacts,
     /// The default is the first.
@@ -116,7 +116,7 @@ impl Ladder {
         self.configs.iter_mut().zip(found).for_each(|(config, standing)| config.standing = standing);
     }
 
-    /// What is worth trying together, as flags; of single settings that are this program's own.
+    /// Combinations that are worth measuring, as flags; made of single settings of this program.
     pub fn combinations(&self) -> Vec<String> {
         let Some((default, others)) = self.configs.split_first() else { return Vec::new() };
         let own = others.iter().filter(|c| settings::KNOWN.iter().all(|(dimension, _)| *dimension != c.dimension));
@@ -124,7 +124,7 @@ impl Ladder {
         settings::combinations(default.score(), &own.map(single).collect::<Vec<_>>())
     }
 
-    /// How the default stands, and whether the reference picture is good enough to say so.
+    /// The verdict on the default, and whether the reference is accurate enough for it.
     pub fn verdict(&self) -> Vec<String> {
         let Some(default) = self.configs.first() else { return Vec::new() };
         let (scene, flip) = (&self.scene, default.error.flip);

@@ -79,7 +79,7 @@ impl<'a> Judge<'a> {
     }
 }
 
-/// Settings for this one picture on this GPU; what it cannot do is the default then, and not measured.
+/// Settings for this picture on this GPU; those that it does not support are the default then, and not measured.
 fn settings_of(context: &Context, shot: Shot, settings: RenderSettings) -> RenderSettings {
     let Shot { eye, size, .. } = shot;
     let viewpoint = Viewpoint::new(eye.position(), 0.0, [eye.left, eye.right, eye.down, eye.up], size);

@@ -21,7 +21,7 @@ use judge::Judge;
 
 pub use store::choose;
 
-/// Measured where no scene is named.
+/// The scenes that are measured if none is named.
 const SCENES: [&str; 3] = ["sphere", "teapot", "tearoom"];
 
 /// Measures, and after each configuration writes `ladder.csv`, `ladder.json` and `ladder.md`; after each scene, its chart, and
@@ -50,7 +50,7 @@ pub fn run(request: &MeasureRequest, context: &Context) -> Result<()> {
     Ok(())
 }
 
-/// Measures one scene's settings: each alone, then what is worth combining.
+/// Measures one scene's settings: each alone, then combinations that are worth it.
 fn measure(
     context: &Context,
     path: &Path,

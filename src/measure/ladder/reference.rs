@@ -14,7 +14,7 @@ use crate::reference::tone;
 use crate::render::{Eye, Output, RenderSettings, Shading, TextureSettings};
 use crate::scene::Scene;
 
-/// It is drawn with so many pixels along a pixel's side: edges are averaged over 16 places a frame, and textures are read
+/// The number of reference pixels along a pixel's side: edges are averaged over 16 places a frame, and textures are read
 /// from levels so much finer.
 const FINENESS: u32 = 4;
 /// Samples along a slanted footprint, where they do not take minutes.
@@ -26,7 +26,7 @@ pub struct PictureError {
     /// FLIP, mean and largest, of what a viewer sees.
     pub flip: f64,
     pub flip_max: f64,
-    /// Of linear radiance.
+    /// Relative MSE of linear radiance.
     pub relative_mse: f64,
 }
 
@@ -44,7 +44,7 @@ pub struct Seen {
     pub display: Vec<[u8; 3]>,
 }
 
-/// How the reference picture was made, and its error.
+/// Size, cost and error of the reference picture.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ReferenceFacts {
     pub frames: u32,
@@ -57,11 +57,11 @@ pub struct ReferenceFacts {
     /// Its own error, from its two halves: they are independent, so that their difference has twice the standard deviation of
     /// their mean, and four times its variance; FLIP falls by less ([`floor_share`]).
     pub floor: PictureError,
-    /// Of visual angle: how near FLIP sees all pictures.
+    /// Pixels per degree of visual angle for FLIP.
     pub pixels_per_degree: f32,
 }
 
-/// How pictures are taken: the reference and those that are judged.
+/// The view of all pictures: the reference and those that are judged.
 #[derive(Clone, Copy)]
 pub struct Shot {
     pub eye: Eye,
@@ -71,7 +71,7 @@ pub struct Shot {
     pub pixels_per_degree: f32,
 }
 
-/// How textures of the reference picture's scene are kept.
+/// Texture options of the reference picture's scene.
 pub fn textures(gpu: &Gpu) -> TextureSettings {
     let anisotropy = if gpu.info().is_software() { 1 } else { MOST_ANISOTROPY };
     TextureSettings { storage: Some(Storage::Raw), anisotropy: Some(anisotropy), ..TextureSettings::default() }

@@ -1,4 +1,4 @@
-//! The settings that trade speed for accuracy: each as what stands on the command line, alone and combined.
+//! The settings that trade speed for accuracy, as command-line flags, alone and combined.
 
 use clap::Parser;
 
@@ -6,7 +6,7 @@ use super::super::pareto::Score;
 use crate::render::RenderSettings;
 use crate::{Error, Result};
 
-/// What can be set, and to what other than the default; a setting that is the default here is not measured twice.
+/// Settings and their values other than the default; one that is the default on this machine is not measured twice.
 ///
 /// The table of the split sum has one size: a fragment's time does not depend on it, and what lookups lose is below 1e-3.
 /// Irradiance comes from a map in all settings; spherical harmonics are only a way to fill it (`measure precompute`).
@@ -37,7 +37,7 @@ const SHADING: &str = "shading";
 /// Not measured on a software renderer, which takes minutes for a frame.
 pub const NOT_FOR_SOFTWARE: &[&str] = &["--anisotropy 4", "--anisotropy 16"];
 
-/// A command line of quality options alone.
+/// A command line of render settings alone.
 #[derive(Parser)]
 #[command(no_binary_name = true)]
 struct Flags {
@@ -45,7 +45,7 @@ struct Flags {
     options: RenderSettings,
 }
 
-/// The options of flags that are separated by spaces.
+/// Parses settings from flags that are separated by spaces.
 ///
 /// # Errors
 /// Flags that this program does not know, such as those of another version's ladder.
@@ -61,7 +61,7 @@ pub struct Single {
     pub score: Score,
 }
 
-/// What is worth trying together, once each setting has been measured alone: a greedy walk from the default along the
+/// Combinations worth measuring, once each setting has been measured alone: a greedy walk from the default along the
 /// settings that save time, those first that lose least accuracy for it, each on top of those before; all that are quickest;
 /// and all that are most accurate.
 pub fn combinations(default: Score, singles: &[Single]) -> Vec<String> {

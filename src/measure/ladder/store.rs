@@ -25,7 +25,7 @@ pub fn store(cache: &Cache, scene: &Path, gpu: &Gpu, ladder: &Ladder) -> Result<
     file::write_atomically(&path, text.as_bytes())
 }
 
-/// The options that a limit chooses from the ladder of this scene (a description or model) on this GPU; prints which.
+/// The settings that a limit chooses from the ladder of this scene (a description or model) on this GPU; prints which.
 ///
 /// # Errors
 /// No ladder has been measured; nothing in it holds the limit; a file that cannot be read.
@@ -52,7 +52,7 @@ const FOLDER: &str = "ladders";
 /// Increased with every change of the format: ladders of other formats are not found.
 const FORMAT: &str = "3";
 
-/// Named by all that a ladder depends on, but for files that a scene's own file names.
+/// The file name: a hash of everything that a ladder depends on, except for files that the scene's file names.
 fn path(cache: &Cache, scene: &Path, gpu: &Gpu) -> Result<PathBuf> {
     let place = scene.canonicalize().map_err(Error::read(scene))?;
     let mut key = Key::default();

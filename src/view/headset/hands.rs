@@ -52,7 +52,7 @@ impl Hands {
         Self { actions, rig: None, settled: false, camera: 0, teleport_fade, grab: None, gizmos }
     }
 
-    /// Stands at one of the scene's cameras from the next frame on; also for a new scene.
+    /// Moves the user to one of the scene's cameras with the next frame; also for a new scene.
     pub fn go_to(&mut self, camera: usize) {
         (self.rig, self.settled, self.camera, self.grab) = (None, false, camera, None);
         self.teleport_fade = TeleportFade::default();

@@ -41,10 +41,10 @@ enum Answer {
 /// One line that says why there is no headset and what to do.
 pub fn probe() -> Result<Option<String>, String> {
     check_registry()?;
-    let program = std::env::current_exe().map_err(|e| format!("the headset cannot be asked for ({e})"))?;
+    let program = std::env::current_exe().map_err(|e| format!("the probe for a headset cannot be started ({e})"))?;
     let mut command = Command::new(program);
     command.arg(SUBCOMMAND);
-    let ended = run(command, LIMIT).map_err(|e| format!("the headset cannot be asked for ({e})"))?;
+    let ended = run(command, LIMIT).map_err(|e| format!("the probe for a headset cannot be started ({e})"))?;
     let Some(ended) = ended else {
         let seconds = LIMIT.as_secs();
         return Err(format!("the headset runtime does not answer within {seconds} s; restart SteamVR"));
@@ -152,7 +152,7 @@ fn verdict(ended: &Ended) -> Result<Option<String>, String> {
             let last = ended.err.lines().rfind(|line| !line.trim().is_empty());
             let reason = last.map_or_else(String::new, |line| format!(": {}", shortened(line.trim(), LONGEST_REASON)));
             let status = ended.status;
-            Err(format!("the headset runtime dies at its start ({status}{reason}); restart or reinstall SteamVR"))
+            Err(format!("the headset runtime crashes at its start ({status}{reason}); restart or reinstall SteamVR"))
         }
     }
 }
@@ -222,8 +222,8 @@ mod tests {
     #[test]
     fn a_crash_is_reported_with_the_runtimes_last_line() {
         let error = verdict(&ended("no answer\n", "loading\nout of ink\n\n")).expect_err("a crash");
-        assert!(error.contains("dies at its start") && error.contains(": out of ink)"), "{error}");
-        assert!(verdict(&ended("", "")).is_err_and(|e| e.contains("dies at its start")));
+        assert!(error.contains("crashes at its start") && error.contains(": out of ink)"), "{error}");
+        assert!(verdict(&ended("", "")).is_err_and(|e| e.contains("crashes at its start")));
     }
 
     #[cfg(unix)]

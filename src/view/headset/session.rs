@@ -157,13 +157,13 @@ impl Session {
         &self.times
     }
 
-    /// Stands at one of the scene's cameras from the next frame on; also for a new scene.
+    /// Moves the user to one of the scene's cameras with the next frame; also for a new scene.
     pub fn go_to(&mut self, camera: usize) {
         self.hands.go_to(camera);
         self.warm_up = WARM_UP;
     }
 
-    /// How long the last frame took on the CPU: input, waiting for the frame before the last, recording.
+    /// CPU time of the last frame: input, waiting for the frame before the last, recording.
     pub fn recording(&self) -> Duration {
         self.recording
     }
@@ -175,13 +175,13 @@ impl Session {
         format!("{}: {width}x{height} per eye; {statistics}", self.report.name)
     }
 
-    /// Notes how long the mirror took, and whether it was ready.
+    /// Notes the mirror's time and whether it was ready.
     pub fn mirrored(&mut self, shown: bool, ms: f64) {
         self.report.mirror[usize::from(!shown)] += 1;
         self.timeline.set_mirror(ms as f32);
     }
 
-    /// Takes the runtime's events; to be called often, also while there is nothing to draw.
+    /// Polls the runtime's events; to be called often, also while there is nothing to draw.
     pub fn follow_events(&mut self) -> Result<Option<End>> {
         while let Some(event) = self.watchdog.watch("PollNextEvent", Patience::FRAME, || self.runtime.next_event()) {
             tracing::debug!("headset: {event:?}");
@@ -206,7 +206,7 @@ impl Session {
         Ok(None)
     }
 
-    /// Shows both eyes the scene from where the head will be.
+    /// Draws the scene for both eyes, at the predicted pose of the head.
     pub fn frame(&mut self, scene: &mut ShownScene) -> Result<FrameResult> {
         if let Some(end) = self.follow_events()? {
             return Ok(self.over(end));
@@ -283,7 +283,7 @@ impl Session {
                 return Ok(Some(End::Lost("the headset is gone; connect it again".into())));
             }
         } else if started.elapsed() < PAUSE {
-            // It returned at once: nothing paces the frames.
+            // The call returned at once, so frames are not paced.
             std::thread::sleep(PAUSE);
         }
         Ok(self.judge("WaitGetPoses", code))
@@ -309,7 +309,7 @@ impl Session {
         Ok(slot)
     }
 
-    /// This frame's quality, from the times of the one that had the slot before.
+    /// This frame's quality, from the times of the slot's previous frame.
     fn choose_level(&mut self, slot: usize, times: &PassTimes) {
         let gpu_ms = times.total_ms() as f32;
         let finished = (!times.is_empty()).then(|| {
@@ -337,7 +337,7 @@ impl Session {
         }
         let handoff = || self.gpu.with_queue_locked(|| self.runtime.post_present_handoff());
         self.watchdog.watch("PostPresentHandoff", Patience::FRAME, handoff);
-        // The frame before: its numbers are complete.
+        // The previous frame, whose numbers are complete.
         if let Some(timing) = self.runtime.frame_timing(1) {
             self.statistics.add(timing);
         }
@@ -364,7 +364,7 @@ impl Session {
         }
     }
 
-    /// Invalid optics are reported, and the old ones stay.
+    /// Updates the optics; invalid ones are reported and ignored.
     fn change_optics(&mut self) {
         match (self.runtime.optics(EYES[0]), self.runtime.optics(EYES[1])) {
             (Ok(left), Ok(right)) => {
@@ -387,7 +387,7 @@ impl Drop for Session {
         if self.report.frames > 0 && !std::thread::panicking() {
             say!("pbr-vr: headset: {}", self.summary());
         }
-        // Waiting fails on a lost device, which has nothing left to wait for.
+        // Waiting fails only on a lost device, where there is nothing to wait for.
         let _ = self.gpu.wait_idle();
         let (runtime, gpu) = (&mut self.runtime, &self.gpu);
         // The runtime may wait for the device; the loader, which may still be working, must not submit meanwhile.

@@ -1,5 +1,5 @@
-//! A thread that notices calls into the runtime which do not return: some block for ever when the link to the headset drops,
-//! and cannot be interrupted.
+//! A watchdog thread for calls into the runtime: some block for ever when the link to the headset drops, and cannot be
+//! interrupted.
 
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
@@ -8,23 +8,23 @@ use std::time::{Duration, Instant};
 use crate::view::interrupt;
 use crate::{Error, Result};
 
-/// How long something may take.
+/// Time limits of a call.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Patience {
-    /// Then a line is printed.
+    /// After this, a message is printed.
     pub notice: Duration,
-    /// Then the program ends: a blocked call cannot be interrupted.
+    /// After this, the program ends, because a blocked call cannot be interrupted.
     pub give_up: Duration,
 }
 
 impl Patience {
-    /// Starting, which may start the runtime's own programs.
+    /// For starting, which may start the runtime's own programs.
     pub const START: Self = Self { notice: Duration::from_secs(5), give_up: Duration::from_secs(90) };
-    /// One call of the frame loop.
+    /// For one call of the frame loop.
     pub const FRAME: Self = Self { notice: Duration::from_secs(3), give_up: Duration::from_secs(30) };
 }
 
-/// How often it looks.
+/// The interval between checks.
 const TICK: Duration = Duration::from_millis(100);
 
 #[derive(Clone, Copy)]
@@ -42,19 +42,19 @@ struct Shared {
 }
 
 impl Shared {
-    /// What is watched, and whether the watch is over.
+    /// The watched call, and whether the watchdog has been stopped.
     fn lock(&self) -> MutexGuard<'_, (Option<Watched>, bool)> {
         self.watched.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
-/// The thread; it ends with this.
+/// The watchdog; its thread ends when it is dropped.
 pub struct Watchdog {
     shared: Arc<Shared>,
     thread: Option<JoinHandle<()>>,
 }
 
-/// What the watchdog has to say.
+/// The result of a check.
 #[derive(Debug, PartialEq, Eq)]
 enum Finding {
     Nothing,
@@ -63,7 +63,7 @@ enum Finding {
 }
 
 impl Watchdog {
-    /// Starts it.
+    /// Starts the thread.
     pub fn new() -> Result<Self> {
         let shared = Arc::new(Shared::default());
         let watching = Arc::clone(&shared);
@@ -73,7 +73,7 @@ impl Watchdog {
         Ok(Self { shared, thread: Some(thread) })
     }
 
-    /// Makes a call under its eyes.
+    /// Makes a call that is watched.
     pub fn watch<R>(&self, what: &'static str, patience: Patience, call: impl FnOnce() -> R) -> R {
         self.shared.lock().0 = Some(Watched { what, since: Instant::now(), patience, noticed: false });
         let result = call();
@@ -86,7 +86,7 @@ impl Drop for Watchdog {
     fn drop(&mut self) {
         self.shared.lock().1 = true;
         self.shared.woken.notify_all();
-        // It has nothing to tell.
+        // The thread returns nothing.
         let _ = self.thread.take().map(JoinHandle::join);
     }
 }

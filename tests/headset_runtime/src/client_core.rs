@@ -1,4 +1,4 @@
-//! What OpenVR's loader asks for first: the factory, and IVRClientCore_003, an object with C++'s table of methods.
+//! The library's entry points: the factory, and IVRClientCore_003, an object with a C++ vtable.
 
 use std::ffi::{CStr, c_char, c_int, c_void};
 use std::ptr::null_mut;

@@ -116,7 +116,7 @@ impl Copier {
         let commands = [slot.commands];
         let submit = vk::SubmitInfo::default().command_buffers(&commands);
         // SAFETY: the slot's last copy has finished; the image is the program's and in the layout that Submit asks for;
-        // nobody else uses the queue during Submit.
+        // no other thread uses the queue during Submit.
         unsafe {
             must("recording", self.device.begin_command_buffer(slot.commands, &begin));
             let layout = vk::ImageLayout::TRANSFER_SRC_OPTIMAL;

@@ -1,4 +1,4 @@
-//! Where each frame's time went, as seen from the runtime: a line of `frames.csv` per frame.
+//! Frame times as seen from the runtime: a line of `frames.csv` per frame.
 
 use std::fs::File;
 use std::io::{BufWriter, Write as _};

@@ -1,4 +1,4 @@
-//! What is submitted: checked, copied on the program's own queue, written as PNG where the script says so.
+//! Submitted images: checked, copied on the program's own queue, written as PNG where the script says so.
 
 use std::path::PathBuf;
 use std::process;

@@ -1,4 +1,4 @@
-//! When frames begin, which came too late, and what GetFrameTiming tells of them.
+//! The pace of frames: when they begin, which were late, and their data for GetFrameTiming.
 
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 /// Frames that GetFrameTiming remembers, as SteamVR does.
 const REMEMBERED: usize = 128;
 
-/// One past frame, as GetFrameTiming tells it.
+/// One past frame, as GetFrameTiming reports it.
 #[derive(Clone, Copy, Default)]
 pub struct PastFrame {
     pub frame: u64,

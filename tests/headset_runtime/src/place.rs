@@ -1,4 +1,4 @@
-//! Where things are: waypoints to rigid transforms to OpenVR's matrices.
+//! Poses: waypoints to rigid transforms to OpenVR's matrices.
 
 use glam::{Affine3A, EulerRot, Quat, Vec3};
 use openvr_sys as sys;
