@@ -59,7 +59,7 @@ fn what_is_needed_and_everything_give_one_picture() {
     let metals = kinds(&shop, &["metal", "half"]);
     let both = |scene: &Path, shading, scattering| {
         let picture = |model| {
-            let look = PictureOptions {
+            let options = PictureOptions {
                 file: "a.png",
                 size: [160, 90],
                 shading,
@@ -67,7 +67,7 @@ fn what_is_needed_and_everything_give_one_picture() {
                 model,
                 ..PictureOptions::default()
             };
-            shop.render(scene, &look).remove(0)
+            shop.render(scene, &options).remove(0)
         };
         let [mean, differ, beyond] = apart(&picture(Model::Needed), &picture(Model::Everything));
         println!("{} {shading:?} {scattering:?}: {mean} steps, {differ} differ, {beyond} beyond one", scene.display());

@@ -65,19 +65,19 @@ impl Workshop {
     }
 
     /// Renders with validation on; any message fails the test.
-    pub fn render(&self, scene: &Path, look: &PictureOptions<'_>) -> Vec<Picture> {
-        let output = self.path(look.file);
+    pub fn render(&self, scene: &Path, options: &PictureOptions<'_>) -> Vec<Picture> {
+        let output = self.path(options.file);
         let request = RenderRequest {
-            size: look.size,
-            camera: look.camera.map(str::to_owned),
-            stereo: look.stereo,
+            size: options.size,
+            camera: options.camera.map(str::to_owned),
+            stereo: options.stereo,
             frames: Some(1),
             settings: RenderSettings {
-                shading: look.shading,
-                geometry: look.geometry,
-                scattering: look.scattering,
-                split_sum: look.split_sum,
-                model: look.model,
+                shading: options.shading,
+                geometry: options.geometry,
+                scattering: options.scattering,
+                split_sum: options.split_sum,
+                model: options.model,
                 ..Default::default()
             },
             ..RenderRequest::new(scene, output)
@@ -87,7 +87,7 @@ impl Workshop {
     }
 }
 
-/// How a test looks at its scene.
+/// Options of the pictures that a test renders.
 #[derive(Clone, Copy)]
 pub struct PictureOptions<'a> {
     pub file: &'a str,

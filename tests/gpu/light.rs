@@ -57,13 +57,13 @@ fn a_white_furnace_shows_a_metal_that_scatters_once_by_its_directional_albedo() 
             shop.panorama("sky.exr", 64, |_| WHITE);
             let (size, distance) = (384, 3.5);
             let scene = scene(&shop, &sphere("m.mtl"), &material(WHITE, 1.0, roughness), distance, "");
-            let look = PictureOptions {
+            let options = PictureOptions {
                 geometry,
                 scattering: Scattering::Single,
                 size: [size, size],
                 ..PictureOptions::default()
             };
-            let picture = &shop.render(&scene, &look)[0];
+            let picture = &shop.render(&scene, &options)[0];
             let mut compared = 0;
             for y in (0..size).step_by(12) {
                 for x in (0..size).step_by(12) {
@@ -341,11 +341,11 @@ fn stereo_eyes_see_what_two_single_eyes_see_and_differ_by_the_disparity() {
         camera("right", half)
     );
     let scene = shop.write("stereo.toml", &text);
-    let look = PictureOptions { size: [320, 240], shading: Shading::BaseColor, ..PictureOptions::default() };
-    let both = shop.render(&scene, &PictureOptions { stereo: true, ..look });
+    let options = PictureOptions { size: [320, 240], shading: Shading::BaseColor, ..PictureOptions::default() };
+    let both = shop.render(&scene, &PictureOptions { stereo: true, ..options });
     assert_eq!(both.len(), 2);
     for (eye, name) in both.iter().zip(["left", "right"]) {
-        let alone = &shop.render(&scene, &PictureOptions { camera: Some(name), file: "alone.exr", ..look })[0];
+        let alone = &shop.render(&scene, &PictureOptions { camera: Some(name), file: "alone.exr", ..options })[0];
         let differing = eye.pixels.iter().zip(&alone.pixels).filter(|(a, b)| (a[0] - b[0]).abs() > 0.26).count();
         assert!(differing <= 4, "{name}: {differing} pixels differ by more than one sample");
     }

@@ -145,14 +145,14 @@ fn linear_light_is_reflected_exactly() {
                 let scene = shop.write("scene.toml", &scene);
                 // Scattered more than once, light is looked up as irradiance, not along the lobe.
                 let scattering = Scattering::Single;
-                let look = PictureOptions {
+                let options = PictureOptions {
                     size: [17, 17],
                     shading: Shading::Specular,
                     scattering,
                     split_sum,
                     ..PictureOptions::default()
                 };
-                pixel(&shop.render(&scene, &look)[0], 8, 8)[0]
+                pixel(&shop.render(&scene, &options)[0], 8, 8)[0]
             };
             let [along, across] = table_lobe(nv, roughness, Geometry::Smith).mean(f0, nv);
             let r = 2.0 * nv * n - v;

@@ -17,8 +17,8 @@ fn normal_mapped_cells_look_like_real_geometry() {
             model.display().to_string()
         );
         let scene = shop.write("cells.toml", &text);
-        let look = PictureOptions { shading: Shading::Normal, size: [920, 868], ..PictureOptions::default() };
-        let picture = &shop.render(&scene, &look)[0];
+        let options = PictureOptions { shading: Shading::Normal, size: [920, 868], ..PictureOptions::default() };
+        let picture = &shop.render(&scene, &options)[0];
         let found = patches(picture);
         assert_eq!(found.len(), bowls, "{name}");
         for patch in &found {

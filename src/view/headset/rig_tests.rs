@@ -128,10 +128,10 @@ fn steep_far_and_hopeless_arcs_land_nowhere() {
 #[test]
 fn a_blink_is_dark_when_it_moves_and_moves_once() {
     for frame in [1.0 / 90.0, 1.0 / 45.0, 0.5] {
-        let mut blink = TeleportFade::default();
-        assert_eq!(blink.step(frame), (0.0, None), "none was begun");
-        blink.begin(Vec3::X);
-        let steps: Vec<_> = (0..40).map(|_| blink.step(frame)).collect();
+        let mut fade = TeleportFade::default();
+        assert_eq!(fade.step(frame), (0.0, None), "none was begun");
+        fade.begin(Vec3::X);
+        let steps: Vec<_> = (0..40).map(|_| fade.step(frame)).collect();
         let moves: Vec<_> = steps.iter().filter(|(_, to)| to.is_some()).collect();
         assert_eq!(moves, [&(1.0, Some(Vec3::X))], "{frame}");
         assert_eq!(steps[39], (0.0, None));
@@ -141,11 +141,11 @@ fn a_blink_is_dark_when_it_moves_and_moves_once() {
 
 #[test]
 fn a_second_teleport_while_dark_replaces_the_first() {
-    let mut blink = TeleportFade::default();
-    blink.begin(Vec3::X);
-    assert_eq!(blink.step(0.05).1, None);
-    blink.begin(Vec3::Z);
-    let moves: Vec<Vec3> = (0..40).filter_map(|_| blink.step(0.02).1).collect();
+    let mut fade = TeleportFade::default();
+    fade.begin(Vec3::X);
+    assert_eq!(fade.step(0.05).1, None);
+    fade.begin(Vec3::Z);
+    let moves: Vec<Vec3> = (0..40).filter_map(|_| fade.step(0.02).1).collect();
     assert_eq!(moves, [Vec3::Z]);
 }
 
