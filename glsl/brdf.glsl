@@ -125,10 +125,10 @@ vec3 diffuse_karis2013(vec3 albedo, vec3 f0, float vh)
     return (1.0 - f_schlick(f0, vh)) * diffuse_lambert(albedo);
 }
 
-// Reflectance head on: a dielectric's, or the albedo of a metal. Karis (2013), section "Material Model".
-vec3 f0_from_metallic(vec3 albedo, float metallic)
+// Reflectance head on: a dielectric's, or a metal's base color. Karis (2013), section "Material Model".
+vec3 f0_from_metallic(vec3 base_color, float metallic)
 {
-    return mix(vec3(DIELECTRIC_F0), albedo, metallic);
+    return mix(vec3(DIELECTRIC_F0), base_color, metallic);
 }
 
 // Single scattering for light of no size, in 1/sr; multiply by max(n.l, 0) and the light's irradiance.

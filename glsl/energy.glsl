@@ -33,9 +33,9 @@ vec3 multiple_share(Energy energy, vec3 f0)
 }
 
 // The same for a surface that is in part metal.
-vec3 mixed_share(Energy energy, vec3 albedo, float metallic)
+vec3 mixed_share(Energy energy, vec3 base_color, float metallic)
 {
-    return mix(multiple_share(energy, vec3(DIELECTRIC_F0)), multiple_share(energy, albedo), metallic);
+    return mix(multiple_share(energy, vec3(DIELECTRIC_F0)), multiple_share(energy, base_color), metallic);
 }
 
 // Multiple scattering in 1/sr for a share: Kulla and Conty (2017).
@@ -65,23 +65,23 @@ vec3 diffuse_kelemen2001(Energy energy, vec3 albedo, vec2 at_l, vec2 at_v)
 }
 
 // All that is not single scattering, in 1/sr.
-vec3 beyond_single(Energy energy, vec3 albedo, float metallic, vec2 at_l, vec2 at_v)
+vec3 beyond_single(Energy energy, vec3 base_color, float metallic, vec2 at_l, vec2 at_v)
 {
-    vec3 sum = (1.0 - metallic) * diffuse_kelemen2001(energy, albedo, at_l, at_v);
-    return energy.multiple ? sum + multiple(energy, mixed_share(energy, albedo, metallic), at_l, at_v) : sum;
+    vec3 sum = (1.0 - metallic) * diffuse_kelemen2001(energy, base_color, at_l, at_v);
+    return energy.multiple ? sum + multiple(energy, mixed_share(energy, base_color, metallic), at_l, at_v) : sum;
 }
 
 // Of light that comes evenly from all sides, the share that comes back diffuse. As each of these terms is one function of l
 // times one of v, and is divided by the first one's integral, n.l included, these are the integrals over l.
-vec3 diffuse_even(Energy energy, vec3 albedo, float metallic, vec2 at_v)
+vec3 diffuse_even(Energy energy, vec3 base_color, float metallic, vec2 at_v)
 {
-    return (1.0 - metallic) * left_by_dielectric(energy, at_v) * albedo;
+    return (1.0 - metallic) * left_by_dielectric(energy, at_v) * base_color;
 }
 
 // And scattered more than once.
-vec3 multiple_even(Energy energy, vec3 albedo, float metallic, vec2 at_v)
+vec3 multiple_even(Energy energy, vec3 base_color, float metallic, vec2 at_v)
 {
-    return lost(at_v) * mixed_share(energy, albedo, metallic);
+    return lost(at_v) * mixed_share(energy, base_color, metallic);
 }
 
 // The table's entry at n.l or n.v.

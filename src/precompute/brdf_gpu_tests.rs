@@ -18,7 +18,7 @@ struct BrdfInput {
     v: [f32; 3],
     l: [f32; 3],
     h: [f32; 3],
-    albedo: [f32; 3],
+    base_color: [f32; 3],
     metallic: f32,
     roughness: f32,
     alpha: f32,
@@ -52,14 +52,14 @@ struct BrdfOutput {
 
 const GEOMETRIES: [Geometry; 2] = [Geometry::Smith, Geometry::Karis2013];
 
-fn input(n: DVec3, v: DVec3, l: DVec3, albedo: DVec3, metallic: f64, roughness: f64) -> BrdfInput {
+fn input(n: DVec3, v: DVec3, l: DVec3, base_color: DVec3, metallic: f64, roughness: f64) -> BrdfInput {
     let [n, v, l] = [n, v, l].map(|d| d.as_vec3());
     BrdfInput {
         n: n.into(),
         v: v.into(),
         l: l.into(),
         h: (v + l).into(),
-        albedo: albedo.as_vec3().into(),
+        base_color: base_color.as_vec3().into(),
         metallic: metallic as f32,
         roughness: roughness as f32,
         alpha: (roughness * roughness) as f32,
@@ -84,8 +84,8 @@ fn hostile_inputs() -> Vec<BrdfInput> {
             let mirror = DVec3::new(-v.x, -v.y, v.z);
             lights.extend([mirror, -v, (-v + DVec3::Z * 1e-7).normalize(), (mirror + DVec3::X * 1e-3).normalize()]);
             for (i, l) in lights.into_iter().enumerate() {
-                let albedo = [DVec3::ZERO, DVec3::ONE, DVec3::new(1.0, 0.5, 0.02)][i % 3];
-                inputs.push(input(DVec3::Z, v, l, albedo, [0.0, 1.0, 0.5][i % 3], roughness));
+                let base_color = [DVec3::ZERO, DVec3::ONE, DVec3::new(1.0, 0.5, 0.02)][i % 3];
+                inputs.push(input(DVec3::Z, v, l, base_color, [0.0, 1.0, 0.5][i % 3], roughness));
             }
         }
     }
@@ -113,7 +113,7 @@ fn random_inputs() -> Vec<BrdfInput> {
 /// Compares all terms but the lobes, whose error bounds depend on the directions.
 fn judge_terms(judge: &mut Judge, i: &BrdfInput, o: &BrdfOutput) {
     let [r, alpha, nl, nv, vh, metallic] = [i.roughness, i.alpha, i.nl, i.nv, i.vh, i.metallic].map(f64::from);
-    let albedo = dvec3(i.albedo);
+    let base_color = dvec3(i.base_color);
     let close = [0.0, 3e-6];
     judge.near("alpha_from_roughness", i, &[o.alpha], &[brdf::alpha_from_roughness(r)], close);
     judge.near("v_smith", i, &[o.smith], &[brdf::v_smith_height_correlated(nl, nv, alpha)], close);
@@ -126,13 +126,13 @@ fn judge_terms(judge: &mut Judge, i: &BrdfInput, o: &BrdfOutput) {
     judge.near("v_environment", i, &o.environment, &environment, close);
     // 1 − cosine is exact to 6e-8; its fifth power keeps five times that, relative to itself.
     judge.near("schlick_weight", i, &[o.weight], &[brdf::schlick_weight(vh)], [1e-30, 1e-6]);
-    judge.near("f_schlick", i, &o.schlick, &brdf::f_schlick(albedo, vh).to_array(), [3e-7, 0.0]);
-    let want = brdf::f_schlick_roughness(albedo, nv, r).to_array();
+    judge.near("f_schlick", i, &o.schlick, &brdf::f_schlick(base_color, vh).to_array(), [3e-7, 0.0]);
+    let want = brdf::f_schlick_roughness(base_color, nv, r).to_array();
     judge.near("f_schlick_roughness", i, &o.schlick_roughness, &want, [3e-7, 0.0]);
-    judge.near("diffuse_lambert", i, &o.lambert, &brdf::diffuse_lambert(albedo).to_array(), close);
-    let f0 = brdf::f0_from_metallic(albedo, metallic);
+    judge.near("diffuse_lambert", i, &o.lambert, &brdf::diffuse_lambert(base_color).to_array(), close);
+    let f0 = brdf::f0_from_metallic(base_color, metallic);
     judge.near("f0_from_metallic", i, &o.f0, &f0.to_array(), [2e-7, 0.0]);
-    let want = brdf::diffuse_karis2013(albedo, f0, vh).to_array();
+    let want = brdf::diffuse_karis2013(base_color, f0, vh).to_array();
     judge.near("diffuse_karis2013", i, &o.thesis, &want, [3e-7, 0.0]);
     judge.near("widened_roughness", i, &[o.widened], &[brdf::widened_roughness(r, metallic)], close);
     judge.near("phong_exponent", i, &[o.exponent], &[brdf::phong_exponent(r)], [1e-6, 2e-6]);
@@ -149,11 +149,11 @@ fn terms_agree_for_random_directions() {
     let outputs: Vec<BrdfOutput> = with_gpu(|gpu| evaluate(gpu, "test_brdf.comp", &inputs));
     for (i, o) in inputs.iter().zip(&outputs) {
         judge_terms(&mut judge, i, o);
-        let ([n, v, l, h, albedo], r) = ([i.n, i.v, i.l, i.h, i.albedo].map(dvec3), f64::from(i.roughness));
+        let ([n, v, l, h, base_color], r) = ([i.n, i.v, i.l, i.h, i.base_color].map(dvec3), f64::from(i.roughness));
         // n × h has an error of 1e-7 |h|, and D turns over alpha: 4 · 1e-7 / 0.002 at MIN_ROUGHNESS.
         let lobe = 5e-7 + 4e-7 / f64::from(i.alpha);
         judge.near("d_ggx", i, &[o.d], &[brdf::d_ggx(n, h, i.alpha.into())], [0.0, lobe]);
-        let f0 = brdf::f0_from_metallic(albedo, i.metallic.into());
+        let f0 = brdf::f0_from_metallic(base_color, i.metallic.into());
         for (got, geometry) in o.specular.iter().zip(GEOMETRIES) {
             let want = brdf::specular(n, v, l, f0, r, geometry);
             let opposite = 1e-6 / h.length(); // h = v + l is rounded

@@ -18,7 +18,7 @@ struct Input {
     mean: [f32; 2],
     at_l: [f32; 2],
     at_v: [f32; 2],
-    albedo: [f32; 3],
+    base_color: [f32; 3],
     metallic: f32,
     multiple: u32,
 }
@@ -54,13 +54,13 @@ fn inputs() -> Vec<Input> {
             mean: entry(),
             at_l: entry(),
             at_v: entry(),
-            albedo: random.colour().as_vec3().into(),
+            base_color: random.colour().as_vec3().into(),
             metallic: [0.0, 1.0, random.unit() as f32][i % 3],
             multiple: u32::from(i % 5 != 0),
         };
         if i < 64 {
             [input.mean, input.at_l, input.at_v] = [ends[i % 4], ends[i / 4 % 4], ends[i / 16]];
-            input.albedo = [0.0, 1.0, 0.5];
+            input.base_color = [0.0, 1.0, 0.5];
         }
         inputs.push(input);
     }
@@ -75,24 +75,24 @@ fn what_comes_beside_single_scattering_agrees() {
     for (i, o) in inputs.iter().zip(&outputs) {
         let scattering = if i.multiple == 0 { Scattering::Single } else { Scattering::Multiple };
         let energy = Energy { mean: entry(i.mean), scattering };
-        let (albedo, metallic) = (Vec3::from(i.albedo).as_dvec3(), f64::from(i.metallic));
+        let (base_color, metallic) = (Vec3::from(i.base_color).as_dvec3(), f64::from(i.metallic));
         let (at_l, at_v) = (entry(i.at_l), entry(i.at_v));
-        let mixed = energy.mixed_share(albedo, metallic);
+        let mixed = energy.mixed_share(base_color, metallic);
         let mut near = |what, got: [f32; 3], want: DVec3, bound| judge.near(what, i, &got, &want.to_array(), bound);
-        near("multiple_share", o.share, energy.multiple_share(albedo), [1e-6, 2e-6]);
+        near("multiple_share", o.share, energy.multiple_share(base_color), [1e-6, 2e-6]);
         near("mixed_share", o.mixed, mixed, [1e-6, 2e-6]);
-        near("specular_albedo", o.specular, energy.specular_albedo(albedo, at_v), [1e-6, 1e-6]);
+        near("specular_albedo", o.specular, energy.specular_albedo(base_color, at_v), [1e-6, 1e-6]);
         // What is lost is a difference of numbers near 1, and is divided by another.
         let lost = (1.0 - energy.mean.scale - energy.mean.bias).max(1e-6);
         let rounding = 3e-7 / lost;
         near("multiple", o.lobe, energy.multiple(mixed, at_l, at_v), [1e-6 + rounding, 1e-5 + rounding]);
-        let want = energy.beyond_single(albedo, metallic, at_l, at_v);
+        let want = energy.beyond_single(base_color, metallic, at_l, at_v);
         near("beyond_single", o.beyond, want, [1e-6 + rounding, 1e-5 + rounding]);
         let left = 1.0 - energy.specular_albedo(DVec3::splat(0.04), energy.mean).x;
         let rounding = 5e-7 / left.max(1e-6);
-        near("diffuse", o.diffuse, energy.diffuse(albedo, at_l, at_v), [1e-6 + rounding, 1e-5 + rounding]);
-        near("diffuse_even", o.diffuse_even, energy.diffuse_even(albedo, metallic, at_v), [1e-6, 2e-6]);
-        near("multiple_even", o.multiple_even, energy.multiple_even(albedo, metallic, at_v), [1e-6, 2e-6]);
+        near("diffuse", o.diffuse, energy.diffuse(base_color, at_l, at_v), [1e-6 + rounding, 1e-5 + rounding]);
+        near("diffuse_even", o.diffuse_even, energy.diffuse_even(base_color, metallic, at_v), [1e-6, 2e-6]);
+        near("multiple_even", o.multiple_even, energy.multiple_even(base_color, metallic, at_v), [1e-6, 2e-6]);
     }
 }
 

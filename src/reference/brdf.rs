@@ -126,8 +126,8 @@ pub fn diffuse_karis2013(albedo: DVec3, f0: DVec3, vh: f64) -> DVec3 {
 
 /// Reflectance at normal incidence: that of dielectrics, or the base color of a metal. Karis (2013), section "Material
 /// Model".
-pub fn f0_from_metallic(albedo: DVec3, metallic: f64) -> DVec3 {
-    DVec3::splat(DIELECTRIC_F0).lerp(albedo, metallic)
+pub fn f0_from_metallic(base_color: DVec3, metallic: f64) -> DVec3 {
+    DVec3::splat(DIELECTRIC_F0).lerp(base_color, metallic)
 }
 
 /// Single scattering for a point light, in 1/sr; multiply by max(n·l, 0) and the light's irradiance.

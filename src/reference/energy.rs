@@ -59,8 +59,8 @@ impl Energy {
     }
 
     /// The same for a mix of dielectric and metal.
-    pub fn mixed_share(&self, albedo: DVec3, metallic: f64) -> DVec3 {
-        self.multiple_share(DVec3::splat(DIELECTRIC_F0)).lerp(self.multiple_share(albedo), metallic)
+    pub fn mixed_share(&self, base_color: DVec3, metallic: f64) -> DVec3 {
+        self.multiple_share(DVec3::splat(DIELECTRIC_F0)).lerp(self.multiple_share(base_color), metallic)
     }
 
     /// Multiple scattering as a BRDF in 1/sr for a share and the table's entries at n·l and n·v: Kulla and Conty
@@ -85,19 +85,19 @@ impl Energy {
     }
 
     /// Diffuse reflection and multiple scattering, in 1/sr.
-    pub fn beyond_single(&self, albedo: DVec3, metallic: f64, at_l: Entry, at_v: Entry) -> DVec3 {
-        (1.0 - metallic) * self.diffuse(albedo, at_l, at_v)
-            + self.multiple(self.mixed_share(albedo, metallic), at_l, at_v)
+    pub fn beyond_single(&self, base_color: DVec3, metallic: f64, at_l: Entry, at_v: Entry) -> DVec3 {
+        (1.0 - metallic) * self.diffuse(base_color, at_l, at_v)
+            + self.multiple(self.mixed_share(base_color, metallic), at_l, at_v)
     }
 
     /// Diffuse albedo under uniform light: the integral over l, with n·l.
-    pub fn diffuse_even(&self, albedo: DVec3, metallic: f64, at_v: Entry) -> DVec3 {
-        (1.0 - metallic) * albedo * (DVec3::ONE - self.specular_albedo(DVec3::splat(DIELECTRIC_F0), at_v))
+    pub fn diffuse_even(&self, base_color: DVec3, metallic: f64, at_v: Entry) -> DVec3 {
+        (1.0 - metallic) * base_color * (DVec3::ONE - self.specular_albedo(DVec3::splat(DIELECTRIC_F0), at_v))
     }
 
     /// Albedo of multiple scattering under uniform light.
-    pub fn multiple_even(&self, albedo: DVec3, metallic: f64, at_v: Entry) -> DVec3 {
-        lost(at_v) * self.mixed_share(albedo, metallic)
+    pub fn multiple_even(&self, base_color: DVec3, metallic: f64, at_v: Entry) -> DVec3 {
+        lost(at_v) * self.mixed_share(base_color, metallic)
     }
 }
 
@@ -145,37 +145,37 @@ fn lost(entry: Entry) -> f64 {
 }
 
 /// Whether multiple scattering changes the reflection of uniform light by more than [`VISIBLE`] of it, from any
-/// direction, for a material with at most this roughness, metalness and albedo.
-pub fn is_multi_scatter_visible(roughness: f64, metallic: f64, albedo: f64) -> bool {
+/// direction, for a material with at most this roughness, metalness and base color.
+pub fn is_multi_scatter_visible(roughness: f64, metallic: f64, base_color: f64) -> bool {
     // A dielectric reflects too little at any roughness: F² is 0.7 %, of which half is not lost.
     if metallic <= 0.0 {
         return false;
     }
-    most_changed(roughness.clamp(0.0, 1.0), metallic, albedo) > VISIBLE
+    most_changed(roughness.clamp(0.0, 1.0), metallic, base_color) > VISIBLE
 }
 
 /// Largest share of uniform light that multiple scattering adds, over all directions. The loss of a dielectric's
 /// diffuse part, which is at most as large, is neglected.
-fn most_changed(roughness: f64, metallic: f64, albedo: f64) -> f64 {
+fn most_changed(roughness: f64, metallic: f64, base_color: f64) -> f64 {
     let entry = |cosine| coarse_table_entry(cosine, roughness, Geometry::Smith);
     let energy = Energy { mean: mean(NODES / 3, entry), scattering: Scattering::Multiple };
-    let share = energy.mixed_share(DVec3::splat(albedo), metallic).x;
+    let share = energy.mixed_share(DVec3::splat(base_color), metallic).x;
     let lost = [0.05, 0.2, 0.4, 0.7, 1.0].map(|nv| lost(entry(nv)));
     share * lost.into_iter().fold(0.0, f64::max)
 }
 
 /// White furnace: the share of uniform light that a surface reflects towards v, all terms integrated over the light's
 /// directions. With height-correlated Smith.
-pub fn furnace(albedo: DVec3, metallic: f64, roughness: f64, nv: f64, scattering: Scattering) -> DVec3 {
+pub fn furnace(base_color: DVec3, metallic: f64, roughness: f64, nv: f64, scattering: Scattering) -> DVec3 {
     let geometry = Geometry::Smith;
     let energy = Energy::new(roughness, geometry, scattering);
     let at_v = table_entry(nv, roughness, geometry);
-    let f0 = DVec3::splat(DIELECTRIC_F0).lerp(albedo, metallic);
+    let f0 = DVec3::splat(DIELECTRIC_F0).lerp(base_color, metallic);
     let mut sum = single(f0, at_v);
     // Other nodes than those of the mean: with the same ones the sum would be 1 for any terms.
     for [nl, weight] in gauss_legendre(37) {
         let at_l = table_entry(nl, roughness, geometry);
-        sum += energy.beyond_single(albedo, metallic, at_l, at_v) * (2.0 * PI * weight * nl);
+        sum += energy.beyond_single(base_color, metallic, at_l, at_v) * (2.0 * PI * weight * nl);
     }
     sum
 }
@@ -241,12 +241,12 @@ mod tests {
     fn terms_for_uniform_light_equal_their_integrals() {
         for i in [3, 12, 20] {
             let Row { energy, nodes, views, .. } = &row(i);
-            let albedo = DVec3::new(0.9, 0.5, 0.1);
+            let base_color = DVec3::new(0.9, 0.5, 0.1);
             for (nv, at_v) in views {
                 let sum = nodes.iter().fold(DVec3::ZERO, |sum, ([nl, weight], at_l)| {
-                    sum + energy.beyond_single(albedo, 0.3, *at_l, *at_v) * (2.0 * PI * weight * nl)
+                    sum + energy.beyond_single(base_color, 0.3, *at_l, *at_v) * (2.0 * PI * weight * nl)
                 });
-                let even = energy.diffuse_even(albedo, 0.3, *at_v) + energy.multiple_even(albedo, 0.3, *at_v);
+                let even = energy.diffuse_even(base_color, 0.3, *at_v) + energy.multiple_even(base_color, 0.3, *at_v);
                 assert!(sum.abs_diff_eq(even, 1e-3), "{sum} and {even} at n·v {nv}");
             }
         }
@@ -256,9 +256,9 @@ mod tests {
     fn the_terms_are_reciprocal_and_scaling_the_lobe_is_not() {
         let energy = Energy::new(1.0, Geometry::Smith, Scattering::Multiple);
         let [a, b] = [0.2, 0.9].map(|c| table_entry(c, 1.0, Geometry::Smith));
-        let albedo = DVec3::new(0.9, 0.5, 0.1);
-        let there = energy.beyond_single(albedo, 0.5, a, b);
-        assert!(there.abs_diff_eq(energy.beyond_single(albedo, 0.5, b, a), 1e-12));
+        let base_color = DVec3::new(0.9, 0.5, 0.1);
+        let there = energy.beyond_single(base_color, 0.5, a, b);
+        assert!(there.abs_diff_eq(energy.beyond_single(base_color, 0.5, b, a), 1e-12));
         // Turquin, "Practical multiple scattering compensation for microfacet models" (2019): the lobe over E(v).
         let [scaled_a, scaled_b] = [a, b].map(|e| 1.0 / (e.scale + e.bias));
         assert!((scaled_a / scaled_b - 1.0).abs() > 0.05, "{scaled_a} and {scaled_b}");
@@ -276,11 +276,11 @@ mod tests {
 
     #[test]
     fn multiple_scattering_is_visible_on_metals_that_are_not_smooth() {
-        for (roughness, metallic, albedo, want) in
+        for (roughness, metallic, base_color, want) in
             [(1.0, 1.0, 0.9, true), (0.5, 1.0, 0.9, true), (0.02, 1.0, 1.0, false), (1.0, 0.0, 0.8, false)]
         {
-            let got = is_multi_scatter_visible(roughness, metallic, albedo);
-            assert_eq!(got, want, "roughness {roughness}, metallic {metallic}, albedo {albedo}");
+            let got = is_multi_scatter_visible(roughness, metallic, base_color);
+            assert_eq!(got, want, "roughness {roughness}, metallic {metallic}, base_color {base_color}");
         }
     }
 
@@ -288,13 +288,13 @@ mod tests {
     #[test]
     fn dielectrics_never_need_it_and_rougher_metals_need_it_more() {
         let roughnesses: Vec<f64> = (0..=8).map(|i| f64::from(i) / 8.0).collect();
-        let changes = |metallic, albedo| -> Vec<f64> {
-            roughnesses.par_iter().map(|r| most_changed(*r, metallic, albedo)).collect()
+        let changes = |metallic, base_color| -> Vec<f64> {
+            roughnesses.par_iter().map(|r| most_changed(*r, metallic, base_color)).collect()
         };
         let dielectric = changes(0.0, 1.0);
         assert!(dielectric.iter().all(|change| *change < VISIBLE), "{dielectric:?}");
-        for (metallic, albedo) in [(1.0, 1.0), (0.1, 0.5)] {
-            let visible: Vec<bool> = changes(metallic, albedo).iter().map(|change| *change > VISIBLE).collect();
+        for (metallic, base_color) in [(1.0, 1.0), (0.1, 0.5)] {
+            let visible: Vec<bool> = changes(metallic, base_color).iter().map(|change| *change > VISIBLE).collect();
             assert!(visible.is_sorted(), "{visible:?}");
         }
     }
@@ -314,7 +314,7 @@ mod tests {
     #[test]
     fn the_furnace_equals_the_sum_of_its_terms() {
         for (metallic, roughness, nv) in [(0.0, 0.5, 0.3), (1.0, 1.0, 0.9), (0.5, 0.7, 0.6)] {
-            let share = |albedo, scattering| furnace(DVec3::splat(albedo), metallic, roughness, nv, scattering);
+            let share = |base_color, scattering| furnace(DVec3::splat(base_color), metallic, roughness, nv, scattering);
             let multiple = share(1.0, Scattering::Multiple);
             assert!(multiple.abs_diff_eq(DVec3::ONE, 0.005), "{multiple}");
             assert!(share(0.5, Scattering::Multiple).x < 0.75);

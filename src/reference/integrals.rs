@@ -29,7 +29,7 @@ pub struct Surface {
     /// Unit direction to the eye.
     pub v: DVec3,
     /// Linear RGB.
-    pub albedo: DVec3,
+    pub base_color: DVec3,
     pub metallic: f64,
     pub roughness: f64,
 }
@@ -206,11 +206,11 @@ pub fn reflected(panorama: PanoramaView, surface: &Surface, geometry: Geometry, 
 
 /// The same with precomputed terms.
 pub fn reflected_by(panorama: PanoramaView, surface: &Surface, terms: &Terms, scattering: Scattering) -> Reflected {
-    let &Surface { n, v, albedo, metallic, roughness } = surface;
+    let &Surface { n, v, base_color, metallic, roughness } = surface;
     let geometry = terms.geometry;
     let alpha = roughness * roughness;
     let is_mirror = alpha < MIRROR_ALPHA;
-    let f0 = f0_from_metallic(albedo, metallic);
+    let f0 = f0_from_metallic(base_color, metallic);
     let nv = n.dot(v);
     let mirror = 2.0 * nv * n - v;
     let beyond = Beyond::new(surface, terms, scattering);
@@ -265,11 +265,11 @@ enum Beyond<'a> {
 
 impl<'a> Beyond<'a> {
     fn new(surface: &Surface, terms: &'a Terms, scattering: Scattering) -> Self {
-        let &Surface { n, v, albedo, metallic, .. } = surface;
-        let diffuse = (1.0 - metallic) * albedo;
+        let &Surface { n, v, base_color, metallic, .. } = surface;
+        let diffuse = (1.0 - metallic) * base_color;
         let Some((energy, curve)) = &terms.energy else { return Self::Karis2013 { albedo: diffuse } };
         let energy = Energy { scattering, ..*energy };
-        let (at_v, share) = (curve.at(n.dot(v)), energy.mixed_share(albedo, metallic));
+        let (at_v, share) = (curve.at(n.dot(v)), energy.mixed_share(base_color, metallic));
         Self::Smith { energy, curve, at_v, albedo: diffuse, share }
     }
 
@@ -382,9 +382,9 @@ mod tests {
         {
             let n = DVec3::new(0.36, 0.48, 0.8);
             let v = nv * n + f64::sqrt(1.0 - nv * nv) * n.any_orthonormal_vector();
-            let surface = Surface { n, v, albedo: DVec3::ONE, metallic: 1.0, roughness };
+            let surface = Surface { n, v, base_color: DVec3::ONE, metallic: 1.0, roughness };
             let sum = reflected(view, &surface, Geometry::Smith, Scattering::Single).specular.x;
-            let table = specular_albedo(surface.albedo, nv, roughness, Geometry::Smith).x;
+            let table = specular_albedo(surface.base_color, nv, roughness, Geometry::Smith).x;
             assert!((sum / table - 1.0).abs() < 3e-3, "{sum} against {table}: n·v {nv}, roughness {roughness}");
         }
     }
@@ -398,9 +398,9 @@ mod tests {
                 let across = f64::sqrt(1.0 - nv * nv);
                 let n = DVec3::new(0.0, 0.6, 0.8);
                 let v = nv * n + across * DVec3::X;
-                let surface = Surface { n, v, albedo: DVec3::new(1.0, 0.5, 0.2), metallic: 1.0, roughness };
+                let surface = Surface { n, v, base_color: DVec3::new(1.0, 0.5, 0.2), metallic: 1.0, roughness };
                 let sum = reflected(view, &surface, geometry, Scattering::Single);
-                let table = specular_albedo(surface.albedo, nv, roughness, geometry);
+                let table = specular_albedo(surface.base_color, nv, roughness, geometry);
                 assert!(sum.specular.abs_diff_eq(table, 1e-3), "{} against {table}: {nv}, {roughness}", sum.specular);
                 assert_eq!(sum.diffuse, DVec3::ZERO);
             }
@@ -413,7 +413,7 @@ mod tests {
         let view = PanoramaView::new(32, 16, &texels).unwrap();
         for (nv, roughness, metallic) in [(0.9, 1.0, 1.0), (0.4, 0.6, 0.5), (0.7, 0.3, 0.0)] {
             let v = DVec3::new(f64::sqrt(1.0 - nv * nv), 0.0, nv);
-            let surface = Surface { n: DVec3::Z, v, albedo: DVec3::ONE, metallic, roughness };
+            let surface = Surface { n: DVec3::Z, v, base_color: DVec3::ONE, metallic, roughness };
             let sum = |scattering| {
                 let Reflected { diffuse, specular } = reflected(view, &surface, Geometry::Smith, scattering);
                 (diffuse + specular).x
@@ -429,7 +429,7 @@ mod tests {
         let texels = sunny(64, 32);
         let view = PanoramaView::new(64, 32, &texels).unwrap();
         let n = DVec3::new(0.8, 0.6, 0.0);
-        let surface = Surface { n, v: n, albedo: DVec3::splat(0.5), metallic: 0.0, roughness: 1.0 };
+        let surface = Surface { n, v: n, base_color: DVec3::splat(0.5), metallic: 0.0, roughness: 1.0 };
         let share = |geometry| {
             reflected(view, &surface, geometry, Scattering::Single).diffuse.x / (0.5 / PI * irradiance(view, n).x)
         };

@@ -97,7 +97,7 @@ fn scene() -> Scene {
         instances: all.map(|mesh| Instance { mesh, world_from_local: Mat4::IDENTITY }).collect(),
         materials,
         textures: vec![
-            texture("albedo", TexelFormat::Rgba8Srgb, &mut random),
+            texture("base color", TexelFormat::Rgba8Srgb, &mut random),
             texture("normal", TexelFormat::Rgba8, &mut random),
             texture("surface", TexelFormat::Rgba8, &mut random),
         ],

@@ -155,8 +155,11 @@ fn bumps_become_normals_and_norm_wins() {
 fn cutouts() {
     let folder = Folder::new();
     let (material, textures, _) = only(&folder, "map_Kd coloured.png\nmap_d vary.png");
-    let albedo = &textures[material.base_color_map.unwrap()];
-    assert_eq!((material.alpha_cutoff, first_texel(albedo), albedo.levels[0][15]), (Some(0.5), [255, 0, 0, 0], 200));
+    let base_color = &textures[material.base_color_map.unwrap()];
+    assert_eq!(
+        (material.alpha_cutoff, first_texel(base_color), base_color.levels[0][15]),
+        (Some(0.5), [255, 0, 0, 0], 200)
+    );
     let (material, textures, _) = only(&folder, "map_Kd leaf.png");
     assert_eq!((material.alpha_cutoff, first_texel(&textures[0])), (Some(0.5), [9, 99, 9, 0]));
     let (material, textures, _) = only(&folder, "map_Kd red.png\nmap_d leaf.png");

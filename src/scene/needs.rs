@@ -174,12 +174,12 @@ mod tests {
 
     #[test]
     fn rough_metals_need_multiple_scattering() {
-        for (albedo, metallic, roughness, needed) in
+        for (base_color, metallic, roughness, needed) in
             [(0.9, 1.0, 0.6, true), (0.9, 1.0, 0.02, false), (0.9, 0.0, 1.0, false), (0.05, 1.0, 0.5, false)]
         {
-            let material = Material::plain("plain", Vec3::splat(albedo), metallic, roughness);
+            let material = Material::plain("plain", Vec3::splat(base_color), metallic, roughness);
             let features = SceneFeatures::of(&scene(vec![material], 0), Model::Needed, None);
-            assert_eq!(features.materials[0].multi_scatter, needed, "{albedo}, {metallic}, {roughness}");
+            assert_eq!(features.materials[0].multi_scatter, needed, "{base_color}, {metallic}, {roughness}");
         }
     }
 

@@ -6,7 +6,7 @@ use crate::common::{Workshop, json, program, square, succeeds};
 use pbr_vr::asset::picture::Picture;
 use serde_json::Value;
 
-/// A square that leans away, with a noisy albedo map, under a sky with structure.
+/// A square that leans away, with a noisy base color map, under a sky with structure.
 fn scene(shop: &Workshop) {
     shop.panorama("sky.exr", 128, |[x, y, z]| {
         let stripe = if (8.0 * x).sin() * (7.0 * z).cos() > 0.3 { 3.0 } else { 0.2 };

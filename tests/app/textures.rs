@@ -11,7 +11,7 @@ use pbr_vr::render::{RenderSettings, TextureSettings};
 use pbr_vr::scene::Model;
 use pbr_vr::view::{RenderFacts, RenderRequest, render};
 
-/// A floor that recedes, with an albedo, a normal and a roughness map of `side` by `side - 3` texels: no multiple of 4.
+/// A floor that recedes, with a base color, a normal and a roughness map of `side` by `side - 3` texels: no multiple of 4.
 struct Floor {
     shop: Workshop,
     scene: PathBuf,

@@ -118,8 +118,8 @@ impl Default for PictureOptions<'_> {
 }
 
 /// An MTL of one material, `m`.
-pub fn material(albedo: [f32; 3], metallic: f32, roughness: f32) -> String {
-    let [r, g, b] = albedo;
+pub fn material(base_color: [f32; 3], metallic: f32, roughness: f32) -> String {
+    let [r, g, b] = base_color;
     format!("newmtl m\nKd {r} {g} {b}\nPm {metallic}\nPr {roughness}\n")
 }
 

@@ -5,7 +5,7 @@
 #include "brdf.glsl"
 
 struct Input {
-    vec3 n, v, l, h, albedo;
+    vec3 n, v, l, h, base_color;
     float metallic, roughness, alpha, nl, nv, vh;
 };
 struct Output {
@@ -33,11 +33,11 @@ void main()
     o.exponent = phong_exponent(i.roughness);
     o.phong = phong_specular(i.n, i.v, i.l, i.roughness);
     o.widened = widened_roughness(i.roughness, i.metallic); // any number from 0 to 1
-    o.f0 = f0_from_metallic(i.albedo, i.metallic);
-    o.schlick = f_schlick(i.albedo, i.vh);
-    o.schlick_roughness = f_schlick_roughness(i.albedo, i.nv, i.roughness);
-    o.lambert = diffuse_lambert(i.albedo);
-    o.thesis = diffuse_karis2013(i.albedo, o.f0, i.vh);
+    o.f0 = f0_from_metallic(i.base_color, i.metallic);
+    o.schlick = f_schlick(i.base_color, i.vh);
+    o.schlick_roughness = f_schlick_roughness(i.base_color, i.nv, i.roughness);
+    o.lambert = diffuse_lambert(i.base_color);
+    o.thesis = diffuse_karis2013(i.base_color, o.f0, i.vh);
     for (int geometry = 0; geometry < 2; ++geometry) {
         o.direct[geometry] = v_direct(i.nl, i.nv, i.roughness, geometry);
         o.environment[geometry] = v_environment(i.nl, i.nv, i.roughness, geometry);

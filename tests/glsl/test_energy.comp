@@ -6,7 +6,7 @@
 
 struct Input {
     vec2 mean, at_l, at_v;
-    vec3 albedo;
+    vec3 base_color;
     float metallic;
     uint multiple;
 };
@@ -25,13 +25,13 @@ void main()
     Input i = inputs[id];
     Energy energy = Energy(i.mean, i.multiple != 0u);
     Output o;
-    o.share = multiple_share(energy, i.albedo);
-    o.mixed = mixed_share(energy, i.albedo, i.metallic);
+    o.share = multiple_share(energy, i.base_color);
+    o.mixed = mixed_share(energy, i.base_color, i.metallic);
     o.lobe = multiple(energy, o.mixed, i.at_l, i.at_v);
-    o.specular = specular_albedo(energy, i.albedo, i.at_v);
-    o.diffuse = diffuse_kelemen2001(energy, i.albedo, i.at_l, i.at_v);
-    o.beyond = beyond_single(energy, i.albedo, i.metallic, i.at_l, i.at_v);
-    o.diffuse_even = diffuse_even(energy, i.albedo, i.metallic, i.at_v);
-    o.multiple_even = multiple_even(energy, i.albedo, i.metallic, i.at_v);
+    o.specular = specular_albedo(energy, i.base_color, i.at_v);
+    o.diffuse = diffuse_kelemen2001(energy, i.base_color, i.at_l, i.at_v);
+    o.beyond = beyond_single(energy, i.base_color, i.metallic, i.at_l, i.at_v);
+    o.diffuse_even = diffuse_even(energy, i.base_color, i.metallic, i.at_v);
+    o.multiple_even = multiple_even(energy, i.base_color, i.metallic, i.at_v);
     outputs[id] = o;
 }

@@ -103,15 +103,15 @@ fn a_point_light_twice_as_far_gives_a_quarter() {
     assert!((near / far - 4.0).abs() < 0.004, "{near} against {far}");
 }
 
-/// The BRDF of a surface of albedo 0.5 whose normal is +Z. A dielectric's second bounces are left out as invisible.
+/// The BRDF of a surface of base color 0.5 whose normal is +Z. A dielectric's second bounces are left out as invisible.
 fn brdf(v: DVec3, l: DVec3, roughness: f64, geometry: Geometry, metallic: f64) -> f64 {
-    let albedo = DVec3::splat(0.5);
-    let f0 = f0_from_metallic(albedo, metallic);
+    let base_color = DVec3::splat(0.5);
+    let f0 = f0_from_metallic(base_color, metallic);
     let scattering = if metallic > 0.0 { Scattering::Multiple } else { Scattering::Single };
     let [at_v, at_l] = [v, l].map(|d| table_entry(d.z, roughness, geometry));
     let beyond = match geometry {
-        Geometry::Smith => Energy::new(roughness, geometry, scattering).beyond_single(albedo, metallic, at_l, at_v),
-        Geometry::Karis2013 => (1.0 - metallic) * diffuse_karis2013(albedo, f0, 0.5 * (v + l).length()),
+        Geometry::Smith => Energy::new(roughness, geometry, scattering).beyond_single(base_color, metallic, at_l, at_v),
+        Geometry::Karis2013 => (1.0 - metallic) * diffuse_karis2013(base_color, f0, 0.5 * (v + l).length()),
     };
     (specular(DVec3::Z, v, l, f0, roughness, geometry) + beyond).x
 }

@@ -14,7 +14,7 @@ use pbr_vr::render::{RenderSettings, Shading, StandardError};
 use pbr_vr::view::{RenderRequest, render};
 
 const SIDE: u32 = 24;
-const ALBEDO: [f32; 3] = [0.9, 0.5, 0.2];
+const BASE_COLOR: [f32; 3] = [0.9, 0.5, 0.2];
 
 /// A square of one material that fills the picture, seen from far away, so that all pixels show one direction.
 struct Case {
@@ -30,16 +30,16 @@ impl Case {
 
     fn truth(&self, panorama: &Panorama, geometry: Geometry) -> DVec3 {
         let view = PanoramaView::new(panorama.width, panorama.height, &panorama.texels).expect("a view").interpolated();
-        let [albedo, n] = [DVec3::from(ALBEDO.map(f64::from)), DVec3::Z];
+        let [base_color, n] = [DVec3::from(BASE_COLOR.map(f64::from)), DVec3::Z];
         let (v, metallic) = (self.v(), f64::from(self.metallic));
         let roughness = f64::from(self.roughness);
-        let light = reflected(view, &Surface { n, v, albedo, metallic, roughness }, geometry, Scattering::Multiple);
+        let light = reflected(view, &Surface { n, v, base_color, metallic, roughness }, geometry, Scattering::Multiple);
         light.diffuse + light.specular
     }
 }
 
 fn reference(shop: &Workshop, case: &Case, geometry: Geometry, frames: u64) -> (Picture, StandardError) {
-    shop.write("m.mtl", &material(ALBEDO, case.metallic, case.roughness));
+    shop.write("m.mtl", &material(BASE_COLOR, case.metallic, case.roughness));
     shop.write("model.obj", &square("m.mtl"));
     let [x, y, z] = (100.0 * case.v()).to_array();
     let scene = shop.write(

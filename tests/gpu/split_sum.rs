@@ -189,8 +189,8 @@ fn split_sum_errors(name: &str, panorama: &Panorama) -> [[Errors; 2]; 2] {
                 let (sin, cos) = (std::f64::consts::TAU * u.y).sin_cos();
                 let n = DVec3::new((1.0 - z * z).sqrt() * cos, z, (1.0 - z * z).sqrt() * sin);
                 let v = nv * n + (1.0 - nv * nv).sqrt() * n.any_orthonormal_vector();
-                let albedo = DVec3::new(F0[0], F0[1], 0.0);
-                let surface = Surface { n, v, albedo, metallic: 1.0, roughness };
+                let base_color = DVec3::new(F0[0], F0[1], 0.0);
+                let surface = Surface { n, v, base_color, metallic: 1.0, roughness };
                 let truth = reflected(view, &surface, Geometry::Smith, Scattering::Single).specular;
                 let r = 2.0 * nv * n - v;
                 let classic = prefiltered_around(

@@ -236,7 +236,7 @@ fn fresnel_is_counted_once() {
         for nv in [0.05, 0.2, 0.5, 1.0f64] {
             let (n, v) = (DVec3::Z, DVec3::new((1.0 - nv * nv).sqrt(), 0.0, nv));
             let f0 = DVec3::splat(0.04);
-            let surface = Surface { n, v, albedo: f0, metallic: 1.0, roughness };
+            let surface = Surface { n, v, base_color: f0, metallic: 1.0, roughness };
             let truth = reflected(view, &surface, Geometry::Smith, Scattering::Single).specular.x;
             let entry = table_entry(nv, roughness, Geometry::Smith);
             let reflectance = |f0: f64| f0 * entry.scale + entry.bias;

@@ -155,7 +155,7 @@ fn maps(context: &Context, panorama: &Panorama, size: u32) -> Result<Stored> {
 }
 
 fn surfaces(material: usize, roughness: f64, grid: &Grid) -> impl Iterator<Item = Surface> {
-    let (_, metallic, albedo) = MATERIALS[material];
+    let (_, metallic, base_color) = MATERIALS[material];
     let (views, log2) = (grid.nv, grid.log2_normals);
     views.iter().flat_map(move |nv| {
         (0..1 << log2).map(move |i| {
@@ -165,7 +165,7 @@ fn surfaces(material: usize, roughness: f64, grid: &Grid) -> impl Iterator<Item 
             let (sin, cos) = (std::f64::consts::TAU * (u.y + nv)).sin_cos();
             let n = DVec3::new((1.0 - z * z).sqrt() * cos, z, (1.0 - z * z).sqrt() * sin);
             let v = *nv * n + (1.0 - nv * nv).sqrt() * n.any_orthonormal_vector();
-            Surface { n, v, albedo, metallic, roughness }
+            Surface { n, v, base_color, metallic, roughness }
         })
     })
 }

@@ -78,8 +78,8 @@ impl Point {
         let truth = reflected_by(sums.view(), &surface, terms, Scattering::Multiple);
         let truth = truth.diffuse + truth.specular;
         // As a metal of the same F0 it has single scattering alone.
-        let f0 = f0_from_metallic(surface.albedo, surface.metallic);
-        let mirror = Surface { albedo: f0, metallic: 1.0, ..surface };
+        let f0 = f0_from_metallic(surface.base_color, surface.metallic);
+        let mirror = Surface { base_color: f0, metallic: 1.0, ..surface };
         let single = reflected_by(sums.view(), &mirror, terms, Scattering::Single).specular;
         let stored = table.look_up(surface.n.dot(surface.v), surface.roughness);
         Self { surface, truth, own: single / reflectance(&exact.lobe, f0), beyond: truth - single, exact, stored }
@@ -87,9 +87,9 @@ impl Point {
 
     /// Share of even light that comes back diffuse or after several bounces.
     fn even(&self, at: &TableAt, scattering: Scattering) -> DVec3 {
-        let Surface { albedo, metallic, .. } = self.surface;
+        let Surface { base_color, metallic, .. } = self.surface;
         let (energy, entry) = (Energy { mean: at.mean, scattering }, entry(at));
-        energy.diffuse_even(albedo, metallic, entry) + energy.multiple_even(albedo, metallic, entry)
+        energy.diffuse_even(base_color, metallic, entry) + energy.multiple_even(base_color, metallic, entry)
     }
 }
 
@@ -127,10 +127,10 @@ impl Default for Variant {
 /// The radiance of a point with some approximations; without any, it is the exact result. To be called again after `sums`
 /// has computed the means that this call requested.
 pub fn radiance(point: &Point, exact: Exact, variant: Variant, stored: &Stored, sums: &mut Sums<'_>) -> DVec3 {
-    let Surface { n, albedo, metallic, .. } = point.surface;
+    let Surface { n, base_color, metallic, .. } = point.surface;
     let at = if !exact.has(Cause::Table) { &point.stored } else { &point.exact };
     let mut maps = Maps { stored, sums };
-    let f0 = f0_from_metallic(albedo, metallic);
+    let f0 = f0_from_metallic(base_color, metallic);
     let mut mirrored = maps.mirrored(point, at, variant, exact);
     if exact.has(Cause::Lobe) {
         // What follows from the approximated lobe is carried over to the own one.
@@ -146,10 +146,10 @@ pub fn radiance(point: &Point, exact: Exact, variant: Variant, stored: &Stored, 
 
 /// The direction and spread of a lobe at a point, as `lobe_part` in `glsl/environment.glsl`.
 fn mean_and_spread(point: &Point, lobe: &Lobe) -> (DVec3, f64) {
-    let Surface { n, v, albedo, metallic, .. } = point.surface;
+    let Surface { n, v, base_color, metallic, .. } = point.surface;
     let nv = n.dot(v);
     let r = 2.0 * nv * n - v;
-    let grey = f0_from_metallic(albedo, metallic).element_sum() / 3.0;
+    let grey = f0_from_metallic(base_color, metallic).element_sum() / 3.0;
     let [along, across] = lobe.mean(grey, nv);
     let mean = along * r + across * (n - nv * r).normalize_or_zero();
     (mean, 1.0 - mean.length())
@@ -172,8 +172,8 @@ struct Maps<'a, 'p> {
 impl Maps<'_, '_> {
     /// The singly scattered part.
     fn mirrored(&mut self, point: &Point, at: &TableAt, variant: Variant, exact: Exact) -> DVec3 {
-        let Surface { n, v, albedo, metallic, roughness } = point.surface;
-        let mut f0 = f0_from_metallic(albedo, metallic);
+        let Surface { n, v, base_color, metallic, roughness } = point.surface;
+        let mut f0 = f0_from_metallic(base_color, metallic);
         if variant.fresnel_twice {
             f0 = f_schlick_roughness(f0, n.dot(v), roughness);
         }
