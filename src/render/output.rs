@@ -1,8 +1,8 @@
-//! What pictures hold: display light or radiance.
+//! The content and format of pictures: display light or radiance.
 
 use crate::gpu::Format;
 
-/// What pictures hold.
+/// The content and format of pictures.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Output {
     /// What a viewer sees: exposed, tone-mapped, 8-bit sRGB.

@@ -1,4 +1,4 @@
-//! What a scene consists of: plain data.
+//! The data of a scene: instances, materials, lights, cameras, environment.
 
 use glam::{Mat4, Vec3};
 

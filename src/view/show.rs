@@ -9,13 +9,13 @@ use super::{console, interrupt, screenshot, window};
 use crate::context::Setup;
 use crate::{Error, Result, say};
 
-/// The picture written where nothing can be shown.
+/// The picture written if neither headset nor window can be opened.
 const FALLBACK: &str = "pbr-vr.png";
 
-/// Shows a scene where the request says. [`ViewRequest::check`] has checked the report's file.
+/// Shows a scene on the requested output. [`ViewRequest::check`] has checked the report's file.
 ///
 /// # Errors
-/// Whatever stops loading or drawing; [`Error::Window`] or [`Error::Headset`] where the wanted output cannot be had.
+/// Whatever stops loading or drawing; [`Error::Window`] or [`Error::Headset`] if the requested output is not available.
 pub fn show(request: &ViewRequest, setup: &Setup<'_>) -> Result<()> {
     console::step_aside();
     match request.on {
@@ -25,7 +25,7 @@ pub fn show(request: &ViewRequest, setup: &Setup<'_>) -> Result<()> {
     }
 }
 
-/// In a headset, else in a window, else as a picture; one line says which and why.
+/// In a headset, else in a window, else as a picture; prints a line that says which and why.
 fn show_anywhere(request: &ViewRequest, setup: &Setup<'_>) -> Result<()> {
     let probed = headset::probe();
     let no_window = match no_display() {
@@ -58,7 +58,7 @@ fn show_in_window(request: &ViewRequest, setup: &Setup<'_>) -> Result<()> {
     problem.map_or(Ok(()), |problem| Err(Error::Window { problem }))
 }
 
-/// With a mirror where there is a display.
+/// In the headset, with a mirror window if there is a display.
 fn show_in_headset(request: &ViewRequest, setup: &Setup<'_>) -> Result<()> {
     headset::probe().map_err(|problem| Error::Headset { problem })?;
     let mirrored = no_display().is_none() && window::run(request, setup, Wanted::HeadsetOnly, None)?.is_none();
@@ -89,7 +89,7 @@ fn reserve_fallback() -> Result<PathBuf> {
     }
 }
 
-/// Why no window can be opened here, if that can be known beforehand.
+/// The reason why no window can be opened, if it is known beforehand.
 pub fn no_display() -> Option<String> {
     let set = |name| std::env::var_os(name).is_some_and(|value| !value.is_empty());
     let missing = cfg!(all(unix, not(target_os = "macos"))) && !set("DISPLAY") && !set("WAYLAND_DISPLAY");

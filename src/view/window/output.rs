@@ -32,7 +32,7 @@ const TEXT_SCALE: f64 = 2.0;
 /// How often the title bar is updated.
 const TITLE_PERIOD: Duration = Duration::from_millis(500);
 
-/// What a drag with the mouse does.
+/// The effect of a drag with the mouse.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub enum Drag {
     Turn,
