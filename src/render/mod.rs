@@ -1,4 +1,8 @@
 //! Draws frames of a scene for N eyes: culling, forward pass or the reference's samples, sky, resolve, text on top.
+//!
+//! A new binding is a row in `bindings`, the resource in the set that holds it (for a scene, `bound_scene`), and its
+//! declaration in a shader. Data of one frame need no binding: a pass pushes them and declares `FRAME_STORAGE`. A new pass
+//! is a file of its own with its shaders, a field of `pipelines::PassPipelines`, and a call in `Renderer::record`.
 
 pub mod bindings;
 mod bound_scene;

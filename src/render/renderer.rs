@@ -87,16 +87,29 @@ impl Renderer {
     /// # Errors
     /// No memory for targets.
     pub fn set_pipelines(&mut self, pipelines: PassPipelines) -> Result<()> {
-        let (size, eyes) = (self.size(), pipelines.eyes);
-        let mut targets = ViewTargets::new(&self.context.gpu, size, eyes, Detail::of(&pipelines.settings))?;
-        if eyes == self.eyes() {
-            targets.area = self.targets.area;
-        } else {
-            self.hidden_area = None;
-        }
+        let (size, eyes, detail) = (self.size(), pipelines.eyes, Detail::of(&pipelines.settings));
+        let fit = eyes == self.eyes() && detail == self.targets.detail();
+        let targets = (!fit).then(|| ViewTargets::new(&self.context.gpu, size, eyes, detail)).transpose()?;
         let request = self.pipeline_request(pipelines.settings.clone(), eyes);
         self.reference = accumulator(&request, &pipelines, size)?;
-        (self.targets, self.pipelines) = (targets, pipelines);
+        if eyes != self.eyes() {
+            self.hidden_area = None;
+        }
+        self.pipelines = pipelines;
+        if let Some(targets) = targets {
+            self.targets = targets;
+        }
+        Ok(())
+    }
+
+    /// Draws at another scale; pipelines stay.
+    ///
+    /// # Errors
+    /// No memory for targets.
+    pub fn set_scale(&mut self, scale: f32) -> Result<()> {
+        let settings = RenderSettings { scale, ..self.settings().clone() };
+        self.targets = ViewTargets::new(&self.context.gpu, self.size(), self.eyes(), Detail::of(&settings))?;
+        self.pipelines.settings = settings;
         Ok(())
     }
 

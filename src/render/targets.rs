@@ -68,6 +68,11 @@ impl ViewTargets {
         })
     }
 
+    /// What they were made for.
+    pub fn detail(&self) -> Detail {
+        self.detail
+    }
+
     /// Checks that such targets can be made.
     pub fn check(gpu: &Gpu, size: [u32; 2], eyes: u32, detail: Detail) -> Result<()> {
         let most = gpu.max_image_size();

@@ -25,6 +25,8 @@ pub struct ShownScene {
     pub world_from_models: Mat4,
     /// The file of the panorama that lights it; `None` for uniform light.
     panorama: Option<PathBuf>,
+    /// The panorama asked for last: that one, or one that is still loading.
+    last_panorama: Option<PathBuf>,
     /// The rotation after [`ShownScene::reset`]: 0 for a panorama other than the scene's own.
     first_rotation: f32,
 }
@@ -38,6 +40,7 @@ impl ShownScene {
             environment_rotation: rotation,
             world_from_models: Mat4::IDENTITY,
             panorama: loaded.panorama.clone(),
+            last_panorama: loaded.panorama.clone(),
             first_rotation: rotation,
             loaded,
         }
@@ -154,6 +157,7 @@ impl App {
     }
 
     fn load_panorama(&mut self, path: &Path) {
+        self.scene.iter_mut().for_each(|scene| scene.last_panorama = Some(path.to_owned()));
         self.loading.push_back(file_name(path));
         self.loader.start(LoadRequest::Panorama { path: path.to_owned(), settings: self.settings.clone() });
     }
@@ -167,8 +171,7 @@ impl App {
             draw_for(scene, target.eyes)?;
         }
         self.target = target;
-        self.follow_settings();
-        Ok(())
+        self.follow_settings()
     }
 
     /// Takes the oldest result of the loader, if there is one.
@@ -207,28 +210,33 @@ impl App {
     }
 
     /// Requests other settings; until the loader has what they need, the scene is drawn as before.
-    pub fn set_settings(&mut self, settings: RenderSettings) {
+    ///
+    /// # Errors
+    /// No memory for targets of another scale.
+    pub fn set_settings(&mut self, settings: RenderSettings) -> Result<()> {
         self.settings = settings;
-        self.follow_settings();
+        self.follow_settings()
     }
 
     /// Asks the loader for whatever the shown scene needs for the current settings.
-    fn follow_settings(&mut self) {
-        let Some(scene) = &mut self.scene else { return };
+    fn follow_settings(&mut self) -> Result<()> {
+        let Some(scene) = &mut self.scene else { return Ok(()) };
         self.pipelines += 1;
-        let renderer = &scene.loaded.renderer;
+        let renderer = &mut scene.loaded.renderer;
         match renderer.settings().difference(&self.settings) {
             Change::Nothing => {}
-            Change::Targets | Change::Pipelines => {
+            Change::Targets => renderer.set_scale(self.settings.scale)?,
+            Change::Pipelines => {
                 let request = renderer.pipeline_request(self.settings.clone(), renderer.eyes());
                 self.loader.start(LoadRequest::Pipelines(self.pipelines, request));
             }
-            Change::Light => match scene.panorama.clone() {
+            Change::Light => match scene.last_panorama.clone() {
                 Some(panorama) => self.load_panorama(&panorama),
                 None => self.load_again(),
             },
             Change::Scene => self.load_again(),
         }
+        Ok(())
     }
 
     fn load_again(&mut self) {
@@ -237,24 +245,24 @@ impl App {
     }
 
     /// Changes the shading by `steps` in the list of all; see `Shading::step`.
-    pub fn shade(&mut self, steps: usize, holds_still: bool) {
+    ///
+    /// # Errors
+    /// Those of [`App::set_settings`].
+    pub fn shade(&mut self, steps: usize, holds_still: bool) -> Result<()> {
         let shading = self.settings.shading.step(steps, holds_still);
-        self.set_settings(RenderSettings { shading, ..self.settings.clone() });
+        self.set_settings(RenderSettings { shading, ..self.settings.clone() })
     }
 
     /// Handles requests made with a controller's buttons.
     ///
     /// # Errors
-    /// None where files have the extensions that they were found by.
+    /// Those of [`App::set_settings`].
     pub fn obey(&mut self, requests: Requests) -> Result<()> {
         let scene = requests.next_scene.then(|| self.playlist.next_scene()).flatten();
         let panorama = requests.next_panorama.then(|| self.playlist.next_panorama()).flatten();
         // Both are of known kinds.
         scene.into_iter().chain(panorama).try_for_each(|path| self.open(&path))?;
-        if requests.next_shading {
-            self.shade(1, false);
-        }
-        Ok(())
+        if requests.next_shading { self.shade(1, false) } else { Ok(()) }
     }
 
     /// Starts writing a screenshot: RGBA, 8 bits a channel.
@@ -271,7 +279,7 @@ impl App {
                 (scene.environment_rotation, scene.first_rotation) = (0.0, 0.0);
                 scene.panorama = Some(path);
             }
-            self.follow_settings();
+            self.follow_settings()?;
         }
         Ok(Update::Light(name))
     }
@@ -281,7 +289,7 @@ impl App {
         // The number of eyes and the settings may have changed while the scene was loading.
         draw_for(&mut scene, self.target.eyes)?;
         let old = self.scene.replace(scene);
-        self.follow_settings();
+        self.follow_settings()?;
         let replaced = old.is_some();
         if let Some(old) = old {
             self.loader.start(LoadRequest::Discard(old.loaded));

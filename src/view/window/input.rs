@@ -99,8 +99,8 @@ impl Viewer {
                 self.output.note(format!("showing frames: {}", mode.name()));
             }
             // A headset on a desk holds still, so the reference is among these.
-            Action::NextShading => self.app.shade(1, true),
-            Action::PreviousShading => self.app.shade(Shading::value_variants().len() - 1, true),
+            Action::NextShading => self.app.shade(1, true)?,
+            Action::PreviousShading => self.app.shade(Shading::value_variants().len() - 1, true)?,
             Action::SwitchMode => self.output.control.iter_mut().for_each(|control| control.switch_mode()),
             Action::NextCamera => self.choose_camera(self.app.scene.as_ref().map_or(0, |scene| scene.camera + 1)),
             Action::Camera(index) => {
