@@ -72,7 +72,7 @@ pub fn normal_levels(texture: &Texture) -> Vec<Vec<u8>> {
 
 /// All levels of an ORM map (occlusion, roughness, metallic) as RGBA bytes, level 0 unchanged. Roughness is averaged as
 /// α² = roughness⁴, and widened by the variance that the material's normal map loses at that size
-/// (`reference::mip::Widening::Fisher`).
+/// (`reference::mip::widened`).
 pub fn orm_levels(texture: Texture, normals: Option<&NormalLoss>) -> Vec<Vec<u8>> {
     let unit = |v: u8| f32::from(v) / 255.0;
     let read = |[o, r, m, _]: [u8; 4]| [unit(o), unit(r).powi(4), unit(m)];

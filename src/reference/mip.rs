@@ -6,8 +6,6 @@ use glam::DVec4;
 
 /// Smallest length of a mean normal: below it the normals point in all directions, and the lobe has its maximum width.
 const SHORTEST: f64 = 1e-3;
-/// Upper bound of what one texel adds to α² in [`Widening::Clamped`]: recommended by Tokuyoshi and Kaplanyan (2019).
-const MOST_ADDED: f64 = 0.18;
 
 /// Texel `i` of `to` along one axis covers [i, i + 1) · from / to texels of the larger level: the first of them and
 /// their shares, which add up to 1.
@@ -39,55 +37,15 @@ pub fn box_average(texels: &[DVec4], from: [u32; 2], to: [u32; 2]) -> Vec<DVec4>
     (0..to[1]).flat_map(|y| (0..to[0]).map(move |x| (x, y))).map(|(x, y)| texel(x, y)).collect()
 }
 
-/// Methods to include in the roughness the variance of normals that were averaged to a vector of length r ≤ 1.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Widening {
-    /// None: plain mips.
-    None,
-    /// Toksvig, "Mipmapping of Normal Maps" (2005): the exponent s becomes r s / (r + s (1 − r)), with
-    /// α² = 2 / (s + 2) (Walter et al. 2007, section 5.2).
-    Toksvig,
-    /// The normals as a von Mises–Fisher lobe of κ = r (3 − r²) / (1 − r²) (Banerjee et al., "Clustering on the Unit
-    /// Hypersphere", 2005, eq. 4.4), convolved with the surface's: 1/κ add up (Han et al., "Frequency Domain Normal Map
-    /// Filtering", 2007), and α² ≈ 2/κ.
-    Fisher,
-    /// The normals' variance along each axis, σ² ≈ (1 − r²) / 2, doubled and clamped, is added to α²: Kaplanyan et al.,
-    /// "Filtering Distributions of Normals for Shading Antialiasing" (2016); clamped as in Tokuyoshi and Kaplanyan,
-    /// "Improved Geometric Specular Antialiasing" (2019).
-    Clamped,
+/// α² of a surface whose normals were averaged to a vector of length r ≤ 1: the normals as a von Mises–Fisher lobe,
+/// convolved with the surface's, so that 1/κ add up (Han et al., "Frequency Domain Normal Map Filtering", 2007) and
+/// α² ≈ 2/κ.
+pub fn widened(alpha_squared: f64, r: f64) -> f64 {
+    (alpha_squared + fisher_width(r)).min(1.0)
 }
 
-impl Widening {
-    /// All of them.
-    pub const ALL: [Self; 4] = [Self::None, Self::Toksvig, Self::Fisher, Self::Clamped];
-
-    /// A name for tables.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::None => "none",
-            Self::Toksvig => "toksvig-2005",
-            Self::Fisher => "fisher-2007",
-            Self::Clamped => "clamped-2019",
-        }
-    }
-
-    /// α² of the widened lobe, from the surface's own α² and the length r of the mean normal.
-    pub fn alpha_squared(self, alpha_squared: f64, r: f64) -> f64 {
-        let r = r.clamp(SHORTEST, 1.0);
-        let widened = match self {
-            Self::None => alpha_squared,
-            Self::Toksvig => {
-                let s = 2.0 / alpha_squared.max(1e-9) - 2.0;
-                2.0 / (r * s / (r + s * (1.0 - r)) + 2.0)
-            }
-            Self::Fisher => alpha_squared + fisher_width(r),
-            Self::Clamped => alpha_squared + (1.0 - r * r).min(MOST_ADDED),
-        };
-        widened.min(1.0)
-    }
-}
-
-/// What [`Widening::Fisher`] adds to α²: 2/κ.
+/// 2/κ of normals whose mean has length r: κ = r (3 − r²) / (1 − r²) (Banerjee et al., "Clustering on the Unit
+/// Hypersphere", 2005, eq. 4.4).
 pub fn fisher_width(r: f64) -> f64 {
     let r = r.clamp(SHORTEST, 1.0);
     2.0 * (1.0 - r * r) / (r * (3.0 - r * r))
@@ -125,10 +83,14 @@ mod tests {
         (0..256).map(normal).collect()
     }
 
-    /// Mean over half vectors of |D of one widened lobe − mean of D over all normals|, over the mean of the latter.
-    fn error(normals: &[DVec3], alpha: f64, widening: Widening) -> f64 {
-        let mean = normals.iter().sum::<DVec3>() / normals.len() as f64;
-        let wide = widening.alpha_squared(alpha * alpha, mean.length()).sqrt();
+    fn mean(normals: &[DVec3]) -> DVec3 {
+        normals.iter().sum::<DVec3>() / normals.len() as f64
+    }
+
+    /// Mean over half vectors of |D of one lobe, `wide` about the mean − mean of D over all normals|, over the mean of
+    /// the latter.
+    fn error(normals: &[DVec3], alpha: f64, wide: f64) -> f64 {
+        let mean = mean(normals);
         let (mut wrong, mut all) = (0.0, 0.0);
         for degrees in 0..60 {
             let h = DVec3::new(f64::from(degrees).to_radians().sin(), 0.0, f64::from(degrees).to_radians().cos());
@@ -144,25 +106,20 @@ mod tests {
     fn widening_comes_close_to_the_mean_of_all_lobes() {
         for (bump, alpha) in [(0.1, 0.1), (0.15, 0.1), (0.2, 0.2), (0.2, 0.1)] {
             let normals = bumps(bump);
-            let plain = error(&normals, alpha, Widening::None);
-            for widening in [Widening::Toksvig, Widening::Fisher, Widening::Clamped] {
-                let error = error(&normals, alpha, widening);
-                assert!(error < 0.6 * plain, "{widening:?}, bumps {bump}, α {alpha}: {error} against {plain}");
-            }
+            let plain = error(&normals, alpha, alpha);
+            let error = error(&normals, alpha, widened(alpha * alpha, mean(&normals).length()).sqrt());
+            assert!(error < 0.6 * plain, "bumps {bump}, α {alpha}: {error} against {plain}");
         }
     }
 
     #[test]
     fn equal_normals_do_not_widen_and_scattered_ones_never_beyond_one() {
-        for widening in Widening::ALL {
-            for alpha_squared in [1e-4, 0.04, 1.0] {
-                assert!((widening.alpha_squared(alpha_squared, 1.0) - alpha_squared).abs() < 1e-9, "{widening:?}");
-                let scattered = widening.alpha_squared(alpha_squared, 0.0);
-                assert!((alpha_squared..=1.0).contains(&scattered), "{widening:?}: {scattered}");
-                let steps: Vec<f64> =
-                    (0..=50).map(|i| widening.alpha_squared(alpha_squared, f64::from(i) / 50.0)).collect();
-                assert!(steps.windows(2).all(|w| w[0] >= w[1] - 1e-12), "{widening:?}: shorter means are wider");
-            }
+        for alpha_squared in [1e-4, 0.04, 1.0] {
+            assert!((widened(alpha_squared, 1.0) - alpha_squared).abs() < 1e-9);
+            let scattered = widened(alpha_squared, 0.0);
+            assert!((alpha_squared..=1.0).contains(&scattered), "{scattered}");
+            let steps: Vec<f64> = (0..=50).map(|i| widened(alpha_squared, f64::from(i) / 50.0)).collect();
+            assert!(steps.windows(2).all(|w| w[0] >= w[1] - 1e-12), "shorter means are wider");
         }
     }
 }
