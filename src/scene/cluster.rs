@@ -168,14 +168,13 @@ fn cluster(units: &[Unit], all: &[Vertex], group: &Group<'_>) -> Cluster {
 
 #[cfg(test)]
 mod tests {
-    use super::super::culling_bounds::tests::ball;
     use super::*;
 
-    fn mesh((vertices, indices): (Vec<Vertex>, Vec<u32>), material: usize, at: Vec3) -> Mesh {
+    fn mesh(ball: Mesh, material: usize, at: Vec3) -> Mesh {
         let moved = |v: Vertex| Vertex { position: (Vec3::from(v.position) + at).into(), ..v };
-        let vertices: Vec<Vertex> = vertices.into_iter().map(moved).collect();
+        let vertices: Vec<Vertex> = ball.vertices.into_iter().map(moved).collect();
         let bounds = Bounds::of(vertices.iter().map(corner_position));
-        Mesh { name: "ball".into(), vertices, indices, material, bounds }
+        Mesh { vertices, material, bounds, ..ball }
     }
 
     fn placed(mesh: usize, world_from_local: Mat4) -> Instance {
@@ -207,12 +206,12 @@ mod tests {
     #[test]
     fn clusters_hold_every_triangle_once_with_unchanged_corners() {
         let meshes = [
-            mesh(ball(70, 1.0), 0, Vec3::ZERO),
-            mesh(ball(20, 0.5), 0, Vec3::X * 3.0),
+            mesh(Mesh::ball(70, 1.0), 0, Vec3::ZERO),
+            mesh(Mesh::ball(20, 0.5), 0, Vec3::X * 3.0),
             mesh(
                 {
-                    let (v, i) = ball(60, 1.0);
-                    (v, i[600..].to_vec())
+                    let ball = Mesh::ball(60, 1.0);
+                    Mesh { indices: ball.indices[600..].to_vec(), ..ball }
                 },
                 1,
                 Vec3::Y * 3.0,
@@ -238,7 +237,7 @@ mod tests {
 
     #[test]
     fn only_meshes_with_the_same_transforms_are_merged() {
-        let meshes = [0.0, 3.0, 6.0].map(|x| mesh(ball(6, 1.0), 0, Vec3::X * x));
+        let meshes = [0.0, 3.0, 6.0].map(|x| mesh(Mesh::ball(6, 1.0), 0, Vec3::X * x));
         let there = Mat4::from_translation(Vec3::Y);
         let one = clusters(&meshes, &[0, 1, 2].map(|i| placed(i, there)));
         assert_eq!((one.len(), &one[0].placements), (1, &vec![there]));
@@ -248,7 +247,7 @@ mod tests {
 
     #[test]
     fn triangles_are_ordered_for_the_vertex_cache() {
-        let mut source = mesh(ball(40, 1.0), 0, Vec3::ZERO);
+        let mut source = mesh(Mesh::ball(40, 1.0), 0, Vec3::ZERO);
         // Every 97th triangle: an order without any locality.
         let count = source.indices.len() / 3;
         let scattered = (0..count).flat_map(|i| source.indices[i * 97 % count * 3..][..3].to_vec());

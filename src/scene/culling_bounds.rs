@@ -152,28 +152,12 @@ fn hits(flat: &[[(DVec2, f64); 3]], at: DVec2) -> Vec<(f64, i32)> {
 }
 
 #[cfg(test)]
-pub mod tests {
+mod tests {
+    use super::super::mesh::Mesh;
     use super::*;
 
-    /// A sphere of `rows` by `2 rows` quadrilaterals about the origin; rounding separates the two sides of its seam.
-    pub fn ball(rows: u32, radius: f32) -> (Vec<Vertex>, Vec<u32>) {
-        let columns = 2 * rows;
-        let (mut vertices, mut indices) = (Vec::new(), Vec::new());
-        for row in 0..=rows {
-            for column in 0..=columns {
-                let polar = std::f32::consts::PI * row as f32 / rows as f32;
-                let around = std::f32::consts::TAU * column as f32 / columns as f32;
-                let n = Vec3::new(polar.sin() * around.cos(), polar.cos(), -polar.sin() * around.sin());
-                let uv = [column as f32 / columns as f32, row as f32 / rows as f32];
-                let tangent = [-around.sin(), 0.0, -around.cos(), 1.0];
-                vertices.push(Vertex { position: (radius * n).into(), normal: n.into(), uv, tangent });
-                if row < rows && column < columns {
-                    let a = row * (columns + 1) + column;
-                    let (b, c, d) = (a + columns + 1, a + columns + 2, a + 1);
-                    indices.extend([a, b, c, a, c, d]);
-                }
-            }
-        }
+    fn ball(rows: u32, radius: f32) -> (Vec<Vertex>, Vec<u32>) {
+        let Mesh { vertices, indices, .. } = Mesh::ball(rows, radius);
         (vertices, indices)
     }
 

@@ -1,5 +1,7 @@
 //! Indexed triangles, and axis-aligned bounds.
 
+use std::f32::consts::{PI, TAU};
+
 use glam::{BVec3, Mat4, Vec3};
 
 /// One vertex: 48 bytes. `render` packs it for the GPU.
@@ -27,6 +29,30 @@ pub struct Mesh {
     /// Index into the scene's materials.
     pub material: usize,
     pub bounds: Bounds,
+}
+
+impl Mesh {
+    /// A ball of `rows` by `2 rows` quadrilaterals about the origin; rounding separates the two sides of its seam.
+    pub fn ball(rows: u32, radius: f32) -> Self {
+        let columns = 2 * rows;
+        let (mut vertices, mut indices) = (Vec::new(), Vec::new());
+        for row in 0..=rows {
+            for column in 0..=columns {
+                let (v, u) = (row as f32 / rows as f32, column as f32 / columns as f32);
+                let ((across, y), (sin, cos)) = ((v * PI).sin_cos(), (u * TAU).sin_cos());
+                let n = Vec3::new(across * cos, y, -across * sin);
+                let tangent = [-sin, 0.0, -cos, 1.0];
+                vertices.push(Vertex { position: (radius * n).into(), normal: n.into(), uv: [u, v], tangent });
+                if row < rows && column < columns {
+                    let a = row * (columns + 1) + column;
+                    let (b, c, d) = (a + columns + 1, a + columns + 2, a + 1);
+                    indices.extend([a, b, c, a, c, d]);
+                }
+            }
+        }
+        let bounds = Bounds { min: Vec3::splat(-radius), max: Vec3::splat(radius) };
+        Self { name: "ball".into(), vertices, indices, material: 0, bounds }
+    }
 }
 
 /// An axis-aligned box; empty when `min > max`.

@@ -1,8 +1,6 @@
 //! The furnace as a picture: two grids of white balls on white, roughness 0 to 1 to the right, metalness 0 to 1 downwards; on the
 //! left light scatters once, on the right as often as it takes. Black is 0.5 of the light, white 1.05.
 
-use std::f32::consts::{PI, TAU};
-
 use glam::{Mat4, Vec3};
 
 use super::scene::{bench, in_furnace, share};
@@ -11,7 +9,7 @@ use crate::asset::picture::{Kind, Picture};
 use crate::context::Context;
 use crate::reference::energy::Scattering;
 use crate::render::RenderSettings;
-use crate::scene::{Bounds, Instance, Material, Mesh, Scene, Vertex};
+use crate::scene::{Instance, Material, Mesh, Scene};
 
 const COLUMNS: usize = 11;
 const LINES: usize = 6;
@@ -45,37 +43,10 @@ fn balls() -> Scene {
         let at = Vec3::new(column as f32 + 0.5, -(line as f32 + 0.5), 0.0);
         let world_from_local = Mat4::from_translation(at) * Mat4::from_scale(Vec3::splat(0.45));
         instances.push(Instance { mesh: meshes.len(), world_from_local });
-        meshes.push(ball(materials.len()));
+        meshes.push(Mesh { material: materials.len(), ..Mesh::ball(48, 1.0) });
         materials.push(Material::plain("white", Vec3::ONE, share(line, LINES), share(column, COLUMNS)));
     }
     in_furnace(meshes, instances, materials)
-}
-
-/// A ball of radius 1 around the origin.
-fn ball(material: usize) -> Mesh {
-    let [rings, sectors] = [48, 48];
-    let (mut vertices, mut indices) = (Vec::new(), Vec::new());
-    for ring in 0..=rings {
-        for sector in 0..=sectors {
-            let (v, u) = (ring as f32 / rings as f32, sector as f32 / sectors as f32);
-            let ((across, y), (sin, cos)) = ((v * PI).sin_cos(), (u * TAU).sin_cos());
-            let position = [across * cos, y, -across * sin];
-            vertices.push(Vertex { position, normal: position, uv: [u, v], tangent: [-sin, 0.0, -cos, 1.0] });
-            if ring == rings || sector == sectors {
-                continue;
-            }
-            let a = ring * (sectors + 1) + sector;
-            let (b, c, d) = (a + sectors + 1, a + sectors + 2, a + 1);
-            // Rings at the poles are of triangles.
-            if ring + 1 < rings {
-                indices.extend([a, b, c]);
-            }
-            if ring > 0 {
-                indices.extend([a, c, d]);
-            }
-        }
-    }
-    Mesh { name: "ball".into(), vertices, indices, material, bounds: Bounds { min: Vec3::NEG_ONE, max: Vec3::ONE } }
 }
 
 #[cfg(test)]
