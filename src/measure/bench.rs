@@ -8,6 +8,7 @@ use glam::Vec3;
 use serde::{Deserialize, Serialize};
 
 use super::machine::cpu_ms;
+use super::noise::MeanAndHalves;
 use crate::asset::Report;
 use crate::context::Context;
 use crate::gpu::{FrameRing, Gpu, Subresource, read_image};
@@ -37,7 +38,6 @@ pub struct Bench {
     pub eyes: Vec<Eye>,
     /// The inputs of every frame, without the eyes.
     pub inputs: FrameInputs<'static>,
-    last_slot: usize,
 }
 
 impl Bench {
@@ -53,14 +53,13 @@ impl Bench {
         let silent = Context { report: Arc::new(Report::silent()), ..context.clone() };
         let renderer = Renderer::new(&silent, scene, settings, size, eyes.len() as u32)?;
         let (ring, inputs) = (FrameRing::new(&gpu, FRAME_BYTES)?, FrameInputs::of(scene, &[]));
-        Ok(Self { gpu, renderer, ring, eyes, inputs, last_slot: 0 })
+        Ok(Self { gpu, renderer, ring, eyes, inputs })
     }
 
     /// Draws a frame to its end.
     pub fn draw(&mut self) -> Result<FrameTime> {
         let (before, started) = (cpu_ms(), ThreadTime::now());
         let mut frame = self.ring.begin()?;
-        self.last_slot = frame.slot;
         self.renderer.record(&mut frame, &FrameInputs { eyes: &self.eyes, ..self.inputs })?;
         frame.submit(None)?;
         let record = started.elapsed().as_secs_f64() * 1e3;
@@ -87,9 +86,22 @@ impl Bench {
         Ok(layers.map(read).collect::<Result<Vec<_>>>()?.concat())
     }
 
-    /// The mean relative standard error of the reference after the last frame.
-    pub fn standard_error(&self) -> Option<f64> {
-        self.renderer.standard_error(self.last_slot).map(|error| error.mean_relative)
+    /// The mean of twice `half` frames of `Shading::Reference` and of both halves, converted by `shown`; `drawn` is
+    /// called after each frame.
+    pub fn integrated<T>(
+        &mut self,
+        half: u32,
+        drawn: impl Fn(),
+        shown: impl Fn(&[Vec3]) -> T,
+    ) -> Result<MeanAndHalves<T>> {
+        let draw = || {
+            for _ in 0..half {
+                self.draw()?;
+                drawn();
+            }
+            self.radiance()
+        };
+        MeanAndHalves::new(draw, shown)
     }
 }
 

@@ -14,6 +14,7 @@ mod precompute;
 mod report;
 mod request;
 mod scenes;
+mod sums;
 mod texels;
 
 use std::path::Path;

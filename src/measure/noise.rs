@@ -20,12 +20,12 @@ pub fn floor_share() -> f64 {
 }
 
 /// A picture averaged over many frames, and both halves of its frames.
-pub struct Parts<T> {
+pub struct MeanAndHalves<T> {
     pub all: T,
     pub halves: [T; 2],
 }
 
-impl<T> Parts<T> {
+impl<T> MeanAndHalves<T> {
     /// `draw` draws the next half of all frames, and returns the mean of all so far; `shown` converts means.
     pub fn new(mut draw: impl FnMut() -> Result<Vec<Vec3>>, shown: impl Fn(&[Vec3]) -> T) -> Result<Self> {
         let (first, all) = (draw()?, draw()?);
@@ -97,7 +97,7 @@ mod tests {
     }
 
     /// Two halves of the truth with noise, all channels alike or each by itself.
-    fn noisy(truth: &[f32], deviation: f32, grey: bool, noise: &mut Noise) -> Parts<Vec<[u8; 3]>> {
+    fn noisy(truth: &[f32], deviation: f32, grey: bool, noise: &mut Noise) -> MeanAndHalves<Vec<[u8; 3]>> {
         let (mut sum, mut count) = (vec![Vec3::ZERO; truth.len()], 0.0);
         let draw = || {
             count += 1.0;
@@ -108,13 +108,13 @@ mod tests {
             }
             Ok(sum.iter().map(|pixel| *pixel / count).collect())
         };
-        Parts::new(draw, bytes).unwrap()
+        MeanAndHalves::new(draw, bytes).unwrap()
     }
 
     #[test]
     fn halves_are_means_of_their_own_frames() {
         let mut means = [3.0, 5.0].into_iter();
-        let parts = Parts::new(|| Ok(vec![Vec3::splat(means.next().unwrap())]), |pixels| pixels[0].y).unwrap();
+        let parts = MeanAndHalves::new(|| Ok(vec![Vec3::splat(means.next().unwrap())]), |pixels| pixels[0].y).unwrap();
         assert_eq!((parts.all, parts.halves), (5.0, [3.0, 7.0]));
     }
 

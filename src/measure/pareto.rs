@@ -26,17 +26,12 @@ pub fn dominated_by(scores: &[Score], least: impl Fn(usize, usize) -> Score) -> 
     (0..scores.len()).map(by).collect()
 }
 
-/// Indices of the scores on the Pareto front without noise, quickest first.
+/// Indices of the scores that none dominates, quickest first; all differences count.
 pub fn front(scores: &[Score]) -> Vec<usize> {
-    let mut order: Vec<usize> = (0..scores.len()).collect();
-    order.sort_by(|a, b| scores[*a].ms.total_cmp(&scores[*b].ms).then(scores[*a].error.total_cmp(&scores[*b].error)));
-    let mut least = f64::INFINITY;
-    order.retain(|index| {
-        let better = scores[*index].error < least;
-        least = least.min(scores[*index].error);
-        better
-    });
-    order
+    let dominated = dominated_by(scores, |_, _| Score { ms: 0.0, error: 0.0 });
+    let mut front: Vec<usize> = (0..scores.len()).filter(|index| dominated[*index].is_none()).collect();
+    front.sort_by(|a, b| scores[*a].ms.total_cmp(&scores[*b].ms));
+    front
 }
 
 /// A limit for the choice among scores.

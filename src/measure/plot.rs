@@ -348,23 +348,14 @@ impl Canvas<'_> {
     }
 }
 
-/// The place around a mark, nearest first, that is far enough from all that is taken; if there is none, the farthest.
+/// The nearest place around a mark that is far enough from all that is taken; above it if there is none.
 fn free_place((x, y): Pixel, taken: &[Pixel]) -> Pixel {
     const FAR_ENOUGH: i32 = 13;
     let ring = [(0, -1), (1, -1), (1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1)];
-    let distance = |at: Pixel| {
-        taken.iter().map(|other| (at.0 - other.0).abs().max((at.1 - other.1).abs())).min().unwrap_or(i32::MAX)
-    };
-    let mut best = (x, y - FAR_ENOUGH);
-    for place in [13, 20, 28, 38].into_iter().flat_map(|away| ring.map(|(u, v)| (x + u * away, y + v * away))) {
-        if distance(place) >= FAR_ENOUGH {
-            return place;
-        }
-        if distance(place) > distance(best) {
-            best = place;
-        }
-    }
-    best
+    let is_free =
+        |at: &Pixel| taken.iter().all(|other| (at.0 - other.0).abs().max((at.1 - other.1).abs()) >= FAR_ENOUGH);
+    let mut places = [13, 20, 28, 38].into_iter().flat_map(|away| ring.map(|(u, v)| (x + u * away, y + v * away)));
+    places.find(is_free).unwrap_or((x, y - FAR_ENOUGH))
 }
 
 /// 1, 2 and 5 of each decade from `low` to `high`.

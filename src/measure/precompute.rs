@@ -1,6 +1,5 @@
 //! Time and error of every way to fill the irradiance and specular maps.
 
-use std::collections::HashMap;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -12,9 +11,10 @@ use super::machine::{Machine, cpu_ms};
 use super::maps::{IRRADIANCE, Map, own_maps, own_ms, specular_targets};
 use super::pareto::{Score, front};
 use super::plot::{Mark, Panel, Plot, Point, Series, YAxis};
-use super::report::{write_json, write_table};
+use super::report::{stem, write_json, write_table};
 use super::request::MeasureRequest;
-use super::texels::{Accuracy, Texel, spread_texels, texel_direction};
+use super::sums::Sums;
+use super::texels::{Accuracy, spread_texels, texel_direction};
 use crate::asset::picture::Picture;
 use crate::asset::{Panorama, synthetic_panorama};
 use crate::context::Context;
@@ -22,7 +22,6 @@ use crate::gpu::{Gpu, Image, PassTime};
 use crate::precompute::alternatives::{AlternativePass, Environment, Method, Quantity, Target};
 use crate::precompute::{CubeTexels, LightMaps, Options};
 use crate::reference::levels::alpha_from_level;
-use crate::reference::panorama_sums::prefiltered_around;
 use crate::{Result, say};
 
 /// The ways by name: the renderer's own, then the usual ones.
@@ -68,7 +67,6 @@ struct Results {
     machine: Machine,
     error: &'static str,
     rows: Vec<Row>,
-    charts: Vec<String>,
     warnings: Vec<String>,
 }
 
@@ -77,16 +75,16 @@ struct Sweep {
     sizes: Vec<u32>,
     methods: Vec<Method>,
     ours: bool,
-    /// Texels judged of each map.
-    texels: usize,
+    /// Of the texels judged of each face of each map.
+    log2_texels: u32,
 }
 
 impl Sweep {
     fn new(request: &MeasureRequest) -> Self {
-        let (default_sizes, log2_samples, steps, texels): (&[u32], &[u32], &[f32], usize) = if request.full {
-            (&[128, 256, 512], &[4, 5, 6, 7, 8, 9, 10], &[0.2, 0.1, 0.05, 0.025, 0.0125], 1536)
+        let (default_sizes, log2_samples, steps, log2_texels): (&[u32], &[u32], &[f32], u32) = if request.full {
+            (&[128, 256, 512], &[4, 5, 6, 7, 8, 9, 10], &[0.2, 0.1, 0.05, 0.025, 0.0125], 8)
         } else {
-            (&[128, 256], &[4, 6, 8], &[0.2, 0.1, 0.05], 96)
+            (&[128, 256], &[4, 6, 8], &[0.2, 0.1, 0.05], 4)
         };
         let sizes = if request.sizes.is_empty() { default_sizes } else { &request.sizes }.to_vec();
         let wanted = |name: &str| request.methods.is_empty() || request.methods.iter().any(|m| m == name);
@@ -99,7 +97,7 @@ impl Sweep {
         }
         methods.extend([2, 4, 6, 8].map(|order| Method::Harmonics { order }));
         methods.retain(|method| wanted(method.name()));
-        Self { sizes, methods, ours: wanted("ours"), texels }
+        Self { sizes, methods, ours: wanted("ours"), log2_texels }
     }
 }
 
@@ -121,23 +119,23 @@ pub fn run(request: &MeasureRequest, context: &Context) -> Result<()> {
     let files = request.panorama_files()?;
     let suns: &[bool] = if request.panoramas.is_empty() { &[true, false] } else { &[] };
     let synthetic = suns.iter().map(|sun| Ok(synthetic_panorama(WIDTH, *sun)));
-    let mut rows: Vec<Row> = Vec::new();
+    let mut results = Results { machine: Machine::new(gpu), error: ERROR, rows: vec![], warnings: vec![] };
     let steps = (files.len() + suns.len()) * sweep.sizes.len() * (sweep.methods.len() + usize::from(sweep.ours));
     let bar = report.progress("measuring", steps as u64);
     for panorama in synthetic.chain(files.iter().map(|path| Panorama::load(path, report))) {
         let panorama = panorama?;
-        let mut truths = Truths { panorama: &panorama, most: sweep.texels, known: HashMap::new() };
-        let mut keep = |filled: Filled| {
-            rows.extend(truths.judge(filled));
-            write(folder, &rows)
+        let mut sums = Sums::new(&panorama)?;
+        let mut keep = |results: &mut Results, filled: Filled| {
+            results.rows.extend(judge(filled, &panorama.name, &mut sums, sweep.log2_texels));
+            write(folder, &results.rows)
         };
         if let Some(folder) = &request.judge {
-            keep(foreign(cmgen::read_maps(folder)?))?;
+            keep(&mut results, foreign(cmgen::read_maps(folder)?))?;
         }
         for size in &sweep.sizes {
             let (light, ours) = own(gpu, &panorama, *size)?;
             if sweep.ours {
-                keep(ours)?;
+                keep(&mut results, ours)?;
                 bar.inc(1);
             }
             let environment = fastest(|| {
@@ -146,21 +144,22 @@ pub fn run(request: &MeasureRequest, context: &Context) -> Result<()> {
                 Ok((environment, ms))
             })?;
             for method in &sweep.methods {
-                keep(alternative(gpu, &environment, *size, *method)?)?;
+                keep(&mut results, alternative(gpu, &environment, *size, *method)?)?;
                 bar.inc(1);
             }
+            let name = format!("precompute-{}-{size}", stem(&panorama.name));
+            chart(&results, &panorama.name, *size).write(folder, &name)?;
         }
     }
     bar.finish_and_clear();
-    let machine = Machine::new(gpu);
-    let charts = charts(folder, &rows, &machine)?;
-    write_json(folder, "precompute", &Results { machine, error: ERROR, rows, charts, warnings: report.warnings() })
+    results.warnings = report.warnings();
+    write_json(folder, "precompute", &results)
 }
 
 fn write(folder: &Path, rows: &[Row]) -> Result<()> {
     let columns =
         "panorama cube_size method parameter quantity level alpha face_size judged mean p95 max gpu_ms cpu_ms";
-    write_table(folder, "precompute", ("Filling light maps", &[format!("Error: {ERROR}.")]), rows, columns)
+    write_table(folder, "precompute", &[format!("Error: {ERROR}.")], rows, columns)
 }
 
 /// Writes the synthetic panoramas, `synthetic.exr` and `synthetic-sun.exr`.
@@ -258,76 +257,47 @@ fn total(times: &[PassTime]) -> f64 {
     times.iter().map(|pass| pass.ms).sum()
 }
 
-/// Exact values for maps of one panorama (f64 sums over all of its texels), computed once for each lobe and size.
-struct Truths<'a> {
-    panorama: &'a Panorama,
-    most: usize,
-    known: HashMap<(u64, u32), (Vec<Texel>, Vec<DVec3>)>,
+/// The errors of maps against exact values (f64 sums over all of the panorama's texels).
+fn judge(filled: Filled, name: &str, sums: &mut Sums<'_>, log2_texels: u32) -> Vec<Row> {
+    let row = |map: &Map| {
+        let texels = spread_texels(map.cube.size, log2_texels);
+        let directions: Vec<DVec3> = texels.iter().map(|texel| texel_direction(*texel, map.cube.size)).collect();
+        let truths: Vec<DVec3> = sums.settled(|sums| directions.iter().map(|d| sums.around(*d, map.alpha)).collect());
+        let values: Vec<DVec3> = texels.iter().map(|texel| map.cube.at(*texel)).collect();
+        Row {
+            panorama: name.to_owned(),
+            cube_size: filled.cube_size,
+            method: filled.method.clone(),
+            parameter: filled.parameter.clone(),
+            quantity: map.quantity,
+            level: map.level,
+            alpha: map.alpha,
+            face_size: map.cube.size,
+            judged: values.len(),
+            error: Accuracy::new(&values, &truths, &truths),
+            gpu_ms: filled.gpu_ms[map.quantity as usize],
+            cpu_ms: filled.cpu_ms,
+        }
+    };
+    filled.maps.iter().map(row).collect()
 }
 
-impl Truths<'_> {
-    fn judge(&mut self, filled: Filled) -> Vec<Row> {
-        let mut rows = Vec::new();
-        for map in &filled.maps {
-            let (alpha, size) = (map.alpha, map.cube.size);
-            let (texels, truths) = self.known.entry((alpha.to_bits(), size)).or_insert_with(|| {
-                let texels = spread_texels(size, self.most);
-                let directions: Vec<DVec3> = texels.iter().map(|texel| texel_direction(*texel, size)).collect();
-                let Panorama { width, height, texels: radiance, .. } = self.panorama;
-                let truths = prefiltered_around(&directions, alpha, [*width, *height], radiance);
-                (texels, truths)
-            });
-            let values: Vec<DVec3> = texels.iter().map(|texel| map.cube.at(*texel)).collect();
-            rows.push(Row {
-                panorama: self.panorama.name.clone(),
-                cube_size: filled.cube_size,
-                method: filled.method.clone(),
-                parameter: filled.parameter.clone(),
-                quantity: map.quantity,
-                level: map.level,
-                alpha,
-                face_size: size,
-                judged: values.len(),
-                error: Accuracy::new(&values, truths),
-                gpu_ms: filled.gpu_ms[map.quantity as usize],
-                cpu_ms: filled.cpu_ms,
-            });
-        }
-        rows
-    }
-}
-
-/// Writes a chart for each panorama and cube size; returns their names.
-fn charts(folder: &Path, rows: &[Row], machine: &Machine) -> Result<Vec<String>> {
-    let mut names = Vec::new();
-    for row in rows.iter().filter(|row| row.gpu_ms.is_some()) {
-        let stem = Path::new(&row.panorama).file_stem().unwrap_or_default().to_string_lossy();
-        let name = format!("precompute-{stem}-{}", row.cube_size);
-        if names.contains(&name) {
-            continue;
-        }
-        let own = |other: &&Row| (&other.panorama, other.cube_size) == (&row.panorama, row.cube_size);
-        let own: Vec<&Row> = rows.iter().filter(own).collect();
-        let caption = [
-            format!(
-                "{}, {}. Error: mean over maps of the texels' mean relative error against f64 sums.",
-                machine.gpu, machine.date
-            ),
+/// The chart of one panorama and cube size.
+fn chart(results: &Results, panorama: &str, size: u32) -> Plot {
+    let Machine { gpu, date, .. } = &results.machine;
+    let own: Vec<&Row> = results.rows.iter().filter(|row| row.panorama == panorama && row.cube_size == size).collect();
+    Plot {
+        title: format!("Filling light maps from {}, cube of {size}² texels a face", stem(panorama)),
+        panels: vec![
+            panel(&own, Quantity::Specular, "specular levels"),
+            panel(&own, Quantity::Irradiance, "irradiance"),
+        ],
+        caption: vec![
+            format!("{gpu}, {date}. Error: mean over maps of the texels' mean relative error against f64 sums."),
             "Labels: samples, step in radians, degree.".into(),
-        ];
-        let plot = Plot {
-            title: format!("Filling light maps from {stem}, cube of {}² texels a face", row.cube_size),
-            panels: vec![
-                panel(&own, Quantity::Specular, "specular levels"),
-                panel(&own, Quantity::Irradiance, "irradiance"),
-            ],
-            caption: caption.into(),
-            key: Vec::new(),
-        };
-        plot.write(folder, &name)?;
-        names.push(name);
+        ],
+        key: Vec::new(),
     }
-    Ok(names)
 }
 
 /// Error over time, a series for each method and one for the Pareto front.

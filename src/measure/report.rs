@@ -8,6 +8,11 @@ use serde_json::Value;
 use crate::asset::file::write_atomically;
 use crate::{Error, Result};
 
+/// What results call a file: its name without folder and ending.
+pub fn stem(path: impl AsRef<Path>) -> String {
+    path.as_ref().file_stem().unwrap_or_default().to_string_lossy().into_owned()
+}
+
 /// Writes `NAME.json`.
 pub fn write_json(folder: &Path, name: &str, value: &impl Serialize) -> Result<()> {
     let path = folder.join(name).with_extension("json");
@@ -15,22 +20,16 @@ pub fn write_json(folder: &Path, name: &str, value: &impl Serialize) -> Result<(
     write_atomically(&path, (text + "\n").as_bytes())
 }
 
-/// Writes `NAME.csv`, and the same below a title and notes as `NAME.md`. `columns` are names of the rows' fields, separated by
+/// Writes `NAME.csv`, and the same below notes as `NAME.md`. `columns` are names of the rows' fields, separated by
 /// spaces; fields of nested structs and elements of arrays are joined by `_`.
-pub fn write_table<T: Serialize>(
-    folder: &Path,
-    name: &str,
-    (title, notes): (&str, &[String]),
-    rows: &[T],
-    columns: &str,
-) -> Result<()> {
+pub fn write_table<T: Serialize>(folder: &Path, name: &str, notes: &[String], rows: &[T], columns: &str) -> Result<()> {
     let path = folder.join(name).with_extension("csv");
     let columns: Vec<&str> = columns.split(' ').collect();
     let cells = rows.iter().map(|row| cells(row, &columns)).collect::<serde_json::Result<Vec<_>>>();
     let lines = [columns.iter().map(|column| (*column).to_owned()).collect()];
     let lines: Vec<Vec<String>> = lines.into_iter().chain(cells.map_err(|e| Error::write(&path)(e.into()))?).collect();
     write_atomically(&path, csv(&lines).as_bytes())?;
-    let text = format!("# {title}\n\n{}\n\n{}", notes.join("\n\n"), markdown(&lines));
+    let text = format!("# {name}\n\n{}\n\n{}", notes.join("\n\n"), markdown(&lines));
     write_atomically(&folder.join(name).with_extension("md"), text.as_bytes())
 }
 
@@ -89,8 +88,7 @@ mod tests {
             Row { name: "c", size: [5, 6], size_limit: None },
         ];
         let folder = tempfile::tempdir().unwrap();
-        write_table(folder.path(), "t", ("Title", &["note".into()]), &rows, "name size_1 size_limit_0 size_limit_1")
-            .unwrap();
+        write_table(folder.path(), "t", &["note".into()], &rows, "name size_1 size_limit_0 size_limit_1").unwrap();
         let read = |name: &str| std::fs::read_to_string(folder.path().join(name)).unwrap();
         let expected = "name,size_1,size_limit_0,size_limit_1\n\"a, \"\"b\"\"\",4,0.3,0.000012346\nc,6,,\n";
         assert_eq!(read("t.csv"), expected);

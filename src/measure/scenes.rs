@@ -11,7 +11,7 @@ use super::machine::Machine;
 use super::plot::{Mark, Panel, Plot, Point};
 use super::report::{write_json, write_table};
 use super::request::MeasureRequest;
-use crate::asset::{Report, TextureOptions, shipped};
+use crate::asset::{Report, shipped};
 use crate::context::Context;
 use crate::precompute::Cache;
 use crate::reference::energy::Scattering;
@@ -44,24 +44,13 @@ const SCENES: [ThesisScene; 6] = [
     ThesisScene { name: "crytek-sponza", folder: Some("crytek-sponza"), triangles: 262_267, fps: [90.0, 35.0] },
 ];
 
-impl ThesisScene {
-    /// Loads the shipped description.
-    fn load(&self, textures: &TextureOptions, report: &Report) -> Result<Scene> {
-        load_scene(&shipped::folder()?.join("scenes").join(self.name).with_extension("toml"), textures, report)
-    }
-}
-
 /// The scenes whose files are there; the others are named in warnings.
 fn available(report: &Report) -> Result<Vec<ThesisScene>> {
-    let mut available = Vec::new();
-    for scene in SCENES {
-        match scene.folder {
-            Some(folder) if !shipped::large_scenes()?.join(folder).is_dir() => {
-                let remedy = "set PBR_VR_SCENES, or tools/fetch-assets";
-                report.warn(format!("{}: not there, not measured ({remedy})", scene.name));
-            }
-            _ => available.push(scene),
-        }
+    let folder = shipped::large_scenes()?;
+    let is_there = |scene: &ThesisScene| scene.folder.is_none_or(|name| folder.join(name).is_dir());
+    let (available, missing): (Vec<_>, Vec<_>) = SCENES.into_iter().partition(is_there);
+    for ThesisScene { name, .. } in missing {
+        report.warn(format!("{name}: not there, not measured (set PBR_VR_SCENES, or tools/fetch-assets)"));
     }
     Ok(available)
 }
@@ -113,9 +102,9 @@ pub fn run(request: &MeasureRequest, context: &Context) -> Result<()> {
     let (machine, warnings) = (Machine::new(&context.gpu), context.report.warnings());
     let mut results = Results { machine, samples: RenderSettings::default().samples, rows: vec![], warnings };
     for thesis in &available {
-        let (scene, start_ms) = start(context, thesis, views[0])?;
+        let started = start(context, *thesis, views[0])?;
         for view in views {
-            let rows = measure(context, thesis, (&scene, start_ms), budget, view)?;
+            let rows = started.measure(context, view, budget)?;
             for Row { way, cost, fps, against, times, .. } in &rows {
                 let (name, ms, times) = (thesis.name, cost.gpu_ms.median, times.median);
                 say!("{name}, {}, {way}: {ms:.2} ms, {fps:.0} frames a second, {times:.2} times {against}", view.name);
@@ -144,15 +133,24 @@ impl View {
     }
 }
 
-/// Starts with an empty cache, then with the one that this left; returns the scene and both wall times in ms.
-fn start(context: &Context, thesis: &ThesisScene, view: View) -> Result<(Scene, [f64; 2])> {
+/// A loaded scene, and the wall times of two starts.
+struct Started {
+    thesis: ThesisScene,
+    scene: Scene,
+    cold_ms: f64,
+    cached_ms: f64,
+}
+
+/// Starts with an empty cache, then with the one that this left.
+fn start(context: &Context, thesis: ThesisScene, view: View) -> Result<Started> {
     let folder = std::env::temp_dir().join(format!("pbr-vr-measure-{}-{}", std::process::id(), thesis.name));
     let cache = Cache::in_folder(folder.clone());
     let context = &Context { cache: Some(cache), ..context.clone() };
     let textures = TextureSettings::default().options(context);
+    let path = shipped::folder()?.join("scenes").join(thesis.name).with_extension("toml");
     let once = || -> Result<_> {
         let started = Instant::now();
-        let scene = thesis.load(&textures, &Report::silent())?;
+        let scene = load_scene(&path, &textures, &Report::silent())?;
         Bench::new(context, &scene, RenderSettings::default(), view.size, view.eyes(&scene))?;
         Ok((scene, started.elapsed().as_secs_f64() * 1e3))
     };
@@ -160,7 +158,7 @@ fn start(context: &Context, thesis: &ThesisScene, view: View) -> Result<(Scene, 
     // A leftover in the folder for temporary files is harmless.
     let _ = std::fs::remove_dir_all(&folder);
     let (cold_ms, (scene, cached_ms)) = both?;
-    Ok((scene, [cold_ms, cached_ms]))
+    Ok(Started { thesis, scene, cold_ms, cached_ms })
 }
 
 /// A name, the way that it is compared with, and what is different from the default settings.
@@ -180,51 +178,49 @@ const WAYS: [Way; 9] = [
 /// The first of them, which the chart shows.
 const CHARTED: usize = 4;
 
-fn measure(
-    context: &Context,
-    thesis: &ThesisScene,
-    (scene, [cold_ms, cached_ms]): (&Scene, [f64; 2]),
-    budget: Budget,
-    view: View,
-) -> Result<Vec<Row>> {
-    let mut benches = Vec::new();
-    for (_, _, change) in WAYS {
-        let (mut settings, mut culling) = (RenderSettings::default(), CullOptions::default());
-        change(&mut settings, &mut culling);
-        let mut bench = Bench::new(context, scene, settings, view.size, view.eyes(scene))?;
-        bench.inputs.culling = culling;
-        benches.push(bench);
+impl Started {
+    /// Draws every way interleaved.
+    fn measure(&self, context: &Context, view: View, budget: Budget) -> Result<Vec<Row>> {
+        let Self { thesis, scene, cold_ms, cached_ms } = self;
+        let mut benches = Vec::new();
+        for (_, _, change) in WAYS {
+            let (mut settings, mut culling) = (RenderSettings::default(), CullOptions::default());
+            change(&mut settings, &mut culling);
+            let mut bench = Bench::new(context, scene, settings, view.size, view.eyes(scene))?;
+            bench.inputs.culling = culling;
+            benches.push(bench);
+        }
+        let times = interleaved(&mut benches.iter_mut().collect::<Vec<_>>(), budget)?;
+        let pictures = benches.iter().map(Bench::display).collect::<Result<Vec<_>>>()?;
+        let size = [view.size[0], view.size[1] * view.eyes];
+        let mut rows = Vec::new();
+        for (i, (way, against, _)) in WAYS.into_iter().enumerate() {
+            let ratio = ratio(&context.gpu, &times[against], &times[i]);
+            let Some((cost, ratio)) = Cost::of(&times[i]).zip(ratio) else { continue };
+            let (test, reference) = (&pictures[i], &pictures[against]);
+            let steps = test.iter().flatten().zip(reference.iter().flatten()).map(|(a, b)| a.abs_diff(*b));
+            rows.push(Row {
+                scene: thesis.name,
+                triangles: scene.triangles(),
+                thesis_triangles: thesis.triangles,
+                view: view.name,
+                size: view.size,
+                way,
+                draws: benches[i].renderer.draw_counts().calls,
+                cost,
+                fps: 1e3 / cost.gpu_ms.median.max(cost.record_ms.median),
+                thesis_fps: thesis.fps[view.eyes as usize - 1],
+                texture_mib: benches[i].renderer.texture_facts().bytes as f64 / f64::from(1 << 20),
+                cold_ms: *cold_ms,
+                cached_ms: *cached_ms,
+                against: WAYS[against].0,
+                times: ratio,
+                flip_mean: flip(size, test, reference, PIXELS_PER_DEGREE).ok_or_else(size_error)?.mean,
+                largest_step: steps.max().unwrap_or(0),
+            });
+        }
+        Ok(rows)
     }
-    let times = interleaved(&mut benches.iter_mut().collect::<Vec<_>>(), budget)?;
-    let pictures = benches.iter().map(Bench::display).collect::<Result<Vec<_>>>()?;
-    let size = [view.size[0], view.size[1] * view.eyes];
-    let mut rows = Vec::new();
-    for (i, (way, against, _)) in WAYS.into_iter().enumerate() {
-        let ratio = ratio(&context.gpu, &times[against], &times[i]);
-        let Some((cost, ratio)) = Cost::of(&times[i]).zip(ratio) else { continue };
-        let (test, reference) = (&pictures[i], &pictures[against]);
-        let steps = test.iter().flatten().zip(reference.iter().flatten()).map(|(a, b)| a.abs_diff(*b));
-        rows.push(Row {
-            scene: thesis.name,
-            triangles: scene.triangles(),
-            thesis_triangles: thesis.triangles,
-            view: view.name,
-            size: view.size,
-            way,
-            draws: benches[i].renderer.draw_counts().calls,
-            cost,
-            fps: 1e3 / cost.gpu_ms.median.max(cost.record_ms.median),
-            thesis_fps: thesis.fps[view.eyes as usize - 1],
-            texture_mib: benches[i].renderer.texture_facts().bytes as f64 / f64::from(1 << 20),
-            cold_ms,
-            cached_ms,
-            against: WAYS[against].0,
-            times: ratio,
-            flip_mean: flip(size, test, reference, PIXELS_PER_DEGREE).ok_or_else(size_error)?.mean,
-            largest_step: steps.max().unwrap_or(0),
-        });
-    }
-    Ok(rows)
 }
 
 fn write(folder: &Path, results: &Results) -> Result<()> {
@@ -236,7 +232,7 @@ fn write(folder: &Path, results: &Results) -> Result<()> {
             .into(),
     ];
     notes.extend(results.warnings.iter().map(|warning| format!("Left out: {warning}")));
-    write_table(folder, "scenes", ("Six scenes", &notes), &results.rows, columns)?;
+    write_table(folder, "scenes", &notes, &results.rows, columns)?;
     write_json(folder, "scenes", results)
 }
 

@@ -46,10 +46,19 @@ pub fn srgb_decode(encoded: DVec3) -> DVec3 {
     encoded.map(|c| if c <= 0.04045 { c / 12.92 } else { ((c + 0.055) / 1.055).powf(2.4) })
 }
 
-/// Display bytes of linear radiance: exposed, tone-mapped, sRGB-encoded, rounded.
+/// A display's linear light of linear radiance: exposed and tone-mapped.
+pub fn display_light(radiance: DVec3, ev: f64) -> DVec3 {
+    tone_neutral(radiance * exposure_scale(ev))
+}
+
+/// Bytes of a display's linear light: sRGB-encoded, rounded.
+pub fn srgb_bytes(light: DVec3) -> [u8; 3] {
+    srgb_encode(light).to_array().map(|c| (c * 255.0).round() as u8) // `as` saturates
+}
+
+/// Display bytes of linear radiance.
 pub fn display_bytes(radiance: DVec3, ev: f64) -> [u8; 3] {
-    let encoded = srgb_encode(tone_neutral(radiance * exposure_scale(ev)));
-    encoded.to_array().map(|c| (c * 255.0).round() as u8) // `as` saturates
+    srgb_bytes(display_light(radiance, ev))
 }
 
 #[cfg(test)]

@@ -3,9 +3,12 @@
 use glam::DVec3;
 
 use super::super::maps::own_maps;
+use super::super::report::stem;
+use super::super::sums::Sums;
+use super::super::texels::Accuracy;
 use super::chain::{Cause, Exact, Point, Stored, Variant, radiance};
 use super::rows::{Ablation, Kind, Row};
-use super::sums::Sums;
+use crate::Result;
 use crate::asset::Panorama;
 use crate::context::Context;
 use crate::precompute::{BrdfTable, LightMaps, Options, TableTexels};
@@ -14,7 +17,6 @@ use crate::reference::energy::Scattering;
 use crate::reference::integrals::{Surface, Terms};
 use crate::reference::sampling::hammersley;
 use crate::reference::table::SplitSum;
-use crate::{Error, Result};
 
 /// A metal's colour, gold; a dielectric's; and one that shows its mirrored light alone.
 const MATERIALS: [(&str, f64, DVec3); 3] = [
@@ -65,10 +67,8 @@ pub struct Ball<'a> {
 impl<'a> Ball<'a> {
     /// Precomputes the panorama with cubes of `size` and integrates the truth.
     pub fn new(context: &'a Context, panorama: &'a Panorama, size: u32, grid: &Grid) -> Result<Self> {
-        let stem = std::path::Path::new(&panorama.name).file_stem().unwrap_or_default();
-        let name = stem.to_string_lossy().into_owned();
-        let no_texels = || Error::Usage(format!("{}: a panorama without texels", panorama.name));
-        let sums = Sums::new(panorama).ok_or_else(no_texels)?;
+        let name = stem(&panorama.name);
+        let sums = Sums::new(panorama)?;
         let stored = maps(context, panorama, size)?;
         let table = BrdfTable::new(context, Geometry::Smith, SplitSum::Slices)?;
         let table = TableTexels::read(&context.gpu, &table)?;
@@ -119,14 +119,9 @@ impl<'a> Ball<'a> {
     /// The radiance of all points, by material.
     fn values(&mut self, exact: Exact, variant: Variant, maps: Option<&Stored>) -> [Vec<DVec3>; MATERIALS.len()] {
         let (points, sums, stored) = (&self.points, &mut self.sums, maps.unwrap_or(&self.stored));
-        loop {
-            let values = std::array::from_fn(|material| {
-                points[material].iter().map(|point| radiance(point, exact, variant, stored, sums)).collect()
-            });
-            if !sums.compute() {
-                return values;
-            }
-        }
+        sums.settled(|sums| {
+            points.each_ref().map(|all| all.iter().map(|p| radiance(p, exact, variant, stored, sums)).collect())
+        })
     }
 
     /// A row for each material: `seen` against `other`, which replaces it.
@@ -140,7 +135,8 @@ impl<'a> Ball<'a> {
     ) -> Vec<Row> {
         let row = |material: usize| {
             let (truth, other, seen) = (&truth[material], &other[material], &seen[material]);
-            let changes = [(seen, other), (seen, truth), (other, truth)].map(|(a, b)| 100.0 * relative(a, b, truth));
+            let changes =
+                [(seen, other), (seen, truth), (other, truth)].map(|(a, b)| 100.0 * Accuracy::new(a, b, truth).mean);
             let subject = format!("{}, {}", self.name, MATERIALS[material].0);
             Row::new(Kind::Ball, &subject, ablation, words, changes)
         };
@@ -168,12 +164,4 @@ fn surfaces(material: usize, roughness: f64, grid: &Grid) -> impl Iterator<Item 
             Surface { n, v, base_color, metallic, roughness }
         })
     })
-}
-
-/// Mean over the points of |a − b| over the truth, each summed over RGB.
-fn relative(a: &[DVec3], b: &[DVec3], truth: &[DVec3]) -> f64 {
-    let one = |((a, b), truth): ((&DVec3, &DVec3), &DVec3)| {
-        (*a - *b).abs().element_sum() / truth.element_sum().max(f64::MIN_POSITIVE)
-    };
-    a.iter().zip(b).zip(truth).map(one).sum::<f64>() / truth.len().max(1) as f64
 }

@@ -3,7 +3,7 @@
 
 use glam::DVec3;
 
-use super::sums::Sums;
+use super::super::sums::Sums;
 use crate::precompute::{CubeTexels, TableAt, TableTexels};
 use crate::reference::brdf::{Geometry, f_schlick_roughness, f0_from_metallic};
 use crate::reference::energy::{Energy, Scattering};
@@ -75,12 +75,12 @@ impl Point {
     /// Integrates; `terms` are Smith's of the surface's roughness.
     pub fn new(surface: Surface, terms: &Terms, sums: &Sums<'_>, table: &TableTexels) -> Self {
         let exact = exact_table(&surface, terms);
-        let truth = reflected_by(sums.view(), &surface, terms, Scattering::Multiple);
+        let truth = reflected_by(sums.view, &surface, terms, Scattering::Multiple);
         let truth = truth.diffuse + truth.specular;
         // As a metal of the same F0 it has single scattering alone.
         let f0 = f0_from_metallic(surface.base_color, surface.metallic);
         let mirror = Surface { base_color: f0, metallic: 1.0, ..surface };
-        let single = reflected_by(sums.view(), &mirror, terms, Scattering::Single).specular;
+        let single = reflected_by(sums.view, &mirror, terms, Scattering::Single).specular;
         let stored = table.look_up(surface.n.dot(surface.v), surface.roughness);
         Self { surface, truth, own: single / reflectance(&exact.lobe, f0), beyond: truth - single, exact, stored }
     }
@@ -124,8 +124,8 @@ impl Default for Variant {
     }
 }
 
-/// The radiance of a point with some approximations; without any, it is the exact result. To be called again after `sums`
-/// has computed the means that this call requested.
+/// The radiance of a point with some approximations; without any, it is the exact result. To be called by
+/// [`Sums::settled`].
 pub fn radiance(point: &Point, exact: Exact, variant: Variant, stored: &Stored, sums: &mut Sums<'_>) -> DVec3 {
     let Surface { n, base_color, metallic, .. } = point.surface;
     let at = if !exact.has(Cause::Table) { &point.stored } else { &point.exact };
@@ -193,7 +193,9 @@ impl Maps<'_, '_> {
 
     /// Mean radiance under a lobe.
     fn specular(&mut self, d: DVec3, spread: f64, exact: Exact) -> DVec3 {
-        let (low, share) = mixed(spread);
+        // The two levels around the spread, and the second one's share.
+        let level = level_from_spread(spread.max(0.0));
+        let (low, share) = (level as usize, level.fract());
         let high = (low + 1).min(LEVELS - 1);
         let mut level = |level| self.sums.around(d, alpha_from_level(level));
         let exact_mix = level(low).lerp(level(high), share);
@@ -211,10 +213,4 @@ impl Maps<'_, '_> {
     fn irradiance(&mut self, n: DVec3, exact: Exact) -> DVec3 {
         if !exact.has(Cause::Texels) { self.stored.irradiance.look_up(n) } else { self.sums.around(n, 1.0) }
     }
-}
-
-/// The lower of the two levels around a spread, and the share of the other.
-fn mixed(spread: f64) -> (usize, f64) {
-    let level = level_from_spread(spread.max(0.0));
-    (level as usize, level.fract())
 }

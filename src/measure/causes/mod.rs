@@ -4,13 +4,15 @@ mod ball;
 mod chain;
 mod picture;
 mod rows;
-mod sums;
+
+use glam::{DVec4, Vec4};
 
 use super::machine::Machine;
 use super::request::MeasureRequest;
 use crate::asset::{Panorama, synthetic_panorama};
 use crate::context::Context;
 use crate::precompute::Options;
+use crate::reference::mip::box_average;
 use crate::{Result, say};
 use ball::Ball;
 use picture::Subject;
@@ -48,19 +50,16 @@ pub fn run(request: &MeasureRequest, context: &Context) -> Result<()> {
     Ok(())
 }
 
-/// Halved until it is no wider than this; four texels become one.
-fn smaller(mut panorama: Panorama, width: u32) -> Panorama {
-    while panorama.width > width && panorama.width.is_multiple_of(2) && panorama.height.is_multiple_of(2) {
-        let (half, height) = (panorama.width / 2, panorama.height / 2);
-        let texel = |x: u32, y: u32| glam::Vec3::from(panorama.texels[(y * panorama.width + x) as usize]);
-        let mean = |i: u32| {
-            let (x, y) = (2 * (i % half), 2 * (i / half));
-            ((texel(x, y) + texel(x + 1, y) + texel(x, y + 1) + texel(x + 1, y + 1)) / 4.0).to_array()
-        };
-        let texels = (0..half * height).map(mean).collect();
-        panorama = Panorama { name: panorama.name, width: half, height, texels };
+/// Averaged to this width if it is wider.
+fn smaller(panorama: Panorama, width: u32) -> Panorama {
+    if panorama.width <= width {
+        return panorama;
     }
-    panorama
+    let height = (panorama.height * width / panorama.width).max(1);
+    let texels: Vec<DVec4> = panorama.texels.iter().map(|[r, g, b]| Vec4::new(*r, *g, *b, 0.0).as_dvec4()).collect();
+    let means = box_average(&texels, [panorama.width, panorama.height], [width, height]);
+    let texels = means.into_iter().map(|mean| mean.truncate().as_vec3().to_array()).collect();
+    Panorama { name: panorama.name, width, height, texels }
 }
 
 #[cfg(test)]

@@ -5,14 +5,15 @@ use std::path::Path;
 use glam::{DVec3, Vec3};
 
 use super::super::bench::{Bench, first_eye, size_error};
-use super::super::noise::{Parts, floor_share};
+use super::super::noise::{MeanAndHalves, floor_share};
+use super::super::report::stem;
 use super::rows::{Ablation, Kind, Row};
 use crate::asset::{Storage, TextureOptions};
 use crate::context::Context;
 use crate::reference::energy::Scattering;
 use crate::reference::metrics::{PIXELS_PER_DEGREE, flip};
 use crate::reference::table::SplitSum;
-use crate::reference::tone::{exposure_scale, srgb_encode, tone_neutral};
+use crate::reference::tone::{display_bytes, display_light, srgb_bytes};
 use crate::render::{Eye, Output, RenderSettings, Shading, TextureSettings};
 use crate::scene::Scene;
 use crate::view::load_scene;
@@ -68,8 +69,7 @@ impl<'a> Subject<'a> {
         let anisotropy = Some(TextureOptions::default().anisotropy);
         let textures = TextureSettings { anisotropy, budget_mib: Some(u32::MAX), ..TextureSettings::default() };
         let settings = RenderSettings { textures, ..RenderSettings::default() };
-        let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-        Ok(Self { context, name, detail, eye, settings, compressed, raw })
+        Ok(Self { context, name: stem(path), detail, eye, settings, compressed, raw })
     }
 
     /// Draws everything; each row is kept as soon as it is known.
@@ -154,7 +154,7 @@ impl<'a> Subject<'a> {
     fn averaged(&self, scene: &Scene) -> Result<[Picture; 2]> {
         let settings = RenderSettings { output: Output::Linear, samples: 1, ..self.settings_for(scene) };
         let mut bench = self.bench(scene, settings)?;
-        let (count, size) = (self.detail.places, self.detail.size);
+        let (count, size, ev) = (self.detail.places, self.detail.size, self.raw.exposure_ev.into());
         let mut sums = vec![[DVec3::ZERO; 2]; size.iter().product::<u32>() as usize];
         for place in 0..count * count {
             let offset = [place % count, place / count].map(|i| (i as f32 + 0.5) / count as f32 - 0.5);
@@ -162,28 +162,22 @@ impl<'a> Subject<'a> {
             bench.draw()?;
             for ([radiance, display], light) in sums.iter_mut().zip(bench.radiance()?) {
                 *radiance += light.as_dvec3();
-                *display += self.toned(light.as_dvec3());
+                *display += display_light(light.as_dvec3(), ev);
             }
         }
         let mean = |sum: DVec3| sum / f64::from(count * count);
         Ok([
-            sums.iter().map(|[sum, _]| bytes_of(self.toned(mean(*sum)))).collect(),
-            sums.iter().map(|[_, sum]| bytes_of(mean(*sum))).collect(),
+            sums.iter().map(|[sum, _]| display_bytes(mean(*sum), ev)).collect(),
+            sums.iter().map(|[_, sum]| srgb_bytes(mean(*sum))).collect(),
         ])
     }
 
-    /// The reference of many frames, and of parts of them; radiance is averaged, then tone-mapped.
-    fn reference(&self, scene: &Scene) -> Result<Parts<Picture>> {
+    /// The reference of many frames, and of both halves of them; radiance is averaged, then tone-mapped.
+    fn reference(&self, scene: &Scene) -> Result<MeanAndHalves<Picture>> {
         let (shading, output) = (Shading::Reference, Output::Linear);
         let mut bench = self.bench(scene, RenderSettings { shading, output, ..self.settings_for(scene) })?;
-        let half = || {
-            for _ in 0..self.detail.half {
-                bench.draw()?;
-            }
-            bench.radiance()
-        };
-        let light = |radiance: &Vec3| bytes_of(self.toned(radiance.as_dvec3()));
-        Parts::new(half, |pixels| pixels.iter().map(light).collect())
+        let bytes = |radiance: &Vec3| display_bytes(radiance.as_dvec3(), self.raw.exposure_ev.into());
+        bench.integrated(self.detail.half, || (), |pixels| pixels.iter().map(bytes).collect())
     }
 
     /// Without mips, anisotropic filtering is off: it could not choose a level, and lavapipe would read whole textures.
@@ -199,14 +193,11 @@ impl<'a> Subject<'a> {
         Ok(flip(self.detail.size, a, b, PIXELS_PER_DEGREE).ok_or_else(size_error)?.mean.into())
     }
 
-    fn toned(&self, radiance: DVec3) -> DVec3 {
-        tone_neutral(radiance * exposure_scale(f64::from(self.raw.exposure_ev)))
-    }
-
     fn bench(&self, scene: &Scene, settings: RenderSettings) -> Result<Bench> {
         Bench::new(self.context, scene, settings, self.detail.size, vec![self.eye])
     }
 }
+
 /// The eye looking `offset` pixels beside each pixel's centre.
 fn shifted(eye: &Eye, offset: [f32; 2], size: [u32; 2]) -> Eye {
     let dx = offset[0] * (eye.right - eye.left) / size[0] as f32;
@@ -219,11 +210,6 @@ fn top_levels(scene: &Scene) -> Scene {
     let mut scene = scene.clone();
     scene.textures.iter_mut().for_each(|texture| texture.levels.truncate(1));
     scene
-}
-
-/// The sRGB bytes of a display's linear light, 0 to 1.
-fn bytes_of(light: DVec3) -> [u8; 3] {
-    srgb_encode(light).to_array().map(|c| (c * 255.0).round() as u8) // `as` saturates
 }
 
 #[cfg(test)]

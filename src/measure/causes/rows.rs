@@ -80,7 +80,7 @@ impl Results {
              cancelled another, or the other setting is worse."
                 .into(),
         );
-        write_table(folder, "causes", ("Errors by cause", &notes), &self.rows, columns)?;
+        write_table(folder, "causes", &notes, &self.rows, columns)?;
         write_json(folder, "causes", self)
     }
 

@@ -68,22 +68,21 @@ pub fn run(request: &MeasureRequest, context: &Context) -> Result<()> {
     let folder = request.folder();
     picture::draw(context)?.write(&folder.join("furnace.png"))?;
     let mut results = Results { machine: Machine::new(&context.gpu), summary: vec![], rows: vec![] };
-    let bar = context.report.progress("furnace", 2 + 2 * FRAMES as u64);
-    for (frames, scattering) in [
-        (1, Scattering::Single),
-        (1, Scattering::Multiple),
-        (FRAMES, Scattering::Single),
-        (FRAMES, Scattering::Multiple),
-    ] {
-        let rows = if frames == 1 { drawn(context, scattering) } else { integrated(context, scattering, frames) }?;
-        bar.inc(frames as u64);
+    let keep = |results: &mut Results, rows: Vec<Row>| {
         results.summary.push(summary(&rows));
         say!("{}", summary(&rows));
         results.rows.extend(rows);
+    };
+    let bar = context.report.progress("furnace", 2 + 2 * FRAMES as u64);
+    for scattering in [Scattering::Single, Scattering::Multiple] {
+        keep(&mut results, drawn(context, scattering)?);
+        bar.inc(1);
+        keep(&mut results, integrated(context, scattering, FRAMES)?);
+        bar.inc(FRAMES as u64);
     }
     bar.finish_and_clear();
     let columns = "method scattering base_color metallic roughness n_dot_v reflected standard_error expected";
-    write_table(folder, "furnace", ("White furnace", &results.summary), &results.rows, columns)?;
+    write_table(folder, "furnace", &results.summary, &results.rows, columns)?;
     write_json(folder, "furnace", &results)
 }
 
@@ -122,7 +121,7 @@ fn rows(grid: &Grid, bench: &Bench, method: &'static str, scattering: Scattering
         let [base_color, metallic] = [*color, *metallic].map(f64::from);
         for column in 0..grid.columns() {
             let [roughness, n_dot_v] = grid.at(column).map(f64::from);
-            let [reflected, error] = mean_and_error(grid.patch(&picture, [column, line], 1));
+            let [reflected, error] = mean_and_error(grid.patch(&picture, [column, line]));
             let expected = match scattering {
                 Scattering::Single if is_integrated => {
                     let f0 = DIELECTRIC_F0 + metallic * (base_color - DIELECTRIC_F0);

@@ -41,14 +41,9 @@ impl Grid {
         [self.columns(), self.lines.len()].map(|s| (s * self.patch) as u32)
     }
 
-    /// The values of a patch's pixels but for `margin` at its edges, from all of the picture's.
-    pub fn patch<'a>(
-        &self,
-        picture: &'a [Vec3],
-        [column, line]: [usize; 2],
-        margin: usize,
-    ) -> impl Iterator<Item = f64> + Clone + 'a {
-        let (width, inner) = (self.columns() * self.patch, margin..self.patch - margin);
+    /// The values of a patch's pixels but for those at its edges, from all of the picture's.
+    pub fn patch<'a>(&self, picture: &'a [Vec3], at: [usize; 2]) -> impl Iterator<Item = f64> + Clone + use<'a> {
+        let ([column, line], width, inner) = (at, self.columns() * self.patch, 1..self.patch - 1);
         let corner = line * self.patch * width + column * self.patch;
         // White on white: all channels are alike.
         inner.clone().flat_map(move |y| inner.clone().map(move |x| f64::from(picture[corner + y * width + x].x)))

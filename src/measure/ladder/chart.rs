@@ -8,7 +8,7 @@ use super::reference::ReferenceFacts;
 /// The chart of one scene.
 pub fn plot(ladder: &Ladder) -> Plot {
     let mut configs: Vec<&Config> = ladder.configs.iter().collect();
-    let is_dominated = |config: &Config| config.standing.dominated_by.is_some();
+    let is_dominated = |config: &Config| config.dominated_by.is_some();
     configs.sort_by(|a, b| is_dominated(a).cmp(&is_dominated(b)).then(a.ms.total_cmp(&b.ms)));
     let series = |name: &str, colour, mark| Series { name: name.into(), colour, mark, ..Series::default() };
     let [mut front, mut on_front, mut dominated, mut default] = [
@@ -20,7 +20,7 @@ pub fn plot(ladder: &Ladder) -> Plot {
     let mut key = vec![(String::new(), "Settings (× the default's time, FLIP); dominated ones last:".to_owned())];
     for (number, config) in (1..).zip(configs) {
         key.push((format!("{number}"), words(config)));
-        let (ms, flip, noise) = (config.ms, config.error.flip, config.standing.flip_noise);
+        let (ms, flip, noise) = (config.ms, config.error.flip, config.flip_noise);
         let unit = ms / config.ratio.median;
         let x_range = Some([config.ratio.low * unit, config.ratio.high * unit]);
         let y_range = Some([flip - noise, flip + noise]).filter(|[low, _]| *low > 0.0);
@@ -54,7 +54,7 @@ fn words(config: &Config) -> String {
     let flags = config.name().trim_start_matches("--").replace(" --", ", ");
     let shorter = [("irradiance-size", "irradiance"), ("cube-size", "cube"), ("drop-levels", "drop")];
     let flags = shorter.into_iter().fold(flags, |flags, (long, short)| flags.replace(long, short));
-    let noise = if config.is_default() { String::new() } else { format!(" ± {:.5}", config.standing.flip_noise) };
+    let noise = if config.is_default() { String::new() } else { format!(" ± {:.5}", config.flip_noise) };
     format!("{flags} ({:.2}×, {:.4}{noise})", config.ratio.median, config.error.flip)
 }
 

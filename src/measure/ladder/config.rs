@@ -7,7 +7,7 @@ use super::super::machine::Machine;
 use super::super::noise::{Halves, paired};
 use super::super::pareto::{Limit, Score, dominated_by};
 use super::reference::{PictureError, ReferenceFacts};
-use super::settings::{self, Single, WORTH};
+use super::settings::{self, SHADING, WORTH};
 use crate::reference::metrics::PIXELS_PER_DEGREE;
 
 /// One configuration of one scene.
@@ -30,13 +30,6 @@ pub struct Config {
     /// Against the reference picture's halves; only while others are still compared with it.
     #[serde(skip)]
     pub halves: Halves,
-    #[serde(flatten)]
-    pub standing: Standing,
-}
-
-/// How a configuration compares with the others.
-#[derive(Clone, Debug, Default, Serialize, Deserialize)]
-pub struct Standing {
     /// FLIP less the default's, and its uncertainty by the reference picture's noise ([`paired`]).
     pub flip_over_default: f64,
     pub flip_noise: f64,
@@ -107,21 +100,46 @@ impl Ladder {
             Score { ms: noise.ms.max(worth.ms), error: noise.error.max(worth.error) }
         };
         let scores: Vec<Score> = self.configs.iter().map(Config::score).collect();
-        let standing = |(index, dominated): (usize, Option<usize>)| Standing {
-            flip_over_default: scores[index].error - scores[0].error,
-            flip_noise: noise(index, 0).error,
-            dominated_by: dominated.map(|by| self.configs[by].name().to_owned()),
-        };
-        let found: Vec<Standing> = dominated_by(&scores, least).into_iter().enumerate().map(standing).collect();
-        self.configs.iter_mut().zip(found).for_each(|(config, standing)| config.standing = standing);
+        let flip_noise: Vec<f64> = (0..scores.len()).map(|index| noise(index, 0).error).collect();
+        let dominated_by = dominated_by(&scores, least);
+        let names: Vec<String> = self.configs.iter().map(|config| config.name().to_owned()).collect();
+        for (index, config) in self.configs.iter_mut().enumerate() {
+            config.flip_over_default = scores[index].error - scores[0].error;
+            config.flip_noise = flip_noise[index];
+            config.dominated_by = dominated_by[index].map(|by| names[by].clone());
+        }
     }
 
-    /// Combinations that are worth measuring, as flags; made of single settings of this program.
+    /// Combinations that are worth measuring, as flags, once each setting has been measured alone: a greedy walk from the default
+    /// along the settings that save time, those first that lose least accuracy for it, each on top of those before; all
+    /// that are quickest; and all that are most accurate.
     pub fn combinations(&self) -> Vec<String> {
         let Some((default, others)) = self.configs.split_first() else { return Vec::new() };
-        let own = others.iter().filter(|c| settings::KNOWN.iter().all(|(dimension, _)| *dimension != c.dimension));
-        let single = |c: &Config| Single { dimension: c.dimension.clone(), flags: c.flags.clone(), score: c.score() };
-        settings::combinations(default.score(), &own.map(single).collect::<Vec<_>>())
+        let best = |key: fn(&Config) -> f64| {
+            let is_single = |c: &&Config| settings::KNOWN.iter().all(|(dimension, _)| *dimension != c.dimension);
+            let is_better = |c: &&Config| key(c) < (1.0 - WORTH) * key(default);
+            let mut sorted: Vec<&Config> = others.iter().filter(is_single).filter(is_better).collect();
+            sorted.sort_by(|a, b| key(a).total_cmp(&key(b)));
+            let mut dimensions = Vec::new();
+            sorted.retain(|config| {
+                let is_first = !dimensions.contains(&&config.dimension);
+                dimensions.push(&config.dimension);
+                is_first
+            });
+            sorted
+        };
+        let mut quick = best(|config| config.ms);
+        // Error per halving of the time; other shading last.
+        let price = |c: &Config| (c.error.flip - default.error.flip) / (default.ms / c.ms).log2();
+        let is_shading = |config: &Config| config.dimension == SHADING;
+        quick.sort_by(|a, b| is_shading(a).cmp(&is_shading(b)).then(price(a).total_cmp(&price(b))));
+        let joined = |configs: &[&Config]| configs.iter().map(|c| c.flags.as_str()).collect::<Vec<_>>().join(" ");
+        let mut combined: Vec<String> = (2..=quick.len()).map(|count| joined(&quick[..count])).collect();
+        combined.push(joined(&best(|config| config.error.flip)));
+        // One alone has been measured.
+        combined.retain(|flags| flags.matches("--").count() > 1);
+        combined.dedup();
+        combined
     }
 
     /// The verdict on the default, and whether the reference is accurate enough for it.
@@ -129,14 +147,10 @@ impl Ladder {
         let Some(default) = self.configs.first() else { return Vec::new() };
         let (scene, flip) = (&self.scene, default.error.flip);
         let subject = format!("{scene}: the default ({:.2} ms, FLIP {flip:.4})", default.ms);
-        let by = default
-            .standing
-            .dominated_by
-            .as_ref()
-            .and_then(|by| self.configs.iter().find(|config| config.name() == by));
+        let by = default.dominated_by.as_ref().and_then(|by| self.configs.iter().find(|config| config.name() == by));
         let stands = by.map_or(format!("{subject} is on the Pareto front"), |by| {
-            let (ratio, noise, name, standing) = (by.ratio.median, by.ratio_noise(), by.name(), &by.standing);
-            let (over, flip_noise) = (standing.flip_over_default, standing.flip_noise);
+            let (ratio, noise, name) = (by.ratio.median, by.ratio_noise(), by.name());
+            let (over, flip_noise) = (by.flip_over_default, by.flip_noise);
             format!(
                 "{subject} is dominated by {name}: {ratio:.2} ± {noise:.2} of its time, FLIP {over:+.5} ± {flip_noise:.5}"
             )

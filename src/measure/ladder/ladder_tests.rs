@@ -3,7 +3,6 @@
 use super::super::bench::{Cost, Spread};
 use super::super::noise::Halves;
 use super::super::pareto::Limit;
-use super::config::Standing;
 use super::reference::{PictureError, ReferenceFacts};
 use super::*;
 use crate::reference::metrics::PIXELS_PER_DEGREE;
@@ -34,17 +33,13 @@ fn ladder(configs: &[(&str, f64, f64)]) -> Ladder {
             ms,
             error: error(flip),
             halves: Halves([half(off), half(-off)]),
-            standing: Standing::default(),
+            flip_over_default: 0.0,
+            flip_noise: 0.0,
+            dominated_by: None,
         }
     };
-    let reference = ReferenceFacts {
-        frames: 32,
-        fineness: 4,
-        gpu_ms: 2000.0,
-        standard_error: 0.001,
-        floor: error(0.0005),
-        pixels_per_degree: PIXELS_PER_DEGREE,
-    };
+    let reference =
+        ReferenceFacts { frames: 32, fineness: 4, floor: error(0.0005), pixels_per_degree: PIXELS_PER_DEGREE };
     let mut ladder = Ladder {
         scene: "a scene".into(),
         machine: Machine { gpu: "a GPU".into(), driver: "a driver".into(), date: "2026-01-31".into() },
@@ -85,8 +80,7 @@ fn verdicts_say_how_the_default_stands_and_what_is_within_noise() {
 #[test]
 fn times_are_multiples_of_the_default_s_median_and_differences_survive_a_round_trip_as_json() {
     let mut ladder = ladder(&[("", 8.0, 0.010), ("--a", 16.0, 0.0102)]);
-    let [default, other] =
-        [0, 1].map(|i| (ladder.configs[i].standing.flip_over_default, ladder.configs[i].standing.flip_noise));
+    let [default, other] = [0, 1].map(|i| (ladder.configs[i].flip_over_default, ladder.configs[i].flip_noise));
     assert_eq!(default, (0.0, 0.0), "the default differs from itself by nothing, for sure");
     assert!((other.0 - 0.0002).abs() < 1e-12 && (other.1 - NOISE).abs() < 1e-12, "{other:?}");
     ladder.configs[0].ratio.median = 1.03;
@@ -114,6 +108,26 @@ fn a_tolerance_takes_the_quickest_that_holds_it_and_a_budget_the_most_accurate()
     assert!(words.contains("--a (4.00 ms, FLIP 0.0200, measured at 384x216 on 2026-01-31)"), "{words}");
     near.reference.pixels_per_degree = 11.0;
     assert!(near.words(limit, config).contains("FLIP 0.0200 at 11 pixels per degree, measured"));
+}
+
+#[test]
+fn combinations_go_from_the_best_bargain_to_the_quickest_and_the_most_accurate() {
+    let default = ("", 8.0, 0.010);
+    let mut ladder = ladder(&[
+        default,
+        ("--p", 2.0, 0.011),
+        ("--s 1", 4.0, 0.030),
+        ("--s 2", 6.0, 0.020),
+        ("--c 1", 7.0, 0.011),
+        ("--c 2", 9.0, 0.009),
+        ("--m", 10.0, 0.010),
+        ("--n", 4.0, 0.012),
+        ("--a", 9.0, 0.008),
+    ]);
+    ladder.configs[1].dimension = settings::SHADING.into();
+    assert_eq!(ladder.combinations(), ["--n --c 1", "--n --c 1 --s 1", "--n --c 1 --s 1 --p", "--a --c 2"]);
+    ladder.configs = vec![ladder.configs[0].clone(), ladder.configs[6].clone()];
+    assert_eq!(ladder.combinations(), [""; 0], "what is slower alone is tried with nothing");
 }
 
 #[test]

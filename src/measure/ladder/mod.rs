@@ -2,9 +2,9 @@
 
 mod chart;
 mod config;
-mod judge;
 mod reference;
 mod settings;
+mod settings_bench;
 mod store;
 
 use std::path::Path;
@@ -12,12 +12,12 @@ use std::path::Path;
 use serde::Serialize;
 
 use super::machine::Machine;
-use super::report::{write_json, write_table};
+use super::report::{stem, write_json, write_table};
 use super::request::MeasureRequest;
 use crate::context::Context;
 use crate::{Result, say};
 use config::{Config, Ladder};
-use judge::Judge;
+use settings_bench::SettingsBench;
 
 pub use store::choose;
 
@@ -57,14 +57,14 @@ fn measure(
     request: &MeasureRequest,
     mut written: impl FnMut(&Ladder) -> Result<()>,
 ) -> Result<Ladder> {
-    let mut judge = Judge::new(context, path, request)?;
+    let mut bench = SettingsBench::new(context, path, request)?;
     let software = context.gpu.info().is_software();
     let mut ladder = Ladder {
-        scene: path.file_stem().unwrap_or_default().to_string_lossy().into_owned(),
+        scene: stem(path),
         machine: Machine::new(&context.gpu),
-        size: judge.shot.size,
+        size: bench.shot.size,
         time: if software { "processor time" } else { "GPU time" }.into(),
-        reference: judge.reference.facts.clone(),
+        reference: bench.reference.facts.clone(),
         configs: Vec::new(),
         notes: Vec::new(),
     };
@@ -76,7 +76,7 @@ fn measure(
     ladder.notes.extend(unfit.iter().map(|(_, flags)| format!("{flags}: not measured on a software renderer")));
     let bar = context.report.progress("settings", alone.len() as u64);
     let mut add = |ladder: &mut Ladder, dimension: &str, flags: &str| -> Result<()> {
-        if let Some(config) = judge.measure(dimension, flags)? {
+        if let Some(config) = bench.measure(dimension, flags)? {
             ladder.configs.push(config);
             ladder.settle();
             written(ladder)?;
@@ -118,7 +118,7 @@ fn write(folder: &Path, context: &Context, ladders: &[&Ladder]) -> Result<()> {
     let notes: Vec<String> = ladders.iter().flat_map(|ladder| chart::notes(ladder)).collect();
     let columns = "scene dimension flags frames ms ratio_median ratio_low ratio_high gpu_ms_median cpu_ms_median flip flip_max \
                    flip_over_default flip_noise relative_mse dominated_by";
-    write_table(folder, "ladder", ("Speed against accuracy", &notes), &rows, columns)?;
+    write_table(folder, "ladder", &notes, &rows, columns)?;
     write_json(folder, "ladder", &Results { machine: Machine::new(&context.gpu), ladders })
 }
 

@@ -1,8 +1,9 @@
 //! Ladders in the cache, one for each scene, GPU and version of the program, from which settings are chosen later.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use super::super::pareto::Limit;
+use super::super::report::write_json;
 use super::config::Ladder;
 use super::settings;
 use crate::asset::cache::Key;
@@ -18,11 +19,9 @@ const MOST_BYTES: u64 = 1 << 30;
 
 /// Stores a scene's ladder for [`choose`].
 pub fn store(cache: &Cache, scene: &Path, gpu: &Gpu, ladder: &Ladder) -> Result<()> {
-    let path = path(cache, scene, gpu)?;
     let folder = cache.beside(FOLDER);
     std::fs::create_dir_all(&folder).map_err(Error::write(&folder))?;
-    let text = serde_json::to_string_pretty(ladder).map_err(|e| Error::write(&path)(e.into()))?;
-    file::write_atomically(&path, text.as_bytes())
+    write_json(&folder, &key(scene, gpu)?, ladder)
 }
 
 /// The settings that a limit chooses from the ladder of this scene (a description or model) on this GPU; prints which.
@@ -35,7 +34,7 @@ pub fn choose(scene: &Path, limit: Limit, setup: &Setup<'_>) -> Result<RenderSet
         return Err(Error::Usage(format!("{problem}; leave out --no-cache")));
     };
     let gpu = Gpu::open(setup.gpu)?;
-    let path = path(cache, scene, &gpu)?;
+    let path = cache.beside(FOLDER).join(key(scene, &gpu)?).with_extension("json");
     if !path.is_file() {
         return Err(Error::NotMeasured { scene: scene.into(), gpu: gpu.info().name.clone() });
     }
@@ -53,7 +52,7 @@ const FOLDER: &str = "ladders";
 const FORMAT: &str = "3";
 
 /// The file name: a hash of everything that a ladder depends on, except for files that the scene's file names.
-fn path(cache: &Cache, scene: &Path, gpu: &Gpu) -> Result<PathBuf> {
+fn key(scene: &Path, gpu: &Gpu) -> Result<String> {
     let place = scene.canonicalize().map_err(Error::read(scene))?;
     let mut key = Key::default();
     let info = gpu.info();
@@ -62,5 +61,5 @@ fn path(cache: &Cache, scene: &Path, gpu: &Gpu) -> Result<PathBuf> {
     }
     key.add(place.as_os_str().as_encoded_bytes());
     key.add(&file::read(scene, "scene", MOST_BYTES)?);
-    Ok(cache.beside(FOLDER).join(key.text()).with_extension("json"))
+    Ok(key.text())
 }

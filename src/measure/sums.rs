@@ -7,6 +7,7 @@ use glam::DVec3;
 use crate::asset::Panorama;
 use crate::reference::integrals::PanoramaView;
 use crate::reference::panorama_sums::prefiltered_around;
+use crate::{Error, Result};
 
 /// A lobe's alpha and direction, as bits.
 type Key = (u64, [u64; 3]);
@@ -17,25 +18,23 @@ const MIRROR_ALPHA: f64 = 1e-4;
 /// The means of one panorama.
 pub struct Sums<'a> {
     panorama: &'a Panorama,
-    view: PanoramaView<'a>,
+    /// The panorama as the integrals see it.
+    pub view: PanoramaView<'a>,
     known: HashMap<Key, DVec3>,
     requested: Vec<(f64, DVec3)>,
 }
 
 impl<'a> Sums<'a> {
-    /// `None` for a panorama without texels.
-    pub fn new(panorama: &'a Panorama) -> Option<Self> {
-        let view = PanoramaView::new(panorama.width, panorama.height, &panorama.texels)?;
-        Some(Self { panorama, view, known: HashMap::new(), requested: Vec::new() })
-    }
-
-    /// The panorama as the integrals see it.
-    pub fn view(&self) -> PanoramaView<'a> {
-        self.view
+    /// # Errors
+    /// A panorama without texels.
+    pub fn new(panorama: &'a Panorama) -> Result<Self> {
+        let no_texels = || Error::Usage(format!("{}: a panorama without texels", panorama.name));
+        let view = PanoramaView::new(panorama.width, panorama.height, &panorama.texels).ok_or_else(no_texels)?;
+        Ok(Self { panorama, view, known: HashMap::new(), requested: Vec::new() })
     }
 
     /// Mean radiance under a lobe of `alpha` around d, which has any length but 0; 0 where it is not known before the next
-    /// [`Self::compute`].
+    /// call by [`Self::settled`].
     pub fn around(&mut self, d: DVec3, alpha: f64) -> DVec3 {
         let d = d.normalize();
         if alpha < MIRROR_ALPHA {
@@ -48,8 +47,18 @@ impl<'a> Sums<'a> {
         })
     }
 
+    /// What `value` makes of means, once all that it requests are known; it is called again for those that were not.
+    pub fn settled<T>(&mut self, mut value: impl FnMut(&mut Self) -> T) -> T {
+        loop {
+            let settled = value(self);
+            if !self.compute() {
+                return settled;
+            }
+        }
+    }
+
     /// Computes what was requested; `false` if nothing was.
-    pub fn compute(&mut self) -> bool {
+    fn compute(&mut self) -> bool {
         let mut by_alpha: HashMap<u64, Vec<DVec3>> = HashMap::new();
         for (alpha, d) in self.requested.drain(..) {
             by_alpha.entry(alpha.to_bits()).or_default().push(d);

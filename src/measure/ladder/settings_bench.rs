@@ -4,8 +4,8 @@ use std::path::Path;
 
 use super::super::bench::{Bench, Budget, Cost, first_eye, interleaved, ratio};
 use super::super::request::MeasureRequest;
-use super::config::{Config, Standing};
-use super::reference::{Reference, Seen, Shot, textures};
+use super::config::Config;
+use super::reference::{Pixels, Reference, Shot, textures};
 use super::settings;
 use crate::Result;
 use crate::asset::{Report, Storage};
@@ -16,7 +16,7 @@ use crate::scene::needs::resolution::Viewpoint;
 use crate::view::load_scene;
 
 /// A scene, its default configuration, and its reference picture.
-pub struct Judge<'a> {
+pub struct SettingsBench<'a> {
     context: &'a Context,
     path: &'a Path,
     pub shot: Shot,
@@ -28,7 +28,7 @@ pub struct Judge<'a> {
     pub reference: Reference,
 }
 
-impl<'a> Judge<'a> {
+impl<'a> SettingsBench<'a> {
     /// Loads a scene, draws its reference picture, and prepares the default, as its first camera sees it.
     pub fn new(context: &'a Context, path: &'a Path, request: &MeasureRequest) -> Result<Self> {
         let (size, half, seconds) = if request.full { ([1280, 720], 64, 10) } else { ([384, 216], 16, 2) };
@@ -64,7 +64,7 @@ impl<'a> Judge<'a> {
         let mut linear = bench(RenderSettings { output: Output::Linear, ..settings })?;
         linear.draw()?;
         let radiance = linear.radiance()?.into_iter().map(|pixel| pixel.to_array()).collect();
-        let (error, halves) = self.reference.judge(shot, &Seen { radiance, display })?;
+        let (error, halves) = self.reference.compare(shot, &Pixels { radiance, display })?;
         Ok(Some(Config {
             dimension: dimension.into(),
             flags: flags.into(),
@@ -74,7 +74,9 @@ impl<'a> Judge<'a> {
             ms: cost.gpu_ms.median,
             error,
             halves,
-            standing: Standing::default(),
+            flip_over_default: 0.0,
+            flip_noise: 0.0,
+            dominated_by: None,
         }))
     }
 }
