@@ -291,13 +291,13 @@ impl Canvas<'_> {
         let (middle, grid) = ((left + right) / 2, BLACK.mix(0.1));
         self.text(&panel.title, (middle, top - 14), 15, BLACK, HPos::Center)?;
         self.text(&panel.x_label, (middle, bottom + 36), 13, BLACK, HPos::Center)?;
-        for tick in ticks(x) {
+        for tick in ticks(x, (right - left) / 40) {
             let at = axes.at(tick, y.0).0;
             self.line(vec![(at, top), (at, bottom)], grid)?;
             self.text(&tick_label(tick), (at, bottom + 14), 12, BLACK, HPos::Center)?;
         }
         if let YAxis::Log(label) = &panel.y {
-            for tick in ticks(y) {
+            for tick in ticks(y, (bottom - top) / 20) {
                 let at = axes.at(x.0, tick).1;
                 self.line(vec![(left, at), (right, at)], grid)?;
                 self.text(&tick_label(tick), (left - 8, at), 12, BLACK, HPos::Right)?;
@@ -377,9 +377,9 @@ fn round_range(values: impl Iterator<Item = f64>) -> Option<(f64, f64)> {
     Some((below, above))
 }
 
-/// Ticks of an axis; whole decades alone where it is long.
-fn ticks((low, high): (f64, f64)) -> impl Iterator<Item = f64> {
-    let long = high / low > 3000.0;
+/// Ticks of an axis with room for so many; whole decades alone where others would not fit.
+fn ticks((low, high): (f64, f64), room: i32) -> impl Iterator<Item = f64> {
+    let long = 3.0 * (high / low).log10() > f64::from(room);
     let round = |v: f64| (v.log10() - v.log10().round()).abs() < 1e-6;
     steps(low, high).filter(move |v| (low..=high).contains(v) && (!long || round(*v)))
 }
@@ -424,8 +424,11 @@ mod tests {
         assert_eq!(round_range([0.003, 0.4].into_iter()), Some((0.002, 0.5)));
         assert_eq!(round_range([10.0, 95.0, 0.0, f64::NAN].into_iter()), Some((5.0, 200.0)));
         assert_eq!(round_range([1e-9, 10.0].into_iter()), Some((5e-4, 20.0)), "what is too small to be shown");
-        assert_eq!(ticks((0.02, 1.0)).map(tick_label).collect::<Vec<_>>(), ["0.02", "0.05", "0.1", "0.2", "0.5", "1"]);
-        assert_eq!(ticks((0.5, 5000.0)).map(tick_label).collect::<Vec<_>>(), ["1", "10", "100", "1000"]);
+        assert_eq!(
+            ticks((0.02, 1.0), 9).map(tick_label).collect::<Vec<_>>(),
+            ["0.02", "0.05", "0.1", "0.2", "0.5", "1"]
+        );
+        assert_eq!(ticks((0.5, 5000.0), 9).map(tick_label).collect::<Vec<_>>(), ["1", "10", "100", "1000"]);
     }
 
     #[test]

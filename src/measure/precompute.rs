@@ -30,9 +30,6 @@ pub const METHODS: [&str; 6] =
 /// Texels across the synthetic panoramas.
 const WIDTH: u32 = 2048;
 
-/// The meaning of errors in the results.
-const ERROR: &str = "|value - truth| / truth of a texel, both summed over RGB; truth: f64 sum over all panorama texels";
-
 /// Runs of one method, of which the fastest counts; one is enough where a run takes long.
 const RUNS: u32 = 3;
 const LONG_MS: f64 = 500.0;
@@ -65,7 +62,6 @@ struct Row {
 struct Results {
     #[serde(flatten)]
     machine: Machine,
-    error: &'static str,
     rows: Vec<Row>,
     warnings: Vec<String>,
 }
@@ -119,7 +115,7 @@ pub fn run(request: &MeasureRequest, context: &Context) -> Result<()> {
     let files = request.panorama_files()?;
     let suns: &[bool] = if request.panoramas.is_empty() { &[true, false] } else { &[] };
     let synthetic = suns.iter().map(|sun| Ok(synthetic_panorama(WIDTH, *sun)));
-    let mut results = Results { machine: Machine::new(gpu), error: ERROR, rows: vec![], warnings: vec![] };
+    let mut results = Results { machine: Machine::new(gpu), rows: vec![], warnings: vec![] };
     let steps = (files.len() + suns.len()) * sweep.sizes.len() * (sweep.methods.len() + usize::from(sweep.ours));
     let bar = report.progress("measuring", steps as u64);
     for panorama in synthetic.chain(files.iter().map(|path| Panorama::load(path, report))) {
@@ -159,7 +155,9 @@ pub fn run(request: &MeasureRequest, context: &Context) -> Result<()> {
 fn write(folder: &Path, rows: &[Row]) -> Result<()> {
     let columns =
         "panorama cube_size method parameter quantity level alpha face_size judged mean p95 max gpu_ms cpu_ms";
-    write_table(folder, "precompute", &[format!("Error: {ERROR}.")], rows, columns)
+    let note =
+        "Error: |value - truth| / truth of a texel, both summed over RGB; truth: f64 sum over all panorama texels.";
+    write_table(folder, "precompute", &[note.into()], rows, columns)
 }
 
 /// Writes the synthetic panoramas, `synthetic.exr` and `synthetic-sun.exr`.

@@ -87,9 +87,9 @@ impl Results {
     fn notes(&self) -> Vec<String> {
         let Machine { gpu, date, .. } = &self.machine;
         vec![
-            "Filled, `exact`: one approximation is replaced by its exact form, all others stay. Rings, `other`: by another setting."
+            "Filled (exact): one approximation is replaced by its exact form, all others stay. Rings (other): by another setting."
                 .into(),
-            "Dashed, `floor`: noise of the reference, in all together and split sum.".into(),
+            "Dashed (floor): noise of the reference, in all together and split sum.".into(),
             format!(
                 "{gpu}, {date}. References: radiance averaged, then the tone curve. FLIP as seen with {PIXELS_PER_DEGREE} \
                  pixels per degree."
