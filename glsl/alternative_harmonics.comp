@@ -1,5 +1,5 @@
 // Irradiance over pi for each direction n of a cube map from coefficients of spherical harmonics up to degree ORDER that
-// already hold the clamped cosine: Σ c_lm Y_lm(n) (Ramamoorthi and Hanrahan 2001, eq. 9). Twin: reference::harmonics.
+// already hold the clamped cosine: Σ c_lm Y_lm(n) (Ramamoorthi and Hanrahan 2001, eq. 9).
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "cube.glsl"

@@ -1,6 +1,6 @@
 // Light as spherical harmonics: workgroup i computes the coefficient ∫ L Y_lm dω of i = l(l + 1) + m as a sum over all
 // texels of one mip of the environment with their solid angles, times what the clamped cosine over pi makes of degree l
-// (Ramamoorthi and Hanrahan 2001, eqs. 7 and 8). Twin: reference::harmonics.
+// (Ramamoorthi and Hanrahan 2001, eqs. 7 and 8).
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "cube.glsl"

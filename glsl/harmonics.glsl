@@ -1,4 +1,4 @@
-// Real spherical harmonics, and the clamped cosine in them; twins of src/reference/harmonics.rs; no bindings.
+// Real spherical harmonics, and the clamped cosine in them; no bindings.
 #ifndef PBR_VR_HARMONICS
 #define PBR_VR_HARMONICS
 

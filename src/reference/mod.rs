@@ -1,12 +1,11 @@
 //! Reference implementations in f64, without Vulkan: BRDF terms, sampling, integrals, colour, picture metrics.
 //!
-//! `math`, `brdf`, `energy`, `sampling`, `cube`, `harmonics`, `octahedral` and `tone` are the twins of the files of the
-//! same name in `glsl/`: same functions, same arguments, same constants.
+//! `math`, `brdf`, `energy`, `sampling`, `cube`, `octahedral` and `tone` are the twins of the files of the same name in
+//! `glsl/`: same functions, same arguments, same constants.
 
 pub mod brdf;
 pub mod cube;
 pub mod energy;
-pub mod harmonics;
 pub mod importance;
 pub mod integrals;
 pub mod math;
