@@ -33,8 +33,8 @@ const BESIDE: i32 = 62;
 const LINE: i32 = 15;
 /// Width of a letter of 12 pixels, about; the backend has no fonts to measure with.
 const LETTER: i32 = 7;
-/// Width of the key, which makes the chart so much wider.
-const KEY_WIDTH: i32 = 480;
+/// Width of a panel beside a key.
+const WIDTH_BESIDE_KEY: i32 = 760;
 /// Values smaller than the largest one by this factor count as zero.
 const DECADES: f64 = 1e-4;
 
@@ -116,9 +116,9 @@ impl Plot {
             self.panels.iter().map(Panel::height).max().unwrap_or(0).max(ABOVE + LINE * self.key.len() as i32);
         let top = 54;
         let height = top + tallest + LINE * self.caption.len() as i32 + 14;
-        // One panel beside a key need not be as wide as two.
-        let right = if self.key.is_empty() { WIDTH } else { WIDTH - KEY_WIDTH / 2 };
-        let width = right + if self.key.is_empty() { 0 } else { KEY_WIDTH };
+        let right = if self.key.is_empty() { WIDTH } else { WIDTH_BESIDE_KEY };
+        let longest = self.key.iter().map(|(_, text)| text.chars().count() as i32).max();
+        let width = right + longest.map_or(0, |letters| 5 * letters + 50);
         let mut svg = String::new();
         {
             let canvas = Canvas(SVGBackend::with_string(&mut svg, (width as u32, height as u32)).into_drawing_area());
