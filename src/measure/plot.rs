@@ -289,7 +289,7 @@ impl Canvas<'_> {
     fn axes(&self, panel: &Panel, axes: &Axes) -> Drawn<()> {
         let Axes { left, right, top, bottom, x, y, named } = *axes;
         let (middle, grid) = ((left + right) / 2, BLACK.mix(0.1));
-        self.text(&panel.title, (middle, top - 14), 15, BLACK, HPos::Center)?;
+        self.text(&panel.title, (middle, top - 20), 15, BLACK, HPos::Center)?;
         self.text(&panel.x_label, (middle, bottom + 36), 13, BLACK, HPos::Center)?;
         for tick in ticks(x, (right - left) / 40) {
             let at = axes.at(tick, y.0).0;
