@@ -14,7 +14,9 @@ pub fn spread_texels(size: u32, log2: u32) -> Vec<Texel> {
     let on_face: Vec<[u32; 2]> = if size * size <= 1 << log2 {
         (0..size * size).map(|i| [i % size, i / size]).collect()
     } else {
-        (0..1 << log2).map(|i| (hammersley(i, log2) * f64::from(size)).as_uvec2().to_array()).collect()
+        let middle = 0.5 / f64::from(1 << log2);
+        let texel = |i| ((hammersley(i, log2) + middle) * f64::from(size)).as_uvec2().to_array();
+        (0..1 << log2).map(texel).collect()
     };
     (0..6).flat_map(|face| on_face.iter().map(move |[x, y]| [*x, *y, face])).collect()
 }
