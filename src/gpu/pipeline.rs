@@ -87,6 +87,17 @@ pub struct DepthBias {
     pub slope: f32,
 }
 
+#[cfg(test)]
+thread_local! {
+    static MADE: std::cell::Cell<usize> = const { std::cell::Cell::new(0) };
+}
+
+/// Pipelines that the calling thread has created so far.
+#[cfg(test)]
+pub fn pipelines_of_this_thread() -> usize {
+    MADE.get()
+}
+
 /// A pipeline and its layout.
 pub struct Pipeline {
     gpu: Arc<Gpu>,
@@ -197,6 +208,8 @@ impl Pipeline {
         let created = created.map_err(|(_, result)| Error::Vulkan { doing: "creating a pipeline", result })?;
         self.raw = created.first().copied().unwrap_or_default();
         self.gpu.name(self.raw, name);
+        #[cfg(test)]
+        MADE.set(MADE.get() + 1);
         Ok(())
     }
 }

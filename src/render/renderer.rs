@@ -113,20 +113,36 @@ impl Renderer {
         Ok(())
     }
 
-    /// Replaces the scene's light by one that was precomputed with `settings`.
+    /// Whether light precomputed with `settings` takes other pipelines: geometry and split sum are constants of theirs, and
+    /// the reference draws its samples from the panorama.
+    pub fn needs_pipelines_under(&self, settings: &RenderSettings) -> bool {
+        let now = self.settings();
+        now.geometry != settings.geometry || now.split_sum != settings.split_sum || self.reference.is_some()
+    }
+
+    /// What pipelines for this scene under another light, precomputed with `settings`, are built from.
+    pub fn pipeline_request_under(&self, lighting: &Lighting, settings: &RenderSettings) -> PipelineRequest {
+        let settings = self.settings().with_light_of(settings);
+        PipelineRequest {
+            panorama: Arc::clone(&lighting.maps.panorama),
+            ..self.pipeline_request(settings, self.eyes())
+        }
+    }
+
+    /// Puts the scene under another light, precomputed with `settings`, and draws it with the pipelines for that, where
+    /// it takes others.
     ///
     /// # Errors
-    /// The reference's importance table cannot be built.
-    pub fn set_lighting(&mut self, lighting: Lighting, settings: &RenderSettings) -> Result<()> {
+    /// No memory.
+    pub fn set_lighting(
+        &mut self,
+        lighting: Lighting,
+        settings: &RenderSettings,
+        pipelines: Option<PassPipelines>,
+    ) -> Result<()> {
         self.scene.set_lighting(&self.context.gpu, &self.layouts, lighting)?;
-        let RenderSettings { geometry, split_sum, cube_size, irradiance_size, .. } = *settings;
-        let settings =
-            RenderSettings { geometry, split_sum, cube_size, irradiance_size, ..self.pipelines.settings.clone() };
-        // Geometry and split sum are constants of the pipelines; the reference samples the panorama itself.
-        if settings != self.pipelines.settings || self.reference.is_some() {
-            self.rebuild(settings, self.eyes())?;
-        }
-        Ok(())
+        self.pipelines.settings = self.settings().with_light_of(settings);
+        pipelines.map_or(Ok(()), |pipelines| self.set_pipelines(pipelines))
     }
 
     /// Builds pipelines on the calling thread and uses them from now on; on an error the old ones stay.

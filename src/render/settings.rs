@@ -206,6 +206,12 @@ impl RenderSettings {
         Options { face_size: self.cube_size, irradiance_size: self.irradiance_size }
     }
 
+    /// The same but for how light is precomputed, which is `other`'s.
+    pub fn with_light_of(&self, other: &Self) -> Self {
+        let Self { geometry, split_sum, cube_size, irradiance_size, .. } = *other;
+        Self { geometry, split_sum, cube_size, irradiance_size, ..self.clone() }
+    }
+
     /// The resources that have to be made again to change from these settings to others.
     pub fn difference(&self, other: &Self) -> Change {
         // A new field does not compile until it is listed here.

@@ -9,7 +9,7 @@ use glam::Mat4;
 use super::loader::{LoadRequest, LoadResult, LoadedScene, Loader, Target, file_name};
 use super::playlist::Playlist;
 use crate::context::Context;
-use crate::render::{Change, ControllerGizmos, CullOptions, Eye, FrameInputs, Lighting, RenderSettings};
+use crate::render::{Change, ControllerGizmos, CullOptions, Eye, FrameInputs, Lighting, PassPipelines, RenderSettings};
 use crate::{Error, Result};
 
 /// The current scene with the user's changes.
@@ -89,6 +89,27 @@ pub enum Update {
     Failed(Error),
 }
 
+/// Light that is shown as soon as its pipelines are there.
+struct NewLight {
+    path: PathBuf,
+    lighting: Lighting,
+    /// What it was precomputed with.
+    settings: RenderSettings,
+}
+
+/// A file that is being loaded: a panorama, which brings light, or a scene.
+struct Loading {
+    brings: Change,
+    settings: RenderSettings,
+}
+
+impl Loading {
+    /// Whether it leaves less than this change to be made for the wanted settings.
+    fn leaves_less(&self, change: Change, wanted: &RenderSettings) -> bool {
+        self.brings >= change && self.settings.difference(wanted) < change
+    }
+}
+
 /// The state that outputs share. Drop order: the loader's thread ends before the scene is freed.
 pub struct App {
     loader: Loader,
@@ -100,8 +121,12 @@ pub struct App {
     target: Target,
     /// The number of the last request for pipelines.
     pipelines: u64,
+    /// What the last request for pipelines is for, if not the light that is shown.
+    new_light: Option<NewLight>,
     /// Names of the files being loaded, in order.
     pub loading: VecDeque<String>,
+    /// What each of these files is loaded for.
+    loading_settings: VecDeque<Loading>,
     pub context: Context,
 }
 
@@ -123,7 +148,9 @@ impl App {
             settings,
             target,
             pipelines: 0,
+            new_light: None,
             loading: VecDeque::new(),
+            loading_settings: VecDeque::new(),
             context,
         })
     }
@@ -131,7 +158,7 @@ impl App {
     /// Starts loading a scene, whatever its file extension.
     pub fn open_scene(&mut self, path: &Path) {
         self.playlist.set_scene(path);
-        self.loading.push_back(file_name(path));
+        self.begin_loading(path, Change::Scene);
         let (path, target) = (path.to_owned(), self.target.clone());
         self.loader.start(LoadRequest::Scene { path, settings: self.settings.clone(), target });
     }
@@ -158,8 +185,18 @@ impl App {
 
     fn load_panorama(&mut self, path: &Path) {
         self.scene.iter_mut().for_each(|scene| scene.last_panorama = Some(path.to_owned()));
-        self.loading.push_back(file_name(path));
+        self.begin_loading(path, Change::Light);
         self.loader.start(LoadRequest::Panorama { path: path.to_owned(), settings: self.settings.clone() });
+    }
+
+    fn begin_loading(&mut self, path: &Path, brings: Change) {
+        self.loading.push_back(file_name(path));
+        self.loading_settings.push_back(Loading { brings, settings: self.settings.clone() });
+    }
+
+    fn end_loading(&mut self) {
+        self.loading.pop_front();
+        self.loading_settings.pop_front();
     }
 
     /// Changes the target of the current scene and of those that are still loading.
@@ -174,39 +211,47 @@ impl App {
         self.follow_settings()
     }
 
-    /// Takes the oldest result of the loader, if there is one.
+    /// Takes results of the loader, oldest first, until one has changed something.
     ///
     /// # Errors
     /// The first scene does not load, or a result cannot be put on the GPU.
     pub fn collect(&mut self) -> Result<Option<Update>> {
-        let Some(result) = self.loader.take()? else { return Ok(None) };
-        Ok(Some(match result {
+        while let Some(result) = self.loader.take()? {
+            if let Some(update) = self.apply(result)? {
+                return Ok(Some(update));
+            }
+        }
+        Ok(None)
+    }
+
+    fn apply(&mut self, result: LoadResult) -> Result<Option<Update>> {
+        Ok(match result {
             LoadResult::Scene(scene) => {
-                self.loading.pop_front();
+                self.end_loading();
                 match scene {
-                    Ok(scene) => self.show(scene)?,
+                    Ok(scene) => Some(self.show(scene)?),
                     Err(error) if self.scene.is_none() => return Err(error),
-                    Err(error) => Update::Failed(error),
+                    Err(error) => Some(Update::Failed(error)),
                 }
             }
             LoadResult::Panorama { path, settings, lighting } => {
-                self.loading.pop_front();
+                self.end_loading();
                 match lighting {
-                    Ok(lighting) => self.light(path, *lighting, &settings)?,
-                    Err(error) => Update::Failed(error),
+                    Ok(lighting) => self.light(NewLight { path, lighting: *lighting, settings })?,
+                    Err(error) => Some(Update::Failed(error)),
                 }
             }
-            LoadResult::Pipelines(number, pipelines) => match (pipelines, &mut self.scene) {
-                (Ok(pipelines), Some(scene)) if number == self.pipelines => {
-                    scene.loaded.renderer.set_pipelines(*pipelines)?;
-                    Update::Settings
+            // Another request has replaced this one.
+            LoadResult::Pipelines(number, _) if number != self.pipelines => None,
+            LoadResult::Pipelines(_, pipelines) => match pipelines {
+                Ok(pipelines) => self.draw_with(*pipelines)?,
+                Err(error) => {
+                    self.new_light = None;
+                    Some(Update::Failed(error))
                 }
-                // Another request has replaced this one.
-                (Ok(_), _) => Update::Settings,
-                (Err(error), _) => Update::Failed(error),
             },
-            LoadResult::Screenshot(written) => Update::Screenshot(written),
-        }))
+            LoadResult::Screenshot(written) => Some(Update::Screenshot(written)),
+        })
     }
 
     /// Requests other settings; until the loader has what they need, the scene is drawn as before.
@@ -218,18 +263,26 @@ impl App {
         self.follow_settings()
     }
 
-    /// Asks the loader for whatever the shown scene needs for the current settings.
+    /// Asks the loader for whatever the shown scene needs for the current settings, unless it is already loading that.
     fn follow_settings(&mut self) -> Result<()> {
         let Some(scene) = &mut self.scene else { return Ok(()) };
         self.pipelines += 1;
         let renderer = &mut scene.loaded.renderer;
-        match renderer.settings().difference(&self.settings) {
+        if let Some(NewLight { lighting, settings, .. }) = &self.new_light {
+            let request = renderer.pipeline_request_under(lighting, settings);
+            self.loader.start(LoadRequest::Pipelines(self.pipelines, request));
+            return Ok(());
+        }
+        let change = renderer.settings().difference(&self.settings);
+        let is_loading = self.loading_settings.iter().any(|loading| loading.leaves_less(change, &self.settings));
+        match change {
             Change::Nothing => {}
             Change::Targets => renderer.set_scale(self.settings.scale)?,
             Change::Pipelines => {
                 let request = renderer.pipeline_request(self.settings.clone(), renderer.eyes());
                 self.loader.start(LoadRequest::Pipelines(self.pipelines, request));
             }
+            Change::Light | Change::Scene if is_loading => {}
             Change::Light => match scene.last_panorama.clone() {
                 Some(panorama) => self.load_panorama(&panorama),
                 None => self.load_again(),
@@ -270,17 +323,40 @@ impl App {
         self.loader.start(LoadRequest::Screenshot { pixels, size });
     }
 
-    /// Puts the shown scene under the light of a panorama, unrotated if it is another one.
-    fn light(&mut self, path: PathBuf, lighting: Lighting, settings: &RenderSettings) -> Result<Update> {
+    /// Puts the shown scene under a panorama's light, at once where its pipelines will do.
+    fn light(&mut self, new: NewLight) -> Result<Option<Update>> {
+        let Some(scene) = &self.scene else { return Ok(None) };
+        if scene.loaded.renderer.needs_pipelines_under(&new.settings) {
+            self.new_light = Some(new);
+            self.follow_settings()?;
+            return Ok(None);
+        }
+        self.new_light = None;
+        self.shine(new, None).map(Some)
+    }
+
+    /// Draws with the pipelines that were asked for last.
+    fn draw_with(&mut self, pipelines: PassPipelines) -> Result<Option<Update>> {
+        if let Some(new) = self.new_light.take() {
+            return self.shine(new, Some(pipelines)).map(Some);
+        }
+        let Some(scene) = &mut self.scene else { return Ok(None) };
+        scene.loaded.renderer.set_pipelines(pipelines)?;
+        Ok(Some(Update::Settings))
+    }
+
+    /// Shows other light, unrotated if it is another panorama's.
+    fn shine(&mut self, new: NewLight, pipelines: Option<PassPipelines>) -> Result<Update> {
+        let NewLight { path, lighting, settings } = new;
         let name = file_name(&path);
         if let Some(scene) = &mut self.scene {
-            scene.loaded.renderer.set_lighting(lighting, settings)?;
+            scene.loaded.renderer.set_lighting(lighting, &settings, pipelines)?;
             if scene.panorama.as_ref() != Some(&path) {
                 (scene.environment_rotation, scene.first_rotation) = (0.0, 0.0);
                 scene.panorama = Some(path);
             }
-            self.follow_settings()?;
         }
+        self.follow_settings()?;
         Ok(Update::Light(name))
     }
 
@@ -289,6 +365,7 @@ impl App {
         // The number of eyes and the settings may have changed while the scene was loading.
         draw_for(&mut scene, self.target.eyes)?;
         let old = self.scene.replace(scene);
+        self.new_light = None;
         self.follow_settings()?;
         let replaced = old.is_some();
         if let Some(old) = old {
@@ -303,3 +380,7 @@ fn draw_for(scene: &mut ShownScene, eyes: u32) -> Result<()> {
     let renderer = &mut scene.loaded.renderer;
     if renderer.eyes() == eyes { Ok(()) } else { renderer.rebuild(renderer.settings().clone(), eyes) }
 }
+
+#[cfg(test)]
+#[path = "app_gpu_tests.rs"]
+mod gpu_tests;

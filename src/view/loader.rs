@@ -90,7 +90,7 @@ pub enum LoadRequest {
         pixels: Vec<u8>,
         size: [u32; 2],
     },
-    /// Free a scene that is no longer drawn, which locks the queue once per GPU object.
+    /// Free a scene that is no longer drawn: it has thousands of objects.
     Discard(Box<LoadedScene>),
 }
 
