@@ -205,3 +205,35 @@ impl Drop for DescriptorSet {
         self.gpu.defer_destruction(Deferred::DescriptorPool(self.pool));
     }
 }
+
+#[cfg(test)]
+mod gpu_tests {
+    use super::*;
+    use crate::gpu::{AddressMode, BufferKind, Format, ImageDesc, ImageUsageFlags, with_gpu};
+
+    #[test]
+    fn sets_keep_what_they_bind() {
+        with_gpu(|gpu| {
+            let buffer = Buffer::new(gpu, "bound", BufferKind::Storage, 4).unwrap();
+            let usage = ImageUsageFlags::SAMPLED | ImageUsageFlags::STORAGE;
+            let image = || Image::new(gpu, "bound", ImageDesc::flat(Format::R8G8B8A8_UNORM, [4, 4], usage)).unwrap();
+            let (sampled, stored) = (image(), image());
+            let sampler = Sampler::new(gpu, "bound", AddressMode::Clamp, 1).unwrap();
+            let kinds = [BindingType::Storage, BindingType::Sampled, BindingType::StorageImage];
+            let layout = DescriptorSetLayout::new(gpu, "layout", &kinds).unwrap();
+            let bindings =
+                [Binding::Storage(&buffer), Binding::Sampled(&sampled, &sampler), Binding::StorageImage(&stored, 0)];
+            let set = DescriptorSet::new(gpu, "set", &layout, &bindings).unwrap();
+            let images = [sampled, stored].map(|image| Arc::downgrade(&image));
+            let (kept_buffer, kept_sampler) = (Arc::downgrade(&buffer), Arc::downgrade(&sampler));
+            drop((buffer, sampler));
+            let alive = || {
+                let [sampled, stored] = images.each_ref().map(|image| image.strong_count());
+                [kept_buffer.strong_count(), kept_sampler.strong_count(), sampled, stored]
+            };
+            assert_eq!(alive(), [1; 4]);
+            drop(set);
+            assert_eq!(alive(), [0; 4]);
+        });
+    }
+}

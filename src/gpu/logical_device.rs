@@ -28,6 +28,16 @@ impl LogicalDevice {
             unsafe { device.raw.create_semaphore(&info, None) }.map_err(Error::vulkan("creating a semaphore"))?;
         Ok(device)
     }
+
+    /// Calls other functions than Vulkan's from now on.
+    #[cfg(test)]
+    pub(super) fn replace(&mut self, change: impl FnOnce(&mut ash::DeviceFnV1_0)) {
+        let raw = &self.raw;
+        let mut functions = raw.fp_v1_0().clone();
+        change(&mut functions);
+        let (v11, v12, v13) = (raw.fp_v1_1().clone(), raw.fp_v1_2().clone(), raw.fp_v1_3().clone());
+        self.raw = ash::Device::from_parts_1_3(raw.handle(), functions, v11, v12, v13);
+    }
 }
 
 impl Deref for LogicalDevice {

@@ -11,6 +11,8 @@ mod descriptor;
 mod device;
 mod frame_ring;
 #[cfg(test)]
+mod failures_gpu_tests;
+#[cfg(test)]
 mod harness_tests;
 mod image;
 mod instance;

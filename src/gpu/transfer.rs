@@ -118,3 +118,36 @@ fn parts(image: &Image, bytes_per_texel: u64) -> Vec<(Subresource, u64)> {
         .flat_map(|mip| (0..layers).map(move |layer| (Subresource { mip, layer }, bytes(mip))))
         .collect()
 }
+
+#[cfg(test)]
+mod gpu_tests {
+    use super::*;
+    use crate::gpu::{Format, ImageDesc, ImageUsageFlags, Shape, with_gpu};
+
+    #[test]
+    fn an_image_is_read_only_where_something_was_written() {
+        with_gpu(|gpu| {
+            let usage = ImageUsageFlags::TRANSFER_SRC | ImageUsageFlags::TRANSFER_DST | ImageUsageFlags::SAMPLED;
+            let desc = ImageDesc::flat(Format::R8G8B8A8_UNORM, [2, 2], usage);
+            let image = Image::new(gpu, "image", ImageDesc { shape: Shape::Layers(2), ..desc }).unwrap();
+            let [first, second] = [0, 1].map(|layer| Subresource { mip: 0, layer });
+            let refused = |result: Result<_>| assert!(matches!(result, Err(Error::Usage(_))));
+            refused(read_image(gpu, &image, first, 4));
+            let bytes = [7; 16];
+            let staging = Buffer::with_bytes(gpu, "staging", BufferKind::Upload, &bytes).unwrap();
+            submit_and_wait(gpu, |commands| {
+                commands.prepare_subresources(&image, 0..1, 0..1, ImageAccess::CopyTo);
+                commands.copy_to_image(&staging, 0, &image, first);
+                Ok(())
+            })
+            .unwrap();
+            assert_eq!(read_image(gpu, &image, first, 4).unwrap(), bytes);
+            assert_eq!(image.access(0, 0), ImageAccess::CopyTo);
+            refused(read_image(gpu, &image, second, 4));
+            refused(read_mips(gpu, &image, 4).map(|mips| mips.concat()));
+            write_mips(gpu, "copies", &[(&image, &[[bytes, bytes].concat()])]).unwrap();
+            assert_eq!(read_mips(gpu, &image, 4).unwrap(), [[bytes, bytes].concat()]);
+            assert_eq!([0, 1].map(|layer| image.access(0, layer)), [ImageAccess::Sampled; 2]);
+        });
+    }
+}
