@@ -202,6 +202,31 @@ mod tests {
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1, "a temporary file was left behind");
     }
 
+    /// Bytes written by this thread and deleted before they came to disk, where the system counts them.
+    #[cfg(target_os = "linux")]
+    fn bytes_lost_before_the_disk() -> Option<u64> {
+        let counts = std::fs::read_to_string("/proc/thread-self/io").ok()?;
+        counts.lines().find_map(|line| line.strip_prefix("cancelled_write_bytes: ")?.parse().ok())
+    }
+
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn results_are_on_disk_when_they_are_written_and_caches_need_not_be() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("result");
+        let lost = |write: fn(&Path, &[u8]) -> Result<()>| {
+            write(&path, &[1; 1 << 20]).unwrap();
+            let before = bytes_lost_before_the_disk();
+            std::fs::remove_file(&path).unwrap();
+            Some(bytes_lost_before_the_disk()? - before?)
+        };
+        if lost(write_unsynced).is_none_or(|lost| lost == 0) {
+            println!("skipped: this system does not count what never comes to disk");
+            return;
+        }
+        assert_eq!(lost(write_atomically), Some(0));
+    }
+
     #[cfg(unix)]
     #[test]
     fn links_modes_and_pipes_stay_what_they_are() {
