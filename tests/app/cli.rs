@@ -262,3 +262,31 @@ fn help_and_version_are_status_0() {
     assert!(succeeds(folder.path(), &["--help"]).contains("render"));
     assert!(succeeds(folder.path(), &["--version"]).contains(env!("CARGO_PKG_VERSION")));
 }
+
+#[test]
+fn the_readme_names_every_flag_and_every_value() {
+    let readme = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/README.md")).expect("the README");
+    let is_part_of_word = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
+    let named: std::collections::HashSet<&str> = readme.split(|c| !is_part_of_word(c)).collect();
+    let folder = tempfile::tempdir().expect("a folder");
+    let mut seen = 0;
+    for command in ["view", "render", "bake", "needs", "measure", "compare", "doctor"] {
+        let help = succeeds(folder.path(), &[command, "-h"]);
+        for line in help.lines().map(str::trim).filter(|line| line.starts_with('-') && !line.starts_with("-h")) {
+            // Either name will do for a flag that has two.
+            let mut names =
+                line.split([' ', ',']).filter(|name| !name.is_empty()).take_while(|name| name.starts_with('-'));
+            assert!(names.any(|name| named.contains(name)), "{command}: `{line}` is not in README.md");
+            seen += 1;
+        }
+        // The help wraps its lines.
+        let joined = help.split_whitespace().collect::<Vec<_>>().join(" ");
+        for list in joined.split("[possible values: ").skip(1).filter_map(|rest| rest.split(']').next()) {
+            for value in list.split(", ") {
+                assert!(named.contains(value), "{command}: {value} is not in README.md");
+                seen += 1;
+            }
+        }
+    }
+    assert!(seen > 100, "only {seen} flags and values");
+}
