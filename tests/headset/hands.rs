@@ -2,7 +2,7 @@
 
 use headset_runtime::script::{Button, Script, Waypoint};
 
-use crate::common::room::{Room, head, patient};
+use crate::common::room::{Room, assert_different, assert_same, head, patient};
 
 /// Frames after a press in which the change must have been made: a teleport takes its time in the dark.
 const LATER: u64 = 60;
@@ -75,4 +75,15 @@ fn a_manifest_that_the_runtime_takes_declares_every_action_that_is_asked_for() {
         let calls = room.headset.calls_of(call);
         assert!(!calls.is_empty() && calls.iter().all(|c| c["code"] == 0), "{calls:?}");
     }
+}
+
+#[test]
+fn frames_go_on_with_the_old_shading_until_the_next_one_is_ready() {
+    // Hundreds of frames take longer than a few pipelines.
+    const LAST: u64 = 500;
+    let script = Script { button: vec![press("next_shading", "left", 5, 9)], show: vec![3, 7, LAST], ..patient() };
+    let room = Room::with(Script { left_hand: out_of_sight(), right_hand: out_of_sight(), ..script });
+    room.view(LAST).assert_clean();
+    assert_same(&room.shown(7, 0), &room.shown(3, 0), "the frames after the press");
+    assert_different(&room.shown(LAST, 0), &room.shown(3, 0), "the first and the last frame");
 }
