@@ -5,7 +5,9 @@ use std::sync::Arc;
 use super::frame::SceneConstants;
 use super::layouts::Layouts;
 use super::lighting::Lighting;
+use super::pipeline_request::PipelineRequest;
 use super::scene_resources::SceneResources;
+use super::settings::RenderSettings;
 use crate::Result;
 use crate::gpu::{AddressMode, Binding, DescriptorSet, Gpu, Sampler};
 
@@ -34,6 +36,25 @@ impl BoundScene {
     /// The scene's part of each [`FrameBlock`](super::shared::FrameBlock).
     pub fn constants(&self) -> SceneConstants {
         SceneConstants { environment_scale: self.lighting.maps.scale, light_count: self.resources.light_count }
+    }
+
+    /// What pipelines for this scene are built from.
+    pub fn pipeline_request(
+        &self,
+        gpu: &Arc<Gpu>,
+        layouts: &Arc<Layouts>,
+        settings: RenderSettings,
+        eyes: u32,
+    ) -> PipelineRequest {
+        PipelineRequest {
+            gpu: Arc::clone(gpu),
+            layouts: Arc::clone(layouts),
+            variants: self.resources.variants.clone(),
+            constant_lights: self.resources.constant_lights,
+            panorama: Arc::clone(&self.lighting.maps.panorama),
+            settings,
+            eyes,
+        }
     }
 }
 

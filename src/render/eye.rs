@@ -2,6 +2,7 @@
 
 use glam::{Affine3A, Mat3, Mat4, Vec3, Vec4};
 
+use super::shared::MAX_EYES;
 use crate::scene::Camera;
 
 /// The greatest distance to the near plane, metres; the far plane is at infinity.
@@ -48,6 +49,11 @@ impl Eye {
     /// The eye of a scene's camera.
     pub fn of_camera(camera: &Camera, aspect: f32) -> Self {
         Self::looking(camera.position, camera.target, camera.vertical_fov_degrees, aspect)
+    }
+
+    /// Maps each of at most [`MAX_EYES`] eyes; unused elements repeat the first eye's result.
+    pub(super) fn each(eyes: &[Self], change: impl Fn(&Self) -> Self) -> [Self; MAX_EYES] {
+        std::array::from_fn(|i| change(eyes.get(i).unwrap_or(&eyes[0])))
     }
 
     /// A left and a right eye with parallel axes, `ipd` metres apart about this one.

@@ -46,9 +46,10 @@ pub use overlay::Overlay;
 pub use pipeline_request::PipelineRequest;
 pub use pipelines::PassPipelines;
 pub use reference_accumulator::StandardError;
-pub use renderer::{Renderer, check_size};
+pub use renderer::Renderer;
 pub use scene_resources::TextureFacts;
 pub use settings::{Change, RenderSettings, Shading, TextureSettings};
 pub use shared::MAX_EYES;
+pub use targets::check_size;
 
 pub use crate::gpu::FRAMES_IN_FLIGHT;

@@ -4,7 +4,7 @@ use super::forward::ForwardPass;
 use super::gizmos::GizmoPass;
 use super::hidden_area::HiddenAreaPass;
 use super::pipeline_request::PipelineRequest;
-use super::reference_accumulator::ReferencePasses;
+use super::reference_accumulator::{ReferenceAccumulator, ReferencePasses};
 use super::settings::{RenderSettings, Shading};
 use crate::Result;
 
@@ -48,5 +48,14 @@ impl PassPipelines {
     /// The number of eyes they draw for.
     pub fn eyes(&self) -> u32 {
         self.eyes
+    }
+
+    /// The reference's accumulator for pictures of `size` pixels, if its passes exist.
+    pub(super) fn accumulator(
+        &self,
+        request: &PipelineRequest,
+        size: [u32; 2],
+    ) -> Result<Option<ReferenceAccumulator>> {
+        self.reference.as_ref().map(|_| ReferenceAccumulator::new(request, size)).transpose()
     }
 }

@@ -17,7 +17,7 @@ use super::pipelines::PassPipelines;
 use super::reference_accumulator::{ReferenceAccumulator, StandardError, jittered};
 use super::scene_resources::{SceneResources, TextureFacts};
 use super::settings::RenderSettings;
-use super::shared::{FrameBlock, MAX_EYES};
+use super::shared::FrameBlock;
 use super::targets::{Detail, ViewTargets};
 use crate::Result;
 use crate::context::Context;
@@ -52,12 +52,12 @@ impl Renderer {
         let resources = SceneResources::new(context, &layouts, scene, &features, &textures)?;
         let lighting = Lighting::new(context, &scene.environment.panorama, &settings)?;
         let scene = BoundScene::new(gpu, &layouts, resources, lighting)?;
-        let request = request(context, &layouts, &scene, settings, eyes);
+        let request = scene.pipeline_request(gpu, &layouts, settings, eyes);
         let pipelines = PassPipelines::build(&request)?;
         kept.save();
         Ok(Self {
             targets: ViewTargets::new(gpu, size, eyes, Detail::of(&request.settings))?,
-            reference: accumulator(&request, &pipelines, size)?,
+            reference: pipelines.accumulator(&request, size)?,
             context: context.clone(),
             layouts,
             scene,
@@ -79,7 +79,7 @@ impl Renderer {
 
     /// A request for pipelines of this scene with other settings or another number of eyes.
     pub fn pipeline_request(&self, settings: RenderSettings, eyes: u32) -> PipelineRequest {
-        request(&self.context, &self.layouts, &self.scene, settings, eyes)
+        self.scene.pipeline_request(&self.context.gpu, &self.layouts, settings, eyes)
     }
 
     /// Replaces the pipelines, and the targets if their settings ask for others. On an error nothing changes.
@@ -91,7 +91,7 @@ impl Renderer {
         let fit = eyes == self.eyes() && detail == self.targets.detail();
         let targets = (!fit).then(|| ViewTargets::new(&self.context.gpu, size, eyes, detail)).transpose()?;
         let request = self.pipeline_request(pipelines.settings.clone(), eyes);
-        self.reference = accumulator(&request, &pipelines, size)?;
+        self.reference = pipelines.accumulator(&request, size)?;
         if eyes != self.eyes() {
             self.hidden_area = None;
         }
@@ -162,7 +162,7 @@ impl Renderer {
         if self.size() != size {
             let request = self.pipeline_request(self.settings().clone(), self.eyes());
             let targets = ViewTargets::new(&self.context.gpu, size, request.eyes, Detail::of(&request.settings))?;
-            self.reference = accumulator(&request, &self.pipelines, size)?;
+            self.reference = self.pipelines.accumulator(&request, size)?;
             self.targets = targets;
         }
         Ok(())
@@ -219,7 +219,7 @@ impl Renderer {
         let block = inputs.block(scene.constants());
         if let Some((reference, passes)) = reference.as_mut().zip(pipelines.reference.as_ref()) {
             let index = reference.next_index(block, targets.area);
-            let eyes = each(inputs.eyes, |eye| jittered(eye, index, targets.area));
+            let eyes = Eye::each(inputs.eyes, |eye| jittered(eye, index, targets.area));
             let jittered = FrameInputs { eyes: &eyes[..inputs.eyes.len()], ..*inputs };
             let block = frame.push(&FrameBlock { sample_index: index, ..jittered.block(scene.constants()) })?;
             reference.record(frame, block, passes, targets, |commands, set| {
@@ -262,51 +262,12 @@ impl Renderer {
     /// Collects the draw calls. Models that are moved together are handled by moving the eyes the opposite way.
     fn list_draws(&mut self, inputs: &FrameInputs<'_>) {
         let models_from_world = inputs.world_from_models.inverse();
-        let moved = each(inputs.eyes, |eye| Eye { world_from_view: models_from_world * eye.world_from_view, ..*eye });
+        let moved =
+            Eye::each(inputs.eyes, |eye| Eye { world_from_view: models_from_world * eye.world_from_view, ..*eye });
         self.draws.fill(&self.scene.resources.draws, &moved[..inputs.eyes.len()], inputs.culling);
     }
 
     fn size(&self) -> [u32; 2] {
         self.targets.picture.desc().size
     }
-}
-
-/// Maps each eye; unused elements repeat the first eye's result.
-fn each(eyes: &[Eye], change: impl Fn(&Eye) -> Eye) -> [Eye; MAX_EYES] {
-    std::array::from_fn(|i| change(eyes.get(i).unwrap_or(&eyes[0])))
-}
-
-fn request(
-    context: &Context,
-    layouts: &Arc<Layouts>,
-    scene: &BoundScene,
-    settings: RenderSettings,
-    eyes: u32,
-) -> PipelineRequest {
-    PipelineRequest {
-        gpu: Arc::clone(&context.gpu),
-        layouts: Arc::clone(layouts),
-        variants: scene.resources.variants.clone(),
-        constant_lights: scene.resources.constant_lights,
-        panorama: Arc::clone(&scene.lighting.maps.panorama),
-        settings,
-        eyes,
-    }
-}
-
-/// The reference's accumulator, if its passes exist.
-fn accumulator(
-    request: &PipelineRequest,
-    pipelines: &PassPipelines,
-    size: [u32; 2],
-) -> Result<Option<ReferenceAccumulator>> {
-    pipelines.reference.as_ref().map(|_| ReferenceAccumulator::new(request, size)).transpose()
-}
-
-/// Whether pictures of this size can be made here.
-///
-/// # Errors
-/// Sides beyond what images may have; more bytes than the GPU's memory has.
-pub fn check_size(context: &Context, size: [u32; 2], eyes: u32, settings: &RenderSettings) -> Result<()> {
-    ViewTargets::check(&context.gpu, size, eyes, Detail::of(settings))
 }

@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use super::output::Output;
 use super::settings::RenderSettings;
+use crate::context::Context;
 use crate::gpu::{
     Attachments, ColourAttachment, Commands, DEPTH_FORMAT, DepthAttachment, Gpu, Image, ImageAccess, ImageDesc,
     ImageUsageFlags, Rect, Shape,
@@ -128,6 +129,14 @@ impl ViewTargets {
         let colours = &[ColourAttachment::loaded(self.picture.attachment())];
         commands.render(&Attachments { colours, depth: None, area: self.area }, record);
     }
+}
+
+/// Whether pictures of this size can be made here.
+///
+/// # Errors
+/// Sides beyond what images may have; more bytes than the GPU's memory has.
+pub fn check_size(context: &Context, size: [u32; 2], eyes: u32, settings: &RenderSettings) -> Result<()> {
+    ViewTargets::check(&context.gpu, size, eyes, Detail::of(settings))
 }
 
 #[cfg(test)]
