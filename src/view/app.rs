@@ -199,6 +199,13 @@ impl App {
         self.loading_settings.pop_front();
     }
 
+    /// A panorama cannot be loaded: the one that is shown is the last again.
+    fn forget_panorama(&mut self, path: &Path) {
+        if let Some(scene) = self.scene.as_mut().filter(|scene| scene.last_panorama.as_deref() == Some(path)) {
+            scene.last_panorama = scene.panorama.clone();
+        }
+    }
+
     /// Changes the target of the current scene and of those that are still loading.
     ///
     /// # Errors
@@ -238,7 +245,10 @@ impl App {
                 self.end_loading();
                 match lighting {
                     Ok(lighting) => self.light(NewLight { path, lighting: *lighting, settings })?,
-                    Err(error) => Some(Update::Failed(error)),
+                    Err(error) => {
+                        self.forget_panorama(&path);
+                        Some(Update::Failed(error))
+                    }
                 }
             }
             // Another request has replaced this one.

@@ -254,3 +254,15 @@ fn what_is_under_way_is_not_loaded_again_and_light_waits_for_its_pipelines() {
         assert_eq!(desk.settings(), &wanted);
     });
 }
+
+#[test]
+fn a_panorama_that_does_not_load_is_not_asked_for_again() {
+    with_gpu(|gpu| {
+        let mut desk = Desk::new(gpu, settings());
+        desk.app.open(Path::new("not/there.exr")).unwrap();
+        desk.gate.wait_for(2);
+        assert!(matches!(desk.app.collect().unwrap(), Some(Update::Failed(_))));
+        desk.app.set_settings(RenderSettings { cube_size: 32, ..settings() }).unwrap();
+        assert_eq!(desk.settle(), [0, 1]);
+    });
+}
