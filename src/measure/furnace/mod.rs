@@ -155,7 +155,7 @@ fn mean_and_error(values: impl Iterator<Item = f64> + Clone) -> [f64; 2] {
 }
 
 #[cfg(test)]
-mod tests {
+mod gpu_tests {
     use super::*;
     use crate::precompute::harness_tests::with_gpu;
     use crate::reference::energy::furnace;

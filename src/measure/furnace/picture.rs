@@ -50,7 +50,7 @@ fn balls() -> Scene {
 }
 
 #[cfg(test)]
-mod tests {
+mod gpu_tests {
     use super::*;
     use crate::precompute::harness_tests::with_gpu;
 
