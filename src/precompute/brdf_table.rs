@@ -128,7 +128,7 @@ mod tests {
     /// changed on purpose: raise the version of [`CACHE_KIND`], and put the new hash here. Linux only: the last digits
     /// of sines and logarithms are those of the system's library.
     #[test]
-    #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
+    #[cfg_attr(not(all(target_os = "linux", target_arch = "x86_64")), ignore = "other systems round other digits")]
     fn numbers_change_only_with_the_version() {
         let mut key = Key::default();
         key.add(bytemuck::cast_slice(&SIZE));

@@ -156,7 +156,7 @@ fn judge(what: &str, maps: &Maps, truth: PanoramaView<'_>, bounds: [[f64; 2]; 2]
 /// changed on purpose: raise the version of [`CACHE_KIND`], and put the new hash here. Linux only: the last digits of
 /// sines and logarithms are those of the system's library.
 #[test]
-#[cfg(all(target_os = "linux", target_arch = "x86_64"))]
+#[cfg_attr(not(all(target_os = "linux", target_arch = "x86_64")), ignore = "other systems round other digits")]
 fn numbers_change_only_with_the_version() {
     let hash = hierarchical_convolution::input_hash([512, 256], 32, 8);
     assert_eq!((CACHE_KIND.version, &hash[..16]), (1, "6f378475b5c72d81"));

@@ -269,7 +269,7 @@ fn cached_textures_equal_new_ones_and_are_not_decoded() {
 /// Where this fails because texels or facts have changed on purpose: raise [`TEXTURES_VERSION`], and put the new hash
 /// here. Linux only: the last digits of powers are those of the system's library.
 #[test]
-#[cfg(all(target_os = "linux", target_arch = "x86_64"))]
+#[cfg_attr(not(all(target_os = "linux", target_arch = "x86_64")), ignore = "other systems round other digits")]
 fn cached_textures_change_only_with_their_version() {
     let folder = Folder::new();
     let options = TextureOptions { storage: Storage::Bc, ..TextureOptions::default() };
