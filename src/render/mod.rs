@@ -48,7 +48,7 @@ pub use pipelines::PassPipelines;
 pub use reference_accumulator::StandardError;
 pub use renderer::Renderer;
 pub use scene_resources::TextureFacts;
-pub use settings::{Change, RenderSettings, Shading, TextureSettings};
+pub use settings::{Change, LightModel, RenderSettings, Shading, TextureSettings};
 pub use shared::MAX_EYES;
 pub use targets::check_size;
 

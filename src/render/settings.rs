@@ -70,6 +70,16 @@ impl Shading {
     }
 }
 
+/// Which paths of light are modelled; each value includes those before it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, ValueEnum)]
+pub enum LightModel {
+    /// The panorama as a whole, its sun in it, and lamps: nothing blocks their light.
+    Open,
+    /// The panorama's sun is a light of its own, a disc; the rest of the panorama is open.
+    #[default]
+    Direct,
+}
+
 /// How a scene is drawn.
 #[derive(Args, Clone, Debug, PartialEq)]
 pub struct RenderSettings {
@@ -85,6 +95,9 @@ pub struct RenderSettings {
     /// How surfaces mirror the panorama.
     #[arg(long, value_enum, default_value_t)]
     pub split_sum: SplitSum,
+    /// Which paths of light are modelled.
+    #[arg(long, value_enum, default_value_t)]
+    pub light: LightModel,
     /// Model what the scene needs, or everything: the same picture, slower.
     #[arg(long, value_enum, default_value_t)]
     pub model: Model,
@@ -120,6 +133,7 @@ impl Default for RenderSettings {
             geometry: Geometry::default(),
             scattering: Scattering::default(),
             split_sum: SplitSum::default(),
+            light: LightModel::default(),
             model: Model::default(),
             samples: 4,
             scale: 1.0,
@@ -208,8 +222,8 @@ impl RenderSettings {
 
     /// The same but for how light is precomputed, which is `other`'s.
     pub fn with_light_of(&self, other: &Self) -> Self {
-        let Self { geometry, split_sum, cube_size, irradiance_size, .. } = *other;
-        Self { geometry, split_sum, cube_size, irradiance_size, ..self.clone() }
+        let Self { geometry, split_sum, light, cube_size, irradiance_size, .. } = *other;
+        Self { geometry, split_sum, light, cube_size, irradiance_size, ..self.clone() }
     }
 
     /// The resources that have to be made again to change from these settings to others.
@@ -220,6 +234,7 @@ impl RenderSettings {
             geometry,
             scattering,
             split_sum,
+            light,
             model,
             samples,
             scale,
@@ -234,6 +249,7 @@ impl RenderSettings {
             (self.samples != *samples || self.output != *output, Change::Pipelines),
             (self.shading != *shading || self.scattering != *scattering, Change::Pipelines),
             (self.geometry != *geometry || self.split_sum != *split_sum, Change::Light),
+            (self.light != *light, Change::Light),
             (self.cube_size != *cube_size || self.irradiance_size != *irradiance_size, Change::Light),
             (self.model != *model || self.textures != *textures || self.viewpoint != *viewpoint, Change::Scene),
         ];
@@ -300,6 +316,7 @@ mod tests {
             (RenderSettings { samples: 1, scale: 0.5, ..default() }, Change::Pipelines),
             (RenderSettings { output: Output::Linear, ..default() }, Change::Pipelines),
             (RenderSettings { cube_size: 64, ..default() }, Change::Light),
+            (RenderSettings { light: LightModel::Open, ..default() }, Change::Light),
             (RenderSettings { geometry: Geometry::Karis2013, shading: Shading::D, ..default() }, Change::Light),
             (RenderSettings { model: Model::Everything, cube_size: 64, ..default() }, Change::Scene),
         ];
