@@ -15,7 +15,7 @@ layout(location = 0) out vec4 colour;
 // Phong has neither metals nor mirror images of the surroundings, only an ambient term and the point lights.
 vec3 phong(Surface s)
 {
-    return s.base_color * environment_diffuse(s.n) * s.occlusion + point_lights_phong(s);
+    return s.base_color * environment_diffuse(s.n) * s.occlusion + point_lights_phong(s, position_world);
 }
 
 struct Split {
@@ -61,7 +61,7 @@ vec3 physically_based(Surface s)
 {
     SpecularLobe lobe = lobe_of(s);
     Split split = environment(s, lobe);
-    vec3 points = point_lights(widened_for_point_lights(s), Energy(lobe.mean_entry, MULTI_SCATTER), lobe.entry);
+    vec3 points = point_lights(widened_for_point_lights(s), position_world, Energy(lobe.mean_entry, MULTI_SCATTER), lobe.entry);
     return split.diffuse + split.specular + points;
 }
 
@@ -70,7 +70,7 @@ vec3 term(Surface s)
 {
     vec3 l = s.v;
     if (frame.light_count > 0u)
-        light_irradiance(lights[0], l);
+        light_irradiance(lights[0], position_world, l);
     float nl = max(dot(s.n, l), 0.0);
     vec3 h = s.v + l;
     if (SHADING == SHADING_F)

@@ -12,7 +12,7 @@ struct Cell {
     uint alias;
     float density;   // of samples in this cell, 1/sr
 };
-layout(REFERENCE_IMPORTANCE, scalar) readonly buffer Importance {
+layout(RAY_IMPORTANCE, scalar) readonly buffer Importance {
     uvec2 cells_size;
     Cell cells[];
 };

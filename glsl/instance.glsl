@@ -14,6 +14,7 @@ struct Material {
     float metallic;
     float roughness;
     float alpha_cutoff;
+    uint textures; // the set they are drawn with
 };
 
 layout(SCENE_INSTANCES, scalar) readonly buffer Instances { Instance instances[]; };

@@ -4,12 +4,12 @@
 
 #include "shared.glsl"
 #include "energy.glsl"
-#include "surface.glsl"
+#include "shading_point.glsl"
 
 // Irradiance of a point light on a surface that faces it, W/m^2, and its direction, a unit vector even where the light itself is.
-vec3 light_irradiance(PointLight light, out vec3 l)
+vec3 light_irradiance(PointLight light, vec3 position, out vec3 l)
 {
-    vec3 to_light = light.position - position_world;
+    vec3 to_light = light.position - position;
     l = normalize_or(to_light, vec3(0.0, 1.0, 0.0));
     float squared = dot(to_light, to_light);
     return squared < 1e38 ? light.intensity / max(squared, 1e-8) : vec3(0.0); // too far, or NaN
@@ -30,13 +30,13 @@ vec3 brdf(Surface s, vec3 l, Energy energy, vec2 at_v)
 }
 
 // `at_v`: the table's entry at n.v.
-vec3 point_lights(Surface s, Energy energy, vec2 at_v)
+vec3 point_lights(Surface s, vec3 position, Energy energy, vec2 at_v)
 {
     vec3 sum = vec3(0.0);
     uint count = LIGHTS < 0 ? frame.light_count : uint(LIGHTS);
     for (uint i = 0u; i < count; ++i) {
         vec3 l;
-        vec3 irradiance = light_irradiance(lights[i], l);
+        vec3 irradiance = light_irradiance(lights[i], position, l);
         float nl = dot(s.n, l);
         if (nl > 0.0)
             sum += irradiance * nl * brdf(s, l, energy, at_v);
@@ -45,13 +45,13 @@ vec3 point_lights(Surface s, Energy energy, vec2 at_v)
 }
 
 // The same by Phong, which has no table.
-vec3 point_lights_phong(Surface s)
+vec3 point_lights_phong(Surface s, vec3 position)
 {
     vec3 sum = vec3(0.0), f0 = f0_from_metallic(s.base_color, s.metallic);
     uint count = LIGHTS < 0 ? frame.light_count : uint(LIGHTS);
     for (uint i = 0u; i < count; ++i) {
         vec3 l;
-        vec3 irradiance = light_irradiance(lights[i], l);
+        vec3 irradiance = light_irradiance(lights[i], position, l);
         float nl = max(dot(s.n, l), 0.0);
         sum += irradiance * nl * (diffuse_lambert(s.base_color) + f0 * phong_specular(s.n, s.v, l, s.roughness));
     }

@@ -4,6 +4,7 @@
 
 #include "shared.glsl"
 #include "math.glsl"
+#include "shading_point.glsl"
 
 layout(BASE_COLOR_MAP) uniform sampler2D base_color_map;
 layout(NORMAL_MAP) uniform sampler2D normal_map;
@@ -16,16 +17,6 @@ layout(location = 3) centroid in vec4 tangent_world;
 layout(location = 4) flat in uint eye;
 layout(location = 5) flat in vec4 base_color_metallic;
 layout(location = 6) flat in vec2 roughness_alpha_cutoff;
-
-struct Surface {
-    vec3 n; // shading normal, towards the eye's side
-    vec3 v; // to the eye
-    float nv;
-    vec3 base_color;
-    float metallic;
-    float roughness;
-    float occlusion;
-};
 
 // The normal map's vector in world space. MikkTSpace: the bitangent is made per fragment, and n and t enter as
 // interpolated, not renormalised, because that is how the map was baked (Mikkelsen 2008, "Simulation of Wrinkled

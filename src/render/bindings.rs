@@ -33,8 +33,30 @@ pub const SCENE: SetBindings = SetBindings {
 pub const TEXTURES: SetBindings =
     SetBindings { set: 2, bindings: &[("BASE_COLOR_MAP", Sampled), ("NORMAL_MAP", Sampled), ("ORM_MAP", Sampled)] };
 
-/// The importance table for the reference's panorama samples.
-pub const IMPORTANCE: SetBindings = SetBindings { set: 3, bindings: &[("REFERENCE_IMPORTANCE", Storage)] };
+/// What rays meet: the scene's triangles under a hierarchy, small copies of its textures, and the importance table of the
+/// panorama.
+pub const RAYS: SetBindings = SetBindings {
+    set: 3,
+    bindings: &[
+        ("RAY_NODES", Storage),
+        ("RAY_TRIANGLES", Storage),
+        ("RAY_CORNERS", Storage),
+        ("RAY_BASE_COLOR", Sampled),
+        ("RAY_NORMAL", Sampled),
+        ("RAY_ORM", Sampled),
+        ("RAY_IMPORTANCE", Storage),
+    ],
+};
+
+/// One layer of the textures for rays, a compute pass.
+pub const RAY_TEXTURES: SetBindings = SetBindings {
+    set: 1,
+    bindings: &[
+        ("RAY_TEXTURES_BASE_COLOR", StorageImage),
+        ("RAY_TEXTURES_NORMAL", StorageImage),
+        ("RAY_TEXTURES_ORM", StorageImage),
+    ],
+};
 
 /// The reference's accumulation, a compute pass.
 pub const ACCUMULATE: SetBindings = SetBindings {
@@ -54,7 +76,7 @@ pub const SHOW: SetBindings = SetBindings { set: 1, bindings: &[("SHOW_MEAN", Sa
 pub const TEXT: SetBindings = SetBindings { set: 1, bindings: &[("TEXT_FONT", Storage)] };
 
 /// All of them.
-pub const ALL: [SetBindings; 7] = [FRAME, SCENE, TEXTURES, IMPORTANCE, ACCUMULATE, SHOW, TEXT];
+pub const ALL: [SetBindings; 8] = [FRAME, SCENE, TEXTURES, RAYS, RAY_TEXTURES, ACCUMULATE, SHOW, TEXT];
 
 /// `bindings.glsl`: a macro per binding.
 pub fn glsl() -> String {

@@ -51,6 +51,7 @@ impl BoundScene {
             layouts: Arc::clone(layouts),
             variants: self.resources.variants.clone(),
             constant_lights: self.resources.constant_lights,
+            ray_scene: Arc::clone(&self.resources.ray_scene),
             panorama: Arc::clone(&self.lighting.maps.panorama),
             settings,
             eyes,

@@ -4,9 +4,9 @@
 use super::bound_scene::BoundScene;
 use super::draws::DrawCall;
 use super::frame_set::FrameSet;
-use super::importance::Importance;
 use super::output::Output;
 use super::pipeline_request::PipelineRequest;
+use super::ray_scene::RaySet;
 use super::scene_resources::{ATTRIBUTES, PackedVertex};
 use super::settings::{RenderSettings, Shading};
 use super::shared::constant;
@@ -15,6 +15,7 @@ use crate::gpu::{Commands, Constant, DepthState, Format, GraphicsDesc, Pipeline}
 use crate::reference::energy::Scattering;
 use crate::reference::table::SplitSum;
 use crate::scene::MaterialFeatures;
+use crate::scene::needs::Metalness;
 
 /// The fragment stages and the format and samples of their target.
 struct Stages {
@@ -55,7 +56,7 @@ impl ForwardPass {
     pub fn new(request: &PipelineRequest) -> Result<Self> {
         let PipelineRequest { gpu, layouts, variants, constant_lights, settings, eyes, .. } = request;
         let stages = Stages::new(settings);
-        let common: [Constant; 6] = [
+        let common: [Constant; 7] = [
             (constant::EYES, *eyes),
             (constant::SHADING, settings.shading as u32),
             (constant::GEOMETRY, settings.geometry as u32),
@@ -63,6 +64,7 @@ impl ForwardPass {
             (constant::SLICES, u32::from(settings.split_sum == SplitSum::Slices)),
             // Below 0: the shader reads the count from the frame's block.
             (constant::LIGHTS, constant_lights.unwrap_or(u32::MAX)),
+            (constant::TRANSPORT, settings.transport() as u32),
         ];
         let drawing = layouts.drawing();
         let desc = GraphicsDesc {
@@ -72,9 +74,16 @@ impl ForwardPass {
             samples: stages.samples,
             ..GraphicsDesc::default()
         };
+        let is_reference = settings.shading == Shading::Reference;
         let multiple = settings.scattering == Scattering::Multiple;
         let surface = |features: &MaterialFeatures| {
-            let constants: Vec<Constant> = common.into_iter().chain(constants(*features, multiple)).collect();
+            // A path that begins on one material goes on to others.
+            let features = if is_reference {
+                MaterialFeatures { metalness: Metalness::Mixed, multi_scatter: true, ..*features }
+            } else {
+                *features
+            };
+            let constants: Vec<Constant> = common.into_iter().chain(constants(features, multiple)).collect();
             let fragment = if features.alpha_mask { stages.cutout } else { stages.surface };
             Pipeline::graphics(
                 gpu,
@@ -102,15 +111,15 @@ impl ForwardPass {
         Ok(Self { surfaces, sky: Pipeline::graphics(gpu, &sky)?, eyes: *eyes })
     }
 
-    /// Draws surfaces for all eyes, setting only what changes from call to call. `importance` is the table
-    /// for the reference's samples.
+    /// Draws surfaces for all eyes, setting only what changes from call to call. `rays` is for the reference's
+    /// samples.
     pub fn draw_surfaces(
         &self,
         commands: &mut Commands<'_>,
         frame: FrameSet<'_>,
         scene: &BoundScene,
         calls: &[DrawCall],
-        importance: Option<&Importance>,
+        rays: Option<&RaySet>,
     ) {
         let resources = &scene.resources;
         commands.bind_mesh(&resources.geometry.vertices, &resources.geometry.indices);
@@ -122,7 +131,7 @@ impl ForwardPass {
                 // All variants have the same pipeline layout, so that sets and push constants stay bound.
                 frame.bind(commands, pipeline, 0);
                 commands.bind_set(pipeline, 1, &scene.set, &[]);
-                importance.iter().for_each(|importance| commands.bind_set(pipeline, 3, &importance.set, &[]));
+                rays.iter().for_each(|rays| commands.bind_set(pipeline, 3, &rays.set, &[]));
             } else if changes(|call| call.variant) {
                 commands.bind_pipeline(pipeline);
             }
@@ -147,11 +156,11 @@ impl ForwardPass {
         commands: &mut Commands<'_>,
         frame: FrameSet<'_>,
         scene: &BoundScene,
-        importance: Option<&Importance>,
+        rays: Option<&RaySet>,
     ) {
         frame.bind(commands, &self.sky, 0);
         commands.bind_set(&self.sky, 1, &scene.set, &[]);
-        importance.iter().for_each(|importance| commands.bind_set(&self.sky, 3, &importance.set, &[]));
+        rays.iter().for_each(|rays| commands.bind_set(&self.sky, 3, &rays.set, &[]));
         commands.draw(3, self.eyes);
     }
 }

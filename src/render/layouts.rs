@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::bindings::{ACCUMULATE, FRAME, IMPORTANCE, SCENE, SHOW, SetBindings, TEXT, TEXTURES};
+use super::bindings::{ACCUMULATE, FRAME, RAY_TEXTURES, RAYS, SCENE, SHOW, SetBindings, TEXT, TEXTURES};
 use crate::Result;
 use crate::gpu::{BindingType, DescriptorSetLayout, Gpu};
 
@@ -11,7 +11,8 @@ pub struct Layouts {
     pub frame: DescriptorSetLayout,
     pub scene: DescriptorSetLayout,
     pub textures: DescriptorSetLayout,
-    pub importance: DescriptorSetLayout,
+    pub rays: DescriptorSetLayout,
+    pub ray_textures: DescriptorSetLayout,
     pub accumulate: DescriptorSetLayout,
     pub show: DescriptorSetLayout,
 }
@@ -23,15 +24,16 @@ impl Layouts {
             frame: frame(gpu)?,
             scene: layout(gpu, "scene", &SCENE)?,
             textures: layout(gpu, "textures", &TEXTURES)?,
-            importance: layout(gpu, "importance", &IMPORTANCE)?,
+            rays: layout(gpu, "rays", &RAYS)?,
+            ray_textures: layout(gpu, "ray textures", &RAY_TEXTURES)?,
             accumulate: layout(gpu, "accumulate", &ACCUMULATE)?,
             show: layout(gpu, "show", &SHOW)?,
         })
     }
 
-    /// The layouts of passes that draw a scene: frame, scene, textures, importance.
+    /// The layouts of passes that draw a scene: frame, scene, textures, rays.
     pub fn drawing(&self) -> [&DescriptorSetLayout; 4] {
-        [&self.frame, &self.scene, &self.textures, &self.importance]
+        [&self.frame, &self.scene, &self.textures, &self.rays]
     }
 }
 

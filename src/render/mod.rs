@@ -22,6 +22,7 @@ mod output;
 mod overlay;
 mod pipeline_request;
 mod pipelines;
+mod ray_scene;
 #[cfg(test)]
 mod random_gpu_tests;
 mod reference_accumulator;

@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use super::layouts::Layouts;
+use super::ray_scene::LazyRayScene;
 use super::settings::RenderSettings;
 use crate::gpu::{Gpu, Image};
 use crate::scene::MaterialFeatures;
@@ -15,6 +16,8 @@ pub struct PipelineRequest {
     pub(super) variants: Vec<MaterialFeatures>,
     /// The number of point lights; `None` for any.
     pub(super) constant_lights: Option<u32>,
+    /// What the reference's rays meet.
+    pub(super) ray_scene: Arc<LazyRayScene>,
     /// The panorama that the reference samples.
     pub(super) panorama: Arc<Image>,
     pub settings: RenderSettings,

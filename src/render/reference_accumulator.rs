@@ -9,9 +9,9 @@ use serde::Serialize;
 
 use super::eye::Eye;
 use super::frame_set::FrameSet;
-use super::importance::Importance;
 use super::output::Output;
 use super::pipeline_request::PipelineRequest;
+use super::ray_scene::RaySet;
 use super::shared::{FrameBlock, constant};
 use super::targets::ViewTargets;
 use crate::Result;
@@ -71,17 +71,17 @@ struct Count {
     frames: u32,
 }
 
-/// The passes that follow the forward pass, and the importance table of its samples.
+/// The passes that follow the forward pass, and what its rays meet.
 pub struct ReferencePasses {
     accumulate: Pipeline,
     show: Pipeline,
-    pub importance: Importance,
+    pub rays: RaySet,
 }
 
 impl ReferencePasses {
-    /// Creates the pipelines and the panorama's importance table.
+    /// Creates the pipelines and builds what rays meet.
     pub fn new(request: &PipelineRequest) -> Result<Self> {
-        let PipelineRequest { gpu, layouts, panorama, settings, eyes, .. } = request;
+        let PipelineRequest { gpu, layouts, settings, eyes, .. } = request;
         let push_bytes = size_of::<Count>() as u32;
         let accumulate = Pipeline::compute(gpu, "reference_accumulate.comp", &[], &[&layouts.accumulate], push_bytes)?;
         let show = GraphicsDesc {
@@ -96,8 +96,8 @@ impl ReferencePasses {
             colours: &[settings.output.format()],
             ..GraphicsDesc::default()
         };
-        let importance = Importance::new(gpu, layouts, panorama)?;
-        Ok(Self { accumulate, show: Pipeline::graphics(gpu, &show)?, importance })
+        let rays = RaySet::new(request)?;
+        Ok(Self { accumulate, show: Pipeline::graphics(gpu, &show)?, rays })
     }
 }
 

@@ -223,8 +223,8 @@ impl Renderer {
             let jittered = FrameInputs { eyes: &eyes[..inputs.eyes.len()], ..*inputs };
             let block = frame.push(&FrameBlock { sample_index: index, ..jittered.block(scene.constants()) })?;
             reference.record(frame, block, passes, targets, |commands, set| {
-                pipelines.forward.draw_surfaces(commands, set, scene, draws.calls(), Some(&passes.importance));
-                pipelines.forward.draw_sky(commands, set, scene, Some(&passes.importance));
+                pipelines.forward.draw_surfaces(commands, set, scene, draws.calls(), Some(&passes.rays));
+                pipelines.forward.draw_sky(commands, set, scene, Some(&passes.rays));
             });
             return Ok(());
         }

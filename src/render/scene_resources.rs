@@ -9,6 +9,7 @@ use std::sync::Arc;
 
 use super::draws::Draw;
 use super::layouts::Layouts;
+use super::ray_scene::LazyRayScene;
 use super::shared::{InstanceBlock, LightBlock, MaterialBlock};
 use crate::Result;
 use crate::asset::TextureOptions;
@@ -34,7 +35,9 @@ pub struct SceneResources {
     /// The number of point lights that shaders are made for; `None` for any.
     pub constant_lights: Option<u32>,
     /// Different sets of textures; [`Draw::textures`] is an index.
-    pub texture_sets: Vec<DescriptorSet>,
+    pub texture_sets: Arc<[DescriptorSet]>,
+    /// What rays meet, from when they are first traced.
+    pub ray_scene: Arc<LazyRayScene>,
     pub draws: Vec<Draw>,
     pub texture_facts: TextureFacts,
 }
@@ -60,7 +63,9 @@ impl SceneResources {
             drawn.push(DrawnMaterial { variant, textures, masked: features.alpha_mask });
         }
         let lights: Vec<LightBlock> = scene.lights.iter().map(LightBlock::from).collect();
-        let blocks: Vec<MaterialBlock> = scene.materials.iter().map(MaterialBlock::from).collect();
+        let block = |(material, drawn): (&Material, &DrawnMaterial)| material_block(material, drawn.textures);
+        let blocks: Vec<MaterialBlock> = scene.materials.iter().zip(&drawn).map(block).collect();
+        let texture_sets: Arc<[DescriptorSet]> = sets.all.into();
         let (draws, instances) = draws(&clusters, &geometry, &drawn);
         Ok(Self {
             geometry,
@@ -70,7 +75,8 @@ impl SceneResources {
             light_count: u32::try_from(lights.len()).unwrap_or(u32::MAX),
             variants: variants.all,
             constant_lights: features.lights,
-            texture_sets: sets.all,
+            ray_scene: Arc::new(LazyRayScene::new(scene, &texture_sets)),
+            texture_sets,
             draws,
             texture_facts,
         })
@@ -129,14 +135,13 @@ fn storage<T: bytemuck::Pod>(gpu: &Arc<Gpu>, name: &str, blocks: &[T]) -> Result
     Buffer::with_bytes(gpu, name, BufferKind::StorageFromCpu, bytemuck::cast_slice(blocks))
 }
 
-impl From<&Material> for MaterialBlock {
-    fn from(material: &Material) -> Self {
-        Self {
-            base_color: material.base_color_factor.into(),
-            metallic: material.metallic_factor,
-            roughness: material.roughness_factor,
-            alpha_cutoff: material.alpha_cutoff.unwrap_or(0.0),
-        }
+fn material_block(material: &Material, textures: u32) -> MaterialBlock {
+    MaterialBlock {
+        base_color: material.base_color_factor.into(),
+        metallic: material.metallic_factor,
+        roughness: material.roughness_factor,
+        alpha_cutoff: material.alpha_cutoff.unwrap_or(0.0),
+        textures,
     }
 }
 

@@ -78,6 +78,19 @@ pub enum LightModel {
     /// The panorama's sun is a light of its own, a disc; the rest of the panorama is open.
     #[default]
     Direct,
+    /// All light, that which surfaces give back included.
+    Baked,
+}
+
+/// What the reference traces, the order of `glsl/path.glsl`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Transport {
+    /// Nothing blocks light or gives it back.
+    None,
+    /// Lamps and the sun cast shadows.
+    Direct,
+    /// All light, along all paths.
+    All,
 }
 
 /// How a scene is drawn.
@@ -215,6 +228,15 @@ pub enum Change {
 }
 
 impl RenderSettings {
+    /// What the reference traces: the exact counterpart of the light model.
+    pub fn transport(&self) -> Transport {
+        match self.light {
+            LightModel::Open => Transport::None,
+            LightModel::Direct => Transport::Direct,
+            LightModel::Baked => Transport::All,
+        }
+    }
+
     /// The options for precomputing light.
     pub fn precompute(&self) -> Options {
         Options { face_size: self.cube_size, irradiance_size: self.irradiance_size }

@@ -54,6 +54,8 @@ pub struct MaterialBlock {
     pub metallic: f32,
     pub roughness: f32,
     pub alpha_cutoff: f32,
+    /// The index of the set of textures that it is drawn with.
+    pub textures: u32,
 }
 
 /// One point light: an element of `SCENE_LIGHTS`.
@@ -76,7 +78,7 @@ const _: () = {
     assert!(offset_of!(FrameBlock, world_from_models) == 144 * MAX_EYES + 24);
     assert!(size_of::<FrameBlock>() == 144 * MAX_EYES + 88);
     assert!(offset_of!(InstanceBlock, material) == 64 && size_of::<InstanceBlock>() == 68);
-    assert!(offset_of!(MaterialBlock, metallic) == 12 && size_of::<MaterialBlock>() == 24);
+    assert!(offset_of!(MaterialBlock, metallic) == 12 && size_of::<MaterialBlock>() == 28);
     assert!(offset_of!(LightBlock, intensity) == 12 && size_of::<LightBlock>() == 24);
 };
 
@@ -94,4 +96,5 @@ pub mod constant {
     pub const METALNESS: u32 = 9;
     pub const MULTI_SCATTER: u32 = 10;
     pub const SLICES: u32 = 11;
+    pub const TRANSPORT: u32 = 16;
 }

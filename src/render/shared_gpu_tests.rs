@@ -64,6 +64,7 @@ impl Blocks {
             metallic: counter.next(),
             roughness: counter.next(),
             alpha_cutoff: counter.next(),
+            textures: counter.next() as u32,
         });
         let lights = std::array::from_fn(|_| LightBlock { position: counter.list(), intensity: counter.list() });
         Self { frame, instances, materials, lights }
@@ -88,9 +89,9 @@ impl Blocks {
             numbers.extend(instance.world_from_local.as_flattened());
             numbers.push(instance.material as f32);
         }
-        for MaterialBlock { base_color, metallic, roughness, alpha_cutoff } in self.materials {
+        for MaterialBlock { base_color, metallic, roughness, alpha_cutoff, textures } in self.materials {
             numbers.extend(base_color);
-            numbers.extend([metallic, roughness, alpha_cutoff]);
+            numbers.extend([metallic, roughness, alpha_cutoff, textures as f32]);
         }
         numbers
     }

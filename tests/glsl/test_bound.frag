@@ -5,6 +5,7 @@
 #include "shared.glsl"
 #include "brdf.glsl"
 #include "point_lights.glsl"
+#include "surface.glsl"
 
 layout(location = 0) out vec4 colour;
 
@@ -20,6 +21,6 @@ void main()
     float peak = 0.5 * INV_PI / (a2 * sqrt(a2 + (1.0 - a2) * s.nv * s.nv)) + 1.0;
     vec3 sum = vec3(0.0), l;
     for (uint i = 0u; i < frame.light_count; ++i)
-        sum += light_irradiance(lights[i], l) * peak;
+        sum += light_irradiance(lights[i], position_world, l) * peak;
     colour = vec4(sum, 1.0);
 }

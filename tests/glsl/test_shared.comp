@@ -37,5 +37,6 @@ void main()
         put(vec4(materials[i].base_color, materials[i].metallic));
         put(materials[i].roughness);
         put(materials[i].alpha_cutoff);
+        put(float(materials[i].textures));
     }
 }

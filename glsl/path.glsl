@@ -1,0 +1,118 @@
+// Light transport: what a point sends towards its viewer, by one random path with next-event estimation.
+// Kajiya, "The Rendering Equation" (1986); Veach, "Robust Monte Carlo Methods for Light Transport Simulation" (1997).
+#ifndef PATH_GLSL
+#define PATH_GLSL
+
+#include "shared.glsl"
+#include "importance.glsl"
+#include "point_lights.glsl"
+#include "ray_surface.glsl"
+#include "scatter.glsl"
+
+// What is traced, the order of render::Transport.
+layout(constant_id = 16) const uint TRANSPORT = 0;
+const uint TRANSPORT_NONE = 0;   // nothing blocks light or gives it back
+const uint TRANSPORT_DIRECT = 1; // lamps cast shadows
+const uint TRANSPORT_ALL = 2;
+
+// No real scene's paths get there: each bounce beyond the third survives with the path's own brightness as its chance.
+const uint MOST_BOUNCES = 256;
+const uint CERTAIN_BOUNCES = 3;
+// Above it a path would go on for too long between white walls for what it adds.
+const float MOST_SURVIVAL = 0.98;
+
+// Density of directions towards the panorama where it is seen along d.
+float towards_panorama(vec3 d)
+{
+    return panorama_density(panorama_from_world(d));
+}
+
+vec3 seen_panorama(vec3 d)
+{
+    return panorama_radiance(panorama_from_world(d));
+}
+
+// What a lamp adds, before anything blocks it, with the direction and distance to it.
+vec3 lamp_light(PathPoint p, Scatter m, PointLight lamp, out vec3 l, out float far)
+{
+    vec3 irradiance = light_irradiance(lamp, p.position, l);
+    far = distance(lamp.position, p.position);
+    float nl = dot(p.s.n, l);
+    return nl > 0.0 ? irradiance * nl * brdf(p.s, l, m.energy, m.at_v) : vec3(0.0);
+}
+
+// One sample of the panorama, weighted against `sample_scatter` by the balance heuristic (Veach (1997), eq. 9.8): with a
+// sample from each of two densities, f / (p1 + p2) whichever it came from.
+vec3 panorama_light(Scatter m, mat3 world_from_surface, uvec4 bits, out vec3 l)
+{
+    vec3 l_panorama = sample_panorama(bits);
+    l = world_from_panorama(l_panorama);
+    vec3 l_surface = l * world_from_surface;
+    if (l_surface.z <= 0.0)
+        return vec3(0.0);
+    float density = scatter_density(m, l_surface) + panorama_density(l_panorama);
+    return density > 0.0 ? scattered(m, l_surface) * panorama_radiance(l_panorama) / density : vec3(0.0);
+}
+
+// What lamps and the panorama add directly: every lamp at the first point, one of them at each later one.
+vec3 direct_light(PathPoint p, Scatter m, mat3 world_from_surface, bool first, inout uvec4 seed)
+{
+    uint lamps = LIGHTS < 0 ? frame.light_count : uint(LIGHTS);
+    uint lamp_rays = first ? lamps : min(lamps, 1u);
+    vec3 sum = vec3(0.0), l = p.s.n;
+    for (uint i = 0u; i <= lamp_rays; ++i) {
+        seed.w += 1u;
+        uvec4 bits = pcg4d(seed);
+        bool is_lamp = i < lamp_rays;
+        float far = 1e30;
+        vec3 light;
+        if (is_lamp) {
+            uint lamp = first ? i : min(uint(unit_from_bits(bits.x) * float(lamps)), lamps - 1u);
+            light = lamp_light(p, m, lights[lamp], l, far) * (first ? 1.0 : float(lamps));
+        } else {
+            light = panorama_light(m, world_from_surface, bits, l) * p.s.occlusion;
+        }
+        bool is_traced = TRANSPORT == TRANSPORT_ALL || (is_lamp && TRANSPORT == TRANSPORT_DIRECT);
+        if (light != vec3(0.0) && (!is_traced || trace_ray(ray_origin(p), l, far, true).t < 0.0))
+            sum += light;
+    }
+    return sum;
+}
+
+// `seed.w` counts the path's random numbers.
+vec3 transported_light(PathPoint p, uvec4 seed)
+{
+    vec3 sum = vec3(0.0), throughput = vec3(1.0);
+    for (uint bounce = 0u; bounce < MOST_BOUNCES; ++bounce) {
+        mat3 world_from_surface = basis(p.s.n);
+        Scatter m = make_scatter(p.s, world_from_surface);
+        sum += throughput * direct_light(p, m, world_from_surface, bounce == 0u, seed);
+        seed.w += 1u;
+        uvec4 bits = pcg4d(seed);
+        bool mirrored;
+        vec3 l = sample_scatter(m, bits, mirrored);
+        if (l.z <= 0.0)
+            break;
+        float density = scatter_density(m, l);
+        throughput *= mirrored ? f_schlick(m.f0, m.v.z) / m.specular_share : scattered(m, l) / density;
+        vec3 l_world = world_from_surface * l;
+        RayHit hit = RayHit(-1.0, 0u, vec3(0.0));
+        if (TRANSPORT == TRANSPORT_ALL)
+            hit = trace_ray(ray_origin(p), l_world, 1e30, false);
+        if (hit.t < 0.0) {
+            float share = mirrored ? 1.0 : density / (density + towards_panorama(l_world));
+            sum += throughput * seen_panorama(l_world) * (share * p.s.occlusion);
+            break;
+        }
+        if (bounce + 1u >= CERTAIN_BOUNCES) {
+            float survival = min(max(throughput.r, max(throughput.g, throughput.b)), MOST_SURVIVAL);
+            if (unit_from_bits(bits.w) >= survival)
+                break;
+            throughput /= survival;
+        }
+        p = ray_point(hit, l_world);
+    }
+    return sum;
+}
+
+#endif

@@ -1,0 +1,113 @@
+// The surfaces that rays meet: places, frames and materials of hits, in world space.
+#ifndef RAY_SURFACE_GLSL
+#define RAY_SURFACE_GLSL
+
+#include "instance.glsl"
+#include "bvh.glsl"
+#include "math.glsl"
+#include "octahedral.glsl"
+#include "shading_point.glsl"
+
+// As models stand in the scene, before `frame.world_from_models`.
+struct RayCorner {
+    uvec2 frame; // normal and tangent, packed
+    vec2 uv;
+};
+
+layout(RAY_CORNERS, scalar) readonly buffer RayCorners { RayCorner ray_corners[]; }; // three for each triangle
+// Layer i: the textures with which the materials of texture set i are drawn, reduced.
+layout(RAY_BASE_COLOR) uniform sampler2DArray ray_base_color;
+layout(RAY_NORMAL) uniform sampler2DArray ray_normal;
+layout(RAY_ORM) uniform sampler2DArray ray_orm;
+
+// A point that light scatters at.
+struct PathPoint {
+    Surface s;
+    vec3 position;
+    vec3 side;     // unit normal of the triangle, towards where the path came from
+    float rounding; // metres that the position may be off by
+};
+
+// Part of a coordinate or a distance that rounding may move a position by: about 128 units in the last place, which
+// interpolation by rasterisers needs.
+const float ROUNDING = 1.5e-5;
+
+float position_rounding(vec3 position, float distance_metres)
+{
+    vec3 size = abs(position);
+    return ROUNDING * max(max(size.x, size.y), max(size.z, distance_metres));
+}
+
+vec2 ray_uv(RayHit hit)
+{
+    uint first = 3u * hit.triangle;
+    return hit.weights.x * ray_corners[first].uv + hit.weights.y * ray_corners[first + 1u].uv
+        + hit.weights.z * ray_corners[first + 2u].uv;
+}
+
+bool is_hole(RayHit hit)
+{
+    Material material = materials[bvh_triangles[hit.triangle].material_and_mask & ~BVH_MASKED];
+    return textureLod(ray_base_color, vec3(ray_uv(hit), material.textures), 0.0).a < material.alpha_cutoff;
+}
+
+vec4 ray_frame(RayCorner corner)
+{
+    return vec4(unpackSnorm2x16(corner.frame.x), unpackSnorm2x16(corner.frame.y));
+}
+
+// The normal map's vector; see surface.glsl's `mapped_normal`.
+vec3 ray_normal_of(RayHit hit, vec3 at)
+{
+    uint first = 3u * hit.triangle;
+    vec3 n = vec3(0.0), t = vec3(0.0);
+    for (uint i = 0u; i < 3u; ++i) {
+        vec4 frame_local = ray_frame(ray_corners[first + i]);
+        n += hit.weights[i] * frame_normal(frame_local);
+        t += hit.weights[i] * frame_tangent(frame_local).xyz;
+    }
+    float sign = frame_tangent(ray_frame(ray_corners[first])).w;
+    vec2 m_xy = 2.0 * textureLod(ray_normal, at, 0.0).xy - 1.0;
+    float m_z = sqrt(max(1.0 - dot(m_xy, m_xy), 0.0));
+    return normalize_or(m_xy.x * t + m_xy.y * sign * cross(n, t) + m_z * n, vec3(0.0, 1.0, 0.0));
+}
+
+// What a ray of unit direction d met.
+PathPoint ray_point(RayHit hit, vec3 d)
+{
+    BvhTriangle triangle = bvh_triangles[hit.triangle];
+    Material material = materials[triangle.material_and_mask & ~BVH_MASKED];
+    vec3 at = vec3(ray_uv(hit), material.textures);
+    mat3 turn = mat3(frame.world_from_models);
+    vec3 place = hit.weights.x * triangle.a + hit.weights.y * triangle.b + hit.weights.z * triangle.c;
+    vec3 g = turn * normalize_or(cross(triangle.b - triangle.a, triangle.c - triangle.a), vec3(0.0, 1.0, 0.0));
+    float front = dot(g, d) <= 0.0 ? 1.0 : -1.0;
+    vec3 maps = textureLod(ray_orm, at, 0.0).rgb;
+    PathPoint p;
+    p.position = (frame.world_from_models * vec4(place, 1.0)).xyz;
+    p.side = front * g;
+    p.rounding = position_rounding(p.position, hit.t);
+    p.s.n = front * (turn * ray_normal_of(hit, at));
+    p.s.v = -d;
+    p.s.nv = clamp(dot(p.s.n, p.s.v), MIN_COS, 1.0);
+    p.s.base_color = material.base_color * textureLod(ray_base_color, at, 0.0).rgb;
+    p.s.metallic = material.metallic * maps.b;
+    p.s.roughness = material.roughness * maps.g;
+    p.s.occlusion = 1.0; // rays find out themselves what light reaches
+    return p;
+}
+
+// The first hit of a ray in world space, with t in metres.
+RayHit trace_ray(vec3 o, vec3 d, float far, bool any)
+{
+    mat3 turn = mat3(frame.world_from_models);
+    return bvh_trace((o - frame.world_from_models[3].xyz) * turn, d * turn, far, any);
+}
+
+// Where rays begin: clear of the triangle they leave, on the side that they are seen from.
+vec3 ray_origin(PathPoint p)
+{
+    return p.position + 2.0 * p.rounding * p.side;
+}
+
+#endif

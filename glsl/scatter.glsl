@@ -1,0 +1,86 @@
+// The BRDF at a surface for sampling: its value, directions drawn from it, and their density. Local space: +Z is the normal.
+#ifndef SCATTER_GLSL
+#define SCATTER_GLSL
+
+#include "shared.glsl"
+#include "brdf.glsl"
+#include "energy.glsl"
+#include "sampling.glsl"
+#include "shading_point.glsl"
+
+// Below this alpha the lobe (0.006 degrees) is narrower than a texel of a 16k panorama by far, and a mirror.
+const float MIRROR_ALPHA = 1e-4;
+
+// The BRDF at one point, for light from all around.
+struct Scatter {
+    vec3 v;
+    vec3 base_color;
+    vec3 f0;
+    float metallic;
+    float roughness;
+    float alpha;
+    float specular_share; // of the samples: from visible normals, or to a mirror's direction
+    bool mirror;
+    Energy energy;
+    vec2 at_v; // the table's entry
+};
+
+Scatter make_scatter(Surface s, mat3 world_from_surface)
+{
+    Scatter m;
+    vec3 v = s.v * world_from_surface;
+    m.v = normalize(vec3(v.xy, max(v.z, MIN_COS)));
+    m.base_color = s.base_color;
+    m.f0 = f0_from_metallic(s.base_color, s.metallic);
+    m.metallic = s.metallic;
+    m.roughness = s.roughness;
+    m.alpha = s.roughness * s.roughness;
+    m.mirror = m.alpha < MIRROR_ALPHA;
+    m.energy = Energy(table_mean(brdf_table, s.roughness), MULTI_SCATTER);
+    m.at_v = table_entry(brdf_table, m.v.z, s.roughness);
+    vec3 f = f_schlick(m.f0, m.v.z);
+    vec3 diffuse = (1.0 - s.metallic) * s.base_color + multiple_even(m.energy, s.base_color, s.metallic, m.at_v);
+    float specular = max(f.r, max(f.g, f.b)), matte = max(diffuse.r, max(diffuse.g, diffuse.b));
+    // Never below a tenth: the specular part has peaks that cosine samples do not find.
+    m.specular_share = matte > 0.0 ? clamp(specular / (specular + matte), 0.1, 0.9) : 1.0;
+    return m;
+}
+
+// BRDF times n.l for unit l above the surface; of a mirror without single scattering.
+vec3 scattered(Scatter m, vec3 l)
+{
+    vec3 h = m.v + l;
+    float vh = 0.5 * length(h);
+    vec3 sum;
+    if (GEOMETRY == GEOMETRY_KARIS2013)
+        sum = (1.0 - m.metallic) * diffuse_karis2013(m.base_color, m.f0, vh);
+    else
+        sum = beyond_single(m.energy, m.base_color, m.metallic, table_entry(brdf_table, l.z, m.roughness), m.at_v);
+    if (!m.mirror)
+        sum += f_schlick(m.f0, vh) * (d_ggx(vec3(0.0, 0.0, 1.0), h, m.alpha) * v_environment(l.z, m.v.z, m.roughness, GEOMETRY));
+    return sum * l.z;
+}
+
+// Density of `sample_scatter`, 1/sr; of a mirror that of its other directions.
+float scatter_density(Scatter m, vec3 l)
+{
+    float matte = (1.0 - m.specular_share) * l.z * INV_PI;
+    return m.mirror ? matte : matte + m.specular_share * pdf_vndf(m.v, m.v + l, m.alpha);
+}
+
+// A direction, and whether it is a mirror's own, which has no density: then light is weighted by Fresnel over the share.
+vec3 sample_scatter(Scatter m, uvec4 bits, out bool mirrored)
+{
+    vec2 u = vec2(unit_from_bits(bits.x), unit_from_bits(bits.y));
+    bool specular = unit_from_bits(bits.z) < m.specular_share;
+    mirrored = specular && m.mirror;
+    if (mirrored)
+        return vec3(-m.v.xy, m.v.z);
+    if (specular)
+        return reflect(-m.v, sample_vndf(m.v, u, m.alpha));
+    // Cosine: Malley's method, a disc projected up.
+    float radius = sqrt(u.x), phi = 2.0 * PI * u.y;
+    return vec3(radius * cos(phi), radius * sin(phi), sqrt(1.0 - u.x));
+}
+
+#endif

@@ -1,0 +1,15 @@
+// What shading needs to know of a point of a surface, however it was found.
+#ifndef SHADING_POINT_GLSL
+#define SHADING_POINT_GLSL
+
+struct Surface {
+    vec3 n; // shading normal, towards the eye's side
+    vec3 v; // to the eye
+    float nv;
+    vec3 base_color;
+    float metallic;
+    float roughness;
+    float occlusion;
+};
+
+#endif

@@ -1,0 +1,331 @@
+//! What rays meet, on the GPU: a scene's triangles under a hierarchy with their corners, and reduced copies of textures.
+
+use std::sync::{Arc, Mutex, PoisonError};
+
+use bytemuck::{Pod, Zeroable, bytes_of};
+use glam::{DVec4, Mat4, Vec3};
+
+use super::importance::importance;
+use super::layouts::Layouts;
+use super::pipeline_request::PipelineRequest;
+use super::settings::Transport;
+use crate::Result;
+use crate::gpu::{
+    AddressMode, Binding, Buffer, BufferKind, DescriptorSet, Format, Gpu, Image, ImageAccess, ImageDesc,
+    ImageUsageFlags, Pipeline, Sampler, Shape, Upload, submit_and_wait,
+};
+use crate::reference::octahedral::pack_frame;
+use crate::scene::bvh::{Bvh, BvhTriangle};
+use crate::scene::{Instance, Mesh, Scene, Vertex};
+
+/// The upper bit of a triangle's material: it is alpha-tested. The same as in `glsl/bvh.glsl`.
+const MASKED: u32 = 1 << 31;
+/// Memory for the reduced textures: 16 bytes a texel of each layer.
+const TEXTURE_BYTES: u64 = 128 << 20;
+const TEXEL_BYTES: u64 = 16;
+/// Sides of the reduced textures, in texels.
+const SIDES: [u32; 6] = [1024, 512, 256, 128, 64, 32];
+/// Texels along a side of `glsl/ray_textures.comp`'s workgroups.
+const GROUP: u32 = 8;
+
+/// The CPU data of a scene's rays, and from its first use on the scene on the GPU.
+pub struct LazyRayScene {
+    meshes: Vec<Mesh>,
+    instances: Vec<Instance>,
+    /// For each of the scene's materials.
+    masked: Vec<bool>,
+    has_textures: bool,
+    texture_sets: Arc<[DescriptorSet]>,
+    built: Mutex<Option<Arc<RayScene>>>,
+}
+
+/// The buffers and textures that rays read.
+struct RayScene {
+    nodes: Arc<Buffer>,
+    triangles: Arc<Buffer>,
+    corners: Arc<Buffer>,
+    textures: RayTextures,
+}
+
+/// `bindings::RAYS` for one scene and panorama.
+pub struct RaySet {
+    pub set: DescriptorSet,
+}
+
+/// A triangle: an element of `RAY_TRIANGLES`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+struct TriangleBlock {
+    corners: [[f32; 3]; 3],
+    material_and_mask: u32,
+}
+
+/// One of its corners: an element of `RAY_CORNERS`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+struct CornerBlock {
+    frame: [i16; 4],
+    uv: [f32; 2],
+}
+
+impl LazyRayScene {
+    /// Copies what rays need of a scene; its textures are read from their descriptor sets.
+    pub fn new(scene: &Scene, texture_sets: &Arc<[DescriptorSet]>) -> Self {
+        Self {
+            meshes: scene.meshes.clone(),
+            instances: scene.instances.clone(),
+            masked: scene.materials.iter().map(|material| material.alpha_cutoff.is_some()).collect(),
+            has_textures: !scene.textures.is_empty(),
+            texture_sets: Arc::clone(texture_sets),
+            built: Mutex::new(None),
+        }
+    }
+
+    /// Nothing for rays to meet.
+    fn empty() -> Self {
+        Self {
+            meshes: Vec::new(),
+            instances: Vec::new(),
+            masked: Vec::new(),
+            has_textures: false,
+            texture_sets: Arc::new([]),
+            built: Mutex::new(None),
+        }
+    }
+
+    /// The scene on the GPU; the first call builds it.
+    fn get(&self, gpu: &Arc<Gpu>, layouts: &Layouts) -> Result<Arc<RayScene>> {
+        let mut built = self.built.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(built) = &*built {
+            return Ok(Arc::clone(built));
+        }
+        let bvh = Bvh::new(&self.meshes, &self.instances)?;
+        let side = if self.has_textures { side(self.texture_sets.len() as u64) } else { 1 };
+        let textures = RayTextures::new(gpu, layouts, &self.texture_sets, side)?;
+        let scene = Arc::new(RayScene::new(gpu, &bvh, self, textures)?);
+        *built = Some(Arc::clone(&scene));
+        Ok(scene)
+    }
+
+    fn triangle(&self, triangle: &BvhTriangle) -> TriangleBlock {
+        let material = self.mesh(triangle).material;
+        let mask = if self.masked.get(material) == Some(&true) { MASKED } else { 0 };
+        TriangleBlock { corners: triangle.corners, material_and_mask: material as u32 | mask }
+    }
+
+    fn corners(&self, triangle: &BvhTriangle) -> [CornerBlock; 3] {
+        let mesh = self.mesh(triangle);
+        let place = self.instances[triangle.instance as usize].world_from_local;
+        let first = triangle.first_index as usize;
+        [0, 1, 2].map(|i| corner(&mesh.vertices[mesh.indices[first + i] as usize], place))
+    }
+
+    fn mesh(&self, triangle: &BvhTriangle) -> &Mesh {
+        &self.meshes[self.instances[triangle.instance as usize].mesh]
+    }
+}
+
+/// The largest side whose layers fit into the memory for them.
+fn side(layers: u64) -> u32 {
+    let fits = |side: &&u32| layers * u64::from(**side) * u64::from(**side) * TEXEL_BYTES <= TEXTURE_BYTES;
+    *SIDES.iter().find(fits).unwrap_or(&SIDES[SIDES.len() - 1])
+}
+
+fn corner(vertex: &Vertex, place: Mat4) -> CornerBlock {
+    let turned = |v: Vec3| place.transform_vector3(v).normalize_or(Vec3::Y).as_dvec3();
+    let [x, y, z, sign] = vertex.tangent;
+    let tangent: DVec4 = turned(Vec3::new(x, y, z)).extend(sign.into());
+    CornerBlock { frame: pack_frame(turned(vertex.normal.into()), tangent), uv: vertex.uv }
+}
+
+impl RayScene {
+    fn new(gpu: &Arc<Gpu>, bvh: &Bvh, source: &LazyRayScene, textures: RayTextures) -> Result<Self> {
+        let triangles: Vec<TriangleBlock> = bvh.triangles().iter().map(|t| source.triangle(t)).collect();
+        let corners: Vec<CornerBlock> = bvh.triangles().iter().flat_map(|t| source.corners(t)).collect();
+        let (triangles, corners): (&[u8], &[u8]) = (bytemuck::cast_slice(&triangles), bytemuck::cast_slice(&corners));
+        let buffer = |name, bytes: &[u8]| Buffer::new(gpu, name, BufferKind::Storage, bytes.len() as u64);
+        let scene = Self {
+            nodes: buffer("ray nodes", bvh.node_bytes())?,
+            triangles: buffer("ray triangles", triangles)?,
+            corners: buffer("ray corners", corners)?,
+            textures,
+        };
+        let mut upload = Upload::new(gpu);
+        upload.buffer(&scene.nodes, bvh.node_bytes())?;
+        if !triangles.is_empty() {
+            upload.buffer(&scene.triangles, triangles)?;
+            upload.buffer(&scene.corners, corners)?;
+        }
+        upload.finish()?;
+        Ok(scene)
+    }
+}
+
+/// Copies of all textures at one size: layer i holds those of texture set i.
+struct RayTextures {
+    base_color: Arc<Image>,
+    normal: Arc<Image>,
+    orm: Arc<Image>,
+}
+
+impl RayTextures {
+    /// Reduces the textures of each set to a layer of `side` texels a side.
+    fn new(gpu: &Arc<Gpu>, layouts: &Layouts, sets: &[DescriptorSet], side: u32) -> Result<Self> {
+        let layers = (sets.len() as u32).max(1);
+        let image = |name, format| {
+            let usage = ImageUsageFlags::SAMPLED | ImageUsageFlags::STORAGE;
+            let flat = ImageDesc::flat(format, [side; 2], usage);
+            Image::new(gpu, name, ImageDesc { shape: Shape::Layers(layers), ..flat })
+        };
+        // sRGB images cannot be written by shaders, and eight linear bits are too few.
+        let textures = Self {
+            base_color: image("ray base color", Format::R16G16B16A16_SFLOAT)?,
+            normal: image("ray normal", Format::R8G8B8A8_UNORM)?,
+            orm: image("ray orm", Format::R8G8B8A8_UNORM)?,
+        };
+        let all = [&textures.base_color, &textures.normal, &textures.orm];
+        let targets =
+            DescriptorSet::new(gpu, "ray textures", &layouts.ray_textures, &all.map(|i| Binding::StorageImage(i, 0)))?;
+        let used = [&layouts.frame, &layouts.ray_textures, &layouts.textures];
+        let pipeline = Pipeline::compute(gpu, "ray_textures.comp", &[], &used, size_of::<u32>() as u32)?;
+        submit_and_wait(gpu, |commands| {
+            all.iter().for_each(|image| commands.prepare_fresh(image, ImageAccess::Storage));
+            commands.bind_pipeline(&pipeline);
+            commands.bind_set(&pipeline, 1, &targets, &[]);
+            for (layer, set) in (0u32..).zip(sets) {
+                commands.bind_set(&pipeline, 2, set, &[]);
+                commands.push(&pipeline, bytes_of(&layer));
+                commands.dispatch([side.div_ceil(GROUP), side.div_ceil(GROUP), 1]);
+            }
+            all.iter().for_each(|image| commands.prepare(image, ImageAccess::Sampled));
+            Ok(())
+        })?;
+        Ok(textures)
+    }
+}
+
+impl RaySet {
+    /// Binds what the rays of a request's scene meet, and its panorama's importance table. Without transport they meet
+    /// nothing.
+    pub fn new(request: &PipelineRequest) -> Result<Self> {
+        let PipelineRequest { gpu, layouts, ray_scene, panorama, settings, .. } = request;
+        let empty;
+        let source = if settings.transport() == Transport::None {
+            empty = LazyRayScene::empty();
+            &empty
+        } else {
+            ray_scene
+        };
+        let scene = source.get(gpu, layouts)?;
+        let sampler = Sampler::new(gpu, "rays", AddressMode::Repeat, 1)?;
+        let importance = importance(gpu, panorama)?;
+        let bindings = [
+            Binding::Storage(&scene.nodes),
+            Binding::Storage(&scene.triangles),
+            Binding::Storage(&scene.corners),
+            Binding::Sampled(&scene.textures.base_color, &sampler),
+            Binding::Sampled(&scene.textures.normal, &sampler),
+            Binding::Sampled(&scene.textures.orm, &sampler),
+            Binding::Storage(&importance),
+        ];
+        Ok(Self { set: DescriptorSet::new(gpu, "rays", &layouts.rays, &bindings)? })
+    }
+}
+
+#[cfg(test)]
+mod gpu_tests {
+    use super::*;
+    use crate::gpu::{BindingType, DescriptorSetLayout, read_buffer, with_gpu};
+    use crate::scene::bvh::tests::{Random, closed_ball, soup};
+
+    /// What tests/glsl/test_bvh.comp reads.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Pod, Zeroable)]
+    struct Ray {
+        o: [f32; 3],
+        d: [f32; 3],
+        far: f32,
+    }
+
+    /// And writes: the nearest hit, and whether there is any.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Pod, Zeroable)]
+    struct Met {
+        t: f32,
+        triangle: u32,
+        weights: [f32; 3],
+        any: u32,
+    }
+
+    fn traced(gpu: &Arc<Gpu>, bvh: &Bvh, rays: &[Ray]) -> Vec<Met> {
+        let triangle = |t: &BvhTriangle| TriangleBlock { corners: t.corners, material_and_mask: 0 };
+        let triangles: Vec<TriangleBlock> = bvh.triangles().iter().map(triangle).collect();
+        let storage = |bytes: &[u8]| Buffer::with_bytes(gpu, "rays", BufferKind::StorageFromCpu, bytes).unwrap();
+        let [from, nodes, triangles] =
+            [bytemuck::cast_slice(rays), bvh.node_bytes(), bytemuck::cast_slice(&triangles)].map(storage);
+        let to = Buffer::new(gpu, "met", BufferKind::Storage, (size_of::<Met>() * rays.len()) as u64).unwrap();
+        let layout = DescriptorSetLayout::new(gpu, "rays", &[BindingType::Storage; 2]).unwrap();
+        let set = |a, b| DescriptorSet::new(gpu, "rays", &layout, &[Binding::Storage(a), Binding::Storage(b)]).unwrap();
+        let (used, scene) = (set(&from, &to), set(&nodes, &triangles));
+        let pipeline = Pipeline::compute(gpu, "test_bvh.comp", &[], &[&layout; 4], 0).unwrap();
+        submit_and_wait(gpu, |commands| {
+            commands.bind(&pipeline, &[&used, &used, &used, &scene]);
+            commands.dispatch([rays.len().div_ceil(64) as u32, 1, 1]);
+            Ok(())
+        })
+        .unwrap();
+        bytemuck::pod_collect_to_vec(&read_buffer(gpu, &to).unwrap())
+    }
+
+    #[test]
+    fn the_gpu_finds_the_hits_that_the_cpu_finds() {
+        let (meshes, instances) = soup(3000);
+        let bvh = Bvh::new(&meshes, &instances).unwrap();
+        let mut random = Random(5);
+        let mut ray = |i: usize| Ray {
+            o: (1.5 * random.point()).into(),
+            // Along an axis now and then.
+            d: if i % 10 == 0 { Vec3::AXES[i / 10 % 3] } else { random.direction() }.into(),
+            far: if i % 3 == 0 { random.unit() } else { 1e30 },
+        };
+        let rays: Vec<Ray> = (0..8000).map(&mut ray).collect();
+        let got = with_gpu(|gpu| traced(gpu, &bvh, &rays));
+        let (mut hits, mut others) = (0, 0);
+        for (ray, got) in rays.iter().zip(&got) {
+            let want = bvh.trace(ray.o.into(), ray.d.into(), ray.far, |_| true);
+            assert_eq!(got.any == 1, got.t >= 0.0, "{ray:?}: {got:?}");
+            match want {
+                Some(want) if got.t >= 0.0 && got.triangle as usize == want.triangle => {
+                    let off = (got.t - want.t).abs().max((Vec3::from(got.weights) - want.weights).abs().max_element());
+                    assert!(off < 1e-3, "{ray:?}: {got:?} is not {want:?}");
+                    hits += 1;
+                }
+                None if got.t < 0.0 => {}
+                // Through an edge, or where two triangles meet.
+                _ => others += 1,
+            }
+        }
+        assert!(hits > 2000 && others < 8, "{hits} hits, {others} differ");
+    }
+
+    #[test]
+    fn no_ray_of_the_gpu_leaves_a_closed_surface() {
+        let place = Mat4::from_translation(Vec3::new(3.1, -2.7, 0.3));
+        let ball = closed_ball();
+        let bvh = Bvh::new(&[ball.clone()], &[Instance { mesh: 0, world_from_local: place }]).unwrap();
+        let mut random = Random(11);
+        let o = place.transform_point3(Vec3::new(0.1, 0.2, -0.3));
+        let corners = ball.vertices.iter().map(|v| place.transform_point3(v.position.into()) - o);
+        let random = (0..50_000).map(|_| random.direction());
+        let rays: Vec<Ray> = corners.chain(random).map(|d| Ray { o: o.into(), d: d.into(), far: 1e30 }).collect();
+        let got = with_gpu(|gpu| traced(gpu, &bvh, &rays));
+        assert!(got.iter().all(|met| met.t > 0.0 && met.any == 1));
+    }
+
+    #[test]
+    fn textures_for_rays_stay_within_their_memory() {
+        for (layers, want) in [(1, 1024), (8, 1024), (9, 512), (32, 512), (33, 256), (9000, 32)] {
+            assert_eq!(side(layers), want, "{layers} layers");
+        }
+    }
+}
