@@ -54,8 +54,53 @@ vec3 panorama_light(Scatter m, mat3 world_from_surface, uvec4 bits, out vec3 l)
     return density > 0.0 ? scattered(m, l_surface) * panorama_radiance(l_panorama) / density : vec3(0.0);
 }
 
-// What lamps and the panorama add directly: every lamp at the first point, one of them at each later one.
-vec3 direct_light(PathPoint p, Scatter m, mat3 world_from_surface, bool first, inout uvec4 seed)
+// A lamp at random, and how many there are.
+PointLight any_lamp(uint bits, out float count)
+{
+    uint lamps = LIGHTS < 0 ? frame.light_count : uint(LIGHTS);
+    count = float(lamps);
+    return lights[min(uint(unit_from_bits(bits) * count), lamps - 1u)];
+}
+
+// Density per area of points that light leaving a lamp evenly meets, `cosine` to the triangle's normal.
+float lamp_density(float cosine, float distance_metres)
+{
+    return max(cosine, 0.0) * 0.25 * INV_PI / max(distance_metres * distance_metres, TINY);
+}
+
+// What a lamp adds by way of one other point, which light from the lamp is followed to. Paths from the eye find the bright
+// spots beside a lamp too rarely; both ways of finding a point are weighted by the balance heuristic.
+vec3 relayed_light(PathPoint p, Scatter m, mat3 world_from_surface, uvec4 bits)
+{
+    float count;
+    PointLight lamp = any_lamp(bits.x, count);
+    float up = 2.0 * unit_from_bits(bits.y) - 1.0, longitude = 2.0 * PI * unit_from_bits(bits.z);
+    vec3 d = vec3(sqrt(max(1.0 - up * up, 0.0)) * vec2(cos(longitude), sin(longitude)), up);
+    RayHit hit = trace_ray(lamp.position, d, 1e30, false);
+    if (hit.t < 0.0)
+        return vec3(0.0);
+    PathPoint lit = ray_point(hit, d);
+    vec3 to_lit = lit.position - p.position;
+    float squared = max(dot(to_lit, to_lit), TINY), far = sqrt(squared);
+    vec3 l = to_lit / far, l_surface = l * world_from_surface;
+    float cosine = -dot(lit.side, l), from_lamp = lamp_density(-dot(lit.side, d), hit.t);
+    if (l_surface.z <= 0.0 || cosine <= 0.0 || dot(p.side, l) <= 0.0)
+        return vec3(0.0);
+    lit = ray_point(hit, l); // as it is seen from here
+    Scatter of_lit = make_scatter(lit.s, basis(lit.s.n));
+    vec3 l_lamp;
+    float lamp_far;
+    vec3 radiance = lamp_light(lit, of_lit, lamp, l_lamp, lamp_far) * count;
+    float area = cosine / squared; // solid angle per area
+    vec3 light = scattered(m, l_surface) * radiance * area / (scatter_density(m, l_surface) * area + from_lamp);
+    if (light == vec3(0.0) || trace_ray(ray_origin(p), l, far - 2.0 * (p.rounding + lit.rounding), true).t >= 0.0)
+        return vec3(0.0);
+    return light;
+}
+
+// What lamps and the panorama add directly: every lamp at the first point, one of them at each later one. `arrival`: the
+// density per area with which the path found this point, below 0 where `relayed_light` could not find it.
+vec3 direct_light(PathPoint p, Scatter m, mat3 world_from_surface, bool first, float arrival, inout uvec4 seed)
 {
     uint lamps = LIGHTS < 0 ? frame.light_count : uint(LIGHTS);
     uint lamp_rays = first ? lamps : min(lamps, 1u);
@@ -69,6 +114,8 @@ vec3 direct_light(PathPoint p, Scatter m, mat3 world_from_surface, bool first, i
         if (is_lamp) {
             uint lamp = first ? i : min(uint(unit_from_bits(bits.x) * float(lamps)), lamps - 1u);
             light = lamp_light(p, m, lights[lamp], l, far) * (first ? 1.0 : float(lamps));
+            if (arrival >= 0.0)
+                light *= arrival / max(arrival + lamp_density(dot(p.side, l), far), TINY);
         } else {
             light = panorama_light(m, world_from_surface, bits, l) * p.s.occlusion;
         }
@@ -83,10 +130,15 @@ vec3 direct_light(PathPoint p, Scatter m, mat3 world_from_surface, bool first, i
 vec3 transported_light(PathPoint p, uvec4 seed)
 {
     vec3 sum = vec3(0.0), throughput = vec3(1.0);
+    bool has_lamps = LIGHTS != 0 && frame.light_count > 0u;
+    float arrival = -1.0;
     for (uint bounce = 0u; bounce < MOST_BOUNCES; ++bounce) {
         mat3 world_from_surface = basis(p.s.n);
         Scatter m = make_scatter(p.s, world_from_surface);
-        sum += throughput * direct_light(p, m, world_from_surface, bounce == 0u, seed);
+        sum += throughput * direct_light(p, m, world_from_surface, bounce == 0u, arrival, seed);
+        seed.w += 1u;
+        if (TRANSPORT == TRANSPORT_ALL && has_lamps)
+            sum += throughput * relayed_light(p, m, world_from_surface, pcg4d(seed));
         seed.w += 1u;
         uvec4 bits = pcg4d(seed);
         bool mirrored;
@@ -111,6 +163,7 @@ vec3 transported_light(PathPoint p, uvec4 seed)
             throughput /= survival;
         }
         p = ray_point(hit, l_world);
+        arrival = mirrored ? -1.0 : density * dot(p.side, p.s.v) / (hit.t * hit.t);
     }
     return sum;
 }

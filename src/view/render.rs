@@ -10,6 +10,7 @@ use serde::Serialize;
 
 use super::args::Choice;
 use super::frame_clock::ms_since;
+use super::interrupt;
 use super::loader::load_scene;
 use crate::args::{parse_size, write_json};
 use crate::asset::Outputs;
@@ -17,7 +18,7 @@ use crate::asset::picture::Picture;
 use crate::context::{Context, Setup};
 use crate::gpu::{FrameRing, PassTime, Subresource, read_image};
 use crate::render::{
-    DrawCounts, Eye, FRAME_BYTES, FRAMES_IN_FLIGHT, FrameInputs, IPD_METRES, Output, RenderSettings, Renderer,
+    DrawCounts, Eye, FRAME_BYTES, FRAMES_IN_FLIGHT, FrameInputs, IPD_METRES, Output, RenderSettings, Renderer, Shading,
     StandardError, TextureFacts, check_size,
 };
 use crate::scene::load::files as scene_files;
@@ -162,6 +163,7 @@ pub fn render(request: &RenderRequest, setup: &Setup<'_>) -> Result<RenderFacts>
     let prepare_ms = open_ms + ms_since(started);
     let started = Instant::now();
     let (gpu_frames, record_ms) = draw(&context, &mut renderer, &FrameInputs::of(&scene, &eyes), frames)?;
+    let frames = record_ms.len() as u64;
     let facts = RenderFacts {
         scene: request.scene.clone(),
         files: write_layers(&context, &renderer, request)?,
@@ -199,7 +201,8 @@ pub fn find_camera<'a>(scene: &'a Scene, name: Option<&str>) -> Result<&'a Camer
     })
 }
 
-/// Draws frames; returns the GPU times and the recording time of each.
+/// Draws frames; returns the GPU times and the recording time of each. An interrupt ends the averaging of a reference
+/// early, as what there is of it is a picture already.
 fn draw(
     context: &Context,
     renderer: &mut Renderer,
@@ -208,8 +211,18 @@ fn draw(
 ) -> Result<(Vec<Vec<PassTime>>, Vec<f64>)> {
     let mut ring = FrameRing::new(&context.gpu, FRAME_BYTES)?;
     let (mut times, mut record_ms) = (Vec::new(), Vec::new());
+    let averages = renderer.settings().shading == Shading::Reference;
+    let progress = averages.then(|| context.report.progress("reference", frames));
+    if averages {
+        interrupt::listen(|| {});
+    }
     for _ in 0..frames {
         ring.finish_slot()?;
+        if averages && interrupt::is_requested() && !record_ms.is_empty() {
+            context.report.warn(format!("interrupted after {} of {frames} frames", record_ms.len()));
+            break;
+        }
+        progress.iter().for_each(|bar| bar.inc(1));
         let started = ThreadTime::now();
         let mut frame = ring.begin()?;
         times.push(frame.finished.to_vec());
@@ -219,6 +232,8 @@ fn draw(
     }
     times.extend(ring.finish_all()?.map(|frame| frame.to_vec()));
     times.retain(|frame| !frame.is_empty());
+    progress.iter().for_each(|bar| bar.finish_and_clear());
+    interrupt::stop_listening();
     Ok((times, record_ms))
 }
 
