@@ -76,8 +76,10 @@ fn scene() -> Scene {
         alpha_cutoff: None,
     });
     let materials: Vec<Material> = materials.collect();
-    let corner =
-        |x, y| Vertex { position: [x, y, 0.0], normal: [0.0, 0.0, 1.0], uv: [x, y], tangent: [1.0, 0.0, 0.0, 1.0] };
+    let corner = |x, y| {
+        let (normal, tangent) = ([0.0, 0.0, 1.0], [1.0, 0.0, 0.0, 1.0]);
+        Vertex { position: [x, y, 0.0], normal, uv: [x, y], tangent, lightmap_uv: [0.0; 2] }
+    };
     let vertices = vec![corner(0.0, 0.0), corner(1.0, 0.0), corner(0.0, 1.0)];
     let bounds = Bounds { min: Vec3::ZERO, max: Vec3::new(1.0, 1.0, 0.0) };
     let mesh = |material| Mesh {

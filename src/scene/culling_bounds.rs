@@ -68,14 +68,16 @@ fn weld(vertices: &[Vertex]) -> Vec<u32> {
 }
 
 /// Disjoint sets of points (Tarjan 1975, with path halving).
-struct Groups(Vec<u32>);
+pub struct Groups(Vec<u32>);
 
 impl Groups {
-    fn new(count: usize) -> Self {
+    /// Each point alone.
+    pub fn new(count: usize) -> Self {
         Self((0u32..).take(count).collect())
     }
 
-    fn of(&mut self, mut point: u32) -> u32 {
+    /// The least point of a point's set.
+    pub fn of(&mut self, mut point: u32) -> u32 {
         while self.0[point as usize] != point {
             let up = self.0[self.0[point as usize] as usize];
             self.0[point as usize] = up;
@@ -84,7 +86,8 @@ impl Groups {
         point
     }
 
-    fn join(&mut self, a: u32, b: u32) {
+    /// Unites the sets of two points.
+    pub fn join(&mut self, a: u32, b: u32) {
         let (a, b) = (self.of(a), self.of(b));
         self.0[a.max(b) as usize] = a.min(b);
     }
@@ -217,7 +220,7 @@ mod tests {
     #[test]
     fn empty_and_degenerate_meshes_have_no_components() {
         assert!(connected_components(&[], &[]).is_empty());
-        let v = Vertex { position: [0.0; 3], normal: [0.0, 1.0, 0.0], uv: [0.0; 2], tangent: [1.0, 0.0, 0.0, 1.0] };
+        let v = Vertex { normal: [0.0, 1.0, 0.0], tangent: [1.0, 0.0, 0.0, 1.0], ..bytemuck::Zeroable::zeroed() };
         assert!(connected_components(&[v; 3], &[0, 1, 2]).is_empty());
     }
 }

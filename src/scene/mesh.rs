@@ -4,7 +4,7 @@ use std::f32::consts::{PI, TAU};
 
 use glam::{BVec3, Mat4, Vec3};
 
-/// One vertex: 48 bytes. `render` packs it for the GPU.
+/// One vertex: 56 bytes. `render` packs it for the GPU.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
 pub struct Vertex {
@@ -17,6 +17,8 @@ pub struct Vertex {
     /// MikkTSpace tangent (towards +u) and the sign of the bitangent (towards the picture's top, OpenGL +Y):
     /// bitangent = w · cross(normal, tangent).
     pub tangent: [f32; 4],
+    /// Place in the lightmap, 0 to 1, a multiple of 1 / 65536, v downwards; 0 without one: `scene::atlas`.
+    pub lightmap_uv: [f32; 2],
 }
 
 /// Triangles that share one material, counter-clockwise seen from outside.
@@ -42,7 +44,8 @@ impl Mesh {
                 let ((across, y), (sin, cos)) = ((v * PI).sin_cos(), (u * TAU).sin_cos());
                 let n = Vec3::new(across * cos, y, -across * sin);
                 let tangent = [-sin, 0.0, -cos, 1.0];
-                vertices.push(Vertex { position: (radius * n).into(), normal: n.into(), uv: [u, v], tangent });
+                let (position, normal) = ((radius * n).into(), n.into());
+                vertices.push(Vertex { position, normal, uv: [u, v], tangent, lightmap_uv: [0.0; 2] });
                 if row < rows && column < columns {
                     let a = row * (columns + 1) + column;
                     let (b, c, d) = (a + columns + 1, a + columns + 2, a + 1);

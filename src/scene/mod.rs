@@ -1,5 +1,6 @@
 //! Scenes: their contents as plain data, loading, and what can be known of them before they are drawn.
 
+pub mod atlas;
 pub mod cluster;
 pub mod bvh;
 mod contents;

@@ -1,6 +1,7 @@
 //! The features of the renderer that a scene needs, and those that would cost time and not change the picture.
 
 pub mod findings;
+pub mod lightmap;
 pub mod resolution;
 
 use clap::ValueEnum;

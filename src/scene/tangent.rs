@@ -15,7 +15,7 @@ use crate::asset::mesh::{Corner, Submesh};
 pub fn mesh(submesh: &Submesh, material: usize) -> Mesh {
     let tangents = tangents(submesh);
     let mut vertices: Vec<Vertex> = Vec::new();
-    let mut known: HashMap<[u32; 12], u32> = HashMap::with_capacity(submesh.corners.len() / 3);
+    let mut known: HashMap<[u32; 14], u32> = HashMap::with_capacity(submesh.corners.len() / 3);
     let indices = submesh.corners.iter().zip(tangents).map(|(corner, tangent)| {
         let vertex = vertex(corner, tangent);
         *known.entry(bytemuck::cast(vertex)).or_insert_with(|| {
@@ -34,6 +34,7 @@ fn vertex(corner: &Corner, tangent: Vec4) -> Vertex {
         normal: corner.normal.to_array(),
         uv: [corner.uv.x, 1.0 - corner.uv.y],
         tangent: tangent.to_array(),
+        lightmap_uv: [0.0; 2],
     }
 }
 

@@ -1,4 +1,4 @@
-//! A vertex as the GPU reads it: 28 bytes.
+//! A vertex as the GPU reads it: 32 bytes.
 
 use std::mem::offset_of;
 
@@ -8,6 +8,7 @@ use glam::{DVec4, Vec3, Vec4};
 use crate::gpu::Format;
 use crate::reference::octahedral::pack_frame;
 use crate::scene::Vertex;
+use crate::scene::atlas::STEPS;
 
 /// Positions and texture coordinates keep 32 bits: with 16, adjacent walls would show gaps of a part of a pixel, and
 /// coordinates over several repetitions would be too coarse for the texels of a 2048² map.
@@ -18,6 +19,9 @@ pub struct PackedVertex {
     /// Normal, tangent and the bitangent's sign: `reference::octahedral`.
     pub frame: [i16; 4],
     pub uv: [f32; 2],
+    /// In 65536ths. Read as UNORM it has to be multiplied by 65535 / 65536; no shader reads it yet, and the validation
+    /// layer warns of attributes that are not read, so it is none of [`ATTRIBUTES`].
+    pub lightmap_uv: [u16; 2],
 }
 
 /// Locations 0.. of `glsl/forward.vert`.
@@ -31,7 +35,9 @@ impl From<&Vertex> for PackedVertex {
     fn from(vertex: &Vertex) -> Self {
         let normal = Vec3::from(vertex.normal).as_dvec3();
         let tangent: DVec4 = Vec4::from(vertex.tangent).as_dvec4();
-        Self { position: vertex.position, frame: pack_frame(normal, tangent), uv: vertex.uv }
+        // `as` saturates.
+        let lightmap_uv = vertex.lightmap_uv.map(|share| (share * STEPS as f32).round() as u16);
+        Self { position: vertex.position, frame: pack_frame(normal, tangent), uv: vertex.uv, lightmap_uv }
     }
 }
 
@@ -63,15 +69,17 @@ mod gpu_tests {
 
     #[test]
     fn vertices_lie_close() {
-        assert_eq!(size_of::<PackedVertex>(), 28);
+        assert_eq!(size_of::<PackedVertex>(), 32);
         let v = Vertex {
             position: [1.0, 2.0, 3.0],
             normal: [0.0, 1.0, 0.0],
             uv: [0.5, 7.0],
             tangent: [1.0, 0.0, 0.0, -1.0],
+            lightmap_uv: [0.25, 65535.0 / 65536.0],
         };
         let packed = PackedVertex::from(&v);
         assert_eq!((packed.position, packed.uv, packed.frame), (v.position, v.uv, [0, 32767, 32767, packed.frame[3]]));
+        assert_eq!(packed.lightmap_uv, [1 << 14, u16::MAX]);
         assert!((-16384..=-16383).contains(&packed.frame[3]), "{packed:?}");
     }
 }
