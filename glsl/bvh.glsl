@@ -18,14 +18,16 @@ struct BvhNode {
 
 struct BvhTriangle {
     vec3 a, b, c; // metres, as the models stand in the scene
-    uint material_and_mask;
+    uint material_and_flags;
 };
 
 layout(RAY_NODES, scalar) readonly buffer BvhNodes { BvhNode bvh_nodes[]; };
 layout(RAY_TRIANGLES, scalar) readonly buffer BvhTriangles { BvhTriangle bvh_triangles[]; };
 
-// The upper bit of `material_and_mask`: the material is alpha-tested.
+// The upper bits of `material_and_flags`: the material is alpha-tested; the surface is closed, its front faces outwards.
 const uint BVH_MASKED = 0x80000000u;
+const uint BVH_CLOSED = 0x40000000u;
+const uint BVH_MATERIAL = 0x3fffffffu;
 // The same as scene::bvh::STACK, which the tree's depth is checked against.
 const uint BVH_STACK = 32;
 // Slack for rounding, six units in the last place: Ize, "Robust BVH Ray Traversal" (2013), for boxes of bytes.
@@ -126,7 +128,7 @@ RayHit bvh_trace(vec3 o, vec3 d, float t, bool any)
             RayHit hit = bvh_triangle(node.first_triangle + bit, o, d);
             if (hit.t < 0.0 || hit.t >= t)
                 continue;
-            if ((bvh_triangles[hit.triangle].material_and_mask & BVH_MASKED) != 0u && is_hole(hit))
+            if ((bvh_triangles[hit.triangle].material_and_flags & BVH_MASKED) != 0u && is_hole(hit))
                 continue;
             nearest = hit;
             if (any)

@@ -18,6 +18,19 @@ vec3 phong(Surface s)
     return s.base_color * environment_diffuse(s.n) * s.occlusion + point_lights_phong(s, position_world);
 }
 
+// Soft light that the lightmap has of this fragment's side, as irradiance over pi.
+vec3 lightmap_diffuse()
+{
+    float layer = LIGHTMAP == LIGHTMAP_BOTH && !gl_FrontFacing ? 1.0 : 0.0;
+    return textureLod(lightmap, vec3(lightmap_uv, layer), 0.0).rgb * INV_PI;
+}
+
+// What of the open panorama's light a mirror image shows: as much as of its irradiance.
+vec3 reach_of_environment(vec3 n, vec3 even)
+{
+    return min(even / max(environment_diffuse(n), vec3(1e-4)), vec3(16.0));
+}
+
 struct Split {
     vec3 diffuse;
     vec3 specular;
@@ -32,11 +45,12 @@ SpecularLobe lobe_of(Surface s)
 // exact under even light (energy.glsl); elsewhere it takes these terms' slow fall towards grazing light for the cosine's.
 Split environment(Surface s, SpecularLobe lobe)
 {
-    Split split = Split(vec3(0.0), environment_specular(lobe) * s.occlusion);
+    vec3 even = LIGHTMAP == LIGHTMAP_NONE ? environment_diffuse(s.n) * s.occlusion : lightmap_diffuse();
+    vec3 mirrored = LIGHTMAP == LIGHTMAP_NONE ? vec3(s.occlusion) : reach_of_environment(s.n, even);
+    Split split = Split(vec3(0.0), environment_specular(lobe) * mirrored);
     bool multiple = MULTI_SCATTER && GEOMETRY == GEOMETRY_SMITH;
     if (METALNESS == METALNESS_METAL && !multiple)
         return split;
-    vec3 even = environment_diffuse(s.n) * s.occlusion;
     Energy energy = Energy(lobe.mean_entry, multiple);
     if (GEOMETRY == GEOMETRY_KARIS2013) // the thesis's: what the mixed specular part leaves
         split.diffuse = (1.0 - lobe.reflectance) * (1.0 - s.metallic) * s.base_color * even;

@@ -12,6 +12,7 @@ layout(push_constant, scalar) uniform Draw {
 layout(location = 0) in vec3 position_local;
 layout(location = 1) in vec4 frame_local; // normal and tangent, packed
 layout(location = 2) in vec2 uv_in;
+layout(location = 3) in vec2 lightmap_uv_in;
 
 // Centroid: at a triangle's edge, attributes taken outside of it give normals that sparkle.
 layout(location = 0) centroid out vec3 position_world;
@@ -22,6 +23,8 @@ layout(location = 4) flat out uint eye;
 // The material: read here, because lavapipe reads buffers lane by lane, which costs fragments 6 % of a frame.
 layout(location = 5) flat out vec4 base_color_metallic;
 layout(location = 6) flat out vec2 roughness_alpha_cutoff;
+// Centroid: outside of its triangle a coordinate would reach into another chart.
+layout(location = 8) centroid out vec2 lightmap_uv;
 
 vec3 world_direction(mat4 models_from_local, vec3 local)
 {
@@ -42,6 +45,7 @@ void main()
     vec4 tangent_local = frame_tangent(frame_local);
     tangent_world = vec4(normalize(world_direction(models_from_local, tangent_local.xyz)), tangent_local.w);
     uv = uv_in;
+    lightmap_uv = lightmap_uv_in * (65535.0 / 65536.0);
     gl_Position = frame.eyes[eye].clip_from_world * world;
     gl_Layer = int(eye);
 }

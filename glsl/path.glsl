@@ -5,7 +5,7 @@
 
 #include "shared.glsl"
 #include "importance.glsl"
-#include "point_lights.glsl"
+#include "lamp.glsl"
 #include "ray_surface.glsl"
 #include "scatter.glsl"
 

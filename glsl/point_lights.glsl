@@ -2,32 +2,7 @@
 #ifndef POINT_LIGHTS_GLSL
 #define POINT_LIGHTS_GLSL
 
-#include "shared.glsl"
-#include "energy.glsl"
-#include "shading_point.glsl"
-
-// Irradiance of a point light on a surface that faces it, W/m^2, and its direction, a unit vector even where the light itself is.
-vec3 light_irradiance(PointLight light, vec3 position, out vec3 l)
-{
-    vec3 to_light = light.position - position;
-    l = normalize_or(to_light, vec3(0.0, 1.0, 0.0));
-    float squared = dot(to_light, to_light);
-    return squared < 1e38 ? light.intensity / max(squared, 1e-8) : vec3(0.0); // too far, or NaN
-}
-
-// The physically based BRDF for light of no size, in 1/sr.
-vec3 brdf(Surface s, vec3 l, Energy energy, vec2 at_v)
-{
-    vec3 f0 = f0_from_metallic(s.base_color, s.metallic);
-    vec3 sum = specular(s.n, s.v, l, f0, s.roughness, GEOMETRY);
-    if (GEOMETRY == GEOMETRY_KARIS2013)
-        sum += (1.0 - s.metallic) * diffuse_karis2013(s.base_color, f0, 0.5 * length(s.v + l));
-    else if (METALNESS != METALNESS_METAL || MULTI_SCATTER) {
-        vec2 at_l = table_entry(brdf_table, dot(s.n, l), s.roughness);
-        sum += beyond_single(energy, s.base_color, s.metallic, at_l, at_v);
-    }
-    return sum;
-}
+#include "lamp.glsl"
 
 // `at_v`: the table's entry at n.v.
 vec3 point_lights(Surface s, vec3 position, Energy energy, vec2 at_v)

@@ -12,6 +12,7 @@
 struct RayCorner {
     uvec2 frame; // normal and tangent, packed
     vec2 uv;
+    uint lightmap_uv; // two fractions of 65535
 };
 
 layout(RAY_CORNERS, scalar) readonly buffer RayCorners { RayCorner ray_corners[]; }; // three for each triangle
@@ -47,7 +48,7 @@ vec2 ray_uv(RayHit hit)
 
 bool is_hole(RayHit hit)
 {
-    Material material = materials[bvh_triangles[hit.triangle].material_and_mask & ~BVH_MASKED];
+    Material material = materials[bvh_triangles[hit.triangle].material_and_flags & BVH_MATERIAL];
     return textureLod(ray_base_color, vec3(ray_uv(hit), material.textures), 0.0).a < material.alpha_cutoff;
 }
 
@@ -76,7 +77,7 @@ vec3 ray_normal_of(RayHit hit, vec3 at)
 PathPoint ray_point(RayHit hit, vec3 d)
 {
     BvhTriangle triangle = bvh_triangles[hit.triangle];
-    Material material = materials[triangle.material_and_mask & ~BVH_MASKED];
+    Material material = materials[triangle.material_and_flags & BVH_MATERIAL];
     vec3 at = vec3(ray_uv(hit), material.textures);
     mat3 turn = mat3(frame.world_from_models);
     vec3 place = hit.weights.x * triangle.a + hit.weights.y * triangle.b + hit.weights.z * triangle.c;

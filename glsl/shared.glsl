@@ -28,12 +28,18 @@ layout(constant_id = 7) const bool ALPHA_MASK = false;
 layout(constant_id = 8) const int LIGHTS = -1; // below 0: as many as the frame says
 layout(constant_id = 9) const uint METALNESS = 2;
 layout(constant_id = 10) const bool MULTI_SCATTER = true; // with GEOMETRY_SMITH alone
+layout(constant_id = 15) const uint LIGHTMAP = 0;
 layout(constant_id = 11) const bool SLICES = false; // the table's layers beyond the second are there
 
 // METALNESS: the order of scene::needs::Metalness.
 const uint METALNESS_DIELECTRIC = 0;
 const uint METALNESS_METAL = 1;
 const uint METALNESS_MIXED = 2;
+
+// LIGHTMAP: soft light comes from the environment's maps, or from the scene's lightmap, of fronts alone or of both sides.
+const uint LIGHTMAP_NONE = 0;
+const uint LIGHTMAP_FRONTS = 1;
+const uint LIGHTMAP_BOTH = 2;
 
 // SHADING: the order of render::Shading.
 const uint SHADING_PBR = 0;
@@ -72,5 +78,6 @@ layout(SCENE_IRRADIANCE) uniform samplerCube irradiance_over_pi;
 layout(SCENE_SPECULAR_EVEN) uniform samplerCube specular_even;
 layout(SCENE_SPECULAR_ODD) uniform samplerCube specular_odd;
 layout(SCENE_BRDF_TABLE) uniform sampler2DArray brdf_table;
+layout(SCENE_LIGHTMAP) uniform sampler2DArray lightmap; // soft light as irradiance; layer 0: fronts, layer 1: backs
 
 #endif

@@ -17,6 +17,7 @@ layout(location = 3) centroid in vec4 tangent_world;
 layout(location = 4) flat in uint eye;
 layout(location = 5) flat in vec4 base_color_metallic;
 layout(location = 6) flat in vec2 roughness_alpha_cutoff;
+layout(location = 8) centroid in vec2 lightmap_uv;
 
 // The normal map's vector in world space. MikkTSpace: the bitangent is made per fragment, and n and t enter as
 // interpolated, not renormalised, because that is how the map was baked (Mikkelsen 2008, "Simulation of Wrinkled

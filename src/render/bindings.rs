@@ -26,6 +26,7 @@ pub const SCENE: SetBindings = SetBindings {
         ("SCENE_SPECULAR_EVEN", Sampled),
         ("SCENE_SPECULAR_ODD", Sampled),
         ("SCENE_BRDF_TABLE", Sampled),
+        ("SCENE_LIGHTMAP", Sampled),
     ],
 };
 
@@ -58,6 +59,22 @@ pub const RAY_TEXTURES: SetBindings = SetBindings {
     ],
 };
 
+/// A lightmap while it is computed, in compute passes.
+pub const LIGHTMAP: SetBindings = SetBindings {
+    set: 2,
+    bindings: &[
+        ("LIGHTMAP_TEXELS", Storage),
+        ("LIGHTMAP_SUMS", Storage),
+        ("LIGHTMAP_ALBEDOS", Storage),
+        ("LIGHTMAP_RELAYS", Storage),
+        ("LIGHTMAP_DIRECT", Sampled),
+        ("LIGHTMAP_SOFT", Sampled),
+        ("LIGHTMAP_DIRECT_IMAGE", StorageImage),
+        ("LIGHTMAP_SOFT_IMAGE", StorageImage),
+        ("LIGHTMAP_LIGHT_IMAGE", StorageImage),
+    ],
+};
+
 /// The reference's accumulation, a compute pass.
 pub const ACCUMULATE: SetBindings = SetBindings {
     set: 0,
@@ -76,7 +93,7 @@ pub const SHOW: SetBindings = SetBindings { set: 1, bindings: &[("SHOW_MEAN", Sa
 pub const TEXT: SetBindings = SetBindings { set: 1, bindings: &[("TEXT_FONT", Storage)] };
 
 /// All of them.
-pub const ALL: [SetBindings; 8] = [FRAME, SCENE, TEXTURES, RAYS, RAY_TEXTURES, ACCUMULATE, SHOW, TEXT];
+pub const ALL: [SetBindings; 9] = [FRAME, SCENE, TEXTURES, RAYS, RAY_TEXTURES, LIGHTMAP, ACCUMULATE, SHOW, TEXT];
 
 /// `bindings.glsl`: a macro per binding.
 pub fn glsl() -> String {

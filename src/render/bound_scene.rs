@@ -5,31 +5,43 @@ use std::sync::Arc;
 use super::frame::SceneConstants;
 use super::layouts::Layouts;
 use super::lighting::Lighting;
+use super::lightmap::LightmapBake;
 use super::pipeline_request::PipelineRequest;
 use super::scene_resources::SceneResources;
 use super::settings::RenderSettings;
 use crate::Result;
-use crate::gpu::{AddressMode, Binding, DescriptorSet, Gpu, Sampler};
+use crate::gpu::{
+    AddressMode, Binding, DescriptorSet, Format, Gpu, Image, ImageDesc, ImageUsageFlags, Sampler, Shape, upload_rows,
+};
 
 /// A scene and its light, with a descriptor set that is created again when the light changes.
 pub struct BoundScene {
     pub resources: SceneResources,
     pub lighting: Lighting,
+    /// Soft light on the scene's surfaces, where it is modelled.
+    pub lightmap: Option<LightmapBake>,
     /// `bindings::SCENE`.
     pub set: DescriptorSet,
 }
 
 impl BoundScene {
     /// Binds a scene and its light.
-    pub fn new(gpu: &Arc<Gpu>, layouts: &Layouts, resources: SceneResources, lighting: Lighting) -> Result<Self> {
-        let set = scene_set(gpu, layouts, &resources, &lighting)?;
-        Ok(Self { resources, lighting, set })
+    pub fn new(
+        gpu: &Arc<Gpu>,
+        layouts: &Layouts,
+        resources: SceneResources,
+        lighting: Lighting,
+        lightmap: Option<LightmapBake>,
+    ) -> Result<Self> {
+        let set = scene_set(gpu, layouts, &resources, &lighting, lightmap.as_ref())?;
+        Ok(Self { resources, lighting, lightmap, set })
     }
 
     /// Puts the scene under another light.
     pub fn set_lighting(&mut self, gpu: &Arc<Gpu>, layouts: &Layouts, lighting: Lighting) -> Result<()> {
-        self.set = scene_set(gpu, layouts, &self.resources, &lighting)?;
+        self.set = scene_set(gpu, layouts, &self.resources, &lighting, self.lightmap.as_ref())?;
         self.lighting = lighting;
+        self.lightmap.iter_mut().for_each(LightmapBake::restart);
         Ok(())
     }
 
@@ -51,6 +63,7 @@ impl BoundScene {
             layouts: Arc::clone(layouts),
             variants: self.resources.variants.clone(),
             constant_lights: self.resources.constant_lights,
+            lightmap_layers: self.lightmap.as_ref().map_or(0, LightmapBake::layers),
             ray_scene: Arc::clone(&self.resources.ray_scene),
             panorama: Arc::clone(&self.lighting.maps.panorama),
             settings,
@@ -59,12 +72,23 @@ impl BoundScene {
     }
 }
 
+/// One black texel, where no lightmap is read.
+fn no_lightmap(gpu: &Arc<Gpu>) -> Result<Arc<Image>> {
+    let usage = ImageUsageFlags::SAMPLED | ImageUsageFlags::TRANSFER_DST;
+    let flat = ImageDesc::flat(Format::R16G16B16A16_SFLOAT, [1, 1], usage);
+    let image = Image::new(gpu, "no lightmap", ImageDesc { shape: Shape::Layers(1), ..flat })?;
+    upload_rows(gpu, &image, size_of::<[u16; 4]>() as u64, |_| vec![0; size_of::<[u16; 4]>()])?;
+    Ok(image)
+}
+
 fn scene_set(
     gpu: &Arc<Gpu>,
     layouts: &Layouts,
     resources: &SceneResources,
     Lighting { maps, table }: &Lighting,
+    lightmap: Option<&LightmapBake>,
 ) -> Result<DescriptorSet> {
+    let lightmap = lightmap.map_or_else(|| no_lightmap(gpu), |lightmap| Ok(Arc::clone(lightmap.image())))?;
     let panorama = Sampler::new(gpu, "panorama", AddressMode::Panorama, 1)?;
     let clamped = Sampler::new(gpu, "clamped", AddressMode::Clamp, 1)?;
     let bindings = [
@@ -76,6 +100,7 @@ fn scene_set(
         Binding::Sampled(&maps.specular[0], &clamped),
         Binding::Sampled(&maps.specular[1], &clamped),
         Binding::Sampled(&table.image, &clamped),
+        Binding::Sampled(&lightmap, &clamped),
     ];
     DescriptorSet::new(gpu, "scene", &layouts.scene, &bindings)
 }

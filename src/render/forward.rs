@@ -54,9 +54,10 @@ pub struct ForwardPass {
 impl ForwardPass {
     /// Creates a pipeline for each variant, and the sky's.
     pub fn new(request: &PipelineRequest) -> Result<Self> {
-        let PipelineRequest { gpu, layouts, variants, constant_lights, settings, eyes, .. } = request;
+        let PipelineRequest { gpu, layouts, variants, constant_lights, lightmap_layers, settings, eyes, .. } = request;
+        let is_reference = settings.shading == Shading::Reference;
         let stages = Stages::new(settings);
-        let common: [Constant; 7] = [
+        let common: [Constant; 8] = [
             (constant::EYES, *eyes),
             (constant::SHADING, settings.shading as u32),
             (constant::GEOMETRY, settings.geometry as u32),
@@ -64,6 +65,7 @@ impl ForwardPass {
             (constant::SLICES, u32::from(settings.split_sum == SplitSum::Slices)),
             // Below 0: the shader reads the count from the frame's block.
             (constant::LIGHTS, constant_lights.unwrap_or(u32::MAX)),
+            (constant::LIGHTMAP, if is_reference { 0 } else { *lightmap_layers }),
             (constant::TRANSPORT, settings.transport() as u32),
         ];
         let drawing = layouts.drawing();
@@ -74,7 +76,6 @@ impl ForwardPass {
             samples: stages.samples,
             ..GraphicsDesc::default()
         };
-        let is_reference = settings.shading == Shading::Reference;
         let multiple = settings.scattering == Scattering::Multiple;
         let surface = |features: &MaterialFeatures| {
             // A path that begins on one material goes on to others.

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::bindings::{ACCUMULATE, FRAME, RAY_TEXTURES, RAYS, SCENE, SHOW, SetBindings, TEXT, TEXTURES};
+use super::bindings::{ACCUMULATE, FRAME, LIGHTMAP, RAY_TEXTURES, RAYS, SCENE, SHOW, SetBindings, TEXT, TEXTURES};
 use crate::Result;
 use crate::gpu::{BindingType, DescriptorSetLayout, Gpu};
 
@@ -13,6 +13,7 @@ pub struct Layouts {
     pub textures: DescriptorSetLayout,
     pub rays: DescriptorSetLayout,
     pub ray_textures: DescriptorSetLayout,
+    pub lightmap: DescriptorSetLayout,
     pub accumulate: DescriptorSetLayout,
     pub show: DescriptorSetLayout,
 }
@@ -26,9 +27,15 @@ impl Layouts {
             textures: layout(gpu, "textures", &TEXTURES)?,
             rays: layout(gpu, "rays", &RAYS)?,
             ray_textures: layout(gpu, "ray textures", &RAY_TEXTURES)?,
+            lightmap: layout(gpu, "lightmap", &LIGHTMAP)?,
             accumulate: layout(gpu, "accumulate", &ACCUMULATE)?,
             show: layout(gpu, "show", &SHOW)?,
         })
+    }
+
+    /// The layouts of passes that compute a scene's lightmap: frame, scene, lightmap, rays.
+    pub fn baking(&self) -> [&DescriptorSetLayout; 4] {
+        [&self.frame, &self.scene, &self.lightmap, &self.rays]
     }
 
     /// The layouts of passes that draw a scene: frame, scene, textures, rays.

@@ -18,6 +18,7 @@ mod importance;
 mod kept_pipelines;
 mod layouts;
 mod lighting;
+mod lightmap;
 mod output;
 mod overlay;
 mod pipeline_request;

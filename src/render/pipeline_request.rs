@@ -16,6 +16,8 @@ pub struct PipelineRequest {
     pub(super) variants: Vec<MaterialFeatures>,
     /// The number of point lights; `None` for any.
     pub(super) constant_lights: Option<u32>,
+    /// Of the scene's lightmap; 0 without one.
+    pub(super) lightmap_layers: u32,
     /// What the reference's rays meet.
     pub(super) ray_scene: Arc<LazyRayScene>,
     /// The panorama that the reference samples.

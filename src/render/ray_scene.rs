@@ -7,19 +7,20 @@ use glam::{DVec4, Mat4, Vec3};
 
 use super::importance::importance;
 use super::layouts::Layouts;
-use super::pipeline_request::PipelineRequest;
-use super::settings::Transport;
 use crate::Result;
 use crate::gpu::{
     AddressMode, Binding, Buffer, BufferKind, DescriptorSet, Format, Gpu, Image, ImageAccess, ImageDesc,
     ImageUsageFlags, Pipeline, Sampler, Shape, Upload, submit_and_wait,
 };
 use crate::reference::octahedral::pack_frame;
+use crate::scene::atlas::steps;
 use crate::scene::bvh::{Bvh, BvhTriangle};
-use crate::scene::{Instance, Mesh, Scene, Vertex};
+use crate::scene::lightmap_texels::{LightmapTexel, closed, lightmap_texels};
+use crate::scene::{GeometryView, Instance, Mesh, Scene, Vertex};
 
-/// The upper bit of a triangle's material: it is alpha-tested. The same as in `glsl/bvh.glsl`.
+/// The upper bits of a triangle's material, the same as in `glsl/bvh.glsl`: it is alpha-tested; its surface is closed.
 const MASKED: u32 = 1 << 31;
+const CLOSED: u32 = 1 << 30;
 /// Memory for the reduced textures: 16 bytes a texel of each layer.
 const TEXTURE_BYTES: u64 = 128 << 20;
 const TEXEL_BYTES: u64 = 16;
@@ -39,8 +40,11 @@ pub struct LazyRayScene {
     built: Mutex<Option<Arc<RayScene>>>,
 }
 
-/// The buffers and textures that rays read.
-struct RayScene {
+/// The buffers and textures that rays read, and the hierarchy on the CPU.
+pub struct RayScene {
+    pub bvh: Bvh,
+    /// For each of its triangles whether it is part of a closed surface.
+    pub closed: Vec<bool>,
     nodes: Arc<Buffer>,
     triangles: Arc<Buffer>,
     corners: Arc<Buffer>,
@@ -57,7 +61,7 @@ pub struct RaySet {
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 struct TriangleBlock {
     corners: [[f32; 3]; 3],
-    material_and_mask: u32,
+    material_and_flags: u32,
 }
 
 /// One of its corners: an element of `RAY_CORNERS`.
@@ -66,14 +70,16 @@ struct TriangleBlock {
 struct CornerBlock {
     frame: [i16; 4],
     uv: [f32; 2],
+    /// In 65536ths.
+    lightmap_uv: [u16; 2],
 }
 
 impl LazyRayScene {
-    /// Copies what rays need of a scene; its textures are read from their descriptor sets.
-    pub fn new(scene: &Scene, texture_sets: &Arc<[DescriptorSet]>) -> Self {
+    /// Copies what rays need of a scene with this geometry; its textures are read from their descriptor sets.
+    pub fn new(scene: &Scene, geometry: GeometryView<'_>, texture_sets: &Arc<[DescriptorSet]>) -> Self {
         Self {
-            meshes: scene.meshes.clone(),
-            instances: scene.instances.clone(),
+            meshes: geometry.meshes.to_vec(),
+            instances: geometry.instances.to_vec(),
             masked: scene.materials.iter().map(|material| material.alpha_cutoff.is_some()).collect(),
             has_textures: !scene.textures.is_empty(),
             texture_sets: Arc::clone(texture_sets),
@@ -94,23 +100,30 @@ impl LazyRayScene {
     }
 
     /// The scene on the GPU; the first call builds it.
-    fn get(&self, gpu: &Arc<Gpu>, layouts: &Layouts) -> Result<Arc<RayScene>> {
+    pub fn get(&self, gpu: &Arc<Gpu>, layouts: &Layouts) -> Result<Arc<RayScene>> {
         let mut built = self.built.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(built) = &*built {
             return Ok(Arc::clone(built));
         }
         let bvh = Bvh::new(&self.meshes, &self.instances)?;
+        let closed = closed(&bvh, &self.meshes, &self.instances);
         let side = if self.has_textures { side(self.texture_sets.len() as u64) } else { 1 };
         let textures = RayTextures::new(gpu, layouts, &self.texture_sets, side)?;
-        let scene = Arc::new(RayScene::new(gpu, &bvh, self, textures)?);
+        let scene = Arc::new(RayScene::new(gpu, (bvh, closed), self, textures)?);
         *built = Some(Arc::clone(&scene));
         Ok(scene)
     }
 
-    fn triangle(&self, triangle: &BvhTriangle) -> TriangleBlock {
+    /// The texels of a lightmap of this side.
+    pub fn lightmap_texels(&self, scene: &RayScene, side: u32) -> Vec<LightmapTexel> {
+        lightmap_texels(&scene.bvh, &self.meshes, &self.instances, side, &scene.closed)
+    }
+
+    fn triangle(&self, triangle: &BvhTriangle, closed: bool) -> TriangleBlock {
         let material = self.mesh(triangle).material;
-        let mask = if self.masked.get(material) == Some(&true) { MASKED } else { 0 };
-        TriangleBlock { corners: triangle.corners, material_and_mask: material as u32 | mask }
+        let masked = if self.masked.get(material) == Some(&true) { MASKED } else { 0 };
+        let closed = if closed { CLOSED } else { 0 };
+        TriangleBlock { corners: triangle.corners, material_and_flags: material as u32 | masked | closed }
     }
 
     fn corners(&self, triangle: &BvhTriangle) -> [CornerBlock; 3] {
@@ -135,12 +148,30 @@ fn corner(vertex: &Vertex, place: Mat4) -> CornerBlock {
     let turned = |v: Vec3| place.transform_vector3(v).normalize_or(Vec3::Y).as_dvec3();
     let [x, y, z, sign] = vertex.tangent;
     let tangent: DVec4 = turned(Vec3::new(x, y, z)).extend(sign.into());
-    CornerBlock { frame: pack_frame(turned(vertex.normal.into()), tangent), uv: vertex.uv }
+    let frame = pack_frame(turned(vertex.normal.into()), tangent);
+    CornerBlock { frame, uv: vertex.uv, lightmap_uv: steps(vertex.lightmap_uv) }
 }
 
 impl RayScene {
-    fn new(gpu: &Arc<Gpu>, bvh: &Bvh, source: &LazyRayScene, textures: RayTextures) -> Result<Self> {
-        let triangles: Vec<TriangleBlock> = bvh.triangles().iter().map(|t| source.triangle(t)).collect();
+    /// Whether some point has a surface nearer than `part` of the scene's radius.
+    pub fn is_near(&self, points: &[Vec3], part: f32) -> bool {
+        let far = part * self.bvh.bounds().radius();
+        // Along a spiral over the sphere: Roberts, "How to evenly distribute points on a sphere" (2018).
+        let direction = |i: u16| {
+            let (up, longitude) = (1.0 - (2.0 * f32::from(i) + 1.0) / 256.0, f32::from(i) * 2.399_963_2);
+            Vec3::new(longitude.cos(), 0.0, longitude.sin()) * (1.0 - up * up).sqrt() + up * Vec3::Y
+        };
+        points.iter().any(|p| (0..256).any(|i| self.bvh.trace(*p, direction(i), far, |_| true).is_some()))
+    }
+
+    fn new(
+        gpu: &Arc<Gpu>,
+        (bvh, closed): (Bvh, Vec<bool>),
+        source: &LazyRayScene,
+        textures: RayTextures,
+    ) -> Result<Self> {
+        let triangle = |(triangle, closed): (&BvhTriangle, &bool)| source.triangle(triangle, *closed);
+        let triangles: Vec<TriangleBlock> = bvh.triangles().iter().zip(&closed).map(triangle).collect();
         let corners: Vec<CornerBlock> = bvh.triangles().iter().flat_map(|t| source.corners(t)).collect();
         let (triangles, corners): (&[u8], &[u8]) = (bytemuck::cast_slice(&triangles), bytemuck::cast_slice(&corners));
         let buffer = |name, bytes: &[u8]| Buffer::new(gpu, name, BufferKind::Storage, bytes.len() as u64);
@@ -149,9 +180,11 @@ impl RayScene {
             triangles: buffer("ray triangles", triangles)?,
             corners: buffer("ray corners", corners)?,
             textures,
+            bvh,
+            closed,
         };
         let mut upload = Upload::new(gpu);
-        upload.buffer(&scene.nodes, bvh.node_bytes())?;
+        upload.buffer(&scene.nodes, scene.bvh.node_bytes())?;
         if !triangles.is_empty() {
             upload.buffer(&scene.triangles, triangles)?;
             upload.buffer(&scene.corners, corners)?;
@@ -205,20 +238,20 @@ impl RayTextures {
 }
 
 impl RaySet {
-    /// Binds what the rays of a request's scene meet, and its panorama's importance table. Without transport they meet
-    /// nothing.
-    pub fn new(request: &PipelineRequest) -> Result<Self> {
-        let PipelineRequest { gpu, layouts, ray_scene, panorama, settings, .. } = request;
-        let empty;
-        let source = if settings.transport() == Transport::None {
-            empty = LazyRayScene::empty();
-            &empty
-        } else {
-            ray_scene
-        };
-        let scene = source.get(gpu, layouts)?;
+    /// Binds what rays meet, nothing for `None`, and the importance table of a panorama where one is sampled.
+    pub fn new(
+        gpu: &Arc<Gpu>,
+        layouts: &Layouts,
+        ray_scene: Option<&LazyRayScene>,
+        panorama: Option<&Image>,
+    ) -> Result<Self> {
+        let empty = LazyRayScene::empty();
+        let scene = ray_scene.unwrap_or(&empty).get(gpu, layouts)?;
         let sampler = Sampler::new(gpu, "rays", AddressMode::Repeat, 1)?;
-        let importance = importance(gpu, panorama)?;
+        let importance = match panorama {
+            Some(panorama) => importance(gpu, panorama)?,
+            None => Buffer::new(gpu, "no importance", BufferKind::Storage, size_of::<[u32; 8]>() as u64)?,
+        };
         let bindings = [
             Binding::Storage(&scene.nodes),
             Binding::Storage(&scene.triangles),
@@ -258,7 +291,7 @@ mod gpu_tests {
     }
 
     fn traced(gpu: &Arc<Gpu>, bvh: &Bvh, rays: &[Ray]) -> Vec<Met> {
-        let triangle = |t: &BvhTriangle| TriangleBlock { corners: t.corners, material_and_mask: 0 };
+        let triangle = |t: &BvhTriangle| TriangleBlock { corners: t.corners, material_and_flags: 0 };
         let triangles: Vec<TriangleBlock> = bvh.triangles().iter().map(triangle).collect();
         let storage = |bytes: &[u8]| Buffer::with_bytes(gpu, "rays", BufferKind::StorageFromCpu, bytes).unwrap();
         let [from, nodes, triangles] =

@@ -12,6 +12,7 @@ use super::frame_set::FrameSet;
 use super::output::Output;
 use super::pipeline_request::PipelineRequest;
 use super::ray_scene::RaySet;
+use super::settings::Transport;
 use super::shared::{FrameBlock, constant};
 use super::targets::ViewTargets;
 use crate::Result;
@@ -81,7 +82,7 @@ pub struct ReferencePasses {
 impl ReferencePasses {
     /// Creates the pipelines and builds what rays meet.
     pub fn new(request: &PipelineRequest) -> Result<Self> {
-        let PipelineRequest { gpu, layouts, settings, eyes, .. } = request;
+        let PipelineRequest { gpu, layouts, ray_scene, panorama, settings, eyes, .. } = request;
         let push_bytes = size_of::<Count>() as u32;
         let accumulate = Pipeline::compute(gpu, "reference_accumulate.comp", &[], &[&layouts.accumulate], push_bytes)?;
         let show = GraphicsDesc {
@@ -96,7 +97,8 @@ impl ReferencePasses {
             colours: &[settings.output.format()],
             ..GraphicsDesc::default()
         };
-        let rays = RaySet::new(request)?;
+        let traced = (settings.transport() != Transport::None).then_some(&**ray_scene);
+        let rays = RaySet::new(gpu, layouts, traced, Some(panorama))?;
         Ok(Self { accumulate, show: Pipeline::graphics(gpu, &show)?, rays })
     }
 }

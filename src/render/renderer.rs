@@ -1,28 +1,40 @@
 //! A scene on the GPU and everything that draws it, frame by frame.
 
 use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+
+use glam::Vec3;
 
 use super::bound_scene::BoundScene;
 use super::draws::{DrawCounts, DrawList};
 use super::eye::Eye;
-use super::frame::FrameInputs;
+use super::frame::{FRAME_BYTES, FrameInputs};
 use super::frame_set::FrameSet;
 use super::hidden_area::HiddenArea;
 use super::kept_pipelines::KeptPipelines;
 use super::layouts::Layouts;
 use super::lighting::Lighting;
+use super::lightmap::LightmapBake;
 use super::overlay::Overlay;
 use super::pipeline_request::PipelineRequest;
 use super::pipelines::PassPipelines;
 use super::reference_accumulator::{ReferenceAccumulator, StandardError, jittered};
 use super::scene_resources::{SceneResources, TextureFacts};
-use super::settings::RenderSettings;
+use super::settings::{LightModel, RenderSettings};
 use super::shared::FrameBlock;
 use super::targets::{Detail, ViewTargets};
 use crate::Result;
 use crate::context::Context;
-use crate::gpu::{FrameContext, Image, PassTime};
-use crate::scene::{Scene, SceneFeatures};
+use crate::gpu::{FrameContext, FrameRing, Image, PassTime};
+use crate::scene::atlas::{Flattened, Work, flatten};
+use crate::scene::needs::lightmap::lightmap_side;
+use crate::scene::{GeometryView, Scene};
+
+/// What a piece of a lightmap may take of each frame, and where no frame waits for it, milliseconds.
+const LIGHTMAP_MS: f64 = 4.0;
+const BAKE_MS: f64 = 50.0;
+/// Steps of a progress bar.
+const PROGRESS: u64 = 1000;
 
 /// A scene on the GPU and everything that draws it.
 pub struct Renderer {
@@ -47,11 +59,16 @@ impl Renderer {
         let mut kept = KeptPipelines::load(context);
         settings.textures.warn_if_raw(context);
         let layouts = Arc::new(Layouts::new(gpu)?);
-        let features = SceneFeatures::of(scene, settings.model, settings.viewpoint);
-        let textures = settings.textures.options(context);
-        let resources = SceneResources::new(context, &layouts, scene, &features, &textures)?;
+        let flattened = flattened(context, scene, &settings);
+        let geometry = flattened
+            .as_ref()
+            .map_or(scene.geometry(), |f| GeometryView { meshes: &f.meshes, instances: &f.instances });
+        let resources = SceneResources::new(context, &layouts, scene, geometry, &settings)?;
         let lighting = Lighting::new(context, &scene.environment.panorama, &settings)?;
-        let scene = BoundScene::new(gpu, &layouts, resources, lighting)?;
+        let lamps: Vec<Vec3> = scene.lights.iter().map(|light| light.position).collect();
+        let bake = |f: &Flattened| LightmapBake::new(gpu, &layouts, &resources.ray_scene, f.atlas.size[0], &lamps);
+        let lightmap = flattened.as_ref().map(bake).transpose()?;
+        let scene = BoundScene::new(gpu, &layouts, resources, lighting, lightmap)?;
         let request = scene.pipeline_request(gpu, &layouts, settings, eyes);
         let pipelines = PassPipelines::build(&request)?;
         kept.save();
@@ -217,6 +234,11 @@ impl Renderer {
         self.list_draws(inputs);
         let Self { scene, pipelines, targets, reference, draws, .. } = self;
         let block = inputs.block(scene.constants());
+        if let Some(lightmap) = scene.lightmap.as_mut().filter(|lightmap| !lightmap.is_done()) {
+            lightmap.pace(&frame.finished, LIGHTMAP_MS);
+            let block = frame.push(&block)?;
+            lightmap.record(&mut frame.commands, FrameSet { set: frame.set, block }, &scene.set);
+        }
         if let Some((reference, passes)) = reference.as_mut().zip(pipelines.reference.as_ref()) {
             let index = reference.next_index(block, targets.area);
             let eyes = Eye::each(inputs.eyes, |eye| jittered(eye, index, targets.area));
@@ -246,6 +268,29 @@ impl Renderer {
         Ok(())
     }
 
+    /// Computes the lightmap to its end.
+    ///
+    /// # Errors
+    /// A failed Vulkan call.
+    pub fn finish_lightmap(&mut self, inputs: &FrameInputs<'_>) -> Result<()> {
+        let Self { context, scene, .. } = self;
+        let block = inputs.block(scene.constants());
+        let Some(lightmap) = &mut scene.lightmap else { return Ok(()) };
+        let mut ring = FrameRing::new(&context.gpu, FRAME_BYTES)?;
+        let progress = context.report.progress("light", PROGRESS);
+        while !lightmap.is_done() {
+            let mut frame = ring.begin()?;
+            lightmap.pace(&frame.finished, BAKE_MS);
+            let block = frame.push(&block)?;
+            lightmap.record(&mut frame.commands, FrameSet { set: frame.set, block }, &scene.set);
+            frame.submit(None)?;
+            progress.set_position((lightmap.progress() * PROGRESS as f32) as u64);
+        }
+        ring.finish_all()?;
+        progress.finish_and_clear();
+        Ok(())
+    }
+
     /// Records text over the finished picture.
     ///
     /// # Errors
@@ -270,4 +315,15 @@ impl Renderer {
     fn size(&self) -> [u32; 2] {
         self.targets.picture.desc().size
     }
+}
+
+/// The scene's geometry with lightmap coordinates, where its soft light is modelled and an atlas can be made.
+fn flattened(context: &Context, scene: &Scene, settings: &RenderSettings) -> Option<Flattened> {
+    if settings.light != LightModel::Baked {
+        return None;
+    }
+    let Context { cache, report, .. } = context;
+    let work = Work { cache: cache.as_ref(), report, stop: &AtomicBool::new(false) };
+    let made = report.time("atlas", || flatten(&scene.meshes, &scene.instances, lightmap_side(scene), work));
+    made.inspect_err(|why| report.warn(format!("no lightmap: {why}"))).ok()
 }

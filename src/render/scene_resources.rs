@@ -10,13 +10,13 @@ use std::sync::Arc;
 use super::draws::Draw;
 use super::layouts::Layouts;
 use super::ray_scene::LazyRayScene;
+use super::settings::RenderSettings;
 use super::shared::{InstanceBlock, LightBlock, MaterialBlock};
 use crate::Result;
-use crate::asset::TextureOptions;
 use crate::context::Context;
 use crate::gpu::{Buffer, BufferKind, DescriptorSet, Gpu};
 use crate::scene::cluster::{Cluster, clusters};
-use crate::scene::{Material, MaterialFeatures, PointLight, Scene, SceneFeatures};
+use crate::scene::{GeometryView, Material, MaterialFeatures, PointLight, Scene, SceneFeatures};
 pub use geometry::Geometry;
 pub use textures::TextureFacts;
 use textures::TextureSets;
@@ -43,18 +43,20 @@ pub struct SceneResources {
 }
 
 impl SceneResources {
-    /// Uploads a scene.
+    /// Uploads a scene with this geometry: its own, or the same with lightmap coordinates.
     pub fn new(
         context: &Context,
         layouts: &Layouts,
         scene: &Scene,
-        features: &SceneFeatures,
-        options: &TextureOptions,
+        geometry: GeometryView<'_>,
+        settings: &RenderSettings,
     ) -> Result<Self> {
         let gpu = &context.gpu;
-        let clusters = clusters(&scene.meshes, &scene.instances);
-        let geometry = Geometry::new(gpu, &clusters)?;
-        let (images, texture_facts) = textures::upload(context, &scene.textures, &features.first_levels, options)?;
+        let features = SceneFeatures::of(scene, settings.model, settings.viewpoint);
+        let options = settings.textures.options(context);
+        let clusters = clusters(geometry.meshes, geometry.instances);
+        let buffers = Geometry::new(gpu, &clusters)?;
+        let (images, texture_facts) = textures::upload(context, &scene.textures, &features.first_levels, &options)?;
         let mut sets = TextureSets::new(gpu, &layouts.textures, &images, options.anisotropy)?;
         let mut variants = Variants::default();
         let mut drawn = Vec::new();
@@ -66,16 +68,16 @@ impl SceneResources {
         let block = |(material, drawn): (&Material, &DrawnMaterial)| material_block(material, drawn.textures);
         let blocks: Vec<MaterialBlock> = scene.materials.iter().zip(&drawn).map(block).collect();
         let texture_sets: Arc<[DescriptorSet]> = sets.all.into();
-        let (draws, instances) = draws(&clusters, &geometry, &drawn);
+        let (draws, instances) = draws(&clusters, &buffers, &drawn);
         Ok(Self {
-            geometry,
+            geometry: buffers,
             instances: storage(gpu, "instances", &instances)?,
             materials: storage(gpu, "materials", &blocks)?,
             lights: storage(gpu, "lights", &lights)?,
             light_count: u32::try_from(lights.len()).unwrap_or(u32::MAX),
             variants: variants.all,
             constant_lights: features.lights,
-            ray_scene: Arc::new(LazyRayScene::new(scene, &texture_sets)),
+            ray_scene: Arc::new(LazyRayScene::new(scene, geometry, &texture_sets)),
             texture_sets,
             draws,
             texture_facts,

@@ -96,5 +96,6 @@ pub mod constant {
     pub const METALNESS: u32 = 9;
     pub const MULTI_SCATTER: u32 = 10;
     pub const SLICES: u32 = 11;
+    pub const LIGHTMAP: u32 = 15;
     pub const TRANSPORT: u32 = 16;
 }

@@ -49,6 +49,12 @@ pub struct Flattened {
     pub unplaced: usize,
 }
 
+/// A vertex's lightmap coordinates in [`STEPS`].
+pub fn steps(lightmap_uv: [f32; 2]) -> [u16; 2] {
+    // `as` saturates.
+    lightmap_uv.map(|share| (share * STEPS as f32).round() as u16)
+}
+
 /// Where an atlas is kept and reported, and what stops it.
 #[derive(Clone, Copy)]
 pub struct Work<'a> {

@@ -21,6 +21,11 @@ pub struct Scene {
 }
 
 impl Scene {
+    /// Its geometry.
+    pub fn geometry(&self) -> GeometryView<'_> {
+        GeometryView { meshes: &self.meshes, instances: &self.instances }
+    }
+
     /// Number of triangles, those of a mesh counted for each instance.
     pub fn triangles(&self) -> usize {
         self.instances.iter().map(|i| self.meshes[i.mesh].indices.len() / 3).sum()
@@ -31,6 +36,13 @@ impl Scene {
         let placed = self.instances.iter().map(|i| self.meshes[i.mesh].bounds.placed(i.world_from_local));
         Bounds::of(placed.filter(|b| *b != Bounds::EMPTY).flat_map(|b| [b.min, b.max]))
     }
+}
+
+/// Meshes and their placements.
+#[derive(Clone, Copy, Debug)]
+pub struct GeometryView<'a> {
+    pub meshes: &'a [Mesh],
+    pub instances: &'a [Instance],
 }
 
 /// A mesh with its transform.

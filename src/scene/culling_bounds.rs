@@ -1,7 +1,7 @@
 //! Bounds for back-face culling: the connected components of a mesh, and which of them are closed surfaces with their
 //! front faces outwards. From outside of its bounds, no back face of such a component is visible.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 
 use glam::{DVec2, DVec3, Vec3};
 
@@ -56,6 +56,13 @@ pub fn connected_components(vertices: &[Vertex], indices: &[u32]) -> Vec<Compone
         Component { triangles, bounds, closed }
     };
     found.into_iter().map(component).collect()
+}
+
+/// For each triangle whether it is part of a closed surface with its front faces outwards.
+pub fn closed_triangles(vertices: &[Vertex], indices: &[u32]) -> Vec<bool> {
+    let components = connected_components(vertices, indices);
+    let closed: HashSet<[u32; 3]> = components.into_iter().filter(|c| c.closed).flat_map(|c| c.triangles).collect();
+    indices.chunks_exact(3).map(|t| closed.contains(&[t[0], t[1], t[2]])).collect()
 }
 
 /// For each vertex the index of the first one at its position.

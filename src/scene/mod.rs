@@ -7,6 +7,7 @@ mod contents;
 mod culling_bounds;
 pub mod description;
 mod floor;
+pub mod lightmap_texels;
 pub mod load;
 mod maps;
 pub mod material;
@@ -14,7 +15,7 @@ pub mod mesh;
 pub mod needs;
 pub mod tangent;
 
-pub use contents::{Camera, Environment, Instance, Material, PointLight, Scene};
+pub use contents::{Camera, Environment, GeometryView, Instance, Material, PointLight, Scene};
 pub use floor::floor_under;
 pub use load::{LoadOptions, load};
 pub use mesh::{Bounds, Mesh, Vertex};

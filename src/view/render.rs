@@ -162,6 +162,9 @@ pub fn render(request: &RenderRequest, setup: &Setup<'_>) -> Result<RenderFacts>
     scene.textures = Vec::new();
     let prepare_ms = open_ms + ms_since(started);
     let started = Instant::now();
+    if renderer.settings().shading != Shading::Reference {
+        renderer.finish_lightmap(&FrameInputs::of(&scene, &eyes))?;
+    }
     let (gpu_frames, record_ms) = draw(&context, &mut renderer, &FrameInputs::of(&scene, &eyes), frames)?;
     let frames = record_ms.len() as u64;
     let facts = RenderFacts {

@@ -8,7 +8,7 @@ use glam::{DVec4, Vec3, Vec4};
 use crate::gpu::Format;
 use crate::reference::octahedral::pack_frame;
 use crate::scene::Vertex;
-use crate::scene::atlas::STEPS;
+use crate::scene::atlas::steps;
 
 /// Positions and texture coordinates keep 32 bits: with 16, adjacent walls would show gaps of a part of a pixel, and
 /// coordinates over several repetitions would be too coarse for the texels of a 2048² map.
@@ -19,24 +19,23 @@ pub struct PackedVertex {
     /// Normal, tangent and the bitangent's sign: `reference::octahedral`.
     pub frame: [i16; 4],
     pub uv: [f32; 2],
-    /// In 65536ths. Read as UNORM it has to be multiplied by 65535 / 65536; no shader reads it yet, and the validation
-    /// layer warns of attributes that are not read, so it is none of [`ATTRIBUTES`].
+    /// In 65536ths. Read as UNORM it has to be multiplied by 65535 / 65536.
     pub lightmap_uv: [u16; 2],
 }
 
 /// Locations 0.. of `glsl/forward.vert`.
-pub const ATTRIBUTES: [(Format, u32); 3] = [
+pub const ATTRIBUTES: [(Format, u32); 4] = [
     (Format::R32G32B32_SFLOAT, offset_of!(PackedVertex, position) as u32),
     (Format::R16G16B16A16_SNORM, offset_of!(PackedVertex, frame) as u32),
     (Format::R32G32_SFLOAT, offset_of!(PackedVertex, uv) as u32),
+    (Format::R16G16_UNORM, offset_of!(PackedVertex, lightmap_uv) as u32),
 ];
 
 impl From<&Vertex> for PackedVertex {
     fn from(vertex: &Vertex) -> Self {
         let normal = Vec3::from(vertex.normal).as_dvec3();
         let tangent: DVec4 = Vec4::from(vertex.tangent).as_dvec4();
-        // `as` saturates.
-        let lightmap_uv = vertex.lightmap_uv.map(|share| (share * STEPS as f32).round() as u16);
+        let lightmap_uv = steps(vertex.lightmap_uv);
         Self { position: vertex.position, frame: pack_frame(normal, tangent), uv: vertex.uv, lightmap_uv }
     }
 }

@@ -1,0 +1,115 @@
+// A lightmap while it is computed: its texels, what they give back, and places on the surfaces they stand for.
+#ifndef LIGHTMAP_GLSL
+#define LIGHTMAP_GLSL
+
+#include "shared.glsl"
+#include "importance.glsl"
+#include "lamp.glsl"
+#include "ray_surface.glsl"
+
+layout(local_size_x = 64) in;
+
+struct LightmapTexel {
+    uint place;    // column and row
+    uint triangle; // the upper bit: its back
+};
+
+const uint LIGHTMAP_BACK = 0x80000000u;
+
+// A place that light from a lamp met.
+struct Relay {
+    vec3 position;
+    vec3 side;       // unit normal, towards the lamp
+    vec3 radiance;   // that it gives back of lamps and sun, W/(m^2 sr)
+    float density;   // of such places per area
+};
+
+layout(LIGHTMAP_TEXELS, scalar) readonly buffer LightmapTexels { LightmapTexel lightmap_texels[]; };
+// The sum of a texel's samples of irradiance, and their number.
+layout(LIGHTMAP_SUMS, scalar) buffer LightmapSums { vec4 lightmap_sums[]; };
+layout(LIGHTMAP_ALBEDOS, scalar) buffer LightmapAlbedos { vec3 lightmap_albedos[]; };
+layout(LIGHTMAP_RELAYS, scalar) buffer LightmapRelays { Relay relays[]; };
+// Layer 0: fronts, layer 1: backs. Given back of the light that comes straight from lamps and sun, with the density of
+// relays; of soft light; and soft light itself as irradiance, with 1 where it is known.
+layout(LIGHTMAP_DIRECT) uniform sampler2DArray given_back_of_direct;
+layout(LIGHTMAP_SOFT) uniform sampler2DArray given_back_of_soft;
+layout(LIGHTMAP_DIRECT_IMAGE, rgba16f) uniform image2DArray direct_image;
+layout(LIGHTMAP_SOFT_IMAGE, rgba16f) uniform image2DArray soft_image;
+layout(LIGHTMAP_LIGHT_IMAGE, rgba16f) uniform image2DArray light_image;
+
+layout(push_constant, scalar) uniform Work {
+    uint first;        // texel or relay
+    uint count;        // of them
+    uint first_sample; // of this pass
+    uint samples;
+    uint seed;         // different for every pass
+    uint relay_count;  // 0: none are used
+} work;
+
+const float HALF_MOST = 60000.0;
+
+ivec3 texel_address(LightmapTexel texel)
+{
+    return ivec3(texel.place & 0xffffu, texel.place >> 16u, texel.triangle >> 31u);
+}
+
+vec2 corner_lightmap_uv(uint corner)
+{
+    uint packed_uv = ray_corners[corner].lightmap_uv;
+    return vec2(packed_uv & 0xffffu, packed_uv >> 16u) / 65536.0;
+}
+
+vec3 lightmap_address(RayHit hit, bool back)
+{
+    uint first = 3u * hit.triangle;
+    vec2 at = hit.weights.x * corner_lightmap_uv(first) + hit.weights.y * corner_lightmap_uv(first + 1u)
+        + hit.weights.z * corner_lightmap_uv(first + 2u);
+    return vec3(at, back ? 1.0 : 0.0);
+}
+
+float cross2(vec2 a, vec2 b)
+{
+    return a.x * b.y - a.y * b.x;
+}
+
+// A place of a texel, as a hit of its triangle: where `part` of it lies, in [0, 1)^2, or the nearest place on the triangle.
+RayHit texel_hit(LightmapTexel texel, vec2 part)
+{
+    uint triangle = texel.triangle & ~LIGHTMAP_BACK, first = 3u * triangle;
+    vec2 a = corner_lightmap_uv(first), ab = corner_lightmap_uv(first + 1u) - a, ac = corner_lightmap_uv(first + 2u) - a;
+    vec2 p = (vec2(texel.place & 0xffffu, texel.place >> 16u) + part) / vec2(imageSize(light_image).xy) - a;
+    float area = cross2(ab, ac);
+    vec3 weights = area != 0.0 ? vec3(0.0, cross2(p, ac) / area, cross2(ab, p) / area) : vec3(0.0);
+    weights.x = 1.0 - weights.y - weights.z;
+    weights = max(weights, vec3(0.0));
+    return RayHit(0.0, triangle, weights / (weights.x + weights.y + weights.z));
+}
+
+// The point of a hit as a texel of that side sees it.
+PathPoint texel_point(RayHit hit, bool back)
+{
+    BvhTriangle triangle = bvh_triangles[hit.triangle];
+    vec3 g = mat3(frame.world_from_models) * cross(triangle.b - triangle.a, triangle.c - triangle.a);
+    g = normalize_or(g, vec3(0.0, 1.0, 0.0));
+    return ray_point(hit, back ? g : -g);
+}
+
+// Numbers in [0, 1) for a texel's sample: Roberts, "The Unreasonable Effectiveness of Quasirandom Sequences" (2018), moved by
+// a random offset of its own for every texel.
+vec2 quasirandom(uint index, uvec2 offset)
+{
+    uvec2 bits = offset + index * uvec2(3242174889u, 2447445414u);
+    return vec2(unit_from_bits(bits.x), unit_from_bits(bits.y));
+}
+
+// Share of even light that a surface gives back, as if it were matt.
+vec3 matt_albedo(Surface s)
+{
+    vec2 mean = table_mean(brdf_table, s.roughness);
+    Energy energy = Energy(mean, MULTI_SCATTER);
+    vec3 f0 = f0_from_metallic(s.base_color, s.metallic);
+    return min(f0 * mean.x + mean.y + diffuse_even(energy, s.base_color, s.metallic, mean)
+        + multiple_even(energy, s.base_color, s.metallic, mean), vec3(1.0));
+}
+
+#endif

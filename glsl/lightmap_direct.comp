@@ -1,0 +1,45 @@
+// What each texel gives back of the light that comes straight from lamps and the sun.
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#include "lightmap.glsl"
+
+// Irradiance of a lamp on a point, 0 where something blocks it; `density`: of its relays there.
+vec3 lamp_irradiance(PathPoint p, PointLight lamp, out float density)
+{
+    vec3 l;
+    vec3 irradiance = light_irradiance(lamp, p.position, l) * max(dot(p.s.n, l), 0.0);
+    float far = distance(lamp.position, p.position), cosine = dot(p.side, l);
+    density = 0.0;
+    if (cosine <= 0.0 || trace_ray(ray_origin(p), l, far, true).t >= 0.0)
+        return vec3(0.0);
+    density = cosine * 0.25 * INV_PI / max(far * far, TINY);
+    return irradiance;
+}
+
+void main()
+{
+    if (gl_GlobalInvocationID.x >= work.count)
+        return;
+    uint index = work.first + gl_GlobalInvocationID.x;
+    LightmapTexel texel = lightmap_texels[index];
+    uvec4 random = pcg4d(uvec4(index, work.seed, 0u, 0u));
+    uint lamps = frame.light_count;
+    vec3 given = vec3(0.0), albedo = vec3(0.0);
+    float density = 0.0;
+    for (uint i = 0u; i < work.samples; ++i) {
+        RayHit hit = texel_hit(texel, quasirandom(i, random.xy));
+        PathPoint p = texel_point(hit, (texel.triangle & LIGHTMAP_BACK) != 0u);
+        vec3 light = vec3(0.0), matt = matt_albedo(p.s);
+        for (uint lamp = 0u; lamp < lamps; ++lamp) {
+            float of_lamp;
+            light += lamp_irradiance(p, lights[lamp], of_lamp);
+            density += of_lamp / float(lamps);
+        }
+        given += matt * light * INV_PI;
+        albedo += matt;
+    }
+    float scale = 1.0 / float(work.samples);
+    imageStore(direct_image, texel_address(texel), vec4(min(given * scale, HALF_MOST), min(density * scale, HALF_MOST)));
+    imageStore(soft_image, texel_address(texel), vec4(0.0));
+    lightmap_albedos[index] = albedo * scale;
+}

@@ -1,0 +1,31 @@
+// Gives texels that lie inside of things the light of those beside them.
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#include "lightmap.glsl"
+
+const int REACH = 3; // texels
+
+void main()
+{
+    if (gl_GlobalInvocationID.x >= work.count)
+        return;
+    uint index = work.first + gl_GlobalInvocationID.x;
+    ivec3 at = texel_address(lightmap_texels[index]);
+    if (lightmap_sums[index].a > 0.0)
+        return;
+    ivec2 last = imageSize(light_image).xy - 1;
+    vec4 sum = vec4(0.0);
+    // Only texels that are known are read, and only others are written.
+    for (int y = -REACH; y <= REACH; ++y) {
+        for (int x = -REACH; x <= REACH; ++x) {
+            vec4 light = imageLoad(light_image, ivec3(clamp(at.xy + ivec2(x, y), ivec2(0), last), at.z));
+            if (light.a > 0.0)
+                sum += vec4(light.rgb, 1.0) * exp2(-float(x * x + y * y));
+        }
+    }
+    if (sum.a > 0.0) {
+        vec3 light = sum.rgb / sum.a;
+        imageStore(light_image, at, vec4(light, 0.0));
+        imageStore(soft_image, at, vec4(lightmap_albedos[index] * light * INV_PI, 0.0));
+    }
+}

@@ -1,0 +1,76 @@
+// Soft light at each texel: all that comes from other surfaces and from the panorama without its sun.
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#include "lightmap.glsl"
+
+// Texels across the panorama for light that samples of a hemisphere miss each other by.
+const float PANORAMA_TEXELS = 256.0;
+
+vec3 soft_sky(vec3 d)
+{
+    float lod = max(log2(float(textureSize(panorama, 0).x) / PANORAMA_TEXELS), 0.0);
+    return textureLod(panorama, panorama_uv(panorama_from_world(d)), lod).rgb;
+}
+
+// Irradiance by way of a relay, for a point that samples its hemisphere by the cosine: see path.glsl's `relayed_light`.
+vec3 relay_light(PathPoint p, vec3 origin, uint bits)
+{
+    Relay relay = relays[min(uint(unit_from_bits(bits) * float(work.relay_count)), work.relay_count - 1u)];
+    vec3 to_relay = relay.position - origin;
+    float squared = max(dot(to_relay, to_relay), TINY), far = sqrt(squared);
+    vec3 l = to_relay / far;
+    float cosine = dot(p.s.n, l), area = -dot(relay.side, l) / squared;
+    if (cosine <= 0.0 || area <= 0.0 || dot(p.side, l) <= 0.0 || relay.density <= 0.0)
+        return vec3(0.0);
+    vec3 light = relay.radiance * (cosine * area / (cosine * INV_PI * area + relay.density));
+    return light == vec3(0.0) || trace_ray(origin, l, far * (1.0 - 1e-5), true).t >= 0.0 ? vec3(0.0) : light;
+}
+
+// Irradiance from one direction, over the density of cosine samples; false inside of a closed surface.
+bool gathered(PathPoint p, vec3 origin, vec3 d, out vec3 light)
+{
+    RayHit hit = trace_ray(origin, d, 1e30, false);
+    light = PI * soft_sky(d);
+    if (hit.t < 0.0)
+        return true;
+    BvhTriangle triangle = bvh_triangles[hit.triangle];
+    vec3 g = cross(triangle.b - triangle.a, triangle.c - triangle.a), d_models = d * mat3(frame.world_from_models);
+    bool back = dot(g, d_models) > 0.0;
+    if (back && (triangle.material_and_flags & BVH_CLOSED) != 0u)
+        return false;
+    vec3 at = lightmap_address(hit, back);
+    vec4 direct = textureLod(given_back_of_direct, at, 0.0);
+    if (work.relay_count > 0u) {
+        float area = abs(dot(normalize(g), d_models)) / max(hit.t * hit.t, TINY);
+        float here = max(dot(p.s.n, d), 0.0) * INV_PI * area;
+        direct.rgb *= here / max(here + direct.a, TINY);
+    }
+    light = PI * (direct.rgb + textureLod(given_back_of_soft, at, 0.0).rgb);
+    return true;
+}
+
+void main()
+{
+    if (gl_GlobalInvocationID.x >= work.count)
+        return;
+    uint index = work.first + gl_GlobalInvocationID.x;
+    LightmapTexel texel = lightmap_texels[index];
+    uvec4 random = pcg4d(uvec4(index, 0u, 1u, 0u));
+    vec4 sum = vec4(0.0);
+    for (uint i = work.first_sample; i < work.first_sample + work.samples; ++i) {
+        uvec4 bits = pcg4d(uvec4(index, work.seed, i, 2u));
+        RayHit hit = texel_hit(texel, vec2(unit_from_bits(bits.x), unit_from_bits(bits.y)));
+        PathPoint p = texel_point(hit, (texel.triangle & LIGHTMAP_BACK) != 0u);
+        vec3 origin = ray_origin(p);
+        vec2 u = quasirandom(i + work.seed * 64u, random.xy);
+        float radius = sqrt(u.x), longitude = 2.0 * PI * u.y;
+        vec3 d = basis(p.s.n) * vec3(radius * cos(longitude), radius * sin(longitude), sqrt(1.0 - u.x));
+        vec3 light;
+        if (!gathered(p, origin, d, light))
+            continue;
+        if (work.relay_count > 0u)
+            light += relay_light(p, origin, bits.z);
+        sum += vec4(light, 1.0);
+    }
+    lightmap_sums[index] = work.first_sample == 0u ? sum : lightmap_sums[index] + sum;
+}

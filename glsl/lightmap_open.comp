@@ -1,0 +1,14 @@
+// Until soft light is known, that of an open sky.
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#include "lightmap.glsl"
+
+void main()
+{
+    if (gl_GlobalInvocationID.x >= work.count)
+        return;
+    LightmapTexel texel = lightmap_texels[work.first + gl_GlobalInvocationID.x];
+    PathPoint p = texel_point(texel_hit(texel, vec2(0.5)), (texel.triangle & LIGHTMAP_BACK) != 0u);
+    vec3 light = textureLod(irradiance_over_pi, panorama_from_world(p.s.n), 0.0).rgb * (PI * frame.environment_scale);
+    imageStore(light_image, texel_address(texel), vec4(min(light, HALF_MOST), 1.0));
+}

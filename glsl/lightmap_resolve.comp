@@ -1,0 +1,17 @@
+// Takes the mean of all samples so far: what texels give back of it, and with `samples` the lightmap itself.
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#include "lightmap.glsl"
+
+void main()
+{
+    if (gl_GlobalInvocationID.x >= work.count)
+        return;
+    uint index = work.first + gl_GlobalInvocationID.x;
+    ivec3 at = texel_address(lightmap_texels[index]);
+    vec4 sum = lightmap_sums[index];
+    vec3 light = sum.a > 0.0 ? min(sum.rgb / sum.a, HALF_MOST) : vec3(0.0);
+    if (work.samples > 0u)
+        imageStore(light_image, at, vec4(light, sum.a > 0.0 ? 1.0 : 0.0));
+    imageStore(soft_image, at, vec4(lightmap_albedos[index] * light * INV_PI, 0.0));
+}
