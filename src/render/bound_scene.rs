@@ -35,7 +35,8 @@ impl BoundScene {
 
     /// The scene's part of each [`FrameBlock`](super::shared::FrameBlock).
     pub fn constants(&self) -> SceneConstants {
-        SceneConstants { environment_scale: self.lighting.maps.scale, light_count: self.resources.light_count }
+        let Lighting { maps, sun, .. } = &self.lighting;
+        SceneConstants { environment_scale: maps.scale, light_count: self.resources.light_count, sun: *sun }
     }
 
     /// What pipelines for this scene are built from.
@@ -53,6 +54,7 @@ impl BoundScene {
             constant_lights: self.resources.constant_lights,
             ray_scene: Arc::clone(&self.resources.ray_scene),
             panorama: Arc::clone(&self.lighting.maps.panorama),
+            sun: self.lighting.sun,
             settings,
             eyes,
         }
@@ -63,7 +65,7 @@ fn scene_set(
     gpu: &Arc<Gpu>,
     layouts: &Layouts,
     resources: &SceneResources,
-    Lighting { maps, table }: &Lighting,
+    Lighting { maps, table, .. }: &Lighting,
 ) -> Result<DescriptorSet> {
     let panorama = Sampler::new(gpu, "panorama", AddressMode::Panorama, 1)?;
     let clamped = Sampler::new(gpu, "clamped", AddressMode::Clamp, 1)?;

@@ -56,12 +56,13 @@ impl ForwardPass {
     pub fn new(request: &PipelineRequest) -> Result<Self> {
         let PipelineRequest { gpu, layouts, variants, constant_lights, settings, eyes, .. } = request;
         let stages = Stages::new(settings);
-        let common: [Constant; 7] = [
+        let common: [Constant; 8] = [
             (constant::EYES, *eyes),
             (constant::SHADING, settings.shading as u32),
             (constant::GEOMETRY, settings.geometry as u32),
             (constant::LINEAR_OUTPUT, u32::from(settings.output == Output::Linear)),
             (constant::SLICES, u32::from(settings.split_sum == SplitSum::Slices)),
+            (constant::SUN, u32::from(request.shades_sun())),
             // Below 0: the shader reads the count from the frame's block.
             (constant::LIGHTS, constant_lights.unwrap_or(u32::MAX)),
             (constant::TRANSPORT, settings.transport() as u32),

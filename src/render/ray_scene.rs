@@ -208,7 +208,7 @@ impl RaySet {
     /// Binds what the rays of a request's scene meet, and its panorama's importance table. Without transport they meet
     /// nothing.
     pub fn new(request: &PipelineRequest) -> Result<Self> {
-        let PipelineRequest { gpu, layouts, ray_scene, panorama, settings, .. } = request;
+        let PipelineRequest { gpu, layouts, ray_scene, panorama, sun, settings, .. } = request;
         let empty;
         let source = if settings.transport() == Transport::None {
             empty = LazyRayScene::empty();
@@ -218,7 +218,7 @@ impl RaySet {
         };
         let scene = source.get(gpu, layouts)?;
         let sampler = Sampler::new(gpu, "rays", AddressMode::Repeat, 1)?;
-        let importance = importance(gpu, panorama)?;
+        let importance = importance(gpu, panorama, sun.as_ref())?;
         let bindings = [
             Binding::Storage(&scene.nodes),
             Binding::Storage(&scene.triangles),

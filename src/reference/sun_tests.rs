@@ -1,0 +1,1 @@
+//! Suns found in panoramas, computed and shipped.
