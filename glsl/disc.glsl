@@ -11,6 +11,9 @@
 // not a blur, and wide enough for f32.
 const float DISC_MIN_ALPHA = 4e-4;
 
+// Smallest n.h: beyond, slopes run away, and a disc would fill all of them. It changes D by at most 0.5 %.
+const float LEAST_NH = 0.05;
+
 // 1 - cos a.
 float disc_versine(float sine)
 {
@@ -33,7 +36,7 @@ float disc_ggx(vec3 n, vec3 v, vec3 l, float alpha, float sine)
     vec3 sum = v + l;
     float vh = max(0.5 * length(sum), MIN_COS);
     vec3 h = sum / (2.0 * vh);
-    float nh = max(dot(n, h), MIN_COS);
+    float nh = max(dot(n, h), LEAST_NH);
     // All squares of slopes are times nh^2 from here on.
     float a2 = alpha * nh * alpha * nh;
     float radius2 = 0.5 * disc_versine(sine) / (vh * nh);
@@ -46,8 +49,9 @@ float disc_ggx(vec3 n, vec3 v, vec3 l, float alpha, float sine)
     float a = a2 + t2 - radius2, b2 = 4.0 * a2 * radius2;
     float hypotenuse = max(sqrt(a * a + b2), TINY);
     // H + A cancels for A < 0: (H + A) (H - A) = 4 alpha^2 rho^2.
-    float mean = a >= 0.0 ? 2.0 * a2 / (hypotenuse + a) : (hypotenuse - a) / (2.0 * radius2);
-    return mean * INV_PI / (hypotenuse * nh * nh);
+    float mean = a >= 0.0 ? 2.0 * alpha * alpha / (hypotenuse + a) : (hypotenuse - a) / (2.0 * radius2 * nh * nh);
+    // At most D's peak, also where h has no direction (l = -v).
+    return min(mean / hypotenuse, 1.0 / (alpha * alpha)) * INV_PI;
 }
 
 // Single scattering of the disc's light in 1/sr; multiply by `disc_cosine` and the irradiance. Fresnel and masking are those
@@ -56,6 +60,7 @@ vec3 disc_specular(vec3 n, vec3 v, vec3 l, vec3 f0, float alpha, float sine, int
 {
     alpha = max(alpha, DISC_MIN_ALPHA);
     float nl = disc_cosine(dot(n, l), sine);
+    l += (nl - dot(n, l)) * n; // what is above the horizon
     float visibility = geometry == GEOMETRY_KARIS2013 ? v_karis2013_direct(nl, dot(n, v), sqrt(alpha))
                                                       : v_smith_height_correlated(nl, dot(n, v), alpha);
     return f_schlick(f0, 0.5 * length(v + l)) * (disc_ggx(n, v, l, alpha, sine) * visibility);

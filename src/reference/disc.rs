@@ -15,6 +15,9 @@ use super::sampling::basis;
 /// not a blur, and wide enough for f32.
 pub const DISC_MIN_ALPHA: f64 = 4e-4;
 
+/// Smallest n·h: beyond, slopes run away, and a disc would fill all of them. It changes D by at most 0.5 %.
+const LEAST_NH: f64 = 0.05;
+
 /// 1 − cos a.
 pub fn disc_versine(sine: f64) -> f64 {
     sine * sine / (1.0 + (1.0 - sine * sine).max(0.0).sqrt())
@@ -41,7 +44,7 @@ pub fn disc_ggx(n: DVec3, v: DVec3, l: DVec3, alpha: f64, sine: f64) -> f64 {
     let sum = v + l;
     let vh = (0.5 * sum.length()).max(MIN_COS);
     let h = sum / (2.0 * vh);
-    let nh = n.dot(h).max(MIN_COS);
+    let nh = n.dot(h).max(LEAST_NH);
     // All squares of slopes are times nh² from here on.
     let a2 = (alpha * nh).powi(2);
     let radius2 = 0.5 * disc_versine(sine) / (vh * nh);
@@ -54,8 +57,10 @@ pub fn disc_ggx(n: DVec3, v: DVec3, l: DVec3, alpha: f64, sine: f64) -> f64 {
     let (a, b2) = (a2 + t2 - radius2, 4.0 * a2 * radius2);
     let hypotenuse = (a * a + b2).sqrt().max(TINY);
     // H + A cancels for A < 0: (H + A) (H − A) = 4 α² ρ².
-    let mean = if a >= 0.0 { 2.0 * a2 / (hypotenuse + a) } else { (hypotenuse - a) / (2.0 * radius2) };
-    mean * FRAC_1_PI / (hypotenuse * nh * nh)
+    let mean =
+        if a >= 0.0 { 2.0 * alpha * alpha / (hypotenuse + a) } else { (hypotenuse - a) / (2.0 * radius2 * nh * nh) };
+    // At most D's peak, also where h has no direction (l = −v).
+    (mean / hypotenuse).min(1.0 / (alpha * alpha)) * FRAC_1_PI
 }
 
 /// Single scattering of the disc's light with height-correlated Smith, in 1/sr; multiply by [`disc_cosine`] and the
@@ -63,6 +68,7 @@ pub fn disc_ggx(n: DVec3, v: DVec3, l: DVec3, alpha: f64, sine: f64) -> f64 {
 pub fn disc_specular(n: DVec3, v: DVec3, l: DVec3, f0: DVec3, alpha: f64, sine: f64) -> DVec3 {
     let alpha = alpha.max(DISC_MIN_ALPHA);
     let nl = disc_cosine(n.dot(l), sine);
+    let l = l + (nl - n.dot(l)) * n; // what is above the horizon
     let visibility = v_smith_height_correlated(nl, n.dot(v), alpha);
     f_schlick(f0, 0.5 * (v + l).length()) * (disc_ggx(n, v, l, alpha, sine) * visibility)
 }

@@ -28,7 +28,7 @@ const LEAST_OF_PEAK: f64 = 1e-3;
 /// Where the region is too large (a sun in a bright window), the threshold rises by this factor, up to a part of the peak.
 const RISE: f64 = 2.0;
 const MOST_OF_PEAK: f64 = 0.1;
-/// A sun has at least this many times the light of everything else above the threshold: two lamps are not a sun.
+/// A sun has at least this many times the light of all else that has this part of the peak: two lamps are not a sun.
 const DOMINANCE: f64 = 2.0;
 /// Gaps of this many texels, such as branches and the ringing of resampling, do not end a region.
 const REACH: i64 = 2;
@@ -91,7 +91,7 @@ pub fn find_sun(size: [u32; 2], texels: &[[f32; 3]]) -> Option<SunSplit> {
     let mut threshold = (CONTRAST * view.surroundings(peak)).max(LEAST_OF_PEAK * most);
     while threshold <= MOST_OF_PEAK * most {
         if let Some(region) = view.region(peak, threshold) {
-            return view.split(&region, threshold, total);
+            return view.split(&region, MOST_OF_PEAK * most, total);
         }
         threshold *= RISE;
     }
@@ -209,8 +209,8 @@ impl View<'_> {
         [0, 1, 2].map(|c| median(ring.iter().map(|i| f64::from(self.texels[*i][c])).collect()) as f32)
     }
 
-    /// Takes a region's light out, if it is a sun's.
-    fn split(&self, region: &[usize], threshold: f64, total: f64) -> Option<SunSplit> {
+    /// Takes a region's light out, if it is a sun's; texels elsewhere that are brighter than `rival` count against it.
+    fn split(&self, region: &[usize], rival: f64, total: f64) -> Option<SunSplit> {
         let level = self.ring_level(region);
         let (mut light, mut moment, mut squares) = (DVec3::ZERO, DVec3::ZERO, 0.0);
         let mut changed = Vec::with_capacity(region.len());
@@ -226,8 +226,8 @@ impl View<'_> {
         }
         let sum = light.element_sum();
         let elsewhere = |index: usize, texel: &[f32; 3]| {
-            let above = power(texel) > threshold && region.binary_search(&index).is_err();
-            if above { power(texel) - threshold } else { 0.0 }
+            let rivals = power(texel) > rival && region.binary_search(&index).is_err();
+            if rivals { power(texel) } else { 0.0 }
         };
         // The solid angle that would hold the light at its mean brightness: a disc's own, and hardly more for its glare.
         let solid_angle = sum * sum / squares;
