@@ -43,8 +43,8 @@ fn sum(picture: &Picture) -> f64 {
 fn the_sky_has_the_same_light_with_the_sun_drawn_as_a_disc() {
     let shop = Workshop::new();
     let scene = scene(&shop, &material([1.0; 3], 0.0, 1.0));
-    // From 26 pixels across the disc down to 2.
-    for side in [128, 48, 10] {
+    // From 26 pixels across the disc down to 2, which hold a tenth more or less as the disc lies between them.
+    for (side, bound) in [(128, 0.01), (48, 0.02), (10, 0.15)] {
         let [open, direct] = pictures(
             &shop,
             &scene,
@@ -52,7 +52,7 @@ fn the_sky_has_the_same_light_with_the_sun_drawn_as_a_disc() {
         );
         let [a, b] = [&open, &direct].map(sum);
         println!("{side} pixels: {a} open, {b} direct");
-        assert!((a / b - 1.0).abs() < 0.05, "{side} pixels: {a} open, {b} direct");
+        assert!((a / b - 1.0).abs() < bound, "{side} pixels: {a} open, {b} direct");
     }
 }
 
