@@ -22,8 +22,7 @@ const REGION_DEGREES: f64 = 5.0;
 const SURROUNDINGS_DEGREES: [f64; 2] = [3.0, 10.0];
 /// The region's texels are this many times as bright as the surroundings …
 const CONTRAST: f64 = 10.0;
-/// … and have at least this part of the peak: glare below adds next to nothing. The share of clear suns changes by 3 %
-/// where either number is ten times as large.
+/// … and have at least this part of the peak: glare below adds next to nothing.
 const LEAST_OF_PEAK: f64 = 1e-3;
 /// Where the region is too large (a sun in a bright window), the threshold rises by this factor, up to a part of the peak.
 const RISE: f64 = 2.0;
