@@ -50,9 +50,9 @@ fn inputs() -> Vec<Input> {
         v *= v.dot(n).signum();
         let sine = f64::from(random.below(4)).mul_add(0.3, 0.2665).to_radians().sin();
         let mut l = random.direction();
-        if i % 3 == 0 {
+        if i.is_multiple_of(3) {
             l = 2.0 * n.dot(v) * n - v + random.direction() * (2.0 * sine * random.unit());
-        } else if i % 5 == 0 {
+        } else if i.is_multiple_of(5) {
             l += (2.0 * sine * (random.unit() - 0.5) - l.dot(n)) * n;
         }
         let single = |d: DVec3| d.normalize().as_vec3().to_array();

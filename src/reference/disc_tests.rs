@@ -1,5 +1,7 @@
 //! The disc light against integrals over the disc, and its samples against their density.
 
+use std::f64::consts::FRAC_PI_2;
+
 use super::*;
 use crate::reference::brdf::{Geometry, d_ggx, phong_exponent, phong_specular, specular};
 
@@ -123,7 +125,7 @@ fn the_horizon_cuts_the_disc() {
         let sine = degrees.to_radians().sin();
         for i in -20..=20 {
             let elevation = f64::from(i) * 0.1 * degrees.to_radians();
-            let l = direction(std::f64::consts::FRAC_PI_2 - elevation, 1.0);
+            let l = direction(FRAC_PI_2 - elevation, 1.0);
             // A disc of this irradiance has an integral of π sin² / (2π (1 − cos a)) = (1 + cos a) / 2 times its solid angle.
             let exact = over_disc(l, sine, |l| l.z.max(0.0)) / (1.0 - 0.5 * disc_versine(sine));
             let ours = disc_cosine(l.z, sine);
@@ -135,7 +137,7 @@ fn the_horizon_cuts_the_disc() {
 /// Hostile places: all angles that vanish, alone and together.
 #[test]
 fn nothing_is_infinite() {
-    let angles = [0.0f64, 1e-9, 1e-4, 0.02, 1.0, 1.55, 1.5707, 1.570_796_3, 1.58];
+    let angles = [0.0f64, 1e-9, 1e-4, 0.02, 1.0, 1.55, FRAC_PI_2 - 1e-4, FRAC_PI_2 - 3e-8, 1.58];
     for (view, light, alpha, sine) in angles.into_iter().flat_map(|view| {
         angles.into_iter().flat_map(move |light| {
             [0.0, 1e-3, 0.3, 1.0]
@@ -144,7 +146,7 @@ fn nothing_is_infinite() {
         })
     }) {
         for azimuth in [0.0, 1e-6, 1.0, PI] {
-            let (v, l) = (direction(view.min(1.57079), 0.0), direction(light, azimuth));
+            let (v, l) = (direction(view.min(FRAC_PI_2 - 6e-6), 0.0), direction(light, azimuth));
             let disc = disc_specular(DVec3::Z, v, l, F0, alpha, sine).x * disc_cosine(l.z, sine);
             // D is at most 1 / (π α²), V n·l at most 1 / (2 α).
             let most = 0.5 * FRAC_1_PI / alpha.max(DISC_MIN_ALPHA).powi(3);

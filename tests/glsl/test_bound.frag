@@ -5,11 +5,8 @@
 #include "shared.glsl"
 #include "brdf.glsl"
 #include "point_lights.glsl"
-<<<<<<< HEAD
 #include "surface.glsl"
-=======
 #include "sun_light.glsl"
->>>>>>> b500676 (The disc light and the sun's region: tests in f64 and on the GPU)
 
 layout(location = 0) out vec4 colour;
 
@@ -27,19 +24,8 @@ float peak(float alpha, float nv)
 void main()
 {
     Surface s = read_surface();
-<<<<<<< HEAD
-    // D is at most 1 / pi alpha^2, at its lobe's centre, and V nl at most 0.5 / sqrt(alpha^2 + (1 - alpha^2) nv^2), the first
-    // of its two terms alone. Karis's V nl, 0.25 / (nv (1 - k) + k) at most, and Phong's peak, 0.08 / alpha^2 + 0.24, are less.
-    // All that is not single scattering is less than 1 / sr.
-    float a2 = alpha_from_roughness(s.roughness) * alpha_from_roughness(s.roughness);
-    float peak = 0.5 * INV_PI / (a2 * sqrt(a2 + (1.0 - a2) * s.nv * s.nv)) + 1.0;
-    vec3 sum = vec3(0.0), l;
-    for (uint i = 0u; i < frame.light_count; ++i)
-        sum += light_irradiance(lights[i], position_world, l) * peak;
-=======
     vec3 sum = frame.sun.irradiance * peak(max(s.roughness * s.roughness, DISC_MIN_ALPHA), s.nv), l;
     for (uint i = 0u; i < (LIGHTS < 0 ? frame.light_count : 0u); ++i)
-        sum += light_irradiance(lights[i], l) * peak(alpha_from_roughness(s.roughness), s.nv);
->>>>>>> b500676 (The disc light and the sun's region: tests in f64 and on the GPU)
+        sum += light_irradiance(lights[i], position_world, l) * peak(alpha_from_roughness(s.roughness), s.nv);
     colour = vec4(sum, 1.0);
 }
