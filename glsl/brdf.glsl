@@ -151,11 +151,16 @@ float phong_exponent(float roughness)
 
 // Energy-normalised Phong lobe in 1/sr for a specular reflectance of 1: Lafortune and Willems, "Using the Modified Phong
 // Reflectance Model for Physically Based Rendering" (1994), section 3.
-float phong_specular(vec3 n, vec3 v, vec3 l, float roughness)
+float phong_lobe(vec3 n, vec3 v, vec3 l, float exponent)
 {
-    float exponent = phong_exponent(roughness);
     float rv = clamp(dot(reflect(-l, n), v), MIN_COS, 1.0);
     return (exponent + 2.0) * 0.5 * INV_PI * pow(rv, exponent);
+}
+
+// The same for light of no size.
+float phong_specular(vec3 n, vec3 v, vec3 l, float roughness)
+{
+    return phong_lobe(n, v, l, phong_exponent(roughness));
 }
 
 #endif

@@ -9,13 +9,14 @@
 #include "output.glsl"
 #include "surface.glsl"
 #include "point_lights.glsl"
+#include "sun_light.glsl"
 
 layout(location = 0) out vec4 colour;
 
-// Phong has neither metals nor mirror images of the surroundings, only an ambient term and the point lights.
+// Phong has neither metals nor mirror images of the surroundings, only an ambient term, the sun and the point lights.
 vec3 phong(Surface s)
 {
-    return s.base_color * environment_diffuse(s.n) * s.occlusion + point_lights_phong(s, position_world);
+    return s.base_color * environment_diffuse(s.n) * s.occlusion + sun_light_phong(s) + point_lights_phong(s, position_world);
 }
 
 // Soft light that the lightmap has of this fragment's side, as irradiance over pi.
@@ -61,13 +62,18 @@ Split environment(Surface s, SpecularLobe lobe)
     return split;
 }
 
-// The surface for point lights, with its lobe widened: lights of no size would flash on edges and rims thinner than a
-// pixel. The normal is assumed to turn evenly across the pixel, a box.
-Surface widened_for_point_lights(Surface s)
+// Variance of the normals within the pixel, across which they are assumed to turn evenly: a box.
+float normal_variance()
 {
     vec3 n = normalize_or(normal_world, vec3(0.0, 1.0, 0.0));
     vec3 across = dFdx(n), down = dFdy(n);
-    s.roughness = widened_roughness(s.roughness, (dot(across, across) + dot(down, down)) / 12.0);
+    return (dot(across, across) + dot(down, down)) / 12.0;
+}
+
+// The surface for point lights, with its lobe widened: lights of no size would flash on edges and rims thinner than a pixel.
+Surface widened_for_point_lights(Surface s, float variance)
+{
+    s.roughness = widened_roughness(s.roughness, variance);
     return s;
 }
 
@@ -75,8 +81,10 @@ vec3 physically_based(Surface s)
 {
     SpecularLobe lobe = lobe_of(s);
     Split split = environment(s, lobe);
-    vec3 points = point_lights(widened_for_point_lights(s), position_world, Energy(lobe.mean_entry, MULTI_SCATTER), lobe.entry);
-    return split.diffuse + split.specular + points;
+    Energy energy = Energy(lobe.mean_entry, MULTI_SCATTER);
+    float variance = normal_variance();
+    vec3 points = point_lights(widened_for_point_lights(s, variance), position_world, energy, lobe.entry);
+    return split.diffuse + split.specular + points + sun_light(s, variance, energy, lobe.entry);
 }
 
 // D, F and G for the first light, or for one at the eye if the scene has none.

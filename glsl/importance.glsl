@@ -5,6 +5,7 @@
 #include "shared.glsl"
 #include "cube.glsl"
 #include "sampling.glsl"
+#include "sun.glsl"
 
 // Same as reference::importance::Cell.
 struct Cell {
@@ -42,7 +43,8 @@ uvec4 pcg4d(uvec4 v)
     return v;
 }
 
-// Bilinear between texel centres, round the seam, clamped at the poles, in f32: samplers round the weights to 8 bits.
+// The panorama with its sun. Bilinear between texel centres, round the seam, clamped at the poles, in f32: samplers round the
+// weights to 8 bits.
 vec3 panorama_radiance(vec3 d)
 {
     ivec2 size = textureSize(panorama, 0);
@@ -54,7 +56,7 @@ vec3 panorama_radiance(vec3 d)
     ivec2 rows = clamp(ivec2(lo.y, hi.y), 0, size.y - 1);
     vec3 upper = mix(texelFetch(panorama, ivec2(lo.x, rows.x), 0).rgb, texelFetch(panorama, ivec2(hi.x, rows.x), 0).rgb, part.x);
     vec3 lower = mix(texelFetch(panorama, ivec2(lo.x, rows.y), 0).rgb, texelFetch(panorama, ivec2(hi.x, rows.y), 0).rgb, part.x);
-    return mix(upper, lower, part.y);
+    return mix(upper, lower, part.y) + (SUN ? sun_radiance(world_from_panorama(d)) : vec3(0.0));
 }
 
 // Density of `sample_panorama` at a direction, 1/sr.

@@ -16,6 +16,16 @@ vec3 lamp_irradiance(PathPoint p, PointLight lamp, out float density)
     return irradiance;
 }
 
+// Irradiance of the sun, by one of its disc's points.
+vec3 sun_irradiance(PathPoint p, vec2 u)
+{
+    vec3 l = sample_disc(u, frame.sun.towards, frame.sun.sine);
+    float cosine = dot(p.s.n, l);
+    if (cosine <= 0.0 || dot(p.side, l) <= 0.0 || trace_ray(ray_origin(p), l, 1e30, true).t >= 0.0)
+        return vec3(0.0);
+    return frame.sun.irradiance * cosine;
+}
+
 void main()
 {
     if (gl_GlobalInvocationID.x >= work.count)
@@ -35,6 +45,8 @@ void main()
             light += lamp_irradiance(p, lights[lamp], of_lamp);
             density += of_lamp / float(lamps);
         }
+        if (frame.sun.irradiance != vec3(0.0))
+            light += sun_irradiance(p, quasirandom(i, random.zw));
         given += matt * light * INV_PI;
         albedo += matt;
     }

@@ -12,7 +12,7 @@
 // What is traced, the order of render::Transport.
 layout(constant_id = 16) const uint TRANSPORT = 0;
 const uint TRANSPORT_NONE = 0;   // nothing blocks light or gives it back
-const uint TRANSPORT_DIRECT = 1; // lamps cast shadows
+const uint TRANSPORT_DIRECT = 1; // lamps and the sun cast shadows
 const uint TRANSPORT_ALL = 2;
 
 // No real scene's paths get there: each bounce beyond the third survives with the path's own brightness as its chance.
@@ -119,7 +119,8 @@ vec3 direct_light(PathPoint p, Scatter m, mat3 world_from_surface, bool first, f
         } else {
             light = panorama_light(m, world_from_surface, bits, l) * p.s.occlusion;
         }
-        bool is_traced = TRANSPORT == TRANSPORT_ALL || (is_lamp && TRANSPORT == TRANSPORT_DIRECT);
+        bool casts = is_lamp || sun_density(l) > 0.0;
+        bool is_traced = TRANSPORT == TRANSPORT_ALL || (casts && TRANSPORT == TRANSPORT_DIRECT);
         if (light != vec3(0.0) && (!is_traced || trace_ray(ray_origin(p), l, far, true).t < 0.0))
             sum += light;
     }
@@ -149,6 +150,9 @@ vec3 transported_light(PathPoint p, uvec4 seed)
         throughput *= mirrored ? f_schlick(m.f0, m.v.z) / m.specular_share : scattered(m, l) / density;
         vec3 l_world = world_from_surface * l;
         RayHit hit = RayHit(-1.0, 0u, vec3(0.0));
+        bool at_sun = TRANSPORT == TRANSPORT_DIRECT && sun_density(l_world) > 0.0;
+        if (at_sun && trace_ray(ray_origin(p), l_world, 1e30, true).t >= 0.0)
+            break;
         if (TRANSPORT == TRANSPORT_ALL)
             hit = trace_ray(ray_origin(p), l_world, 1e30, false);
         if (hit.t < 0.0) {

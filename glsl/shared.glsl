@@ -17,6 +17,13 @@ struct PointLight {
     vec3 intensity; // W/sr
 };
 
+// A disc far away, in world space; irradiance 0 where there is none.
+struct SunDisc {
+    vec3 towards;    // unit vector to its centre
+    vec3 irradiance; // of a surface that faces it, W/m^2
+    float sine;      // of its angular radius
+};
+
 layout(constant_id = 0) const uint EYES = 1;
 layout(constant_id = 1) const uint SHADING = 0;
 layout(constant_id = 2) const int GEOMETRY = 0;
@@ -30,6 +37,7 @@ layout(constant_id = 9) const uint METALNESS = 2;
 layout(constant_id = 10) const bool MULTI_SCATTER = true; // with GEOMETRY_SMITH alone
 layout(constant_id = 15) const uint LIGHTMAP = 0;
 layout(constant_id = 11) const bool SLICES = false; // the table's layers beyond the second are there
+layout(constant_id = 12) const bool SUN = false; // the sun is a light of its own
 
 // METALNESS: the order of scene::needs::Metalness.
 const uint METALNESS_DIELECTRIC = 0;
@@ -67,6 +75,7 @@ layout(FRAME_UNIFORMS, scalar) uniform Frame {
     uint light_count;
     uint sample_index; // frames accumulated before this one
     mat4 world_from_models; // rigid
+    SunDisc sun;
 } frame;
 
 layout(SCENE_LIGHTS, scalar) readonly buffer Lights {

@@ -1,8 +1,9 @@
-// The panorama behind everything.
+// The panorama behind everything, and its sun.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shared.glsl"
 #include "environment.glsl"
+#include "sun.glsl"
 #include "output.glsl"
 
 layout(location = 0) in vec3 direction_world;
@@ -15,5 +16,6 @@ void main()
     float radians = max(length(dFdx(d)), length(dFdy(d)));
     float texels = radians * float(textureSize(panorama, 0).y) * INV_PI;
     float lod = log2(max(texels, 1e-6));
-    colour = display_radiance(textureLod(panorama, panorama_uv(panorama_from_world(d)), lod).rgb);
+    vec3 sky = textureLod(panorama, panorama_uv(panorama_from_world(d)), lod).rgb;
+    colour = display_radiance(sky + sun_in_pixel(d, radians));
 }

@@ -21,6 +21,8 @@ pub use texture::read_texture;
 #[cfg(test)]
 mod brdf_gpu_tests;
 #[cfg(test)]
+mod disc_gpu_tests;
+#[cfg(test)]
 mod energy_gpu_tests;
 #[cfg(test)]
 mod glsl_gpu_tests;

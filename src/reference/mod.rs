@@ -1,10 +1,11 @@
 //! Reference implementations in f64, without Vulkan: BRDF terms, sampling, integrals, colour, picture metrics.
 //!
-//! `math`, `brdf`, `energy`, `sampling`, `cube`, `octahedral` and `tone` are the twins of the files of the same name in
+//! `math`, `brdf`, `disc`, `energy`, `sampling`, `cube`, `octahedral` and `tone` are the twins of the files of the same name in
 //! `glsl/`: same functions, same arguments, same constants.
 
 pub mod brdf;
 pub mod cube;
+pub mod disc;
 pub mod energy;
 pub mod importance;
 pub mod integrals;
@@ -17,5 +18,6 @@ pub mod mip;
 pub mod panorama_sums;
 pub mod quadrature;
 pub mod sampling;
+pub mod sun;
 pub mod table;
 pub mod tone;

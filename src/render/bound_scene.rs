@@ -47,7 +47,8 @@ impl BoundScene {
 
     /// The scene's part of each [`FrameBlock`](super::shared::FrameBlock).
     pub fn constants(&self) -> SceneConstants {
-        SceneConstants { environment_scale: self.lighting.maps.scale, light_count: self.resources.light_count }
+        let Lighting { maps, sun, .. } = &self.lighting;
+        SceneConstants { environment_scale: maps.scale, light_count: self.resources.light_count, sun: *sun }
     }
 
     /// What pipelines for this scene are built from.
@@ -66,6 +67,7 @@ impl BoundScene {
             lightmap_layers: self.lightmap.as_ref().map_or(0, LightmapBake::layers),
             ray_scene: Arc::clone(&self.resources.ray_scene),
             panorama: Arc::clone(&self.lighting.maps.panorama),
+            sun: self.lighting.sun,
             settings,
             eyes,
         }
@@ -85,7 +87,7 @@ fn scene_set(
     gpu: &Arc<Gpu>,
     layouts: &Layouts,
     resources: &SceneResources,
-    Lighting { maps, table }: &Lighting,
+    Lighting { maps, table, .. }: &Lighting,
     lightmap: Option<&LightmapBake>,
 ) -> Result<DescriptorSet> {
     let lightmap = lightmap.map_or_else(|| no_lightmap(gpu), |lightmap| Ok(Arc::clone(lightmap.image())))?;

@@ -57,12 +57,13 @@ impl ForwardPass {
         let PipelineRequest { gpu, layouts, variants, constant_lights, lightmap_layers, settings, eyes, .. } = request;
         let is_reference = settings.shading == Shading::Reference;
         let stages = Stages::new(settings);
-        let common: [Constant; 8] = [
+        let common: [Constant; 9] = [
             (constant::EYES, *eyes),
             (constant::SHADING, settings.shading as u32),
             (constant::GEOMETRY, settings.geometry as u32),
             (constant::LINEAR_OUTPUT, u32::from(settings.output == Output::Linear)),
             (constant::SLICES, u32::from(settings.split_sum == SplitSum::Slices)),
+            (constant::SUN, u32::from(request.shades_sun())),
             // Below 0: the shader reads the count from the frame's block.
             (constant::LIGHTS, constant_lights.unwrap_or(u32::MAX)),
             (constant::LIGHTMAP, if is_reference { 0 } else { *lightmap_layers }),

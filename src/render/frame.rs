@@ -1,12 +1,14 @@
 //! Inputs of a frame, and the uniform block that shaders read.
 
-use glam::Mat4;
+use glam::{DVec2, Mat4};
 
 use super::draws::CullOptions;
 use super::eye::Eye;
 use super::gizmos::{ControllerGizmos, GizmoVertex, MAX_GIZMO_VERTICES};
 use super::overlay::MAX_CHARACTERS;
-use super::shared::{EyeBlock, FrameBlock};
+use super::shared::{EyeBlock, FrameBlock, SunBlock};
+use crate::reference::cube::rotate_y;
+use crate::reference::sun::Sun;
 use crate::scene::Scene;
 
 /// Bytes per frame of a `gpu::FrameRing` for rendering: uniform blocks, gizmos and text, with room for alignment.
@@ -53,6 +55,7 @@ impl<'a> FrameInputs<'a> {
             environment_scale: scene.environment_scale,
             light_count: scene.light_count,
             world_from_models: self.world_from_models.to_cols_array_2d(),
+            sun: scene.sun.map_or_else(SunBlock::default, |sun| sun_block(&sun, self.environment_rotation)),
             ..FrameBlock::default()
         };
         for (block, eye) in block.eyes.iter_mut().zip(self.eyes) {
@@ -71,4 +74,16 @@ impl<'a> FrameInputs<'a> {
 pub struct SceneConstants {
     pub environment_scale: f32,
     pub light_count: u32,
+    /// In the panorama's frame.
+    pub sun: Option<Sun>,
+}
+
+/// A sun in world space, for a panorama turned by so many radians.
+fn sun_block(sun: &Sun, rotation: f32) -> SunBlock {
+    let (sine, cosine) = f64::from(rotation).sin_cos();
+    SunBlock {
+        towards: rotate_y(sun.direction, DVec2::new(cosine, sine)).as_vec3().to_array(),
+        irradiance: sun.irradiance.as_vec3().to_array(),
+        sine: sun.angular_radius.sin() as f32,
+    }
 }

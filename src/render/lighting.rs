@@ -1,14 +1,18 @@
-//! Precomputed lighting of a panorama: light maps and the BRDF table.
+//! Precomputed lighting of a panorama: its sun, the light maps of the rest, and the BRDF table.
 
-use super::settings::RenderSettings;
+use super::settings::{LightModel, RenderSettings};
 use crate::Result;
 use crate::asset::Panorama;
 use crate::context::Context;
 use crate::gpu::PassTime;
 use crate::precompute::{BrdfTable, LightMaps};
+use crate::reference::sun::{Sun, find_sun};
 
-/// Light maps and the BRDF table.
+/// A sun, light maps and the BRDF table.
 pub struct Lighting {
+    /// In the panorama's frame; `None` if there is none, or if it is left in the panorama.
+    pub sun: Option<Sun>,
+    /// Of the panorama without that sun.
     pub maps: LightMaps,
     pub table: BrdfTable,
 }
@@ -20,8 +24,13 @@ impl Lighting {
     /// Those of [`LightMaps::new`] and [`BrdfTable::new`].
     pub fn new(context: &Context, panorama: &Panorama, settings: &RenderSettings) -> Result<Self> {
         context.report.time("precompute", || {
+            let (sun, remainder) = match settings.light {
+                LightModel::Open => (None, None),
+                LightModel::Direct | LightModel::Baked => without_sun(panorama).unzip(),
+            };
             Ok(Self {
-                maps: LightMaps::new(context, panorama, settings.precompute())?,
+                sun,
+                maps: LightMaps::new(context, remainder.as_ref().unwrap_or(panorama), settings.precompute())?,
                 table: BrdfTable::new(context, settings.geometry, settings.split_sum)?,
             })
         })
@@ -31,4 +40,14 @@ impl Lighting {
     pub fn times(&self) -> impl Iterator<Item = &PassTime> {
         self.maps.times.iter().chain(&self.table.times)
     }
+}
+
+/// A panorama's sun, and the panorama without it.
+fn without_sun(panorama: &Panorama) -> Option<(Sun, Panorama)> {
+    let split = find_sun([panorama.width, panorama.height], &panorama.texels)?;
+    let mut remainder = panorama.clone();
+    for (index, texel) in split.changed {
+        remainder.texels[index] = texel;
+    }
+    Some((split.sun, remainder))
 }

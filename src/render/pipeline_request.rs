@@ -4,9 +4,10 @@ use std::sync::Arc;
 
 use super::layouts::Layouts;
 use super::ray_scene::LazyRayScene;
-use super::settings::RenderSettings;
+use super::settings::{LightModel, RenderSettings};
 use crate::gpu::{Gpu, Image};
-use crate::scene::MaterialFeatures;
+use crate::reference::sun::Sun;
+use crate::scene::{MaterialFeatures, Model};
 
 /// A scene's features, the settings, and the number of eyes.
 #[derive(Clone)]
@@ -22,6 +23,16 @@ pub struct PipelineRequest {
     pub(super) ray_scene: Arc<LazyRayScene>,
     /// The panorama that the reference samples.
     pub(super) panorama: Arc<Image>,
+    /// The sun that is a light of its own, in the panorama's frame.
+    pub(super) sun: Option<Sun>,
     pub settings: RenderSettings,
     pub eyes: u32,
+}
+
+impl PipelineRequest {
+    /// Whether shaders have the sun's code.
+    pub(super) fn shades_sun(&self) -> bool {
+        let always = self.settings.model == Model::Everything && self.settings.light != LightModel::Open;
+        self.sun.is_some() || always
+    }
 }

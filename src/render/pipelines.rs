@@ -12,6 +12,8 @@ use crate::Result;
 pub struct PassPipelines {
     pub(super) settings: RenderSettings,
     pub(super) eyes: u32,
+    /// Whether they shade a sun.
+    pub(super) sun: bool,
     pub(super) forward: ForwardPass,
     /// Only with more than one eye.
     pub(super) gizmos: Option<GizmoPass>,
@@ -33,6 +35,7 @@ impl PassPipelines {
         Ok(Self {
             settings: settings.clone(),
             eyes: *eyes,
+            sun: request.shades_sun(),
             forward: ForwardPass::new(request)?,
             gizmos: has_headset_passes.then(|| GizmoPass::new(request)).transpose()?,
             hidden_area: has_headset_passes.then(|| HiddenAreaPass::new(request)).transpose()?,

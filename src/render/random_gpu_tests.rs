@@ -91,8 +91,10 @@ fn scene() -> Scene {
     };
     let all = 0..MATERIALS as usize;
     let light = |position, intensity| PointLight { position, intensity: Vec3::splat(intensity) };
-    let sun = Vec3::new(0.3, 0.8, 0.5).normalize();
-    let sky = |d: Vec3| if d.dot(sun) > 0.99 { Vec3::splat(SKY) } else { Vec3::splat(1.0) + 0.5 * d };
+    let glow = Vec3::new(0.3, 0.8, 0.5).normalize();
+    let sky = |d: Vec3| if d.dot(glow) > 0.99 { Vec3::splat(SKY) } else { Vec3::splat(1.0) + 0.5 * d };
+    let mut panorama = Panorama::from_fn(256, 128, sky);
+    panorama.texels[50 * 256 + 30] = [30_000.0; 3]; // a sun
     Scene {
         // Instance i has material i.
         meshes: all.clone().map(mesh).collect(),
@@ -110,7 +112,7 @@ fn scene() -> Scene {
             light(Vec3::new(0.0, -1.0, 0.0), 0.0),
         ],
         cameras: Vec::new(),
-        environment: Environment { panorama: Panorama::from_fn(64, 32, sky), rotation_degrees: 30.0 },
+        environment: Environment { panorama, rotation_degrees: 30.0 },
         exposure_ev: 0.0,
     }
 }
@@ -131,12 +133,13 @@ struct Case {
 fn shade(gpu: &Arc<Gpu>, renderer: &Renderer, inputs: &FrameInputs<'_>, case: Case) -> Vec<[f32; 4]> {
     let usage = ImageUsageFlags::COLOR_ATTACHMENT | ImageUsageFlags::TRANSFER_SRC;
     let picture = Image::new(gpu, "random", ImageDesc::flat(Format::R32G32B32A32_SFLOAT, SIZE, usage)).unwrap();
-    let constants: [Constant; 5] = [
+    let constants: [Constant; 6] = [
         (constant::SHADING, case.shading as u32),
         (constant::GEOMETRY, case.geometry as u32),
         (constant::LINEAR_OUTPUT, 1),
         (constant::LIGHTS, if case.point_lights { u32::MAX } else { 0 }),
         (constant::METALNESS, 2),
+        (constant::SUN, 1),
     ];
     let desc = GraphicsDesc {
         name: "random",
@@ -184,12 +187,9 @@ fn wrong(radiance: &[[f32; 4]], most: &[[f32; 4]]) -> (usize, Option<(usize, [f3
 }
 
 /// An upper bound of each fragment's radiance: the greatest radiance of the surroundings, as nothing reflects more than it
-/// receives, and each point light's irradiance times the BRDF's peak (test_bound.frag).
+/// receives, and the sun's and each point light's irradiance times the BRDF's peak (test_bound.frag).
 fn most(gpu: &Arc<Gpu>, renderer: &Renderer, inputs: &FrameInputs<'_>, case: Case) -> Vec<[f32; 4]> {
-    let mut most = vec![[0.0; 4]; (SIZE[0] * SIZE[1]) as usize];
-    if case.point_lights {
-        most = shade(gpu, renderer, inputs, Case { fragment: "test_bound.frag", ..case });
-    }
+    let mut most = shade(gpu, renderer, inputs, Case { fragment: "test_bound.frag", ..case });
     // Rounding takes its share: near a lobe's centre D is known to 1e-3 or so.
     most.iter_mut().flatten().for_each(|value| *value = 1.01 * (*value + SKY));
     most
@@ -208,6 +208,7 @@ fn a_million_random_and_hostile_surfaces_send_light_that_is_finite_not_negative_
         };
         let renderer = Renderer::new(&Context::silent(gpu), &scene, settings, [16, 16], 1).unwrap();
         assert_eq!(renderer.scene.resources.texture_sets.len(), 1);
+        assert!(renderer.scene.lighting.sun.is_some());
         let place = Mat4::from_translation(Vec3::new(0.5, -0.25, 2.0));
         let eyes = [Eye::symmetric(place, 60.0, 1.0, 1.0)];
         let inputs = &FrameInputs::of(&scene, &eyes);

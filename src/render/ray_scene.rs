@@ -13,6 +13,7 @@ use crate::gpu::{
     ImageUsageFlags, Pipeline, Sampler, Shape, Upload, submit_and_wait,
 };
 use crate::reference::octahedral::pack_frame;
+use crate::reference::sun::Sun;
 use crate::scene::atlas::steps;
 use crate::scene::bvh::{Bvh, BvhTriangle};
 use crate::scene::lightmap_texels::{LightmapTexel, closed, lightmap_texels};
@@ -243,13 +244,13 @@ impl RaySet {
         gpu: &Arc<Gpu>,
         layouts: &Layouts,
         ray_scene: Option<&LazyRayScene>,
-        panorama: Option<&Image>,
+        panorama: Option<(&Image, Option<&Sun>)>,
     ) -> Result<Self> {
         let empty = LazyRayScene::empty();
         let scene = ray_scene.unwrap_or(&empty).get(gpu, layouts)?;
         let sampler = Sampler::new(gpu, "rays", AddressMode::Repeat, 1)?;
         let importance = match panorama {
-            Some(panorama) => importance(gpu, panorama)?,
+            Some((panorama, sun)) => importance(gpu, panorama, sun)?,
             None => Buffer::new(gpu, "no importance", BufferKind::Storage, size_of::<[u32; 8]>() as u64)?,
         };
         let bindings = [

@@ -82,7 +82,7 @@ pub struct ReferencePasses {
 impl ReferencePasses {
     /// Creates the pipelines and builds what rays meet.
     pub fn new(request: &PipelineRequest) -> Result<Self> {
-        let PipelineRequest { gpu, layouts, ray_scene, panorama, settings, eyes, .. } = request;
+        let PipelineRequest { gpu, layouts, ray_scene, panorama, sun, settings, eyes, .. } = request;
         let push_bytes = size_of::<Count>() as u32;
         let accumulate = Pipeline::compute(gpu, "reference_accumulate.comp", &[], &[&layouts.accumulate], push_bytes)?;
         let show = GraphicsDesc {
@@ -98,7 +98,7 @@ impl ReferencePasses {
             ..GraphicsDesc::default()
         };
         let traced = (settings.transport() != Transport::None).then_some(&**ray_scene);
-        let rays = RaySet::new(gpu, layouts, traced, Some(panorama))?;
+        let rays = RaySet::new(gpu, layouts, traced, Some((&**panorama, sun.as_ref())))?;
         Ok(Self { accumulate, show: Pipeline::graphics(gpu, &show)?, rays })
     }
 }

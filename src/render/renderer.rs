@@ -130,11 +130,15 @@ impl Renderer {
         Ok(())
     }
 
-    /// Whether light precomputed with `settings` takes other pipelines: geometry and split sum are constants of theirs, and
-    /// the reference draws its samples from the panorama.
-    pub fn needs_pipelines_under(&self, settings: &RenderSettings) -> bool {
+    /// Whether light precomputed with `settings` takes other pipelines: geometry, split sum and whether there is a sun are
+    /// constants of theirs, and the reference draws its samples from the panorama.
+    pub fn needs_pipelines_under(&self, lighting: &Lighting, settings: &RenderSettings) -> bool {
         let now = self.settings();
-        now.geometry != settings.geometry || now.split_sum != settings.split_sum || self.reference.is_some()
+        let sun = self.pipeline_request_under(lighting, settings).shades_sun();
+        now.geometry != settings.geometry
+            || now.split_sum != settings.split_sum
+            || self.pipelines.sun != sun
+            || self.reference.is_some()
     }
 
     /// What pipelines for this scene under another light, precomputed with `settings`, are built from.
@@ -142,6 +146,7 @@ impl Renderer {
         let settings = self.settings().with_light_of(settings);
         PipelineRequest {
             panorama: Arc::clone(&lighting.maps.panorama),
+            sun: lighting.sun,
             ..self.pipeline_request(settings, self.eyes())
         }
     }

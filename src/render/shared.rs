@@ -18,6 +18,18 @@ pub struct EyeBlock {
     pub tangents: [f32; 4],
 }
 
+/// A disc far away as shaders see it, in world space; all 0 where there is none.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct SunBlock {
+    /// Unit vector to its centre.
+    pub towards: [f32; 3],
+    /// Of a surface that faces it, W/m² per channel.
+    pub irradiance: [f32; 3],
+    /// Of its angular radius.
+    pub sine: f32,
+}
+
 /// Uniforms of one frame: `FRAME_UNIFORMS`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
@@ -34,6 +46,7 @@ pub struct FrameBlock {
     pub sample_index: u32,
     /// A rigid movement of all instances.
     pub world_from_models: [[f32; 4]; 4],
+    pub sun: SunBlock,
 }
 
 /// One placed mesh of one material: an element of `SCENE_INSTANCES`.
@@ -76,7 +89,9 @@ const _: () = {
     assert!(offset_of!(FrameBlock, light_count) == 144 * MAX_EYES + 16);
     assert!(offset_of!(FrameBlock, sample_index) == 144 * MAX_EYES + 20);
     assert!(offset_of!(FrameBlock, world_from_models) == 144 * MAX_EYES + 24);
-    assert!(size_of::<FrameBlock>() == 144 * MAX_EYES + 88);
+    assert!(offset_of!(FrameBlock, sun) == 144 * MAX_EYES + 88);
+    assert!(offset_of!(SunBlock, irradiance) == 12 && offset_of!(SunBlock, sine) == 24);
+    assert!(size_of::<FrameBlock>() == 144 * MAX_EYES + 116);
     assert!(offset_of!(InstanceBlock, material) == 64 && size_of::<InstanceBlock>() == 68);
     assert!(offset_of!(MaterialBlock, metallic) == 12 && size_of::<MaterialBlock>() == 28);
     assert!(offset_of!(LightBlock, intensity) == 12 && size_of::<LightBlock>() == 24);
@@ -96,6 +111,7 @@ pub mod constant {
     pub const METALNESS: u32 = 9;
     pub const MULTI_SCATTER: u32 = 10;
     pub const SLICES: u32 = 11;
+    pub const SUN: u32 = 12;
     pub const LIGHTMAP: u32 = 15;
     pub const TRANSPORT: u32 = 16;
 }

@@ -4,7 +4,7 @@ use clap::ValueEnum;
 
 use super::bindings::SCENE;
 use super::settings::Shading;
-use super::shared::{EyeBlock, FrameBlock, InstanceBlock, LightBlock, MAX_EYES, MaterialBlock, constant};
+use super::shared::{EyeBlock, FrameBlock, InstanceBlock, LightBlock, MAX_EYES, MaterialBlock, SunBlock, constant};
 use crate::gpu::{
     Binding, BindingType, Buffer, BufferKind, DescriptorSet, DescriptorSetLayout, FrameRing, Pipeline, UNIFORM_RANGE,
     read_buffer,
@@ -54,6 +54,7 @@ impl Blocks {
             light_count: counter.next() as u32,
             sample_index: counter.next() as u32,
             world_from_models: matrix(&mut counter),
+            sun: SunBlock { towards: counter.list(), irradiance: counter.list(), sine: counter.next() },
         };
         let instances = std::array::from_fn(|_| InstanceBlock {
             world_from_local: matrix(&mut counter),
@@ -82,6 +83,7 @@ impl Blocks {
         numbers.extend(frame.environment_rotation);
         numbers.extend([frame.exposure, frame.environment_scale, frame.light_count as f32, frame.sample_index as f32]);
         numbers.extend(frame.world_from_models.as_flattened());
+        numbers.extend(frame.sun.towards.iter().chain(&[0.0]).chain(&frame.sun.irradiance).chain(&[frame.sun.sine]));
         for light in &self.lights {
             numbers.extend(light.position.iter().chain(&[0.0]).chain(&light.intensity).chain(&[0.0]));
         }
@@ -168,6 +170,7 @@ fn specialization_constants_have_their_ids() {
         ("METALNESS", constant::METALNESS),
         ("MULTI_SCATTER", constant::MULTI_SCATTER),
         ("SLICES", constant::SLICES),
+        ("SUN", constant::SUN),
     ];
     assert_eq!(declared.collect::<Vec<_>>(), ours);
 }

@@ -336,7 +336,7 @@ impl App {
     /// Puts the shown scene under a panorama's light, at once where its pipelines will do.
     fn light(&mut self, new: NewLight) -> Result<Option<Update>> {
         let Some(scene) = &self.scene else { return Ok(None) };
-        if scene.loaded.renderer.needs_pipelines_under(&new.settings) {
+        if scene.loaded.renderer.needs_pipelines_under(&new.lighting, &new.settings) {
             self.new_light = Some(new);
             self.follow_settings()?;
             return Ok(None);

@@ -19,7 +19,7 @@ use pbr_vr::gpu::GpuOptions;
 use pbr_vr::reference::brdf::Geometry;
 use pbr_vr::reference::energy::Scattering;
 use pbr_vr::reference::table::SplitSum;
-use pbr_vr::render::{RenderSettings, Shading};
+use pbr_vr::render::{LightModel, RenderSettings, Shading};
 use pbr_vr::scene::Model;
 use pbr_vr::view::{RenderRequest, render};
 
@@ -71,12 +71,13 @@ impl Workshop {
             size: options.size,
             camera: options.camera.map(str::to_owned),
             stereo: options.stereo,
-            frames: Some(1),
+            frames: Some(options.frames),
             settings: RenderSettings {
                 shading: options.shading,
                 geometry: options.geometry,
                 scattering: options.scattering,
                 split_sum: options.split_sum,
+                light: options.light,
                 model: options.model,
                 ..Default::default()
             },
@@ -94,10 +95,12 @@ pub struct PictureOptions<'a> {
     pub size: [u32; 2],
     pub camera: Option<&'a str>,
     pub stereo: bool,
+    pub frames: u64,
     pub shading: Shading,
     pub geometry: Geometry,
     pub scattering: Scattering,
     pub split_sum: SplitSum,
+    pub light: LightModel,
     pub model: Model,
 }
 
@@ -108,10 +111,12 @@ impl Default for PictureOptions<'_> {
             size: [96, 96],
             camera: None,
             stereo: false,
+            frames: 1,
             shading: Shading::Pbr,
             geometry: Geometry::Smith,
             scattering: Scattering::Multiple,
             split_sum: SplitSum::Moment,
+            light: LightModel::default(),
             model: Model::Needed,
         }
     }

@@ -25,6 +25,8 @@ void main()
     put(float(frame.light_count));
     put(float(frame.sample_index));
     put(frame.world_from_models);
+    put(vec4(frame.sun.towards, 0.0));
+    put(vec4(frame.sun.irradiance, frame.sun.sine));
     for (uint i = 0; i < lights.length(); ++i) {
         put(vec4(lights[i].position, 0.0));
         put(vec4(lights[i].intensity, 0.0));

@@ -17,4 +17,5 @@ mod stability_jitter;
 mod stability_view;
 mod stability_walk;
 mod steady_state;
+mod sun;
 mod tangents;

@@ -1,14 +1,10 @@
 //! The decisions of `needs` in words: which features are used for a scene, which are not, and why.
 
-use std::f32::consts::PI;
-
-use glam::Vec3;
-use rayon::prelude::*;
 use serde::Serialize;
 
 use super::{MaterialFeatures, Metalness, Model, SceneFeatures};
-use crate::asset::Panorama;
 use crate::reference::energy::VISIBLE;
+use crate::reference::sun::{Sun, VISIBLE_SHARE, find_sun};
 use crate::scene::{Material, Scene};
 
 /// One decision.
@@ -38,20 +34,6 @@ pub struct MaterialFinding {
     pub occludes: bool,
 }
 
-/// A small part of the panorama with much of its light.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Sun {
-    /// Unit vector towards it, in the panorama's frame.
-    pub towards: [f32; 3],
-    /// Its share of all the panorama's light, 0 to 1.
-    pub share: f32,
-}
-
-/// Half the angle, in degrees, of what counts as the sun: the disc (0.27) and its glare in lenses and filters.
-const SUN_DEGREES: f32 = 2.5;
-/// Share of all light from which on a source casts a visible shadow.
-const SUN_SHARE: f32 = 0.1;
-
 impl Findings {
     /// The decisions about a scene.
     pub fn of(scene: &Scene) -> Self {
@@ -66,7 +48,9 @@ impl Findings {
         let materials: Vec<_> = scene.materials.iter().zip(&features.materials).map(material).collect();
         let mut findings = maps(&materials);
         findings.extend([metals(&materials), multi_scatter(&materials), roughness(&materials), lights(scene)]);
-        findings.extend(shadows(scene, sun(&scene.environment.panorama)));
+        let panorama = &scene.environment.panorama;
+        let sun = find_sun([panorama.width, panorama.height], &panorama.texels).map(|split| split.sun);
+        findings.extend([sun_finding(sun), shadows(scene, sun)]);
         Self { triangles: scene.triangles(), findings, materials, features }
     }
 
@@ -142,77 +126,44 @@ fn lights(scene: &Scene) -> Finding {
     Finding { subject: "point lights", modelled: count > 0, why }
 }
 
-/// Features that are not implemented although the scene would show them.
-fn shadows(scene: &Scene, sun: Option<Sun>) -> Vec<Finding> {
+/// The sun, a light of its own.
+fn sun_finding(sun: Option<Sun>) -> Finding {
+    let why = match sun {
+        Some(Sun { share, direction, angular_radius, .. }) => {
+            let (percent, degrees) = (100.0 * share, angular_radius.to_degrees());
+            let [x, y, z] = direction.to_array();
+            format!(
+                "{percent:.1} % of the panorama's light, a disc of radius {degrees:.2}° at ({x:.2}, {y:.2}, {z:.2})"
+            )
+        }
+        None => format!("no single small source gives {:.0} % of the panorama's light", 100.0 * VISIBLE_SHARE),
+    };
+    Finding { subject: "sun", modelled: sun.is_some(), why }
+}
+
+/// Not implemented although the scene would show them.
+fn shadows(scene: &Scene, sun: Option<Sun>) -> Finding {
     let sources = scene.lights.len() + usize::from(sun.is_some());
-    let shadows = if sources == 0 {
+    let why = if sources == 0 {
         "no point light, no sun: nothing casts a hard shadow; occlusion maps stand in for soft ones".to_owned()
     } else {
         format!("{sources} source(s) would cast them; not modelled: nothing blocks their light")
     };
-    let sun = match sun {
-        Some(Sun { share, towards: [x, y, z] }) => {
-            format!(
-                "{:.0} % of all light, from ({x:.2}, {y:.2}, {z:.2}); part of the light maps, not a light of its own",
-                share * 100.0
-            )
-        }
-        None => format!("no part of the panorama gives {:.0} % of its light", SUN_SHARE * 100.0),
-    };
-    vec![
-        Finding { subject: "shadows", modelled: false, why: shadows },
-        Finding { subject: "sun", modelled: false, why: sun },
-    ]
-}
-
-/// The panorama's sun, if it has one: the part within [`SUN_DEGREES`] of its brightest texel, if it has [`SUN_SHARE`]
-/// or more of all light.
-pub fn sun(panorama: &Panorama) -> Option<Sun> {
-    let (width, height) = (panorama.width as usize, panorama.height as usize);
-    let power = |texel: &[f32; 3]| texel.iter().map(|c| f64::from(*c)).sum::<f64>();
-    let brightest = (0..panorama.texels.len())
-        .into_par_iter()
-        .max_by(|a, b| power(&panorama.texels[*a]).total_cmp(&power(&panorama.texels[*b])).then(b.cmp(a)))?;
-    let direction = |x: usize, y: usize| panorama.direction(x as u32, y as u32);
-    let towards = direction(brightest % width, brightest / width);
-    let near = SUN_DEGREES.to_radians().cos();
-    let rows = (0..height).into_par_iter().map(|y| {
-        // The solid angle of a row's texels is proportional to the sine of its polar angle.
-        let area = f64::from((PI * (y as f32 + 0.5) / height as f32).sin());
-        let row = &panorama.texels[y * width..(y + 1) * width];
-        let all: f64 = row.iter().map(power).sum();
-        let inside = |(x, _): &(usize, &[f32; 3])| direction(*x, y).dot(towards) >= near;
-        let sun: f64 = row.iter().enumerate().filter(inside).map(|(_, texel)| power(texel)).sum();
-        (sun * area, all * area)
-    });
-    // Collected first: the order of a parallel sum, and so its rounding, would vary.
-    let sums = rows.collect::<Vec<_>>().into_iter().fold((0.0, 0.0), |sum, row| (sum.0 + row.0, sum.1 + row.1));
-    let share = (sums.0 / sums.1) as f32;
-    (share >= SUN_SHARE).then_some(Sun { towards: Vec3::to_array(&towards), share })
+    Finding { subject: "shadows", modelled: false, why }
 }
 
 #[cfg(test)]
 mod tests {
+    use glam::DVec3;
+
     use super::*;
 
-    fn panorama(bright: Option<(u32, u32)>) -> Panorama {
-        let (width, height) = (256, 128);
-        let texel = |i: u32| if bright == Some((i % width, i / width)) { [20_000.0; 3] } else { [1.0; 3] };
-        Panorama { name: "test".into(), width, height, texels: (0..width * height).map(texel).collect() }
-    }
-
     #[test]
-    fn a_sun_is_a_small_part_with_much_light() {
-        assert_eq!(sun(&panorama(None)), None);
-        let found = sun(&panorama(Some((10, 40)))).unwrap();
-        let towards = panorama(None).direction(10, 40);
-        assert!(Vec3::from_array(found.towards).distance(towards) < 1e-6);
-        // One texel of 20,000 and its size against 4π of 1.
-        let area = 2.0 * PI / 256.0 * PI / 128.0 * (PI * 40.5 / 128.0).sin();
-        let truth = 20_000.0 * area / (4.0 * PI + 20_000.0 * area);
-        assert!((found.share - truth).abs() < 0.002, "{} is not {truth}", found.share);
-        // At the pole the same texel is too small to matter.
-        assert_eq!(sun(&panorama(Some((10, 0)))), None);
+    fn a_sun_is_told_with_its_share() {
+        let sun = Sun { direction: DVec3::Y, irradiance: DVec3::ONE, angular_radius: 0.01, share: 0.256 };
+        let finding = sun_finding(Some(sun));
+        assert!(finding.modelled && finding.why.contains("25.6 %") && finding.why.contains("0.57°"), "{finding:?}");
+        assert!(!sun_finding(None).modelled);
     }
 
     #[test]
@@ -225,12 +176,5 @@ mod tests {
             let finding = multi_scatter(&[MaterialFinding { features, ..metal.clone() }]);
             assert!(finding.why.contains(" 0.45 %"), "{}", finding.why);
         }
-    }
-
-    #[test]
-    fn black_and_empty_panoramas_have_no_sun() {
-        let black = Panorama { texels: vec![[0.0; 3]; 256 * 128], ..panorama(None) };
-        assert_eq!(sun(&black), None);
-        assert_eq!(sun(&Panorama { width: 0, height: 0, texels: vec![], ..black }), None);
     }
 }

@@ -1,0 +1,53 @@
+// What the panorama's sun adds to a surface: the BRDF over its disc, in closed form.
+#ifndef SUN_LIGHT_GLSL
+#define SUN_LIGHT_GLSL
+
+#include "sun.glsl"
+#include "energy.glsl"
+#include "surface.glsl"
+
+// The part of the disc that the surface sees, 0 to 1.
+float sun_visibility()
+{
+    return 1.0;
+}
+
+// Irradiance from the sun, W/m^2.
+vec3 sun_irradiance(vec3 n)
+{
+    float cosine = disc_cosine(dot(n, frame.sun.towards), frame.sun.sine);
+    return cosine > 0.0 ? frame.sun.irradiance * (cosine * sun_visibility()) : vec3(0.0);
+}
+
+// `variance`: of the normals within the pixel, both axes summed. `at_v`: the table's entry at n.v.
+vec3 sun_light(Surface s, float variance, Energy energy, vec2 at_v)
+{
+    if (!SUN)
+        return vec3(0.0);
+    vec3 irradiance = sun_irradiance(s.n), l = frame.sun.towards;
+    if (irradiance == vec3(0.0))
+        return vec3(0.0);
+    vec3 f0 = f0_from_metallic(s.base_color, s.metallic);
+    float alpha = s.roughness * s.roughness;
+    alpha = sqrt(min(alpha * alpha + min(variance, MOST_WIDENED), 1.0));
+    vec3 sum = disc_specular(s.n, s.v, l, f0, alpha, frame.sun.sine, GEOMETRY);
+    if (GEOMETRY == GEOMETRY_KARIS2013)
+        sum += (1.0 - s.metallic) * diffuse_karis2013(s.base_color, f0, 0.5 * length(s.v + l));
+    else if (METALNESS != METALNESS_METAL || MULTI_SCATTER) {
+        vec2 at_l = table_entry(brdf_table, dot(s.n, l), s.roughness);
+        sum += beyond_single(energy, s.base_color, s.metallic, at_l, at_v);
+    }
+    return irradiance * sum;
+}
+
+// The same by Phong, which has no table.
+vec3 sun_light_phong(Surface s)
+{
+    if (!SUN)
+        return vec3(0.0);
+    float exponent = disc_phong_exponent(phong_exponent(s.roughness), frame.sun.sine);
+    vec3 specular = f0_from_metallic(s.base_color, s.metallic) * phong_lobe(s.n, s.v, frame.sun.towards, exponent);
+    return sun_irradiance(s.n) * (diffuse_lambert(s.base_color) + specular);
+}
+
+#endif
