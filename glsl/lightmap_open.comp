@@ -10,5 +10,8 @@ void main()
     LightmapTexel texel = lightmap_texels[work.first + gl_GlobalInvocationID.x];
     PathPoint p = texel_point(texel_hit(texel, vec2(0.5)), (texel.triangle & LIGHTMAP_BACK) != 0u);
     vec3 light = textureLod(irradiance_over_pi, panorama_from_world(p.s.n), 0.0).rgb * (PI * frame.environment_scale);
-    imageStore(light_image, texel_address(texel), vec4(min(light, HALF_MOST), 1.0));
+    ivec3 at = texel_address(texel);
+    imageStore(direct_image, at, vec4(0.0));
+    imageStore(soft_image, at, vec4(0.0));
+    imageStore(light_image, at, vec4(min(light, HALF_MOST), 1.0));
 }

@@ -17,7 +17,7 @@ use crate::gpu::{
     AddressMode, Binding, Buffer, BufferKind, Commands, Constant, DescriptorSet, Format, Gpu, Image, ImageAccess,
     ImageDesc, ImageUsageFlags, PassTime, Pipeline, Sampler, Shape,
 };
-use crate::scene::lightmap_texels::{BACK, LightmapTexel};
+use crate::scene::lightmap_texels::{BACK, LightmapTexel, LightmapTexels};
 
 /// Name of the pass, for its times.
 pub const PASS: &str = "lightmap";
@@ -77,6 +77,8 @@ pub struct LightmapBake {
     light: Arc<Image>,
     soft: Arc<Image>,
     direct: Arc<Image>,
+    /// All, and those that are seen, which come first.
+    all_texels: u32,
     texels: u32,
     relays: u32,
     stage: Stage,
@@ -123,16 +125,18 @@ impl LightmapBake {
     pub fn new(gpu: &Arc<Gpu>, layouts: &Layouts, ray_scene: &LazyRayScene, side: u32, lamps: &[Vec3]) -> Result<Self> {
         let scene = ray_scene.get(gpu, layouts)?;
         let texels = ray_scene.lightmap_texels(&scene, side);
-        let layers = if texels.iter().any(is_back) { 2 } else { 1 };
+        let LightmapTexels { all, seen } = texels;
+        tracing::debug!("lightmap: {side}x{side}, {} texels, {seen} of them seen", all.len());
+        let layers = if all.iter().any(is_back) { 2 } else { 1 };
         let image = |name| {
             let usage = ImageUsageFlags::SAMPLED | ImageUsageFlags::STORAGE | ImageUsageFlags::TRANSFER_SRC;
             let flat = ImageDesc::flat(Format::R16G16B16A16_SFLOAT, [side; 2], usage | ImageUsageFlags::TRANSFER_DST);
             Image::new(gpu, name, ImageDesc { shape: Shape::Layers(layers), ..flat })
         };
         let (light, soft, direct) = (image("lightmap")?, image("lightmap soft")?, image("lightmap direct")?);
-        let count = texels.len().max(1) as u64;
+        let count = all.len().max(1) as u64;
         let storage = |name, bytes| Buffer::new(gpu, name, BufferKind::Storage, bytes);
-        let list = if texels.is_empty() { &[LightmapTexel::default()] } else { &texels[..] };
+        let list = if all.is_empty() { &[LightmapTexel::default()] } else { &all[..] };
         let list = Buffer::with_bytes(gpu, "lightmap texels", BufferKind::StorageFromCpu, bytemuck::cast_slice(list))?;
         let sums = storage("lightmap sums", count * size_of::<[f32; 4]>() as u64)?;
         let albedos = storage("lightmap albedos", count * size_of::<[f32; 3]>() as u64)?;
@@ -156,7 +160,8 @@ impl LightmapBake {
             light,
             soft,
             direct,
-            texels: texels.len() as u32,
+            all_texels: all.len() as u32,
+            texels: seen as u32,
             relays: if scene.is_near(lamps, NEAR_LAMP) { RELAYS } else { 0 },
             stage: Stage::Open,
             cursor: 0,
@@ -223,7 +228,7 @@ impl LightmapBake {
             commands.buffers_written();
             commands.prepare(&self.light, ImageAccess::Storage);
             match self.stage {
-                Stage::Direct => {
+                Stage::Open | Stage::Direct => {
                     commands.prepare(&self.direct, ImageAccess::Storage);
                     commands.prepare(&self.soft, ImageAccess::Storage);
                 }
@@ -238,7 +243,11 @@ impl LightmapBake {
     }
 
     fn piece(&mut self, commands: &mut Commands<'_>, frame: FrameSet<'_>, scene: &DescriptorSet) {
-        let all = if self.stage == Stage::Relays { self.relays } else { self.texels };
+        let all = match self.stage {
+            Stage::Open => self.all_texels,
+            Stage::Relays => self.relays,
+            _ => self.texels,
+        };
         let count = ((self.piece / f64::from(self.samples())) as u32).clamp(1, all - self.cursor.min(all)).max(1);
         let mut work = Work {
             first: self.cursor,

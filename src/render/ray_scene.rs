@@ -16,7 +16,7 @@ use crate::reference::octahedral::pack_frame;
 use crate::reference::sun::Sun;
 use crate::scene::atlas::steps;
 use crate::scene::bvh::{Bvh, BvhTriangle};
-use crate::scene::lightmap_texels::{LightmapTexel, closed, lightmap_texels};
+use crate::scene::lightmap_texels::{LightmapTexels, Sides, sides};
 use crate::scene::{GeometryView, Instance, Mesh, Scene, Vertex};
 
 /// The upper bits of a triangle's material, the same as in `glsl/bvh.glsl`: it is alpha-tested; its surface is closed.
@@ -37,6 +37,8 @@ pub struct LazyRayScene {
     /// For each of the scene's materials.
     masked: Vec<bool>,
     has_textures: bool,
+    /// Where paths begin that look for the backs that are seen: cameras and lamps.
+    viewpoints: Vec<Vec3>,
     texture_sets: Arc<[DescriptorSet]>,
     built: Mutex<Option<Arc<RayScene>>>,
 }
@@ -44,8 +46,8 @@ pub struct LazyRayScene {
 /// The buffers and textures that rays read, and the hierarchy on the CPU.
 pub struct RayScene {
     pub bvh: Bvh,
-    /// For each of its triangles whether it is part of a closed surface.
-    pub closed: Vec<bool>,
+    /// The sides that are seen of each of its triangles.
+    sides: Vec<Sides>,
     nodes: Arc<Buffer>,
     triangles: Arc<Buffer>,
     corners: Arc<Buffer>,
@@ -83,6 +85,12 @@ impl LazyRayScene {
             instances: geometry.instances.to_vec(),
             masked: scene.materials.iter().map(|material| material.alpha_cutoff.is_some()).collect(),
             has_textures: !scene.textures.is_empty(),
+            viewpoints: scene
+                .cameras
+                .iter()
+                .map(|c| c.position)
+                .chain(scene.lights.iter().map(|l| l.position))
+                .collect(),
             texture_sets: Arc::clone(texture_sets),
             built: Mutex::new(None),
         }
@@ -95,6 +103,7 @@ impl LazyRayScene {
             instances: Vec::new(),
             masked: Vec::new(),
             has_textures: false,
+            viewpoints: Vec::new(),
             texture_sets: Arc::new([]),
             built: Mutex::new(None),
         }
@@ -107,23 +116,23 @@ impl LazyRayScene {
             return Ok(Arc::clone(built));
         }
         let bvh = Bvh::new(&self.meshes, &self.instances)?;
-        let closed = closed(&bvh, &self.meshes, &self.instances);
+        let sides = sides(&bvh, &self.meshes, &self.instances, &self.viewpoints);
         let side = if self.has_textures { side(self.texture_sets.len() as u64) } else { 1 };
         let textures = RayTextures::new(gpu, layouts, &self.texture_sets, side)?;
-        let scene = Arc::new(RayScene::new(gpu, (bvh, closed), self, textures)?);
+        let scene = Arc::new(RayScene::new(gpu, (bvh, sides), self, textures)?);
         *built = Some(Arc::clone(&scene));
         Ok(scene)
     }
 
     /// The texels of a lightmap of this side.
-    pub fn lightmap_texels(&self, scene: &RayScene, side: u32) -> Vec<LightmapTexel> {
-        lightmap_texels(&scene.bvh, &self.meshes, &self.instances, side, &scene.closed)
+    pub fn lightmap_texels(&self, scene: &RayScene, side: u32) -> LightmapTexels {
+        LightmapTexels::new(&scene.bvh, &self.meshes, &self.instances, side, &scene.sides)
     }
 
-    fn triangle(&self, triangle: &BvhTriangle, closed: bool) -> TriangleBlock {
+    fn triangle(&self, triangle: &BvhTriangle, sides: Sides) -> TriangleBlock {
         let material = self.mesh(triangle).material;
         let masked = if self.masked.get(material) == Some(&true) { MASKED } else { 0 };
-        let closed = if closed { CLOSED } else { 0 };
+        let closed = if sides == Sides::Closed { CLOSED } else { 0 };
         TriangleBlock { corners: triangle.corners, material_and_flags: material as u32 | masked | closed }
     }
 
@@ -167,12 +176,12 @@ impl RayScene {
 
     fn new(
         gpu: &Arc<Gpu>,
-        (bvh, closed): (Bvh, Vec<bool>),
+        (bvh, sides): (Bvh, Vec<Sides>),
         source: &LazyRayScene,
         textures: RayTextures,
     ) -> Result<Self> {
-        let triangle = |(triangle, closed): (&BvhTriangle, &bool)| source.triangle(triangle, *closed);
-        let triangles: Vec<TriangleBlock> = bvh.triangles().iter().zip(&closed).map(triangle).collect();
+        let triangle = |(triangle, sides): (&BvhTriangle, &Sides)| source.triangle(triangle, *sides);
+        let triangles: Vec<TriangleBlock> = bvh.triangles().iter().zip(&sides).map(triangle).collect();
         let corners: Vec<CornerBlock> = bvh.triangles().iter().flat_map(|t| source.corners(t)).collect();
         let (triangles, corners): (&[u8], &[u8]) = (bytemuck::cast_slice(&triangles), bytemuck::cast_slice(&corners));
         let buffer = |name, bytes: &[u8]| Buffer::new(gpu, name, BufferKind::Storage, bytes.len() as u64);
@@ -182,7 +191,7 @@ impl RayScene {
             corners: buffer("ray corners", corners)?,
             textures,
             bvh,
-            closed,
+            sides,
         };
         let mut upload = Upload::new(gpu);
         upload.buffer(&scene.nodes, scene.bvh.node_bytes())?;

@@ -1,7 +1,7 @@
 //! Bounds for back-face culling: the connected components of a mesh, and which of them are closed surfaces with their
 //! front faces outwards. From outside of its bounds, no back face of such a component is visible.
 
-use std::collections::{HashMap, HashSet};
+use std::collections::HashMap;
 
 use glam::{DVec2, DVec3, Vec3};
 
@@ -58,11 +58,23 @@ pub fn connected_components(vertices: &[Vertex], indices: &[u32]) -> Vec<Compone
     found.into_iter().map(component).collect()
 }
 
-/// For each triangle whether it is part of a closed surface with its front faces outwards.
-pub fn closed_triangles(vertices: &[Vertex], indices: &[u32]) -> Vec<bool> {
-    let components = connected_components(vertices, indices);
-    let closed: HashSet<[u32; 3]> = components.into_iter().filter(|c| c.closed).flat_map(|c| c.triangles).collect();
-    indices.chunks_exact(3).map(|t| closed.contains(&[t[0], t[1], t[2]])).collect()
+/// The connected component that a triangle is part of.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct ComponentOf {
+    /// Number in the mesh.
+    pub component: u32,
+    /// Whether it is a closed surface with its front faces outwards.
+    pub closed: bool,
+}
+
+/// The component of each triangle of a mesh; triangles that cover nothing are of the first one.
+pub fn components_of_triangles(vertices: &[Vertex], indices: &[u32]) -> Vec<ComponentOf> {
+    let mut known: HashMap<[u32; 3], ComponentOf> = HashMap::with_capacity(indices.len() / 3);
+    for (component, found) in (0..).zip(connected_components(vertices, indices)) {
+        let of = ComponentOf { component, closed: found.closed };
+        known.extend(found.triangles.into_iter().map(|triangle| (triangle, of)));
+    }
+    indices.as_chunks().0.iter().map(|triangle| known.get(triangle).copied().unwrap_or_default()).collect()
 }
 
 /// For each vertex the index of the first one at its position.

@@ -1,10 +1,13 @@
 //! The texels of a scene's lightmap that pictures read, and the place of the surface that each stands for.
 
+use std::collections::HashSet;
+
 use bytemuck::{Pod, Zeroable};
-use glam::{IVec2, Vec2};
+use glam::{IVec2, Vec2, Vec3};
+use rayon::prelude::*;
 
 use super::bvh::{Bvh, BvhTriangle};
-use super::culling_bounds::closed_triangles;
+use super::culling_bounds::{ComponentOf, components_of_triangles};
 use super::{Instance, Mesh};
 
 /// A texel: an element of `LIGHTMAP_TEXELS`.
@@ -20,39 +23,117 @@ pub struct LightmapTexel {
 /// The bit of [`LightmapTexel::triangle`] for a triangle's back.
 pub const BACK: u32 = 1 << 31;
 
-/// For each of a hierarchy's triangles whether it is part of a closed surface, whose backs are never seen.
-pub fn closed(bvh: &Bvh, meshes: &[Mesh], instances: &[Instance]) -> Vec<bool> {
-    let of_mesh: Vec<Vec<bool>> = meshes.iter().map(|mesh| closed_triangles(&mesh.vertices, &mesh.indices)).collect();
-    let is_closed = |t: &BvhTriangle| of_mesh[instances[t.instance as usize].mesh][t.first_index as usize / 3];
-    bvh.triangles().iter().map(is_closed).collect()
+/// The sides of a scene's surfaces that light can be seen on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Sides {
+    /// A closed surface: only fronts are ever seen.
+    Closed,
+    /// An open surface whose back no path from the cameras has met.
+    Front,
+    /// An open surface that is seen from both sides.
+    Both,
 }
 
-/// The texels of a square atlas that bilinear filtering reads on some triangle: of the fronts of all, and of the backs of
-/// those that are not `closed`. Texels of the front layer come first; each lies nearest to the triangle that it is of.
-pub fn lightmap_texels(
-    bvh: &Bvh,
-    meshes: &[Mesh],
-    instances: &[Instance],
-    side: u32,
-    closed: &[bool],
-) -> Vec<LightmapTexel> {
-    let coordinates = |t: &BvhTriangle| -> [Vec2; 3] {
-        let mesh = &meshes[instances[t.instance as usize].mesh];
-        let first = t.first_index as usize;
-        [0, 1, 2].map(|i| Vec2::from(mesh.vertices[mesh.indices[first + i] as usize].lightmap_uv) * side as f32)
-    };
-    let mut nearest = vec![Nearest::NONE; side as usize * side as usize];
-    for (index, triangle) in (0u32..).zip(bvh.triangles()) {
-        cover(&mut nearest, side, index, coordinates(triangle));
-    }
-    let of_side = |back: u32| {
-        let texels = (0u32..).zip(&nearest).filter(|(_, n)| n.triangle != u32::MAX);
-        texels.filter(move |(_, n)| back == 0 || !closed[n.triangle as usize]).map(move |(texel, n)| LightmapTexel {
-            place: texel % side | (texel / side) << 16,
-            triangle: n.triangle | back,
+/// Paths that look for backs, and how often each is reflected.
+const PATHS: u32 = 8192;
+const REFLECTIONS: u32 = 8;
+
+/// For each of a hierarchy's triangles the sides that are seen, by random paths that begin at `starts`.
+pub fn sides(bvh: &Bvh, meshes: &[Mesh], instances: &[Instance], starts: &[Vec3]) -> Vec<Sides> {
+    let of_mesh: Vec<Vec<ComponentOf>> =
+        meshes.par_iter().map(|mesh| components_of_triangles(&mesh.vertices, &mesh.indices)).collect();
+    let of = |t: &BvhTriangle| of_mesh[instances[t.instance as usize].mesh][t.first_index as usize / 3];
+    let seen: HashSet<(u32, u32)> = starts
+        .iter()
+        .enumerate()
+        .flat_map(|(i, start)| {
+            let walk = move |path: u32| backs_met(bvh, *start, i as u32 * PATHS + path);
+            (0..PATHS).into_par_iter().flat_map_iter(walk).collect::<Vec<usize>>()
         })
+        .map(|index| {
+            let triangle = &bvh.triangles()[index];
+            (triangle.instance, of(triangle).component)
+        })
+        .collect();
+    let side = |t: &BvhTriangle| match of(t) {
+        ComponentOf { closed: true, .. } => Sides::Closed,
+        ComponentOf { component, .. } if seen.contains(&(t.instance, component)) => Sides::Both,
+        _ => Sides::Front,
     };
-    of_side(0).chain(of_side(BACK)).collect()
+    bvh.triangles().iter().map(side).collect()
+}
+
+/// The triangles whose backs one random path meets.
+fn backs_met(bvh: &Bvh, start: Vec3, path: u32) -> Vec<usize> {
+    let (mut met, mut o, mut axis) = (Vec::new(), start, None);
+    for reflection in 0..=REFLECTIONS {
+        let d = random_direction(path * (REFLECTIONS + 1) + reflection);
+        let d = axis.map_or(d, |n: Vec3| (n + 0.999 * d).normalize_or(n));
+        let Some(hit) = bvh.trace(o, d, f32::INFINITY, |_| true) else { break };
+        let [a, b, c] = bvh.triangles()[hit.triangle].corners.map(Vec3::from);
+        let n = (b - a).cross(c - a).normalize_or_zero();
+        if n.dot(d) > 0.0 {
+            met.push(hit.triangle);
+        }
+        let side = if n.dot(d) > 0.0 { -n } else { n };
+        o += hit.t * d + 1e-5 * (hit.t + (o + hit.t * d).abs().max_element()) * side;
+        axis = Some(side);
+    }
+    met
+}
+
+/// Evenly over the sphere, the same for the same number.
+fn random_direction(number: u32) -> Vec3 {
+    // O'Neill, "PCG: A Family of Simple Fast Space-Efficient Statistically Good Algorithms" (2014), section 6.3.
+    let pcg = |x: u32| {
+        let state = x.wrapping_mul(747_796_405).wrapping_add(2_891_336_453);
+        let word = ((state >> ((state >> 28) + 4)) ^ state).wrapping_mul(277_803_737);
+        (word >> 22) ^ word
+    };
+    let unit = |bits: u32| (bits >> 8) as f32 / (1 << 24) as f32;
+    let (first, second) = (pcg(number), pcg(pcg(number) ^ 0x9e37_79b9));
+    let (up, longitude) = (2.0 * unit(first) - 1.0, std::f32::consts::TAU * unit(second));
+    let across = (1.0 - up * up).sqrt();
+    Vec3::new(across * longitude.cos(), across * longitude.sin(), up)
+}
+
+/// The texels of a square atlas that bilinear filtering reads on some triangle.
+#[derive(Debug, Default)]
+pub struct LightmapTexels {
+    /// First those of all fronts, then of backs that are seen, then of other backs. Each is of the triangle that its centre
+    /// lies nearest to.
+    pub all: Vec<LightmapTexel>,
+    /// How many of them are seen.
+    pub seen: usize,
+}
+
+impl LightmapTexels {
+    /// Lists the texels of an atlas of `side` × `side`, with the sides that are seen of each triangle.
+    pub fn new(bvh: &Bvh, meshes: &[Mesh], instances: &[Instance], side: u32, sides: &[Sides]) -> Self {
+        let coordinates = |t: &BvhTriangle| -> [Vec2; 3] {
+            let mesh = &meshes[instances[t.instance as usize].mesh];
+            let first = t.first_index as usize;
+            [0, 1, 2].map(|i| Vec2::from(mesh.vertices[mesh.indices[first + i] as usize].lightmap_uv) * side as f32)
+        };
+        let mut nearest = vec![Nearest::NONE; side as usize * side as usize];
+        for (index, triangle) in (0u32..).zip(bvh.triangles()) {
+            cover(&mut nearest, side, index, coordinates(triangle));
+        }
+        let texels = |back: u32, of: &[Sides]| -> Vec<LightmapTexel> {
+            let used = (0u32..).zip(&nearest).filter(|(_, n)| n.triangle != u32::MAX);
+            let listed = used.filter(|(_, n)| of.contains(&sides[n.triangle as usize]));
+            let texel = |(texel, n): (u32, &Nearest)| LightmapTexel {
+                place: texel % side | (texel / side) << 16,
+                triangle: n.triangle | back,
+            };
+            listed.map(texel).collect()
+        };
+        let mut all = texels(0, &[Sides::Closed, Sides::Front, Sides::Both]);
+        all.extend(texels(BACK, &[Sides::Both]));
+        let seen = all.len();
+        all.extend(texels(BACK, &[Sides::Front]));
+        Self { all, seen }
+    }
 }
 
 /// The triangle nearest to a texel's centre.
@@ -124,21 +205,45 @@ mod tests {
         }
         let (meshes, instances) = ([square], [Instance { mesh: 0, world_from_local: Mat4::IDENTITY }]);
         let bvh = Bvh::new(&meshes, &instances).unwrap();
-        assert_eq!(closed(&bvh, &meshes, &instances), [false; 2]);
-        let front = lightmap_texels(&bvh, &meshes, &instances, 8, &[true; 2]);
+        let both = LightmapTexels::new(&bvh, &meshes, &instances, 8, &[Sides::Both; 2]);
         // Centres nearer than 1 to [2, 5]: 1.5 to 5.5.
         let places: Vec<u32> = (1..=5).flat_map(|y| (1..=5).map(move |x| x | y << 16)).collect();
+        let (front, backs) = both.all.split_at(25);
         assert_eq!(front.iter().map(|t| t.place).collect::<Vec<_>>(), places);
-        let both = lightmap_texels(&bvh, &meshes, &instances, 8, &[false; 2]);
-        assert_eq!(both.len(), 50);
-        assert_eq!(both[..25], front[..]);
-        assert!(
-            both[25..].iter().zip(&front).all(|(back, f)| *back == LightmapTexel { triangle: f.triangle | BACK, ..*f })
-        );
+        assert!(backs.iter().zip(front).all(|(b, f)| *b == LightmapTexel { triangle: f.triangle | BACK, ..*f }));
+        assert_eq!((backs.len(), both.seen), (25, 50));
+        for (sides, all, seen) in [(Sides::Front, 50, 25), (Sides::Closed, 25, 25)] {
+            let texels = LightmapTexels::new(&bvh, &meshes, &instances, 8, &[sides; 2]);
+            assert_eq!((texels.all.len(), texels.seen), (all, seen), "{sides:?}");
+            assert_eq!(texels.all[..25], *front);
+        }
         // Below and above the diagonal each triangle has its own texels.
         let of = |x: u32, y: u32| front.iter().find(|t| t.place == x | y << 16).unwrap().triangle as usize;
         let third = |index: usize| bvh.triangles()[index].first_index;
         assert_eq!([third(of(4, 2)), third(of(2, 4))], [0, 3]);
+    }
+
+    #[test]
+    fn backs_count_where_paths_meet_them() {
+        // A ball around the start, and a square inside of it that is seen from the side of its front, and from behind.
+        let square = |z: f32| {
+            let corners = [[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]];
+            let positions: Vec<Vec3> = corners.iter().map(|[x, y]| Vec3::new(*x, *y, z)).collect();
+            mesh(&positions, vec![0, 1, 2, 0, 2, 3])
+        };
+        let of = |meshes: &[Mesh], start: Vec3| {
+            let placed = |mesh| Instance { mesh, world_from_local: Mat4::IDENTITY };
+            let instances: Vec<Instance> = (0..meshes.len()).map(placed).collect();
+            let bvh = Bvh::new(meshes, &instances).unwrap();
+            let sides = sides(&bvh, meshes, &instances, &[start]);
+            bvh.triangles().iter().zip(sides).map(|(t, side)| (t.instance, side)).collect::<Vec<_>>()
+        };
+        assert!(of(&[square(0.0)], Vec3::Z).iter().all(|(_, side)| *side == Sides::Front));
+        assert!(of(&[square(0.0)], -Vec3::Z).iter().all(|(_, side)| *side == Sides::Both));
+        let room = crate::scene::bvh::tests::closed_ball();
+        let found = of(&[square(0.0), room], 0.5 * Vec3::Z);
+        // Paths that come back from the walls meet the back; the ball is closed, though it is seen from inside.
+        assert!(found.iter().all(|(mesh, side)| *side == [Sides::Both, Sides::Closed][*mesh as usize]));
     }
 
     #[test]
