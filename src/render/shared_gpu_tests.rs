@@ -180,6 +180,7 @@ fn specialization_constants_have_their_ids() {
         ("LIGHTS", constant::LIGHTS),
         ("METALNESS", constant::METALNESS),
         ("MULTI_SCATTER", constant::MULTI_SCATTER),
+        ("LIGHTMAP", constant::LIGHTMAP),
         ("SLICES", constant::SLICES),
         ("SUN", constant::SUN),
         ("LAMP_SHADOWS", constant::LAMP_SHADOWS),
