@@ -25,6 +25,8 @@ layout(location = 5) flat out vec4 base_color_metallic;
 layout(location = 6) flat out vec2 roughness_alpha_cutoff;
 // Centroid: outside of its triangle a coordinate would reach into another chart.
 layout(location = 8) centroid out vec2 lightmap_uv;
+// At the pixel's centre, for shadow maps: lavapipe's centroids may lie beside the triangle's plane.
+layout(location = 7) out vec3 position_centre;
 
 vec3 world_direction(mat4 models_from_local, vec3 local)
 {
@@ -41,6 +43,7 @@ void main()
     // One after the other: models that were not moved stay where they are to the last bit.
     vec4 world = frame.world_from_models * (models_from_local * vec4(position_local, 1.0));
     position_world = world.xyz;
+    position_centre = world.xyz;
     normal_world = normalize(world_direction(models_from_local, frame_normal(frame_local)));
     vec4 tangent_local = frame_tangent(frame_local);
     tangent_world = vec4(normalize(world_direction(models_from_local, tangent_local.xyz)), tangent_local.w);

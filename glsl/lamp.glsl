@@ -12,7 +12,7 @@ vec3 light_irradiance(PointLight light, vec3 position, out vec3 l)
     vec3 to_light = light.position - position;
     l = normalize_or(to_light, vec3(0.0, 1.0, 0.0));
     float squared = dot(to_light, to_light);
-    return squared < 1e38 ? light.intensity / max(squared, 1e-8) : vec3(0.0); // too far, or NaN
+    return squared < 1e38 ? light.intensity / max(squared, max(light.radius * light.radius, 1e-8)) : vec3(0.0); // too far, or NaN
 }
 
 // The physically based BRDF for light of no size, in 1/sr.

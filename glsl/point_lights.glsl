@@ -3,6 +3,14 @@
 #define POINT_LIGHTS_GLSL
 
 #include "lamp.glsl"
+#include "surface.glsl"
+#include "shadows.glsl"
+
+// The share of a lamp's light that nothing blocks.
+float unblocked(PointLight light)
+{
+    return LAMP_SHADOWS == LAMP_SHADOWS_NONE ? 1.0 : lamp_visibility(light, position_centre, triangle_normal());
+}
 
 // `at_v`: the table's entry at n.v.
 vec3 point_lights(Surface s, vec3 position, Energy energy, vec2 at_v)
@@ -14,7 +22,7 @@ vec3 point_lights(Surface s, vec3 position, Energy energy, vec2 at_v)
         vec3 irradiance = light_irradiance(lights[i], position, l);
         float nl = dot(s.n, l);
         if (nl > 0.0)
-            sum += irradiance * nl * brdf(s, l, energy, at_v);
+            sum += irradiance * (nl * unblocked(lights[i])) * brdf(s, l, energy, at_v);
     }
     return sum;
 }
@@ -27,7 +35,7 @@ vec3 point_lights_phong(Surface s, vec3 position)
     for (uint i = 0u; i < count; ++i) {
         vec3 l;
         vec3 irradiance = light_irradiance(lights[i], position, l);
-        float nl = max(dot(s.n, l), 0.0);
+        float nl = max(dot(s.n, l), 0.0) * unblocked(lights[i]);
         sum += irradiance * nl * (diffuse_lambert(s.base_color) + f0 * phong_specular(s.n, s.v, l, s.roughness));
     }
     return sum;

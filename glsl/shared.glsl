@@ -13,8 +13,11 @@ struct Eye {
 };
 
 struct PointLight {
-    vec3 position;  // metres, world
-    vec3 intensity; // W/sr
+    vec3 position;     // metres, world
+    float radius;      // metres, 0 for a point
+    vec3 intensity;    // W/sr
+    float shadow_near; // metres
+    int shadow_layer;  // the first of six, below 0 without a shadow map
 };
 
 // A disc far away, in world space; irradiance 0 where there is none.
@@ -22,6 +25,12 @@ struct SunDisc {
     vec3 towards;    // unit vector to its centre
     vec3 irradiance; // of a surface that faces it, W/m^2
     float sine;      // of its angular radius
+};
+
+// The sun's shadow map.
+struct SunShadow {
+    mat4 place_from_world; // u, v and reversed depth
+    vec2 spread;           // radius of the sun's disc in uv, seen through a hole, per depth between hole and point
 };
 
 layout(constant_id = 0) const uint EYES = 1;
@@ -38,6 +47,13 @@ layout(constant_id = 10) const bool MULTI_SCATTER = true; // with GEOMETRY_SMITH
 layout(constant_id = 15) const uint LIGHTMAP = 0;
 layout(constant_id = 11) const bool SLICES = false; // the table's layers beyond the second are there
 layout(constant_id = 12) const bool SUN = false; // the sun is a light of its own
+layout(constant_id = 13) const uint LAMP_SHADOWS = 0;
+layout(constant_id = 14) const bool SUN_SHADOW = false; // the sun has a shadow map
+
+// LAMP_SHADOWS: the order of render::shadow_plan::LampShadows.
+const uint LAMP_SHADOWS_NONE = 0;
+const uint LAMP_SHADOWS_SHARP = 1; // every lamp is a point
+const uint LAMP_SHADOWS_SOFT = 2;
 
 // METALNESS: the order of scene::needs::Metalness.
 const uint METALNESS_DIELECTRIC = 0;
@@ -76,6 +92,7 @@ layout(FRAME_UNIFORMS, scalar) uniform Frame {
     uint sample_index; // frames accumulated before this one
     mat4 world_from_models; // rigid
     SunDisc sun;
+    SunShadow sun_shadow;
 } frame;
 
 layout(SCENE_LIGHTS, scalar) readonly buffer Lights {
@@ -88,5 +105,9 @@ layout(SCENE_SPECULAR_EVEN) uniform samplerCube specular_even;
 layout(SCENE_SPECULAR_ODD) uniform samplerCube specular_odd;
 layout(SCENE_BRDF_TABLE) uniform sampler2DArray brdf_table;
 layout(SCENE_LIGHTMAP) uniform sampler2DArray lightmap; // soft light as irradiance; layer 0: fronts, layer 1: backs
+layout(SCENE_LAMP_SHADOWS) uniform sampler2DArrayShadow lamp_shadows;
+layout(SCENE_LAMP_DEPTHS) uniform sampler2DArray lamp_depths; // the same image
+layout(SCENE_SUN_SHADOW) uniform sampler2DArrayShadow sun_shadows; // one layer
+layout(SCENE_SUN_DEPTH) uniform sampler2DArray sun_depths;
 
 #endif

@@ -5,11 +5,12 @@
 #include "sun.glsl"
 #include "energy.glsl"
 #include "surface.glsl"
+#include "shadows.glsl"
 
 // The part of the disc that the surface sees, 0 to 1.
 float sun_visibility()
 {
-    return 1.0;
+    return SUN_SHADOW ? sun_visibility_at(position_centre, triangle_normal()) : 1.0;
 }
 
 // Irradiance from the sun, W/m^2.

@@ -18,6 +18,7 @@ layout(location = 4) flat in uint eye;
 layout(location = 5) flat in vec4 base_color_metallic;
 layout(location = 6) flat in vec2 roughness_alpha_cutoff;
 layout(location = 8) centroid in vec2 lightmap_uv;
+layout(location = 7) in vec3 position_centre;
 
 // The normal map's vector in world space. MikkTSpace: the bitangent is made per fragment, and n and t enter as
 // interpolated, not renormalised, because that is how the map was baked (Mikkelsen 2008, "Simulation of Wrinkled
@@ -32,6 +33,14 @@ vec3 mapped_normal()
     vec3 m = vec3(m_xy, sqrt(max(1.0 - dot(m_xy, m_xy), 0.0)));
     vec3 b = tangent_world.w * cross(normal_world, tangent_world.xyz);
     return normalize_or(m.x * tangent_world.xyz + m.y * b + m.z * normal_world, n);
+}
+
+// The normal of the triangle itself, towards the eye: smooth normals are not where shadow maps have the surface. In a picture
+// whose y runs down, a cross product of the two steps points away from the eye.
+vec3 triangle_normal()
+{
+    vec3 n = normalize_or(normal_world, vec3(0.0, 1.0, 0.0));
+    return normalize_or(cross(dFdy(position_centre), dFdx(position_centre)), gl_FrontFacing ? n : -n);
 }
 
 // Discards the part of the pixel that is in a hole; `above`: alpha over the cutoff.

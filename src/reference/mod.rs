@@ -1,7 +1,7 @@
 //! Reference implementations in f64, without Vulkan: BRDF terms, sampling, integrals, colour, picture metrics.
 //!
-//! `math`, `brdf`, `disc`, `energy`, `sampling`, `cube`, `octahedral` and `tone` are the twins of the files of the same name in
-//! `glsl/`: same functions, same arguments, same constants.
+//! `math`, `brdf`, `disc`, `energy`, `sampling`, `cube`, `octahedral`, `tone` and `shadow` are the twins of the files of the same
+//! name in `glsl/` (`shadow` of `shadow_place.glsl`): same functions, same arguments, same constants.
 
 pub mod brdf;
 pub mod cube;
@@ -18,6 +18,7 @@ pub mod mip;
 pub mod panorama_sums;
 pub mod quadrature;
 pub mod sampling;
+pub mod shadow;
 pub mod sun;
 pub mod table;
 pub mod tone;

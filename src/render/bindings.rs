@@ -27,6 +27,10 @@ pub const SCENE: SetBindings = SetBindings {
         ("SCENE_SPECULAR_ODD", Sampled),
         ("SCENE_BRDF_TABLE", Sampled),
         ("SCENE_LIGHTMAP", Sampled),
+        ("SCENE_LAMP_SHADOWS", Sampled),
+        ("SCENE_LAMP_DEPTHS", Sampled),
+        ("SCENE_SUN_SHADOW", Sampled),
+        ("SCENE_SUN_DEPTH", Sampled),
     ],
 };
 

@@ -2,16 +2,19 @@
 
 use std::sync::Arc;
 
-use super::frame::SceneConstants;
+use super::frame::{FrameInputs, SceneConstants, sun_block};
 use super::layouts::Layouts;
 use super::lighting::Lighting;
 use super::lightmap::LightmapBake;
 use super::pipeline_request::PipelineRequest;
 use super::scene_resources::SceneResources;
 use super::settings::RenderSettings;
+use super::shadow_maps::{Placement, ShadowMaps};
+use super::shadow_pass::ShadowPass;
 use crate::Result;
 use crate::gpu::{
-    AddressMode, Binding, DescriptorSet, Format, Gpu, Image, ImageDesc, ImageUsageFlags, Sampler, Shape, upload_rows,
+    AddressMode, Binding, Commands, Compare, DescriptorSet, Format, Gpu, Image, ImageDesc, ImageUsageFlags, Sampler,
+    Shape, upload_rows,
 };
 
 /// A scene and its light, with a descriptor set that is created again when the light changes.
@@ -20,6 +23,7 @@ pub struct BoundScene {
     pub lighting: Lighting,
     /// Soft light on the scene's surfaces, where it is modelled.
     pub lightmap: Option<LightmapBake>,
+    pub shadows: ShadowMaps,
     /// `bindings::SCENE`.
     pub set: DescriptorSet,
 }
@@ -33,22 +37,37 @@ impl BoundScene {
         lighting: Lighting,
         lightmap: Option<LightmapBake>,
     ) -> Result<Self> {
-        let set = scene_set(gpu, layouts, &resources, &lighting, lightmap.as_ref())?;
-        Ok(Self { resources, lighting, lightmap, set })
+        let shadows = ShadowMaps::new(gpu, &resources.shadow_plan, lighting.sun.is_some())?;
+        let set = scene_set(gpu, layouts, (&resources, &shadows), &lighting, lightmap.as_ref())?;
+        Ok(Self { resources, lighting, lightmap, shadows, set })
     }
 
     /// Puts the scene under another light.
     pub fn set_lighting(&mut self, gpu: &Arc<Gpu>, layouts: &Layouts, lighting: Lighting) -> Result<()> {
-        self.set = scene_set(gpu, layouts, &self.resources, &lighting, self.lightmap.as_ref())?;
-        self.lighting = lighting;
+        let shadows = ShadowMaps::new(gpu, &self.resources.shadow_plan, lighting.sun.is_some())?;
+        self.set = scene_set(gpu, layouts, (&self.resources, &shadows), &lighting, self.lightmap.as_ref())?;
+        (self.lighting, self.shadows) = (lighting, shadows);
         self.lightmap.iter_mut().for_each(LightmapBake::restart);
         Ok(())
+    }
+
+    /// Records the drawing of shadow maps that do not show the scene as it is, if a pass draws any.
+    pub fn update_shadows(&mut self, commands: &mut Commands<'_>, pass: Option<&ShadowPass>, inputs: &FrameInputs<'_>) {
+        let sun = self.lighting.sun.map(|sun| sun_block(&sun, inputs.environment_rotation));
+        let place =
+            Placement { world_from_models: inputs.world_from_models, towards_sun: sun.map(|sun| sun.towards.into()) };
+        self.shadows.update(commands, pass, (&self.resources, &self.set), place);
     }
 
     /// The scene's part of each [`FrameBlock`](super::shared::FrameBlock).
     pub fn constants(&self) -> SceneConstants {
         let Lighting { maps, sun, .. } = &self.lighting;
-        SceneConstants { environment_scale: maps.scale, light_count: self.resources.light_count, sun: *sun }
+        SceneConstants {
+            environment_scale: maps.scale,
+            light_count: self.resources.light_count,
+            sun: *sun,
+            sun_shadow: self.shadows.sun_block(sun.as_ref()),
+        }
     }
 
     /// What pipelines for this scene are built from.
@@ -66,6 +85,8 @@ impl BoundScene {
             constant_lights: self.resources.constant_lights,
             lightmap_layers: self.lightmap.as_ref().map_or(0, LightmapBake::layers),
             ray_scene: Arc::clone(&self.resources.ray_scene),
+            casts: self.resources.shadow_plan.casts,
+            planned_shadows: self.resources.shadow_plan.kind,
             panorama: Arc::clone(&self.lighting.maps.panorama),
             sun: self.lighting.sun,
             settings,
@@ -86,13 +107,16 @@ fn no_lightmap(gpu: &Arc<Gpu>) -> Result<Arc<Image>> {
 fn scene_set(
     gpu: &Arc<Gpu>,
     layouts: &Layouts,
-    resources: &SceneResources,
+    (resources, shadows): (&SceneResources, &ShadowMaps),
     Lighting { maps, table, .. }: &Lighting,
     lightmap: Option<&LightmapBake>,
 ) -> Result<DescriptorSet> {
     let lightmap = lightmap.map_or_else(|| no_lightmap(gpu), |lightmap| Ok(Arc::clone(lightmap.image())))?;
     let panorama = Sampler::new(gpu, "panorama", AddressMode::Panorama, 1)?;
     let clamped = Sampler::new(gpu, "clamped", AddressMode::Clamp, 1)?;
+    // A receiver passes where nothing nearer to the light, of greater depth, is stored.
+    let compared = Sampler::compare(gpu, "shadow", AddressMode::Clamp, Compare::GreaterOrEqual)?;
+    let nearest = Sampler::nearest(gpu, "depth", AddressMode::Clamp)?;
     let bindings = [
         Binding::Storage(&resources.instances),
         Binding::Storage(&resources.materials),
@@ -103,6 +127,10 @@ fn scene_set(
         Binding::Sampled(&maps.specular[1], &clamped),
         Binding::Sampled(&table.image, &clamped),
         Binding::Sampled(&lightmap, &clamped),
+        Binding::Sampled(&shadows.lamps, &compared),
+        Binding::Sampled(&shadows.lamps, &nearest),
+        Binding::Sampled(&shadows.sun, &compared),
+        Binding::Sampled(&shadows.sun, &nearest),
     ];
     DescriptorSet::new(gpu, "scene", &layouts.scene, &bindings)
 }

@@ -43,6 +43,11 @@ impl Draw {
             culling_bounds: culling_bounds.map(|bounds| bounds.placed(world_from_local)),
         }
     }
+
+    /// World space, before the common movement of all models.
+    pub fn bounds(&self) -> Bounds {
+        self.bounds
+    }
 }
 
 /// The order of draws. The picture is the same in each.

@@ -57,7 +57,7 @@ impl ForwardPass {
         let PipelineRequest { gpu, layouts, variants, constant_lights, lightmap_layers, settings, eyes, .. } = request;
         let is_reference = settings.shading == Shading::Reference;
         let stages = Stages::new(settings);
-        let common: [Constant; 9] = [
+        let common: [Constant; 11] = [
             (constant::EYES, *eyes),
             (constant::SHADING, settings.shading as u32),
             (constant::GEOMETRY, settings.geometry as u32),
@@ -66,6 +66,8 @@ impl ForwardPass {
             (constant::SUN, u32::from(request.shades_sun())),
             // Below 0: the shader reads the count from the frame's block.
             (constant::LIGHTS, constant_lights.unwrap_or(u32::MAX)),
+            (constant::LAMP_SHADOWS, request.lamp_shadows() as u32),
+            (constant::SUN_SHADOW, u32::from(request.sun_shadow())),
             (constant::LIGHTMAP, if is_reference { 0 } else { *lightmap_layers }),
             (constant::TRANSPORT, settings.transport() as u32),
         ];

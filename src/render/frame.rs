@@ -6,7 +6,7 @@ use super::draws::CullOptions;
 use super::eye::Eye;
 use super::gizmos::{ControllerGizmos, GizmoVertex, MAX_GIZMO_VERTICES};
 use super::overlay::MAX_CHARACTERS;
-use super::shared::{EyeBlock, FrameBlock, SunBlock};
+use super::shared::{EyeBlock, FrameBlock, SunBlock, SunShadowBlock};
 use crate::reference::cube::rotate_y;
 use crate::reference::sun::Sun;
 use crate::scene::Scene;
@@ -56,6 +56,7 @@ impl<'a> FrameInputs<'a> {
             light_count: scene.light_count,
             world_from_models: self.world_from_models.to_cols_array_2d(),
             sun: scene.sun.map_or_else(SunBlock::default, |sun| sun_block(&sun, self.environment_rotation)),
+            sun_shadow: scene.sun_shadow,
             ..FrameBlock::default()
         };
         for (block, eye) in block.eyes.iter_mut().zip(self.eyes) {
@@ -76,10 +77,12 @@ pub struct SceneConstants {
     pub light_count: u32,
     /// In the panorama's frame.
     pub sun: Option<Sun>,
+    /// All 0 without a shadow map of it.
+    pub sun_shadow: SunShadowBlock,
 }
 
 /// A sun in world space, for a panorama turned by so many radians.
-fn sun_block(sun: &Sun, rotation: f32) -> SunBlock {
+pub(super) fn sun_block(sun: &Sun, rotation: f32) -> SunBlock {
     let (sine, cosine) = f64::from(rotation).sin_cos();
     SunBlock {
         towards: rotate_y(sun.direction, DVec2::new(cosine, sine)).as_vec3().to_array(),

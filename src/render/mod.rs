@@ -32,9 +32,15 @@ mod scene_resources;
 #[cfg(test)]
 mod seam_gpu_tests;
 mod settings;
+#[cfg(test)]
+mod shadow_gpu_tests;
+mod shadow_maps;
+mod shadow_pass;
+mod shadow_plan;
 mod shared;
 #[cfg(test)]
 mod shared_gpu_tests;
+mod sun_view;
 mod targets;
 
 pub use draws::{CullOptions, DrawCounts, Order};

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use super::layouts::Layouts;
 use super::ray_scene::LazyRayScene;
 use super::settings::{LightModel, RenderSettings};
+use super::shadow_plan::LampShadows;
 use crate::gpu::{Gpu, Image};
 use crate::reference::sun::Sun;
 use crate::scene::{MaterialFeatures, Model};
@@ -21,6 +22,10 @@ pub struct PipelineRequest {
     pub(super) lightmap_layers: u32,
     /// What the reference's rays meet.
     pub(super) ray_scene: Arc<LazyRayScene>,
+    /// Whether anything casts a shadow on anything.
+    pub(super) casts: bool,
+    /// How lamps' shadows are looked up where shadows are modelled.
+    pub(super) planned_shadows: LampShadows,
     /// The panorama that the reference samples.
     pub(super) panorama: Arc<Image>,
     /// The sun that is a light of its own, in the panorama's frame.
@@ -34,5 +39,15 @@ impl PipelineRequest {
     pub(super) fn shades_sun(&self) -> bool {
         let always = self.settings.model == Model::Everything && self.settings.light != LightModel::Open;
         self.sun.is_some() || always
+    }
+
+    /// Whether the sun has a shadow map.
+    pub(super) fn sun_shadow(&self) -> bool {
+        self.sun.is_some() && self.casts
+    }
+
+    /// How lamps' shadows are looked up under the request's settings.
+    pub(super) fn lamp_shadows(&self) -> LampShadows {
+        if self.settings.light == LightModel::Open { LampShadows::None } else { self.planned_shadows }
     }
 }

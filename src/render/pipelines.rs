@@ -6,6 +6,8 @@ use super::hidden_area::HiddenAreaPass;
 use super::pipeline_request::PipelineRequest;
 use super::reference_accumulator::{ReferenceAccumulator, ReferencePasses};
 use super::settings::{RenderSettings, Shading};
+use super::shadow_pass::ShadowPass;
+use super::shadow_plan::LampShadows;
 use crate::Result;
 
 /// All pipelines; built again when shading, samples, output or the number of eyes change.
@@ -18,6 +20,8 @@ pub struct PassPipelines {
     /// Only with more than one eye.
     pub(super) gizmos: Option<GizmoPass>,
     pub(super) hidden_area: Option<HiddenAreaPass>,
+    /// Only where something has a shadow map.
+    pub(super) shadows: Option<ShadowPass>,
     /// Only for [`Shading::Reference`].
     pub(super) reference: Option<ReferencePasses>,
 }
@@ -31,6 +35,8 @@ impl PassPipelines {
         let PipelineRequest { settings, eyes, .. } = request;
         let is_reference = settings.shading == Shading::Reference;
         // The reference never shows gizmos, as all samples of a pixel must show the same scene.
+        // The reference traces rays instead.
+        let has_shadows = !is_reference && (request.lamp_shadows() != LampShadows::None || request.sun_shadow());
         let has_headset_passes = *eyes > 1 && !is_reference;
         Ok(Self {
             settings: settings.clone(),
@@ -39,6 +45,7 @@ impl PassPipelines {
             forward: ForwardPass::new(request)?,
             gizmos: has_headset_passes.then(|| GizmoPass::new(request)).transpose()?,
             hidden_area: has_headset_passes.then(|| HiddenAreaPass::new(request)).transpose()?,
+            shadows: has_shadows.then(|| ShadowPass::new(request)).transpose()?,
             reference: is_reference.then(|| ReferencePasses::new(request)).transpose()?,
         })
     }

@@ -90,7 +90,7 @@ fn scene() -> Scene {
         bounds,
     };
     let all = 0..MATERIALS as usize;
-    let light = |position, intensity| PointLight { position, intensity: Vec3::splat(intensity) };
+    let light = |position, intensity| PointLight { position, intensity: Vec3::splat(intensity), radius: 0.0 };
     let glow = Vec3::new(0.3, 0.8, 0.5).normalize();
     let sky = |d: Vec3| if d.dot(glow) > 0.99 { Vec3::splat(SKY) } else { Vec3::splat(1.0) + 0.5 * d };
     let mut panorama = Panorama::from_fn(256, 128, sky);

@@ -130,14 +130,15 @@ impl Renderer {
         Ok(())
     }
 
-    /// Whether light precomputed with `settings` takes other pipelines: geometry, split sum and whether there is a sun are
-    /// constants of theirs, and the reference draws its samples from the panorama.
+    /// Whether light precomputed with `settings` takes other pipelines: geometry, split sum, shadows and whether there is a sun
+    /// are constants of theirs, and the reference draws its samples from the panorama.
     pub fn needs_pipelines_under(&self, lighting: &Lighting, settings: &RenderSettings) -> bool {
         let now = self.settings();
         let sun = self.pipeline_request_under(lighting, settings).shades_sun();
         now.geometry != settings.geometry
             || now.split_sum != settings.split_sum
             || self.pipelines.sun != sun
+            || now.light != settings.light
             || self.reference.is_some()
     }
 
@@ -220,6 +221,16 @@ impl Renderer {
         &self.scene.resources.texture_facts
     }
 
+    /// GPU memory of shadow maps, bytes.
+    pub fn shadow_bytes(&self) -> u64 {
+        self.scene.shadows.bytes()
+    }
+
+    /// How often shadow maps have been drawn.
+    pub fn shadow_drawings(&self) -> u64 {
+        self.scene.shadows.drawings
+    }
+
     /// GPU time of precomputation, pass by pass.
     pub fn precompute_times(&self) -> impl Iterator<Item = &PassTime> {
         self.scene.lighting.times()
@@ -237,6 +248,7 @@ impl Renderer {
     /// A ring with too few bytes.
     pub fn record(&mut self, frame: &mut FrameContext<'_>, inputs: &FrameInputs<'_>) -> Result<()> {
         self.list_draws(inputs);
+        self.scene.update_shadows(&mut frame.commands, self.pipelines.shadows.as_ref(), inputs);
         let Self { scene, pipelines, targets, reference, draws, .. } = self;
         let block = inputs.block(scene.constants());
         if let Some(lightmap) = scene.lightmap.as_mut().filter(|lightmap| !lightmap.is_done()) {

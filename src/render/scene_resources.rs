@@ -11,6 +11,7 @@ use super::draws::Draw;
 use super::layouts::Layouts;
 use super::ray_scene::LazyRayScene;
 use super::settings::RenderSettings;
+use super::shadow_plan::ShadowPlan;
 use super::shared::{InstanceBlock, LightBlock, MaterialBlock};
 use crate::Result;
 use crate::context::Context;
@@ -30,6 +31,7 @@ pub struct SceneResources {
     pub materials: Arc<Buffer>,
     pub lights: Arc<Buffer>,
     pub light_count: u32,
+    pub shadow_plan: ShadowPlan,
     /// Each combination of features that a material needs; [`Draw::variant`] is an index.
     pub variants: Vec<MaterialFeatures>,
     /// The number of point lights that shaders are made for; `None` for any.
@@ -64,7 +66,9 @@ impl SceneResources {
             let (variant, textures) = (variants.index(*features), sets.index(material)?);
             drawn.push(DrawnMaterial { variant, textures, masked: features.alpha_mask });
         }
-        let lights: Vec<LightBlock> = scene.lights.iter().map(LightBlock::from).collect();
+        let shadow_plan = ShadowPlan::new(context, scene, features.casts);
+        let lamp = |(i, light): (usize, &PointLight)| light_block(light, shadow_plan.of_lamp(i));
+        let lights: Vec<LightBlock> = scene.lights.iter().enumerate().map(lamp).collect();
         let block = |(material, drawn): (&Material, &DrawnMaterial)| material_block(material, drawn.textures);
         let blocks: Vec<MaterialBlock> = scene.materials.iter().zip(&drawn).map(block).collect();
         let texture_sets: Arc<[DescriptorSet]> = sets.all.into();
@@ -75,6 +79,7 @@ impl SceneResources {
             materials: storage(gpu, "materials", &blocks)?,
             lights: storage(gpu, "lights", &lights)?,
             light_count: u32::try_from(lights.len()).unwrap_or(u32::MAX),
+            shadow_plan,
             variants: variants.all,
             constant_lights: features.lights,
             ray_scene: Arc::new(LazyRayScene::new(scene, geometry, &texture_sets)),
@@ -147,8 +152,12 @@ fn material_block(material: &Material, textures: u32) -> MaterialBlock {
     }
 }
 
-impl From<&PointLight> for LightBlock {
-    fn from(light: &PointLight) -> Self {
-        Self { position: light.position.into(), intensity: light.intensity.into() }
+fn light_block(light: &PointLight, (shadow_layer, shadow_near): (i32, f32)) -> LightBlock {
+    LightBlock {
+        position: light.position.into(),
+        radius: light.radius,
+        intensity: light.intensity.into(),
+        shadow_near,
+        shadow_layer,
     }
 }

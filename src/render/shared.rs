@@ -30,6 +30,16 @@ pub struct SunBlock {
     pub sine: f32,
 }
 
+/// The sun's shadow map as shaders see it.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct SunShadowBlock {
+    /// World space to u, v and reversed depth.
+    pub place_from_world: [[f32; 4]; 4],
+    /// Radius of the sun's disc in uv, seen through a hole, per depth between hole and point.
+    pub spread: [f32; 2],
+}
+
 /// Uniforms of one frame: `FRAME_UNIFORMS`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
@@ -47,6 +57,7 @@ pub struct FrameBlock {
     /// A rigid movement of all instances.
     pub world_from_models: [[f32; 4]; 4],
     pub sun: SunBlock,
+    pub sun_shadow: SunShadowBlock,
 }
 
 /// One placed mesh of one material: an element of `SCENE_INSTANCES`.
@@ -77,8 +88,14 @@ pub struct MaterialBlock {
 pub struct LightBlock {
     /// Metres, world space.
     pub position: [f32; 3],
+    /// Metres; 0 for a point.
+    pub radius: f32,
     /// W/sr per channel.
     pub intensity: [f32; 3],
+    /// The near plane of its shadow map, metres.
+    pub shadow_near: f32,
+    /// The first of six layers in `SCENE_LAMP_SHADOWS`; below 0 without a shadow map.
+    pub shadow_layer: i32,
 }
 
 // With these members, scalar layout equals repr(C); this checks it.
@@ -91,10 +108,14 @@ const _: () = {
     assert!(offset_of!(FrameBlock, world_from_models) == 144 * MAX_EYES + 24);
     assert!(offset_of!(FrameBlock, sun) == 144 * MAX_EYES + 88);
     assert!(offset_of!(SunBlock, irradiance) == 12 && offset_of!(SunBlock, sine) == 24);
-    assert!(size_of::<FrameBlock>() == 144 * MAX_EYES + 116);
+    assert!(offset_of!(FrameBlock, sun_shadow) == 144 * MAX_EYES + 116);
+    assert!(offset_of!(SunShadowBlock, spread) == 64);
+    assert!(size_of::<FrameBlock>() == 144 * MAX_EYES + 188);
     assert!(offset_of!(InstanceBlock, material) == 64 && size_of::<InstanceBlock>() == 68);
     assert!(offset_of!(MaterialBlock, metallic) == 12 && size_of::<MaterialBlock>() == 28);
-    assert!(offset_of!(LightBlock, intensity) == 12 && size_of::<LightBlock>() == 24);
+    assert!(offset_of!(LightBlock, radius) == 12 && offset_of!(LightBlock, intensity) == 16);
+    assert!(offset_of!(LightBlock, shadow_near) == 28 && offset_of!(LightBlock, shadow_layer) == 32);
+    assert!(size_of::<LightBlock>() == 36);
 };
 
 /// Specialization constants, by their id in `glsl/shared.glsl`.
@@ -112,6 +133,8 @@ pub mod constant {
     pub const MULTI_SCATTER: u32 = 10;
     pub const SLICES: u32 = 11;
     pub const SUN: u32 = 12;
+    pub const LAMP_SHADOWS: u32 = 13;
+    pub const SUN_SHADOW: u32 = 14;
     pub const LIGHTMAP: u32 = 15;
     pub const TRANSPORT: u32 = 16;
 }

@@ -4,7 +4,9 @@ use clap::ValueEnum;
 
 use super::bindings::SCENE;
 use super::settings::Shading;
-use super::shared::{EyeBlock, FrameBlock, InstanceBlock, LightBlock, MAX_EYES, MaterialBlock, SunBlock, constant};
+use super::shared::{
+    EyeBlock, FrameBlock, InstanceBlock, LightBlock, MAX_EYES, MaterialBlock, SunBlock, SunShadowBlock, constant,
+};
 use crate::gpu::{
     Binding, BindingType, Buffer, BufferKind, DescriptorSet, DescriptorSetLayout, FrameRing, Pipeline, UNIFORM_RANGE,
     read_buffer,
@@ -55,6 +57,7 @@ impl Blocks {
             sample_index: counter.next() as u32,
             world_from_models: matrix(&mut counter),
             sun: SunBlock { towards: counter.list(), irradiance: counter.list(), sine: counter.next() },
+            sun_shadow: SunShadowBlock { place_from_world: matrix(&mut counter), spread: counter.list() },
         };
         let instances = std::array::from_fn(|_| InstanceBlock {
             world_from_local: matrix(&mut counter),
@@ -67,7 +70,13 @@ impl Blocks {
             alpha_cutoff: counter.next(),
             textures: counter.next() as u32,
         });
-        let lights = std::array::from_fn(|_| LightBlock { position: counter.list(), intensity: counter.list() });
+        let lights = std::array::from_fn(|_| LightBlock {
+            position: counter.list(),
+            radius: counter.next(),
+            intensity: counter.list(),
+            shadow_near: counter.next(),
+            shadow_layer: counter.next() as i32,
+        });
         Self { frame, instances, materials, lights }
     }
 
@@ -84,8 +93,10 @@ impl Blocks {
         numbers.extend([frame.exposure, frame.environment_scale, frame.light_count as f32, frame.sample_index as f32]);
         numbers.extend(frame.world_from_models.as_flattened());
         numbers.extend(frame.sun.towards.iter().chain(&[0.0]).chain(&frame.sun.irradiance).chain(&[frame.sun.sine]));
+        numbers.extend(frame.sun_shadow.place_from_world.as_flattened().iter().chain(&frame.sun_shadow.spread));
         for light in &self.lights {
-            numbers.extend(light.position.iter().chain(&[0.0]).chain(&light.intensity).chain(&[0.0]));
+            numbers.extend(light.position.iter().chain(&[light.radius]).chain(&light.intensity));
+            numbers.extend([light.shadow_near, light.shadow_layer as f32]);
         }
         for instance in &self.instances {
             numbers.extend(instance.world_from_local.as_flattened());
@@ -169,8 +180,11 @@ fn specialization_constants_have_their_ids() {
         ("LIGHTS", constant::LIGHTS),
         ("METALNESS", constant::METALNESS),
         ("MULTI_SCATTER", constant::MULTI_SCATTER),
+        ("LIGHTMAP", constant::LIGHTMAP),
         ("SLICES", constant::SLICES),
         ("SUN", constant::SUN),
+        ("LAMP_SHADOWS", constant::LAMP_SHADOWS),
+        ("SUN_SHADOW", constant::SUN_SHADOW),
     ];
     assert_eq!(declared.collect::<Vec<_>>(), ours);
 }

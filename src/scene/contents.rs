@@ -82,6 +82,8 @@ pub struct PointLight {
     pub position: Vec3,
     /// Radiant intensity per channel, W/sr.
     pub intensity: Vec3,
+    /// Metres; 0 for a point. The size of its shadows' penumbrae; it shines as a point does.
+    pub radius: f32,
 }
 
 /// A named viewpoint.

@@ -17,6 +17,8 @@ const LARGE_SCENES: &str = "${PBR_VR_SCENES}/";
 const LARGE_SCENES_REMEDY: &str = "; it does not come with the program: set PBR_VR_SCENES to the folder that holds it, or see `tools/fetch-assets --list`";
 /// Limit of positions in metres, and of scales.
 pub const MAX_LENGTH: f32 = obj::MAX_COORDINATE;
+/// Limit of a lamp's radius in metres.
+const MAX_RADIUS: f32 = 100.0;
 /// Limit of the exposure in stops, in both directions; the range of f32 is 127.
 const MAX_EXPOSURE: f32 = 100.0;
 const BACKSLASH: &str = "in \"…\" a backslash begins an escape: write / instead, or put the name between '…'";
@@ -126,6 +128,7 @@ struct LightKeys {
 struct PointKeys {
     position: Spanned<[f32; 3]>,
     intensity: Spanned<[f32; 3]>,
+    radius: Option<Spanned<f32>>,
 }
 
 #[derive(Deserialize)]
@@ -247,7 +250,11 @@ impl Check<'_> {
         if intensity.min_element() < 0.0 {
             return Err(self.error("intensity", &keys.intensity, "light cannot be negative"));
         }
-        Ok(PointLight { position: self.place("position", keys.position)?, intensity })
+        let radius = self.within(MAX_RADIUS, "radius", keys.radius.clone(), 0.0)?;
+        if let Some(value) = keys.radius.filter(|_| radius < 0.0) {
+            return Err(self.error("radius", &value, "a radius cannot be negative"));
+        }
+        Ok(PointLight { position: self.place("position", keys.position)?, intensity, radius })
     }
 
     fn cameras(&self, all: Vec<CameraKeys>) -> Result<Vec<Camera>> {

@@ -35,6 +35,15 @@ fn angles_are_applied_in_the_order_x_y_z() {
 }
 
 #[test]
+fn a_lamp_is_a_point_unless_it_has_a_radius() {
+    let radius = |more: &str| {
+        let text = format!("[[light]]\npoint = {{ position = [0, 1, 0], intensity = [1, 1, 1]{more} }}");
+        parsed(&text).unwrap().lights[0].radius
+    };
+    assert_eq!((radius(""), radius(", radius = 0.05"), radius(", radius = 0")), (0.0, 0.05, 0.0));
+}
+
+#[test]
 fn errors_name_line_and_key() {
     let camera = "[[camera]]\nname = 'c'\nposition = [0, 0, 1]\n";
     for (text, line, key) in [
@@ -58,6 +67,9 @@ fn errors_name_line_and_key() {
         ("exposure_ev = 1e30", 1, "exposure_ev"),
         ("[[model]]\nfile = 'sub/a.obj'\ntranslation = [1, 2]", 3, "translation"),
         ("[[light]]\npoint = { position = [0, 0, 0], intensity = [1, -1, 1] }", 2, "intensity"),
+        ("[[light]]\npoint = { position = [0, 0, 0], intensity = [1, 1, 1], radius = -0.1 }", 2, "radius"),
+        ("[[light]]\npoint = { position = [0, 0, 0], intensity = [1, 1, 1], radius = nan }", 2, "radius"),
+        ("[[light]]\npoint = { position = [0, 0, 0], intensity = [1, 1, 1], radius = 1e9 }", 2, "radius"),
         ("[[light]]\nspot = 1", 2, "spot"),
         (&format!("{camera}target = [0, 0, 1]"), 4, "target"),
         (&format!("{camera}target = [0, 0, 0]\nvertical_fov_degrees = 180"), 5, "vertical_fov_degrees"),

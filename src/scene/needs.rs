@@ -1,5 +1,6 @@
 //! The features of the renderer that a scene needs, and those that would cost time and not change the picture.
 
+pub mod casting;
 pub mod findings;
 pub mod lightmap;
 pub mod resolution;
@@ -9,6 +10,7 @@ use serde::Serialize;
 
 use super::{Material, Scene};
 use crate::reference::energy::is_multi_scatter_visible;
+use casting::nothing_casts;
 use resolution::{Viewpoint, first_levels};
 
 /// Which features are used.
@@ -85,6 +87,8 @@ pub struct SceneFeatures {
     pub materials: Vec<MaterialFeatures>,
     /// The number of point lights, a constant of the shaders; `None` for any number.
     pub lights: Option<u32>,
+    /// Whether anything may cast a shadow on anything.
+    pub casts: bool,
     /// The finest level of each texture that can be read.
     pub first_levels: Vec<u32>,
 }
@@ -97,11 +101,13 @@ impl SceneFeatures {
             Model::Needed => Self {
                 materials: scene.materials.iter().map(MaterialFeatures::of).collect(),
                 lights: u32::try_from(scene.lights.len()).ok(),
+                casts: nothing_casts(scene).is_none(),
                 first_levels: viewpoint.map_or(whole, |viewpoint| first_levels(scene, viewpoint)),
             },
             Model::Everything => Self {
                 materials: vec![MaterialFeatures::EVERYTHING; scene.materials.len()],
                 lights: None,
+                casts: true,
                 first_levels: whole,
             },
         }
@@ -114,7 +120,7 @@ impl SceneFeatures {
 }
 
 #[cfg(test)]
-mod tests {
+pub mod tests {
     use glam::Vec3;
 
     use super::*;
@@ -123,7 +129,7 @@ mod tests {
     use crate::scene::{Environment, PointLight};
 
     pub fn scene(materials: Vec<Material>, lights: usize) -> Scene {
-        let light = PointLight { position: Vec3::Y, intensity: Vec3::ONE };
+        let light = PointLight { position: Vec3::Y, intensity: Vec3::ONE, radius: 0.0 };
         Scene {
             meshes: vec![],
             instances: vec![],

@@ -115,6 +115,7 @@ pub fn scaled(mut scene: Scene, scale: f32) -> Scene {
     for light in &mut scene.lights {
         light.position *= scale;
         light.intensity *= scale * scale;
+        light.radius *= scale;
     }
     for camera in &mut scene.cameras {
         camera.position *= scale;

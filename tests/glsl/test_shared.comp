@@ -27,9 +27,13 @@ void main()
     put(frame.world_from_models);
     put(vec4(frame.sun.towards, 0.0));
     put(vec4(frame.sun.irradiance, frame.sun.sine));
+    put(frame.sun_shadow.place_from_world);
+    put(frame.sun_shadow.spread.x);
+    put(frame.sun_shadow.spread.y);
     for (uint i = 0; i < lights.length(); ++i) {
-        put(vec4(lights[i].position, 0.0));
-        put(vec4(lights[i].intensity, 0.0));
+        put(vec4(lights[i].position, lights[i].radius));
+        put(vec4(lights[i].intensity, lights[i].shadow_near));
+        put(float(lights[i].shadow_layer));
     }
     for (uint i = 0; i < instances.length(); ++i) {
         put(instances[i].world_from_local);

@@ -7,6 +7,7 @@ mod common;
 
 mod draws;
 mod reference;
+mod shadows;
 mod hands;
 mod light;
 mod pictures;

@@ -2,6 +2,7 @@
 
 use serde::Serialize;
 
+use super::casting::nothing_casts;
 use super::{MaterialFeatures, Metalness, Model, SceneFeatures};
 use crate::reference::energy::VISIBLE;
 use crate::reference::sun::{Sun, VISIBLE_SHARE, find_sun};
@@ -50,7 +51,7 @@ impl Findings {
         findings.extend([metals(&materials), multi_scatter(&materials), roughness(&materials), lights(scene)]);
         let panorama = &scene.environment.panorama;
         let sun = find_sun([panorama.width, panorama.height], &panorama.texels).map(|split| split.sun);
-        findings.extend([sun_finding(sun), shadows(scene, sun)]);
+        findings.extend([sun_finding(sun), lamp_shadows(scene), sun_shadow(scene, sun)]);
         Self { triangles: scene.triangles(), findings, materials, features }
     }
 
@@ -141,15 +142,28 @@ fn sun_finding(sun: Option<Sun>) -> Finding {
     Finding { subject: "sun", modelled: sun.is_some(), why }
 }
 
-/// Not implemented although the scene would show them.
-fn shadows(scene: &Scene, sun: Option<Sun>) -> Finding {
-    let sources = scene.lights.len() + usize::from(sun.is_some());
-    let why = if sources == 0 {
-        "no point light, no sun: nothing casts a hard shadow; occlusion maps stand in for soft ones".to_owned()
-    } else {
-        format!("{sources} source(s) would cast them; not modelled: nothing blocks their light")
+fn lamp_shadows(scene: &Scene) -> Finding {
+    let (lamps, soft) = (scene.lights.len(), scene.lights.iter().filter(|lamp| lamp.radius > 0.0).count());
+    let (modelled, why) = match nothing_casts(scene) {
+        _ if lamps == 0 => (false, "there is no lamp".to_owned()),
+        Some(reason) => (false, reason.to_owned()),
+        None if soft == 0 => (true, format!("a map for each of {lamps} lamps, all points: edges are sharp")),
+        None => (true, format!("a map for each of {lamps} lamps, {soft} with a size: edges soften with distance")),
     };
-    Finding { subject: "shadows", modelled: false, why }
+    Finding { subject: "shadows of lamps", modelled, why }
+}
+
+fn sun_shadow(scene: &Scene, sun: Option<Sun>) -> Finding {
+    let (modelled, why) = match (sun, nothing_casts(scene)) {
+        (None, _) => (false, "there is no sun".to_owned()),
+        (_, Some(reason)) => (false, reason.to_owned()),
+        (Some(Sun { angular_radius, .. }), None) => {
+            // An edge 1 m from what its shadow falls on.
+            let millimetres = 2e3 * angular_radius.tan();
+            (true, format!("one map of all that casts; edges soften by {millimetres:.0} mm for each metre"))
+        }
+    };
+    Finding { subject: "shadow of the sun", modelled, why }
 }
 
 #[cfg(test)]

@@ -1,0 +1,105 @@
+// How much of lamps' and the sun's light shadow maps let through.
+#ifndef PBR_VR_SHADOWS
+#define PBR_VR_SHADOWS
+
+#include "shared.glsl"
+#include "shadow_place.glsl"
+
+// Taps of the search for what blocks and of the filter: points of a Vogel disc (Vogel, "A better way to construct the
+// sunflower head" (1979)), the same at every pixel, so that nothing flickers in a headset.
+const int SEARCH_TAPS = 8;
+const int FILTER_TAPS = 16;
+const vec2 GOLDEN_TURN = vec2(-0.7373688780783197, 0.6754902942615239); // cos and sin of the golden angle
+
+// The widest filter in uv: what a face has beyond the cube's.
+const float WIDEST = 0.5 - 0.5 / FACE_TANGENT;
+
+// A direction turned by the golden angle: from point to point of the disc, without a cosine for each.
+vec2 turned(vec2 d)
+{
+    return vec2(d.x * GOLDEN_TURN.x - d.y * GOLDEN_TURN.y, d.x * GOLDEN_TURN.y + d.y * GOLDEN_TURN.x);
+}
+
+// Radius of a disc's point i of so many.
+float disc_radius(int i, int count)
+{
+    return sqrt((float(i) + 0.5) / float(count));
+}
+
+// The share of light that passes at one place and its three neighbours.
+float shadow_tap(sampler2DArrayShadow shadows, ShadowPlace place, float layer, vec2 offset)
+{
+    return texture(shadows, vec4(place.uv + offset, layer, place.depth + dot(place.slope, offset)));
+}
+
+// Over 3 by 3 texels: four taps between them.
+float sharp_shadow(sampler2DArrayShadow shadows, ShadowPlace place, float layer)
+{
+    vec2 half_texel = 0.5 / vec2(textureSize(shadows, 0).xy);
+    float sum = 0.0;
+    for (int i = 0; i < 4; ++i)
+        sum += shadow_tap(shadows, place, layer, half_texel * vec2(2 * (i & 1) - 1, 2 * (i >> 1) - 1));
+    return 0.25 * sum;
+}
+
+// A light with a size: Fernando, "Percentage-Closer Soft Shadows" (2005). First the mean depth of what blocks within
+// reach, then a filter as wide as the light is, seen through a hole there. Loops end at once where all or nothing blocks;
+// a branch would not spare a software renderer the work.
+float soft_shadow(sampler2DArrayShadow shadows, sampler2DArray depths, ShadowPlace place, float layer)
+{
+    vec2 texel = 1.0 / vec2(textureSize(shadows, 0).xy);
+    vec2 reach = clamp(place.spread * (1.0 - place.depth), texel, vec2(WIDEST));
+    float blockers = 0.0, depth = 0.0;
+    vec2 d = vec2(1.0, 0.0);
+    for (int i = 0; i < SEARCH_TAPS; ++i, d = turned(d)) {
+        vec2 offset = reach * (disc_radius(i, SEARCH_TAPS) * d);
+        float stored = textureLod(depths, vec3(place.uv + offset, layer), 0.0).r;
+        float blocks = float(stored > place.depth + dot(place.slope, offset));
+        blockers += blocks;
+        depth += blocks * stored;
+    }
+    vec2 width = clamp(place.spread * (depth / max(blockers, 1.0) - place.depth), 0.5 * texel, vec2(WIDEST));
+    float sum = blockers > 0.0 ? 0.0 : float(FILTER_TAPS);
+    int taps = blockers > 0.0 && blockers < float(SEARCH_TAPS) ? FILTER_TAPS : 0;
+    d = vec2(1.0, 0.0);
+    for (int i = 0; i < taps; ++i, d = turned(d))
+        sum += shadow_tap(shadows, place, layer, width * (disc_radius(i, FILTER_TAPS) * d));
+    return sum / float(FILTER_TAPS);
+}
+
+// The share of a lamp's light that reaches a point; `n`: the triangle's own normal there, on the side that is seen.
+float lamp_visibility(PointLight light, vec3 position, vec3 n)
+{
+    vec3 q = position - light.position;
+    ShadowPlace place = lamp_place(q, n, light.shadow_near, light.radius, float(textureSize(lamp_shadows, 0).x));
+    float layer = float(light.shadow_layer) + place.layer;
+    float lit = 1.0;
+    // A lamp without a map lights everything; a surface turned away from it is its own shadow.
+    if (LAMP_SHADOWS == LAMP_SHADOWS_SOFT)
+        lit = soft_shadow(lamp_shadows, lamp_depths, place, layer);
+    else
+        lit = sharp_shadow(lamp_shadows, place, layer);
+    return light.shadow_layer < 0 ? 1.0 : dot(n, q) < 0.0 ? lit : 0.0;
+}
+
+// A row of the sun's matrix: an axis over the map's size along it.
+vec3 frame_row(int i)
+{
+    mat4 m = frame.sun_shadow.place_from_world;
+    return vec3(m[0][i], m[1][i], m[2][i]);
+}
+
+// The share of the sun's light that reaches a point; `n`: the triangle's own normal there, on the side that is seen.
+float sun_visibility_at(vec3 position, vec3 n)
+{
+    vec3 p = (frame.sun_shadow.place_from_world * vec4(position, 1.0)).xyz;
+    // A plane's normal in the map's units: by the transposed inverse, the map's axes being perpendicular.
+    vec3 size2 = 1.0 / vec3(dot(frame_row(0), frame_row(0)), dot(frame_row(1), frame_row(1)), dot(frame_row(2), frame_row(2)));
+    vec3 gradient = (mat3(frame.sun_shadow.place_from_world) * n) * size2;
+    ShadowPlace place = sun_place(p, gradient, frame.sun_shadow.spread, float(textureSize(sun_shadows, 0).x));
+    float lit = soft_shadow(sun_shadows, sun_depths, place, 0.0);
+    // A surface turned away from it is its own shadow.
+    return gradient.z > 0.0 ? lit : 0.0;
+}
+
+#endif

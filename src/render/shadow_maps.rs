@@ -1,0 +1,204 @@
+//! The shadow maps of a scene's lamps and of the sun: images, and when they are drawn again.
+//!
+//! Each lamp has six layers of an array, not a cube: a face reaches a little beyond the cube's (`FACE_TANGENT`), so that
+//! filters stay inside it, no GPU needs cube arrays, and a software renderer is spared the filtering across edges.
+
+use std::sync::Arc;
+
+use glam::{Mat4, Vec3, Vec4};
+
+use super::draws::{CullOptions, Draw, DrawList, Order};
+use super::eye::Eye;
+use super::scene_resources::SceneResources;
+use super::shadow_pass::ShadowPass;
+use super::shadow_plan::{FACES, LampMap, ShadowPlan, face_tangent};
+use super::shared::SunShadowBlock;
+use super::sun_view::SunView;
+use crate::Result;
+use crate::gpu::{
+    Attachments, Commands, DEPTH_FORMAT, DepthAttachment, DescriptorSet, Gpu, Image, ImageAccess, ImageDesc,
+    ImageUsageFlags, Shape, Subresource,
+};
+use crate::reference::sun::Sun;
+
+/// What maps are drawn for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Placement {
+    pub world_from_models: Mat4,
+    /// Unit vector in world space, if there is a sun.
+    pub towards_sun: Option<Vec3>,
+}
+
+/// The maps, and what they show.
+pub struct ShadowMaps {
+    /// Six layers for each lamp of the plan.
+    pub lamps: Arc<Image>,
+    /// One layer; a single texel without a sun.
+    pub sun: Arc<Image>,
+    /// One per layer of the lamps, world space.
+    eyes: Vec<Eye>,
+    /// `world_from_models` of the last drawing. Lamps stand still.
+    lamps_for: Option<Mat4>,
+    has_sun: bool,
+    sun_for: Option<Placement>,
+    sun_view: Option<SunView>,
+    draws: DrawList,
+    /// How often maps have been drawn.
+    pub drawings: u64,
+}
+
+impl ShadowMaps {
+    /// Makes images for a plan; nothing is drawn yet.
+    ///
+    /// # Errors
+    /// No memory.
+    pub fn new(gpu: &Arc<Gpu>, plan: &ShadowPlan, has_sun: bool) -> Result<Self> {
+        let usage = ImageUsageFlags::DEPTH_STENCIL_ATTACHMENT | ImageUsageFlags::SAMPLED;
+        let image = |name, side, layers| {
+            let flat = ImageDesc::flat(DEPTH_FORMAT, [side; 2], usage);
+            Image::new(gpu, name, ImageDesc { shape: Shape::Layers(layers), ..flat })
+        };
+        let has_sun = has_sun && plan.casts;
+        Ok(Self {
+            lamps: image("lamp shadows", plan.face, plan.layers())?,
+            sun: image("sun shadow", if has_sun { plan.sun_side } else { 1 }, 1)?,
+            eyes: plan.maps.iter().flat_map(|map| (0..FACES).map(move |face| face_eye(map, face))).collect(),
+            lamps_for: None,
+            has_sun,
+            sun_for: None,
+            sun_view: None,
+            draws: DrawList::default(),
+            drawings: 0,
+        })
+    }
+
+    /// GPU memory, bytes.
+    pub fn bytes(&self) -> u64 {
+        let bytes = |image: &Image| {
+            let [width, height] = image.desc().size.map(u64::from);
+            width * height * u64::from(image.desc().shape.layers()) * size_of::<f32>() as u64
+        };
+        bytes(&self.lamps) + bytes(&self.sun)
+    }
+
+    /// The sun's map as shaders read it; all 0 without one.
+    pub fn sun_block(&self, sun: Option<&Sun>) -> SunShadowBlock {
+        let view = self.sun_view.as_ref().zip(sun);
+        view.map_or_else(SunShadowBlock::default, |(view, sun)| view.block(sun.angular_radius.tan() as f32))
+    }
+
+    /// Records the drawing of maps that do not show the scene as it is; then prepares all for sampling. Without a pass
+    /// nothing reads them.
+    pub fn update(
+        &mut self,
+        commands: &mut Commands<'_>,
+        pass: Option<&ShadowPass>,
+        scene: (&SceneResources, &DescriptorSet),
+        place: Placement,
+    ) {
+        if let Some(pass) = pass {
+            if !self.eyes.is_empty() && self.lamps_for != Some(place.world_from_models) {
+                commands
+                    .pass("lamp shadows", |commands| self.draw_lamps(commands, pass, scene, place.world_from_models));
+                self.lamps_for = Some(place.world_from_models);
+                self.drawings += 1;
+            }
+            let towards = place.towards_sun.filter(|_| self.has_sun && self.sun_for != Some(place));
+            if let Some(towards) = towards {
+                commands.pass("sun shadow", |commands| {
+                    self.draw_sun(commands, pass, scene, place.world_from_models, towards)
+                });
+                self.sun_for = Some(place);
+                self.drawings += 1;
+            }
+        }
+        commands.prepare(&self.lamps, ImageAccess::DepthSampled);
+        commands.prepare(&self.sun, ImageAccess::DepthSampled);
+    }
+
+    fn draw_lamps(
+        &mut self,
+        commands: &mut Commands<'_>,
+        pass: &ShadowPass,
+        (resources, set): (&SceneResources, &DescriptorSet),
+        world_from_models: Mat4,
+    ) {
+        let models_from_world = world_from_models.inverse();
+        commands.prepare_fresh(&self.lamps, ImageAccess::Depth);
+        for (layer, eye) in (0..).zip(&self.eyes) {
+            // As for the picture, models that are moved together are drawn by moving the eye the opposite way.
+            let eye = Eye { world_from_view: models_from_world * eye.world_from_view, ..*eye };
+            self.draws.fill(&resources.draws, &[eye], CullOptions::default());
+            render(commands, &self.lamps, layer, |commands| {
+                pass.draw(commands, resources, set, self.draws.calls(), eye.clip_from_world());
+            });
+        }
+    }
+
+    fn draw_sun(
+        &mut self,
+        commands: &mut Commands<'_>,
+        pass: &ShadowPass,
+        (resources, set): (&SceneResources, &DescriptorSet),
+        world_from_models: Mat4,
+        towards: Vec3,
+    ) {
+        let view = SunView::new(resources.draws.iter().map(Draw::bounds), world_from_models, towards);
+        commands.prepare_fresh(&self.sun, ImageAccess::Depth);
+        // All is in view, and what is nearest is as good as any order.
+        let all = CullOptions { frusta: false, backs: false, order: Order::Listed };
+        let anywhere = Eye::symmetric(Mat4::IDENTITY, 90.0, 1.0, 1.0);
+        self.draws.fill(&resources.draws, &[anywhere], all);
+        render(commands, &self.sun, 0, |commands| {
+            let clip_from_models = view.clip_from_world() * world_from_models;
+            pass.draw(commands, resources, set, self.draws.calls(), clip_from_models);
+        });
+        self.sun_view = Some(view);
+    }
+}
+
+/// Draws into one layer, cleared to what is farthest.
+fn render(commands: &mut Commands<'_>, image: &Image, layer: u32, record: impl FnOnce(&mut Commands<'_>)) {
+    let depth = Some(DepthAttachment::cleared(image.attachment_of(Subresource { mip: 0, layer }), 0.0));
+    commands.render(&Attachments { colours: &[], depth, area: image.desc().size }, record);
+}
+
+/// The view of one face of a lamp's map, as `reference::shadow::lamp_place` looks it up.
+fn face_eye(map: &LampMap, face: u32) -> Eye {
+    let axis = face as usize / 2;
+    let unit = |i: usize| Vec3::AXES[i % 3];
+    // −Z of the view is forward; up is the axis after the next, and right-handedness gives the rest.
+    let backward = if face.is_multiple_of(2) { -unit(axis) } else { unit(axis) };
+    let up = unit(axis + 2);
+    let columns = [up.cross(backward), up, backward].map(|column| column.extend(0.0));
+    let tangent = face_tangent();
+    Eye {
+        world_from_view: Mat4::from_cols(columns[0], columns[1], columns[2], Vec4::from((map.position, 1.0))),
+        left: -tangent,
+        right: tangent,
+        down: -tangent,
+        up: tangent,
+        near_metres: map.near_metres,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::reference::shadow::lamp_place;
+
+    #[test]
+    fn faces_are_drawn_where_they_are_looked_up() {
+        let map = LampMap { lamp: 0, position: Vec3::new(1.0, -2.0, 0.5), near_metres: 0.01 };
+        for direction in
+            [[3.0, 1.0, -2.0], [-3.0, 1.0, 2.0], [1.0, 3.0, 0.5], [0.2, -3.0, 1.0], [1.0, -2.0, 4.0], [1.0, 2.0, -4.0]]
+        {
+            let q = Vec3::from(direction);
+            let place = lamp_place(q.as_dvec3(), -q.as_dvec3(), 0.01, 0.0, f64::INFINITY);
+            let clip = face_eye(&map, place.layer).clip_from_world() * (map.position + q).extend(1.0);
+            let uv = 0.5 * (clip.truncate().truncate() / clip.w) + 0.5;
+            assert!(clip.w > 0.0 && (uv.as_dvec2() - place.uv).length() < 1e-6, "{q}: {uv} is not {}", place.uv);
+            assert!((f64::from(clip.z / clip.w) - place.depth).abs() < 1e-8);
+        }
+    }
+}
