@@ -11,7 +11,7 @@ use crate::gpu::{Image, PassTime, compute_shaders, write_mips};
 const HEAD_BYTES: u64 = 1 << 16;
 
 /// A kind of cached maps.
-pub(super) struct CacheKind {
+pub struct CacheKind {
     /// Name of the pass that copies them from the cache, for reports.
     pub copying: &'static str,
     /// Raise it whenever the same input gives other texels for another reason than its shaders, which are part of the
@@ -31,26 +31,55 @@ pub(super) fn cached(
     images: &[(&str, &Image)],
     compute: impl FnOnce() -> Result<Vec<PassTime>>,
 ) -> Result<Vec<PassTime>> {
-    let gpu = &context.gpu;
-    let Some(cache) = &context.cache else { return compute() };
-    // Other GPUs or drivers may round differently.
-    let machine = [gpu.info().name.as_str(), gpu.info().driver.as_str()];
-    let common = common_key(kind, &compute_shaders()?, machine, source);
-    let keys: Vec<String> = images.iter().map(|(name, image)| image_key(&common, name, image)).collect();
-    let found: Option<Vec<Ktx2>> = keys.iter().zip(images).map(|(key, (_, image))| load(cache, key, image)).collect();
-    if let Some(textures) = found {
-        let copies: Vec<_> = images.iter().zip(&textures).map(|((_, image), t)| (*image, &t.levels[..])).collect();
-        return write_mips(gpu, kind.copying, &copies);
+    if let Some(times) = load_cached(context, kind, source, images)? {
+        return Ok(times);
     }
     let times = compute()?;
-    for (key, (_, image)) in keys.iter().zip(images) {
-        match read_texture(gpu, &[image]) {
+    keep_cached(context, kind, source, images)?;
+    Ok(times)
+}
+
+/// Fills `images` from the cache, if all are there; returns the GPU time of copying. `source` is as for [`keep_cached`].
+///
+/// # Errors
+/// A failed Vulkan call.
+pub fn load_cached(
+    context: &Context,
+    kind: &CacheKind,
+    source: &[&[u8]],
+    images: &[(&str, &Image)],
+) -> Result<Option<Vec<PassTime>>> {
+    let Some(cache) = &context.cache else { return Ok(None) };
+    let keys = keys(context, kind, source, images)?;
+    let found: Option<Vec<Ktx2>> = keys.iter().zip(images).map(|(key, (_, image))| load(cache, key, image)).collect();
+    let Some(textures) = found else { return Ok(None) };
+    let copies: Vec<_> = images.iter().zip(&textures).map(|((_, image), t)| (*image, &t.levels[..])).collect();
+    write_mips(&context.gpu, kind.copying, &copies).map(Some)
+}
+
+/// Stores images in the cache. `source` is everything that they depend on in addition to their kind, names, formats and
+/// sizes, and the GPU.
+///
+/// # Errors
+/// A failed Vulkan call.
+pub fn keep_cached(context: &Context, kind: &CacheKind, source: &[&[u8]], images: &[(&str, &Image)]) -> Result<()> {
+    let Some(cache) = &context.cache else { return Ok(()) };
+    for (key, (_, image)) in keys(context, kind, source, images)?.iter().zip(images) {
+        match read_texture(&context.gpu, &[image]) {
             Ok(texture) => cache.keep(key, texture),
             // The cache saves time only.
             Err(error) => tracing::debug!("cache: {error}"),
         }
     }
-    Ok(times)
+    Ok(())
+}
+
+/// The key of each image.
+fn keys(context: &Context, kind: &CacheKind, source: &[&[u8]], images: &[(&str, &Image)]) -> Result<Vec<String>> {
+    // Other GPUs or drivers may round differently.
+    let info = context.gpu.info();
+    let common = common_key(kind, &compute_shaders()?, [info.name.as_str(), info.driver.as_str()], source);
+    Ok(images.iter().map(|(name, image)| image_key(&common, name, image)).collect())
 }
 
 fn load(cache: &Cache, key: &str, image: &Image) -> Option<Ktx2> {

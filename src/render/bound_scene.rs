@@ -59,6 +59,16 @@ impl BoundScene {
         self.shadows.update(commands, pass, (&self.resources, &self.set), place);
     }
 
+    /// A hash of everything that soft light depends on, with the panorama turned by `rotation` radians and models where the
+    /// scene has them.
+    pub fn light_source(&self, rotation: f32) -> Option<blake3::Hash> {
+        let mut hasher = blake3::Hasher::new();
+        hasher.update(self.resources.digest?.as_bytes());
+        hasher.update(self.lighting.digest?.as_bytes());
+        hasher.update(&rotation.to_le_bytes());
+        Some(hasher.finalize())
+    }
+
     /// The scene's part of each [`FrameBlock`](super::shared::FrameBlock).
     pub fn constants(&self) -> SceneConstants {
         let Lighting { maps, sun, .. } = &self.lighting;

@@ -5,6 +5,7 @@ use glam::{DVec2, Mat4};
 use super::draws::CullOptions;
 use super::eye::Eye;
 use super::gizmos::{ControllerGizmos, GizmoVertex, MAX_GIZMO_VERTICES};
+use super::lightmap::LightState;
 use super::overlay::MAX_CHARACTERS;
 use super::shared::{EyeBlock, FrameBlock, SunBlock, SunShadowBlock};
 use crate::reference::cube::rotate_y;
@@ -45,6 +46,11 @@ impl<'a> FrameInputs<'a> {
             culling: CullOptions::default(),
             gizmos: None,
         }
+    }
+
+    /// What soft light changes with.
+    pub(super) fn light_state(&self) -> LightState {
+        LightState { rotation: self.environment_rotation, world_from_models: self.world_from_models }
     }
 
     /// The uniform block, with the scene's constants added.

@@ -15,6 +15,8 @@ pub struct Lighting {
     /// Of the panorama without that sun.
     pub maps: LightMaps,
     pub table: BrdfTable,
+    /// Of the panorama, the sun taken out, where soft light is computed from it.
+    pub digest: Option<blake3::Hash>,
 }
 
 impl Lighting {
@@ -29,6 +31,7 @@ impl Lighting {
                 LightModel::Direct | LightModel::Baked => without_sun(panorama).unzip(),
             };
             Ok(Self {
+                digest: (settings.light == LightModel::Baked).then(|| digest(panorama)),
                 sun,
                 maps: LightMaps::new(context, remainder.as_ref().unwrap_or(panorama), settings.precompute())?,
                 table: BrdfTable::new(context, settings.geometry, settings.split_sum)?,
@@ -40,6 +43,14 @@ impl Lighting {
     pub fn times(&self) -> impl Iterator<Item = &PassTime> {
         self.maps.times.iter().chain(&self.table.times)
     }
+}
+
+/// A hash of a panorama's texels.
+fn digest(panorama: &Panorama) -> blake3::Hash {
+    let mut hasher = blake3::Hasher::new();
+    hasher.update(&panorama.width.to_le_bytes());
+    hasher.update_rayon(bytemuck::cast_slice(&panorama.texels));
+    hasher.finalize()
 }
 
 /// A panorama's sun, and the panorama without it.

@@ -6,17 +6,19 @@
 use std::sync::Arc;
 
 use bytemuck::{Pod, Zeroable, bytes_of};
-use glam::Vec3;
+use glam::{Mat4, Vec3};
 
 use super::frame_set::FrameSet;
 use super::layouts::Layouts;
 use super::ray_scene::{LazyRayScene, RaySet};
 use super::shared::constant;
 use crate::Result;
+use crate::context::Context;
 use crate::gpu::{
     AddressMode, Binding, Buffer, BufferKind, Commands, Constant, DescriptorSet, Format, Gpu, Image, ImageAccess,
     ImageDesc, ImageUsageFlags, PassTime, Pipeline, Sampler, Shape,
 };
+use crate::precompute::{CacheKind, keep_cached, load_cached};
 use crate::scene::lightmap_texels::{BACK, LightmapTexel, LightmapTexels};
 
 /// Name of the pass, for its times.
@@ -42,6 +44,19 @@ const GROUP: u32 = 64;
 const FIRST_PIECE: f64 = 16_384.0;
 const PIECES: std::ops::RangeInclusive<f64> = 4096.0..=4e8;
 
+/// Lightmaps in the cache: raise the version when samples, seeds or the list of texels change.
+const CACHE_KIND: CacheKind = CacheKind {
+    copying: "lightmap from the cache",
+    version: 1,
+    shaders: &[
+        "lightmap_direct.comp",
+        "lightmap_relays.comp",
+        "lightmap_gather.comp",
+        "lightmap_resolve.comp",
+        "lightmap_fill.comp",
+    ],
+};
+
 /// The push constants of its passes.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
@@ -53,6 +68,17 @@ struct Work {
     seed: u32,
     relay_count: u32,
 }
+
+/// What light on a scene changes with while it is shown.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LightState {
+    /// Of the panorama about +Y, radians.
+    pub rotation: f32,
+    pub world_from_models: Mat4,
+}
+
+/// Frames in which nothing moves before light is computed again.
+const REST: u32 = 10;
 
 /// What is being computed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -86,6 +112,11 @@ pub struct LightmapBake {
     cursor: u32,
     /// Texels times samples of a piece.
     piece: f64,
+    /// What it is computed for; `None` before the first frame.
+    computed_for: Option<LightState>,
+    /// The last frame's state, and for how many frames it has been the same.
+    last: Option<LightState>,
+    still: u32,
 }
 
 struct Pipelines {
@@ -166,6 +197,9 @@ impl LightmapBake {
             stage: Stage::Open,
             cursor: 0,
             piece: FIRST_PIECE,
+            computed_for: None,
+            last: None,
+            still: 0,
         })
     }
 
@@ -174,9 +208,41 @@ impl LightmapBake {
         &self.light
     }
 
+    /// Takes it from the cache, where it was computed for the same `source`: everything that light depends on.
+    ///
+    /// # Errors
+    /// A failed Vulkan call.
+    pub fn load(&mut self, context: &Context, source: blake3::Hash) -> Result<()> {
+        let images: [(&str, &Image); 1] = [("lightmap", &self.light)];
+        if load_cached(context, &CACHE_KIND, &[source.as_bytes()], &images)?.is_some() {
+            self.stage = Stage::Done;
+        }
+        Ok(())
+    }
+
+    /// Stores it in the cache.
+    ///
+    /// # Errors
+    /// A failed Vulkan call.
+    pub fn keep(&self, context: &Context, source: blake3::Hash) -> Result<()> {
+        keep_cached(context, &CACHE_KIND, &[source.as_bytes()], &[("lightmap", &self.light)])
+    }
+
     /// Computes it again, for other light; until it is better, the old one stays.
     pub fn restart(&mut self) {
         (self.stage, self.cursor) = (Stage::Direct, 0);
+    }
+
+    /// Follows a frame's state: once that has rested, light is computed again for it. Returns whether there is a piece to
+    /// record.
+    pub fn follow(&mut self, now: LightState) -> bool {
+        self.still = if self.last == Some(now) { self.still + 1 } else { 0 };
+        self.last = Some(now);
+        if *self.computed_for.get_or_insert(now) != now && self.still >= REST {
+            self.computed_for = Some(now);
+            self.restart();
+        }
+        self.computed_for == Some(now) && !self.is_done()
     }
 
     /// Layers: fronts, and backs where some can be seen.

@@ -30,8 +30,7 @@ use crate::scene::atlas::{Flattened, Work, flatten};
 use crate::scene::needs::lightmap::lightmap_side;
 use crate::scene::{GeometryView, Scene};
 
-/// What a piece of a lightmap may take of each frame, and where no frame waits for it, milliseconds.
-const LIGHTMAP_MS: f64 = 4.0;
+/// What a piece of a lightmap may take where no frame waits for it, milliseconds.
 const BAKE_MS: f64 = 50.0;
 /// Steps of a progress bar.
 const PROGRESS: u64 = 1000;
@@ -68,7 +67,11 @@ impl Renderer {
         let lamps: Vec<Vec3> = scene.lights.iter().map(|light| light.position).collect();
         let bake = |f: &Flattened| LightmapBake::new(gpu, &layouts, &resources.ray_scene, f.atlas.size[0], &lamps);
         let lightmap = flattened.as_ref().map(bake).transpose()?;
-        let scene = BoundScene::new(gpu, &layouts, resources, lighting, lightmap)?;
+        let rotation = scene.environment.rotation_degrees.to_radians();
+        let mut scene = BoundScene::new(gpu, &layouts, resources, lighting, lightmap)?;
+        if let Some((source, lightmap)) = scene.light_source(rotation).zip(scene.lightmap.as_mut()) {
+            lightmap.load(context, source)?;
+        }
         let request = scene.pipeline_request(gpu, &layouts, settings, eyes);
         let pipelines = PassPipelines::build(&request)?;
         kept.save();
@@ -251,8 +254,11 @@ impl Renderer {
         self.scene.update_shadows(&mut frame.commands, self.pipelines.shadows.as_ref(), inputs);
         let Self { scene, pipelines, targets, reference, draws, .. } = self;
         let block = inputs.block(scene.constants());
-        if let Some(lightmap) = scene.lightmap.as_mut().filter(|lightmap| !lightmap.is_done()) {
-            lightmap.pace(&frame.finished, LIGHTMAP_MS);
+        let state = inputs.light_state();
+        if let Some(lightmap) = scene.lightmap.as_mut().filter(|_| reference.is_none())
+            && lightmap.follow(state)
+        {
+            lightmap.pace(&frame.finished, piece_ms(&self.context, inputs.eyes.len()));
             let block = frame.push(&block)?;
             lightmap.record(&mut frame.commands, FrameSet { set: frame.set, block }, &scene.set);
         }
@@ -285,6 +291,12 @@ impl Renderer {
         Ok(())
     }
 
+    /// The part of the lightmap that is computed, while it is; 0 to 1.
+    pub fn light_progress(&self) -> Option<f32> {
+        let lightmap = self.scene.lightmap.as_ref().filter(|lightmap| !lightmap.is_done() && self.reference.is_none());
+        lightmap.map(LightmapBake::progress)
+    }
+
     /// Computes the lightmap to its end.
     ///
     /// # Errors
@@ -292,8 +304,9 @@ impl Renderer {
     pub fn finish_lightmap(&mut self, inputs: &FrameInputs<'_>) -> Result<()> {
         let Self { context, scene, .. } = self;
         let block = inputs.block(scene.constants());
-        let Some(lightmap) = &mut scene.lightmap else { return Ok(()) };
+        let Some(lightmap) = scene.lightmap.as_mut().filter(|lightmap| !lightmap.is_done()) else { return Ok(()) };
         let mut ring = FrameRing::new(&context.gpu, FRAME_BYTES)?;
+        lightmap.follow(inputs.light_state());
         let progress = context.report.progress("light", PROGRESS);
         while !lightmap.is_done() {
             let mut frame = ring.begin()?;
@@ -305,7 +318,8 @@ impl Renderer {
         }
         ring.finish_all()?;
         progress.finish_and_clear();
-        Ok(())
+        let source = scene.light_source(inputs.environment_rotation);
+        source.zip(scene.lightmap.as_ref()).map_or(Ok(()), |(source, lightmap)| lightmap.keep(context, source))
     }
 
     /// Records text over the finished picture.
@@ -331,6 +345,16 @@ impl Renderer {
 
     fn size(&self) -> [u32; 2] {
         self.targets.picture.desc().size
+    }
+}
+
+/// What a piece of a lightmap may take of each frame, milliseconds: little beside a headset's pictures, and on software
+/// renderers a part of what a frame takes there.
+fn piece_ms(context: &Context, eyes: usize) -> f64 {
+    match (context.gpu.info().is_software(), eyes) {
+        (true, _) => BAKE_MS,
+        (false, 1) => 10.0,
+        (false, _) => 3.0,
     }
 }
 

@@ -10,7 +10,7 @@ use std::sync::Arc;
 use super::draws::Draw;
 use super::layouts::Layouts;
 use super::ray_scene::LazyRayScene;
-use super::settings::RenderSettings;
+use super::settings::{LightModel, RenderSettings};
 use super::shadow_plan::ShadowPlan;
 use super::shared::{InstanceBlock, LightBlock, MaterialBlock};
 use crate::Result;
@@ -42,6 +42,8 @@ pub struct SceneResources {
     pub ray_scene: Arc<LazyRayScene>,
     pub draws: Vec<Draw>,
     pub texture_facts: TextureFacts,
+    /// Of geometry, materials with their textures, and lamps, where soft light is computed from them.
+    pub digest: Option<blake3::Hash>,
 }
 
 impl SceneResources {
@@ -86,8 +88,29 @@ impl SceneResources {
             texture_sets,
             draws,
             texture_facts,
+            digest: (settings.light == LightModel::Baked).then(|| digest(scene, geometry)),
         })
     }
+}
+
+/// A hash of everything of a scene that soft light depends on, its panorama excepted.
+fn digest(scene: &Scene, geometry: GeometryView<'_>) -> blake3::Hash {
+    let mut hasher = blake3::Hasher::new();
+    let mut add = |bytes: &[u8]| {
+        hasher.update(&(bytes.len() as u64).to_le_bytes());
+        hasher.update_rayon(bytes);
+    };
+    for mesh in geometry.meshes {
+        add(bytemuck::cast_slice(&mesh.vertices));
+        add(bytemuck::cast_slice(&mesh.indices));
+        add(&mesh.material.to_le_bytes());
+    }
+    let cameras: Vec<[f32; 3]> = scene.cameras.iter().map(|camera| camera.position.into()).collect();
+    add(bytemuck::cast_slice(&cameras));
+    geometry.instances.iter().for_each(|i| add(bytemuck::bytes_of(&i.world_from_local)));
+    add(format!("{:?} {:?}", scene.materials, scene.lights).as_bytes());
+    scene.textures.iter().flat_map(|texture| &texture.levels).for_each(|level| add(level));
+    hasher.finalize()
 }
 
 /// The pipeline variant and texture set of a material, and whether it is alpha-tested: see [`Draw`].

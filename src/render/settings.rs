@@ -228,6 +228,10 @@ pub enum Change {
 }
 
 impl RenderSettings {
+    fn is_baked(&self) -> bool {
+        self.light == LightModel::Baked
+    }
+
     /// What the reference traces: the exact counterpart of the light model.
     pub fn transport(&self) -> Transport {
         match self.light {
@@ -272,6 +276,8 @@ impl RenderSettings {
             (self.shading != *shading || self.scattering != *scattering, Change::Pipelines),
             (self.geometry != *geometry || self.split_sum != *split_sum, Change::Light),
             (self.light != *light, Change::Light),
+            // A lightmap needs coordinates of its own.
+            (self.is_baked() != other.is_baked(), Change::Scene),
             (self.cube_size != *cube_size || self.irradiance_size != *irradiance_size, Change::Light),
             (self.model != *model || self.textures != *textures || self.viewpoint != *viewpoint, Change::Scene),
         ];
@@ -339,6 +345,7 @@ mod tests {
             (RenderSettings { output: Output::Linear, ..default() }, Change::Pipelines),
             (RenderSettings { cube_size: 64, ..default() }, Change::Light),
             (RenderSettings { light: LightModel::Open, ..default() }, Change::Light),
+            (RenderSettings { light: LightModel::Baked, ..default() }, Change::Scene),
             (RenderSettings { geometry: Geometry::Karis2013, shading: Shading::D, ..default() }, Change::Light),
             (RenderSettings { model: Model::Everything, cube_size: 64, ..default() }, Change::Scene),
         ];
