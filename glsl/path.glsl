@@ -32,6 +32,22 @@ vec3 seen_panorama(vec3 d)
     return panorama_radiance(panorama_from_world(d));
 }
 
+// A unit vector, evenly over the sphere.
+vec3 any_direction(uvec2 bits)
+{
+    float up = 2.0 * unit_from_bits(bits.x) - 1.0, longitude = 2.0 * PI * unit_from_bits(bits.y);
+    return vec3(sqrt(max(1.0 - up * up, 0.0)) * vec2(cos(longitude), sin(longitude)), up);
+}
+
+// The point at n of a lamp's sphere for light towards d: it shines by Lambert's law, and the mean of all points is the lamp.
+PointLight lamp_point(PointLight lamp, vec3 n, vec3 d)
+{
+    lamp.position += lamp.radius * n;
+    lamp.intensity *= 4.0 * max(dot(n, d), 0.0);
+    lamp.radius = 0.0;
+    return lamp;
+}
+
 // What a lamp adds, before anything blocks it, with the direction and distance to it.
 vec3 lamp_light(PathPoint p, Scatter m, PointLight lamp, out vec3 l, out float far)
 {
@@ -74,8 +90,9 @@ vec3 relayed_light(PathPoint p, Scatter m, mat3 world_from_surface, uvec4 bits)
 {
     float count;
     PointLight lamp = any_lamp(bits.x, count);
-    float up = 2.0 * unit_from_bits(bits.y) - 1.0, longitude = 2.0 * PI * unit_from_bits(bits.z);
-    vec3 d = vec3(sqrt(max(1.0 - up * up, 0.0)) * vec2(cos(longitude), sin(longitude)), up);
+    vec3 d = any_direction(bits.yz);
+    if (lamp.radius > 0.0)
+        lamp = lamp_point(lamp, any_direction(pcg4d(bits).xy), d);
     RayHit hit = trace_ray(lamp.position, d, 1e30, false);
     if (hit.t < 0.0)
         return vec3(0.0);
@@ -113,7 +130,12 @@ vec3 direct_light(PathPoint p, Scatter m, mat3 world_from_surface, bool first, f
         vec3 light;
         if (is_lamp) {
             uint lamp = first ? i : min(uint(unit_from_bits(bits.x) * float(lamps)), lamps - 1u);
-            light = lamp_light(p, m, lights[lamp], l, far) * (first ? 1.0 : float(lamps));
+            PointLight at = lights[lamp];
+            if (at.radius > 0.0) {
+                vec3 n = any_direction(bits.yz);
+                at = lamp_point(at, n, normalize_or(p.position - at.position - at.radius * n, n));
+            }
+            light = lamp_light(p, m, at, l, far) * (first ? 1.0 : float(lamps));
             if (arrival >= 0.0)
                 light *= arrival / max(arrival + lamp_density(dot(p.side, l), far), TINY);
         } else {

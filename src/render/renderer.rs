@@ -27,7 +27,7 @@ use crate::Result;
 use crate::context::Context;
 use crate::gpu::{FrameContext, FrameRing, Image, PassTime};
 use crate::scene::atlas::{Flattened, Work, flatten};
-use crate::scene::needs::lightmap::lightmap_side;
+use crate::scene::needs::lightmap::{LightmapNeed, lightmap_need};
 use crate::scene::{GeometryView, Scene};
 
 /// What a piece of a lightmap may take where no frame waits for it, milliseconds.
@@ -291,6 +291,11 @@ impl Renderer {
         Ok(())
     }
 
+    /// The lightmap, where there is one: irradiance of soft light, a layer for fronts and one for backs.
+    pub fn lightmap(&self) -> Option<&Arc<Image>> {
+        self.scene.lightmap.as_ref().map(LightmapBake::image)
+    }
+
     /// The part of the lightmap that is computed, while it is; 0 to 1.
     pub fn light_progress(&self) -> Option<f32> {
         let lightmap = self.scene.lightmap.as_ref().filter(|lightmap| !lightmap.is_done() && self.reference.is_none());
@@ -363,8 +368,9 @@ fn flattened(context: &Context, scene: &Scene, settings: &RenderSettings) -> Opt
     if settings.light != LightModel::Baked {
         return None;
     }
+    let LightmapNeed::Side(side) = lightmap_need(scene, settings.model) else { return None };
     let Context { cache, report, .. } = context;
     let work = Work { cache: cache.as_ref(), report, stop: &AtomicBool::new(false) };
-    let made = report.time("atlas", || flatten(&scene.meshes, &scene.instances, lightmap_side(scene), work));
+    let made = report.time("atlas", || flatten(&scene.meshes, &scene.instances, side, work));
     made.inspect_err(|why| report.warn(format!("no lightmap: {why}"))).ok()
 }

@@ -1,6 +1,5 @@
-//! `bake`: writes the maps precomputed from a panorama as KTX2 files.
+//! `bake`: writes the maps precomputed from a panorama, or a scene's lightmap, as KTX2 files.
 
-use std::fmt;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
@@ -9,6 +8,8 @@ use clap::Args;
 use half::f16;
 use serde::Serialize;
 
+use super::bake_scene::{LIGHTMAP, bake_scene};
+use super::baked_file::{BakedFile, write_file};
 use super::frame_clock::ms_since;
 use crate::args::write_json;
 use crate::asset::ktx2::{Ktx2, TexelFormat};
@@ -18,17 +19,18 @@ use crate::gpu::{Gpu, PassTime};
 use crate::precompute::{BrdfTable, LightMaps, Options, check_face_size, read_texture};
 use crate::reference::brdf::Geometry;
 use crate::reference::table::SplitSum;
+use crate::scene::load::files as scene_files;
 use crate::{Error, Result, say};
 
 /// The files that `bake` writes.
 pub const BAKED: [&str; 3] = ["irradiance.ktx2", "specular.ktx2", "brdf.ktx2"];
 
-/// A panorama, and where its maps are written.
+/// A panorama or a scene, and where its maps are written.
 #[derive(Args, Clone, Debug)]
 pub struct BakeRequest {
-    /// A Radiance (.hdr) or OpenEXR (.exr) panorama.
-    pub panorama: PathBuf,
-    /// The folder for irradiance.ktx2, specular.ktx2 and brdf.ktx2; made if it is not there.
+    /// A Radiance (.hdr) or OpenEXR (.exr) panorama; or a scene (.toml, .obj).
+    pub input: PathBuf,
+    /// The folder for irradiance.ktx2, specular.ktx2 and brdf.ktx2, or a scene's lightmap.ktx2; made if it is not there.
     #[arg(short, long, value_name = "DIR")]
     pub output: PathBuf,
     /// Texels along a face of the largest specular levels: a power of two from 16 to 1024.
@@ -39,13 +41,30 @@ pub struct BakeRequest {
     pub json: Option<PathBuf>,
 }
 
+/// Whether a file is a scene's, by its extension.
+fn is_scene(path: &Path) -> bool {
+    path.extension().is_some_and(|extension| ["toml", "obj"].iter().any(|scene| extension.eq_ignore_ascii_case(scene)))
+}
+
 impl BakeRequest {
+    fn run_scene(&self, setup: &Setup<'_>) -> Result<()> {
+        let mut outputs = Outputs::of(scene_files(&self.input));
+        outputs.folder(&self.output, &[LIGHTMAP])?;
+        outputs.file_if(self.json.as_deref())?;
+        let facts = bake_scene(&self.input, &self.output, setup)?;
+        say!("{}", facts.file);
+        write_json(self.json.as_deref(), &facts)
+    }
+
     /// The command: checks the outputs, bakes, prints a line for each file and writes the facts.
     ///
     /// # Errors
     /// Those of [`bake`]; outputs that cannot be written or are inputs.
     pub fn run(&self, setup: &Setup<'_>) -> Result<()> {
-        let mut outputs = Outputs::of([&self.panorama]);
+        if is_scene(&self.input) {
+            return self.run_scene(setup);
+        }
+        let mut outputs = Outputs::of([&self.input]);
         outputs.folder(&self.output, &BAKED)?;
         outputs.file_if(self.json.as_deref())?;
         let facts = bake(self, setup)?;
@@ -69,37 +88,12 @@ pub struct BakeFacts {
     pub warnings: Vec<String>,
 }
 
-/// One file that was written.
-#[derive(Serialize)]
-pub struct BakedFile {
-    pub path: PathBuf,
-    pub bytes: u64,
-    /// Vulkan's name.
-    pub format: &'static str,
-    /// Texels of level 0.
-    pub size: [u32; 2],
-    /// Layers; 0 for a texture that is not an array.
-    pub layers: u32,
-    pub faces: u32,
-    pub levels: usize,
-}
-
 /// One step: how long it took on the clock, and its passes' times on the GPU.
 #[derive(Serialize)]
 pub struct StageTime {
     pub name: &'static str,
     pub wall_ms: f64,
     pub gpu: Vec<PassTime>,
-}
-
-impl fmt::Display for BakedFile {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let [width, height] = self.size;
-        let shape = if self.faces == 6 { "cube" } else { "table" };
-        let path = self.path.display();
-        write!(f, "{path}: {shape} {width}x{height}, {} level(s), {}", self.levels, self.format)?;
-        if self.layers > 0 { write!(f, ", {} layers", self.layers) } else { Ok(()) }
-    }
 }
 
 /// Precomputes a panorama's light and writes `irradiance.ktx2`, `specular.ktx2` and `brdf.ktx2`. The second is an array of
@@ -111,7 +105,7 @@ impl fmt::Display for BakedFile {
 pub fn bake(request: &BakeRequest, setup: &Setup<'_>) -> Result<BakeFacts> {
     check_face_size(request.size)?;
     let mut stages = Stages(Vec::new());
-    let panorama = stages.run("read panorama", || Panorama::load(&request.panorama, &setup.report), |_| &[])?;
+    let panorama = stages.run("read panorama", || Panorama::load(&request.input, &setup.report), |_| &[])?;
     std::fs::create_dir_all(&request.output).map_err(Error::write(&request.output))?;
     let context = stages.run("open GPU", || setup.open(), |_| &[])?;
     let gpu = &context.gpu;
@@ -122,7 +116,7 @@ pub fn bake(request: &BakeRequest, setup: &Setup<'_>) -> Result<BakeFacts> {
     let table = stages.run("BRDF table", table, |table| &table.times)?;
     let files = stages.run("write files", || write(gpu, &request.output, &light, &table), |_| &[])?;
     let facts = BakeFacts {
-        panorama: request.panorama.clone(),
+        panorama: request.input.clone(),
         panorama_size: [panorama.width, panorama.height],
         face_size: request.size,
         gpu: gpu.info().name.clone(),
@@ -186,13 +180,6 @@ fn widen(mut texture: Ktx2, scale: f32) -> Ktx2 {
     }
     texture.format = TexelFormat::Rgba32Float;
     texture
-}
-
-fn write_file(path: PathBuf, texture: &Ktx2) -> Result<BakedFile> {
-    texture.write(&path)?;
-    let bytes = std::fs::metadata(&path).map_err(Error::read(&path))?.len();
-    let Ktx2 { format, size, layers, faces, .. } = *texture;
-    Ok(BakedFile { path, bytes, format: format.name(), size, layers, faces, levels: texture.levels.len() })
 }
 
 #[cfg(test)]

@@ -4,6 +4,8 @@
 mod app;
 mod args;
 mod bake;
+mod bake_scene;
+mod baked_file;
 mod compare;
 mod control;
 pub mod doctor;
@@ -23,6 +25,7 @@ mod window;
 
 pub use args::Choice;
 pub use bake::{BAKED, BakeFacts, BakeRequest, bake};
+pub use bake_scene::{SceneBakeFacts, bake_scene};
 pub use compare::{CompareRequest, compare};
 pub use headset::{HiddenAreaV, PROBE_SUBCOMMAND, answer_probe};
 pub use loader::load_scene;

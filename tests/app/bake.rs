@@ -22,7 +22,7 @@ const MOST_BYTES: u64 = 1 << 30;
 
 fn baked(shop: &Workshop, panorama: &Path, face_size: u32) {
     let folder = shop.path("new/folder");
-    let request = BakeRequest { panorama: panorama.into(), output: folder, size: face_size, json: None };
+    let request = BakeRequest { input: panorama.into(), output: folder, size: face_size, json: None };
     let facts = bake(&request, &setup(None)).expect("baking without validation messages");
     assert_eq!(facts.files.len(), 3);
 }

@@ -51,7 +51,7 @@ impl Scene {
     /// The files that are baked, and how many of light maps and BRDF table came from the cache.
     fn bake(&self, face_size: u32, cache: Option<&Cache>) -> (BTreeMap<PathBuf, Vec<u8>>, usize) {
         let (panorama, folder) = (self.shop.path("sky.exr"), self.shop.path("baked"));
-        let request = BakeRequest { panorama, output: folder.clone(), size: face_size, json: None };
+        let request = BakeRequest { input: panorama, output: folder.clone(), size: face_size, json: None };
         let facts = bake(&request, &setup(cache)).expect("baking without validation messages");
         let passes = facts.stages.iter().flat_map(|stage| &stage.gpu);
         (entries(&folder), passes.filter(|pass| pass.name.ends_with("from the cache")).count())

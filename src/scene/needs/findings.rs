@@ -3,6 +3,7 @@
 use serde::Serialize;
 
 use super::casting::nothing_casts;
+use super::lightmap::{LightmapNeed, lightmap_need};
 use super::{MaterialFeatures, Metalness, Model, SceneFeatures};
 use crate::reference::energy::VISIBLE;
 use crate::reference::sun::{Sun, VISIBLE_SHARE, find_sun};
@@ -51,7 +52,7 @@ impl Findings {
         findings.extend([metals(&materials), multi_scatter(&materials), roughness(&materials), lights(scene)]);
         let panorama = &scene.environment.panorama;
         let sun = find_sun([panorama.width, panorama.height], &panorama.texels).map(|split| split.sun);
-        findings.extend([sun_finding(sun), lamp_shadows(scene), sun_shadow(scene, sun)]);
+        findings.extend([sun_finding(sun), lamp_shadows(scene), sun_shadow(scene, sun), soft_light(scene)]);
         Self { triangles: scene.triangles(), findings, materials, features }
     }
 
@@ -151,6 +152,16 @@ fn lamp_shadows(scene: &Scene) -> Finding {
         None => (true, format!("a map for each of {lamps} lamps, {soft} with a size: edges soften with distance")),
     };
     Finding { subject: "shadows of lamps", modelled, why }
+}
+
+fn soft_light(scene: &Scene) -> Finding {
+    let (modelled, why) = match lightmap_need(scene, Model::Needed) {
+        LightmapNeed::Side(side) => {
+            (true, format!("things block light and give it back: a lightmap of {side}x{side} texels"))
+        }
+        LightmapNeed::None(reason) => (false, reason.to_owned()),
+    };
+    Finding { subject: "soft light", modelled, why }
 }
 
 fn sun_shadow(scene: &Scene, sun: Option<Sun>) -> Finding {

@@ -3,6 +3,8 @@
 use glam::Vec3;
 use rayon::prelude::*;
 
+use super::Model;
+use super::casting::nothing_casts;
 use crate::scene::atlas::SIDES;
 use crate::scene::{Instance, Scene};
 
@@ -26,6 +28,21 @@ pub fn lightmap_side(scene: &Scene) -> u32 {
     // What has no extent, or an infinite one, gets the least: a comparison with NaN is false.
     let least = SIDES.into_iter().find(|side| f64::from(*side) >= wanted);
     least.unwrap_or(if wanted > 0.0 { SIDES[SIDES.len() - 1] } else { SIDES[0] })
+}
+
+/// Whether a scene's soft light is modelled by a lightmap.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LightmapNeed {
+    /// A square one of this side, in texels.
+    Side(u32),
+    /// None, with the reason.
+    None(&'static str),
+}
+
+/// The lightmap that a scene needs: none where nothing blocks or gives back light that falls on something.
+pub fn lightmap_need(scene: &Scene, model: Model) -> LightmapNeed {
+    let none = nothing_casts(scene).filter(|_| model == Model::Needed);
+    none.map_or_else(|| LightmapNeed::Side(lightmap_side(scene)), LightmapNeed::None)
 }
 
 /// World-space area of one instance, m².
@@ -63,6 +80,26 @@ mod tests {
             environment,
             exposure_ev: 0.0,
         })
+    }
+
+    #[test]
+    fn a_lone_ball_has_no_soft_light_of_its_own() {
+        let environment = Environment { panorama: Panorama::uniform(Vec3::ONE), rotation_degrees: 0.0 };
+        let placed = |x: f32| Instance { mesh: 0, world_from_local: Mat4::from_translation(Vec3::new(x, 0.0, 0.0)) };
+        let mut scene = Scene {
+            meshes: vec![Mesh::ball(12, 1.0)],
+            instances: vec![placed(0.0)],
+            materials: vec![],
+            textures: vec![],
+            lights: vec![],
+            cameras: vec![],
+            environment,
+            exposure_ev: 0.0,
+        };
+        assert!(matches!(lightmap_need(&scene, Model::Needed), LightmapNeed::None(_)));
+        assert_eq!(lightmap_need(&scene, Model::Everything), LightmapNeed::Side(512));
+        scene.instances.push(placed(3.0));
+        assert_eq!(lightmap_need(&scene, Model::Needed), LightmapNeed::Side(lightmap_side(&scene)));
     }
 
     #[test]
