@@ -22,15 +22,17 @@ struct Relay {
     vec3 side;       // unit normal, towards the lamp
     vec3 radiance;   // that it gives back of lamps and sun, W/(m^2 sr)
     float density;   // of such places per area
+    uint glossy_triangle; // where it is not matt, one more than its triangle, else 0
+    vec3 weights;
 };
 
 layout(LIGHTMAP_TEXELS, scalar) readonly buffer LightmapTexels { LightmapTexel lightmap_texels[]; };
-// The sum of a texel's samples of irradiance, and their number.
+// With the share of places that are glossy. Then the sum of a texel's samples of irradiance, and their number.
 layout(LIGHTMAP_SUMS, scalar) buffer LightmapSums { vec4 lightmap_sums[]; };
-layout(LIGHTMAP_ALBEDOS, scalar) buffer LightmapAlbedos { vec3 lightmap_albedos[]; };
+layout(LIGHTMAP_ALBEDOS, scalar) buffer LightmapAlbedos { vec4 lightmap_albedos[]; };
 layout(LIGHTMAP_RELAYS, scalar) buffer LightmapRelays { Relay relays[]; };
 // Layer 0: fronts, layer 1: backs. Given back of the light that comes straight from lamps and sun, with the density of
-// relays; of soft light; and soft light itself as irradiance, with 1 where it is known.
+// relays; of soft light, with the share that is glossy; and soft light itself as irradiance, with 1 where it is known.
 layout(LIGHTMAP_DIRECT) uniform sampler2DArray given_back_of_direct;
 layout(LIGHTMAP_SOFT) uniform sampler2DArray given_back_of_soft;
 layout(LIGHTMAP_DIRECT_IMAGE, rgba16f) uniform image2DArray direct_image;
@@ -100,6 +102,33 @@ vec2 quasirandom(uint index, uvec2 offset)
 {
     uvec2 bits = offset + index * uvec2(3242174889u, 2447445414u);
     return vec2(unit_from_bits(bits.x), unit_from_bits(bits.y));
+}
+
+// Whether a metal is so smooth that it does not give lamps' light back as if it were matt.
+bool is_glossy(Surface s)
+{
+    return s.metallic > 0.5 && s.roughness < 0.6;
+}
+
+// What a place that is met along d gives back of lamps and the sun, by its BRDF.
+vec3 glossy_radiance(RayHit hit, vec3 d)
+{
+    PathPoint p = ray_point(hit, d);
+    Energy energy = Energy(table_mean(brdf_table, p.s.roughness), MULTI_SCATTER);
+    vec2 at_v = table_entry(brdf_table, p.s.nv, p.s.roughness);
+    vec3 sum = vec3(0.0);
+    for (uint i = 0u; i <= frame.light_count; ++i) {
+        vec3 l = frame.sun.towards, irradiance = frame.sun.irradiance;
+        float far = 1e30;
+        if (i < frame.light_count) {
+            irradiance = light_irradiance(lights[i], p.position, l);
+            far = distance(lights[i].position, p.position);
+        }
+        float cosine = dot(p.s.n, l);
+        if (cosine > 0.0 && irradiance != vec3(0.0) && trace_ray(ray_origin(p), l, far, true).t < 0.0)
+            sum += irradiance * cosine * brdf(p.s, l, energy, at_v);
+    }
+    return sum;
 }
 
 // Share of even light that a surface gives back, as if it were matt.

@@ -35,7 +35,7 @@ void main()
     uvec4 random = pcg4d(uvec4(index, work.seed, 0u, 0u));
     uint lamps = frame.light_count;
     vec3 given = vec3(0.0), albedo = vec3(0.0);
-    float density = 0.0;
+    float density = 0.0, glossy = 0.0;
     for (uint i = 0u; i < work.samples; ++i) {
         RayHit hit = texel_hit(texel, quasirandom(i, random.xy));
         PathPoint p = texel_point(hit, (texel.triangle & LIGHTMAP_BACK) != 0u);
@@ -49,9 +49,10 @@ void main()
             light += sun_irradiance(p, quasirandom(i, random.zw));
         given += matt * light * INV_PI;
         albedo += matt;
+        glossy += is_glossy(p.s) ? 1.0 : 0.0;
     }
     float scale = 1.0 / float(work.samples);
     imageStore(direct_image, texel_address(texel), vec4(min(given * scale, HALF_MOST), min(density * scale, HALF_MOST)));
-    imageStore(soft_image, texel_address(texel), vec4(0.0));
-    lightmap_albedos[index] = albedo * scale;
+    imageStore(soft_image, texel_address(texel), vec4(vec3(0.0), glossy * scale));
+    lightmap_albedos[index] = vec4(albedo, glossy) * scale;
 }

@@ -26,6 +26,7 @@ void main()
     if (sum.a > 0.0) {
         vec3 light = sum.rgb / sum.a;
         imageStore(light_image, at, vec4(light, 0.0));
-        imageStore(soft_image, at, vec4(lightmap_albedos[index] * light * INV_PI, 0.0));
+        vec4 albedo = lightmap_albedos[index];
+        imageStore(soft_image, at, vec4(albedo.rgb * light * INV_PI, albedo.a));
     }
 }

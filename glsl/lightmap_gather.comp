@@ -22,6 +22,8 @@ vec3 relay_light(PathPoint p, vec3 origin, uint bits)
     float cosine = dot(p.s.n, l), area = -dot(relay.side, l) / squared;
     if (cosine <= 0.0 || area <= 0.0 || dot(p.side, l) <= 0.0 || relay.density <= 0.0)
         return vec3(0.0);
+    if (relay.glossy_triangle > 0u)
+        relay.radiance = glossy_radiance(RayHit(far, relay.glossy_triangle - 1u, relay.weights), l);
     vec3 light = relay.radiance * (cosine * area / (cosine * INV_PI * area + relay.density));
     return light == vec3(0.0) || trace_ray(origin, l, far * (1.0 - 1e-5), true).t >= 0.0 ? vec3(0.0) : light;
 }
@@ -39,13 +41,15 @@ bool gathered(PathPoint p, vec3 origin, vec3 d, out vec3 light)
     if (back && (triangle.material_and_flags & BVH_CLOSED) != 0u)
         return false;
     vec3 at = lightmap_address(hit, back);
-    vec4 direct = textureLod(given_back_of_direct, at, 0.0);
+    vec4 direct = textureLod(given_back_of_direct, at, 0.0), soft = textureLod(given_back_of_soft, at, 0.0);
+    if (soft.a > 0.5)
+        direct.rgb = glossy_radiance(hit, d);
     if (work.relay_count > 0u) {
         float area = abs(dot(normalize(g), d_models)) / max(hit.t * hit.t, TINY);
         float here = max(dot(p.s.n, d), 0.0) * INV_PI * area;
         direct.rgb *= here / max(here + direct.a, TINY);
     }
-    light = PI * (direct.rgb + textureLod(given_back_of_soft, at, 0.0).rgb);
+    light = PI * (direct.rgb + soft.rgb);
     return true;
 }
 

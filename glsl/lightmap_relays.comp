@@ -13,12 +13,14 @@ void main()
     float up = 2.0 * u.x - 1.0, longitude = 2.0 * PI * u.y;
     vec3 d = vec3(sqrt(max(1.0 - up * up, 0.0)) * vec2(cos(longitude), sin(longitude)), up);
     RayHit hit = trace_ray(lamp.position, d, 1e30, false);
-    relays[index] = Relay(vec3(0.0), d, vec3(0.0), 0.0);
+    relays[index] = Relay(vec3(0.0), d, vec3(0.0), 0.0, 0u, vec3(0.0));
     if (hit.t < 0.0)
         return;
     PathPoint p = ray_point(hit, d);
     bool back = dot(cross(bvh_triangles[hit.triangle].b - bvh_triangles[hit.triangle].a,
         bvh_triangles[hit.triangle].c - bvh_triangles[hit.triangle].a), d * mat3(frame.world_from_models)) > 0.0;
-    vec4 given = textureLod(given_back_of_direct, lightmap_address(hit, back), 0.0);
-    relays[index] = Relay(p.position + 2.0 * p.rounding * p.side, p.side, given.rgb, given.a);
+    vec3 at = lightmap_address(hit, back);
+    vec4 given = textureLod(given_back_of_direct, at, 0.0);
+    uint glossy_triangle = textureLod(given_back_of_soft, at, 0.0).a > 0.5 ? hit.triangle + 1u : 0u;
+    relays[index] = Relay(p.position + 2.0 * p.rounding * p.side, p.side, given.rgb, given.a, glossy_triangle, hit.weights);
 }

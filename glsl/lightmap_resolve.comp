@@ -13,5 +13,6 @@ void main()
     vec3 light = sum.a > 0.0 ? min(sum.rgb / sum.a, HALF_MOST) : vec3(0.0);
     if (work.samples > 0u)
         imageStore(light_image, at, vec4(light, sum.a > 0.0 ? 1.0 : 0.0));
-    imageStore(soft_image, at, vec4(lightmap_albedos[index] * light * INV_PI, 0.0));
+    vec4 albedo = lightmap_albedos[index];
+    imageStore(soft_image, at, vec4(albedo.rgb * light * INV_PI, albedo.a));
 }

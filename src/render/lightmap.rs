@@ -24,11 +24,11 @@ use crate::scene::lightmap_texels::{BACK, LightmapTexel, LightmapTexels};
 /// Name of the pass, for its times.
 pub const PASS: &str = "lightmap";
 /// Bounces before the last. In a room whose walls give back two thirds, what is missing then is below 1 %.
-const BOUNCES: u32 = 14;
+const BOUNCES: u32 = 12;
 /// Samples of a texel for each of these bounces: their noise is averaged by the gathering that follows.
 const BOUNCE_SAMPLES: u32 = 4;
 /// Samples of a texel at last, and how many of them are taken at once.
-const SAMPLES: u32 = 128;
+const SAMPLES: u32 = 64;
 const AT_ONCE: u32 = 8;
 /// Of them, as many as it takes until the lightmap is better than an open sky.
 const PRESENTABLE: u32 = 16;
@@ -170,8 +170,8 @@ impl LightmapBake {
         let list = if all.is_empty() { &[LightmapTexel::default()] } else { &all[..] };
         let list = Buffer::with_bytes(gpu, "lightmap texels", BufferKind::StorageFromCpu, bytemuck::cast_slice(list))?;
         let sums = storage("lightmap sums", count * size_of::<[f32; 4]>() as u64)?;
-        let albedos = storage("lightmap albedos", count * size_of::<[f32; 3]>() as u64)?;
-        let relays = storage("lightmap relays", u64::from(RELAYS) * size_of::<[f32; 10]>() as u64)?;
+        let albedos = storage("lightmap albedos", count * size_of::<[f32; 4]>() as u64)?;
+        let relays = storage("lightmap relays", u64::from(RELAYS) * size_of::<[f32; 14]>() as u64)?;
         let sampler = Sampler::new(gpu, "lightmap", AddressMode::Clamp, 1)?;
         let bindings = [
             Binding::Storage(&list),
