@@ -89,7 +89,7 @@ mod tests {
         let mut scene = Scene {
             meshes: vec![Mesh::ball(12, 1.0)],
             instances: vec![placed(0.0)],
-            materials: vec![],
+            materials: vec![crate::scene::material::default_material()],
             textures: vec![],
             lights: vec![],
             cameras: vec![],
