@@ -328,8 +328,8 @@ mod gpu_tests {
         let mut ray = |i: usize| Ray {
             o: (1.5 * random.point()).into(),
             // Along an axis now and then.
-            d: if i % 10 == 0 { Vec3::AXES[i / 10 % 3] } else { random.direction() }.into(),
-            far: if i % 3 == 0 { random.unit() } else { 1e30 },
+            d: if i.is_multiple_of(10) { Vec3::AXES[i / 10 % 3] } else { random.direction() }.into(),
+            far: if i.is_multiple_of(3) { random.unit() } else { 1e30 },
         };
         let rays: Vec<Ray> = (0..8000).map(&mut ray).collect();
         let got = with_gpu(|gpu| traced(gpu, &bvh, &rays));
@@ -355,7 +355,7 @@ mod gpu_tests {
     fn no_ray_of_the_gpu_leaves_a_closed_surface() {
         let place = Mat4::from_translation(Vec3::new(3.1, -2.7, 0.3));
         let ball = closed_ball();
-        let bvh = Bvh::new(&[ball.clone()], &[Instance { mesh: 0, world_from_local: place }]).unwrap();
+        let bvh = Bvh::new(std::slice::from_ref(&ball), &[Instance { mesh: 0, world_from_local: place }]).unwrap();
         let mut random = Random(11);
         let o = place.transform_point3(Vec3::new(0.1, 0.2, -0.3));
         let corners = ball.vertices.iter().map(|v| place.transform_point3(v.position.into()) - o);

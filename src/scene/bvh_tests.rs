@@ -128,7 +128,7 @@ pub fn closed_ball() -> Mesh {
 fn no_ray_leaves_a_closed_surface() {
     let ball = closed_ball();
     let place = Mat4::from_translation(Vec3::new(3.1, -2.7, 0.3));
-    let bvh = Bvh::new(&[ball.clone()], &[Instance { mesh: 0, world_from_local: place }]).unwrap();
+    let bvh = Bvh::new(std::slice::from_ref(&ball), &[Instance { mesh: 0, world_from_local: place }]).unwrap();
     let mut random = Random(11);
     let o = place.transform_point3(Vec3::new(0.1, 0.2, -0.3));
     let corners = ball.vertices.iter().map(|v| place.transform_point3(v.position.into()) - o);

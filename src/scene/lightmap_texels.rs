@@ -123,7 +123,7 @@ impl LightmapTexels {
             let used = (0u32..).zip(&nearest).filter(|(_, n)| n.triangle != u32::MAX);
             let listed = used.filter(|(_, n)| of.contains(&sides[n.triangle as usize]));
             let texel = |(texel, n): (u32, &Nearest)| LightmapTexel {
-                place: texel % side | (texel / side) << 16,
+                place: (texel % side) | ((texel / side) << 16),
                 triangle: n.triangle | back,
             };
             listed.map(texel).collect()
@@ -207,7 +207,7 @@ mod tests {
         let bvh = Bvh::new(&meshes, &instances).unwrap();
         let both = LightmapTexels::new(&bvh, &meshes, &instances, 8, &[Sides::Both; 2]);
         // Centres nearer than 1 to [2, 5]: 1.5 to 5.5.
-        let places: Vec<u32> = (1..=5).flat_map(|y| (1..=5).map(move |x| x | y << 16)).collect();
+        let places: Vec<u32> = (1..=5).flat_map(|y| (1..=5).map(move |x| x | (y << 16))).collect();
         let (front, backs) = both.all.split_at(25);
         assert_eq!(front.iter().map(|t| t.place).collect::<Vec<_>>(), places);
         assert!(backs.iter().zip(front).all(|(b, f)| *b == LightmapTexel { triangle: f.triangle | BACK, ..*f }));
@@ -218,7 +218,7 @@ mod tests {
             assert_eq!(texels.all[..25], *front);
         }
         // Below and above the diagonal each triangle has its own texels.
-        let of = |x: u32, y: u32| front.iter().find(|t| t.place == x | y << 16).unwrap().triangle as usize;
+        let of = |x: u32, y: u32| front.iter().find(|t| t.place == x | (y << 16)).unwrap().triangle as usize;
         let third = |index: usize| bvh.triangles()[index].first_index;
         assert_eq!([third(of(4, 2)), third(of(2, 4))], [0, 3]);
     }
