@@ -219,11 +219,6 @@ impl Renderer {
         &self.targets.picture
     }
 
-    /// The irradiance of soft light on the scene's surfaces, as far as it is computed; `None` where it is not modelled.
-    pub fn lightmap(&self) -> Option<&Arc<Image>> {
-        self.scene.lightmap.as_ref().map(LightmapBake::image)
-    }
-
     /// The memory use of the scene's textures.
     pub fn texture_facts(&self) -> &TextureFacts {
         &self.scene.resources.texture_facts
