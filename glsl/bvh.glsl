@@ -24,9 +24,10 @@ struct BvhTriangle {
 layout(RAY_NODES, scalar) readonly buffer BvhNodes { BvhNode bvh_nodes[]; };
 layout(RAY_TRIANGLES, scalar) readonly buffer BvhTriangles { BvhTriangle bvh_triangles[]; };
 
-// The upper bits of `material_and_flags`: the material is alpha-tested; the surface is closed, its front faces outwards.
+// The upper bits of `material_and_flags`: the material is alpha-tested; no path from a camera meets the
+// triangle's back, as that of a closed surface.
 const uint BVH_MASKED = 0x80000000u;
-const uint BVH_CLOSED = 0x40000000u;
+const uint BVH_ONE_SIDED = 0x40000000u;
 const uint BVH_MATERIAL = 0x3fffffffu;
 // The same as scene::bvh::STACK, which the tree's depth is checked against.
 const uint BVH_STACK = 32;

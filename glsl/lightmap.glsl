@@ -26,10 +26,16 @@ struct Relay {
     vec3 weights;
 };
 
+// What a texel is like.
+struct LightmapSurface {
+    vec4 albedo; // with the share of places that are glossy
+    uint places; // bit i: its place i is one that can be seen
+};
+
 layout(LIGHTMAP_TEXELS, scalar) readonly buffer LightmapTexels { LightmapTexel lightmap_texels[]; };
-// With the share of places that are glossy. Then the sum of a texel's samples of irradiance, and their number.
+// The sum of a texel's samples of irradiance, and their number.
 layout(LIGHTMAP_SUMS, scalar) buffer LightmapSums { vec4 lightmap_sums[]; };
-layout(LIGHTMAP_ALBEDOS, scalar) buffer LightmapAlbedos { vec4 lightmap_albedos[]; };
+layout(LIGHTMAP_SURFACES, scalar) buffer LightmapSurfaces { LightmapSurface lightmap_surfaces[]; };
 layout(LIGHTMAP_RELAYS, scalar) buffer LightmapRelays { Relay relays[]; };
 // Layer 0: fronts, layer 1: backs. Given back of the light that comes straight from lamps and sun, with the density of
 // relays; of soft light, with the share that is glossy; and soft light itself as irradiance, with 1 where it is known.
@@ -49,6 +55,8 @@ layout(push_constant, scalar) uniform Work {
 } work;
 
 const float HALF_MOST = 60000.0;
+// How far places are kept from edges, in roundings of a position.
+const float OFF_EDGE = 16.0;
 
 ivec3 texel_address(LightmapTexel texel)
 {
@@ -93,7 +101,21 @@ PathPoint texel_point(RayHit hit, bool back)
     BvhTriangle triangle = bvh_triangles[hit.triangle];
     vec3 g = mat3(frame.world_from_models) * cross(triangle.b - triangle.a, triangle.c - triangle.a);
     g = normalize_or(g, vec3(0.0, 1.0, 0.0));
-    return ray_point(hit, back ? g : -g);
+    PathPoint p = ray_point(hit, back ? g : -g);
+    // Off the triangle's edge: from a place on the very line where a wall meets the floor, rays would pass the floor.
+    vec3 middle = (triangle.a + triangle.b + triangle.c) * (1.0 / 3.0);
+    vec3 inwards = (frame.world_from_models * vec4(middle, 1.0)).xyz - p.position;
+    p.position += inwards * min(OFF_EDGE * p.rounding / max(length(inwards), TINY), 1.0);
+    return p;
+}
+
+// Whether a ray meets what is never seen: the inside of a closed surface, or the back of one whose back no one sees. What
+// lies at such a ray's beginning is not seen either, such as the foot of a wall that reaches below the floor.
+bool is_never_seen(RayHit hit, vec3 d)
+{
+    BvhTriangle triangle = bvh_triangles[hit.triangle];
+    vec3 g = cross(triangle.b - triangle.a, triangle.c - triangle.a);
+    return (triangle.material_and_flags & BVH_ONE_SIDED) != 0u && dot(g, d * mat3(frame.world_from_models)) > 0.0;
 }
 
 // Numbers in [0, 1) for a texel's sample: Roberts, "The Unreasonable Effectiveness of Quasirandom Sequences" (2018), moved by
@@ -129,6 +151,19 @@ vec3 glossy_radiance(RayHit hit, vec3 d)
             sum += irradiance * cosine * brdf(p.s, l, energy, at_v);
     }
     return sum;
+}
+
+// Place i of a texel.
+vec2 texel_place(uint texel, uint i)
+{
+    return quasirandom(i, pcg4d(uvec4(texel, 0u, 0u, 0u)).xy);
+}
+
+// By the cosine to n, for u in [0, 1)^2.
+vec3 cosine_direction(vec3 n, vec2 u)
+{
+    float radius = sqrt(u.x), longitude = 2.0 * PI * u.y;
+    return basis(n) * vec3(radius * cos(longitude), radius * sin(longitude), sqrt(1.0 - u.x));
 }
 
 // Share of even light that a surface gives back, as if it were matt.

@@ -26,6 +26,35 @@ vec3 sun_irradiance(PathPoint p, vec2 u)
     return frame.sun.irradiance * cosine;
 }
 
+const uint PROBES = 8;
+
+// Whether one of some rays from a place says that no one sees it.
+bool is_hidden(PathPoint p, uint probes, uvec4 seed)
+{
+    for (uint i = 0u; i < probes; ++i) {
+        uvec4 bits = pcg4d(seed + uvec4(0u, 0u, 0u, i));
+        vec3 d = cosine_direction(p.s.n, vec2(unit_from_bits(bits.x), unit_from_bits(bits.y)));
+        RayHit hit = trace_ray(ray_origin(p), d, 1e30, false);
+        if (hit.t >= 0.0 && is_never_seen(hit, d))
+            return true;
+    }
+    return false;
+}
+
+// Those of a texel's places that are seen: one ray from each, and where some is hidden more.
+uint seen_places(LightmapTexel texel, uint index)
+{
+    uint all = (1u << work.samples) - 1u, seen = all;
+    for (uint probes = 1u; probes <= PROBES && (probes == 1u || seen != all); probes += PROBES - 1u) {
+        for (uint i = 0u; i < work.samples; ++i) {
+            PathPoint p = texel_point(texel_hit(texel, texel_place(index, i)), (texel.triangle & LIGHTMAP_BACK) != 0u);
+            if ((seen >> i & 1u) != 0u && is_hidden(p, probes, uvec4(index, i, 3u, probes << 8u)))
+                seen &= ~(1u << i);
+        }
+    }
+    return seen;
+}
+
 void main()
 {
     if (gl_GlobalInvocationID.x >= work.count)
@@ -36,8 +65,11 @@ void main()
     uint lamps = frame.light_count;
     vec3 given = vec3(0.0), albedo = vec3(0.0);
     float density = 0.0, glossy = 0.0;
+    uint seen = seen_places(texel, index);
     for (uint i = 0u; i < work.samples; ++i) {
-        RayHit hit = texel_hit(texel, quasirandom(i, random.xy));
+        if ((seen >> i & 1u) == 0u && seen != 0u)
+            continue;
+        RayHit hit = texel_hit(texel, texel_place(index, i));
         PathPoint p = texel_point(hit, (texel.triangle & LIGHTMAP_BACK) != 0u);
         vec3 light = vec3(0.0), matt = matt_albedo(p.s);
         for (uint lamp = 0u; lamp < lamps; ++lamp) {
@@ -51,8 +83,8 @@ void main()
         albedo += matt;
         glossy += is_glossy(p.s) ? 1.0 : 0.0;
     }
-    float scale = 1.0 / float(work.samples);
+    float scale = 1.0 / float(seen != 0u ? uint(bitCount(seen)) : work.samples);
     imageStore(direct_image, texel_address(texel), vec4(min(given * scale, HALF_MOST), min(density * scale, HALF_MOST)));
     imageStore(soft_image, texel_address(texel), vec4(vec3(0.0), glossy * scale));
-    lightmap_albedos[index] = vec4(albedo, glossy) * scale;
+    lightmap_surfaces[index] = LightmapSurface(vec4(albedo, glossy) * scale, seen);
 }

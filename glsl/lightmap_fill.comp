@@ -1,4 +1,4 @@
-// Gives texels that lie inside of things the light of those beside them.
+// Gives texels that lie inside of things the light of those beside them; with `samples` in the lightmap itself, too.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "lightmap.glsl"
@@ -15,18 +15,22 @@ void main()
         return;
     ivec2 last = imageSize(light_image).xy - 1;
     vec4 sum = vec4(0.0);
+    vec3 soft_sum = vec3(0.0);
     // Only texels that are known are read, and only others are written.
     for (int y = -REACH; y <= REACH; ++y) {
         for (int x = -REACH; x <= REACH; ++x) {
-            vec4 light = imageLoad(light_image, ivec3(clamp(at.xy + ivec2(x, y), ivec2(0), last), at.z));
-            if (light.a > 0.0)
-                sum += vec4(light.rgb, 1.0) * exp2(-float(x * x + y * y));
+            ivec3 beside = ivec3(clamp(at.xy + ivec2(x, y), ivec2(0), last), at.z);
+            vec4 light = imageLoad(light_image, beside);
+            if (light.a > 0.0) {
+                float weight = exp2(-float(x * x + y * y));
+                soft_sum += imageLoad(soft_image, beside).rgb * weight;
+                sum += vec4(light.rgb, 1.0) * weight;
+            }
         }
     }
     if (sum.a > 0.0) {
-        vec3 light = sum.rgb / sum.a;
-        imageStore(light_image, at, vec4(light, 0.0));
-        vec4 albedo = lightmap_albedos[index];
-        imageStore(soft_image, at, vec4(albedo.rgb * light * INV_PI, albedo.a));
+        imageStore(soft_image, at, vec4(soft_sum / sum.a, lightmap_surfaces[index].albedo.a));
+        if (work.samples > 0u)
+            imageStore(light_image, at, vec4(sum.rgb / sum.a, 0.0));
     }
 }

@@ -28,18 +28,18 @@ vec3 relay_light(PathPoint p, vec3 origin, uint bits)
     return light == vec3(0.0) || trace_ray(origin, l, far * (1.0 - 1e-5), true).t >= 0.0 ? vec3(0.0) : light;
 }
 
-// Irradiance from one direction, over the density of cosine samples; false inside of a closed surface.
+// Irradiance from one direction, over the density of cosine samples; false where no one sees it.
 bool gathered(PathPoint p, vec3 origin, vec3 d, out vec3 light)
 {
     RayHit hit = trace_ray(origin, d, 1e30, false);
     light = PI * soft_sky(d);
     if (hit.t < 0.0)
         return true;
+    if (is_never_seen(hit, d))
+        return false;
     BvhTriangle triangle = bvh_triangles[hit.triangle];
     vec3 g = cross(triangle.b - triangle.a, triangle.c - triangle.a), d_models = d * mat3(frame.world_from_models);
     bool back = dot(g, d_models) > 0.0;
-    if (back && (triangle.material_and_flags & BVH_CLOSED) != 0u)
-        return false;
     vec3 at = lightmap_address(hit, back);
     vec4 direct = textureLod(given_back_of_direct, at, 0.0), soft = textureLod(given_back_of_soft, at, 0.0);
     if (soft.a > 0.5)
@@ -53,6 +53,14 @@ bool gathered(PathPoint p, vec3 origin, vec3 d, out vec3 light)
     return true;
 }
 
+// The nth bit that is set.
+uint nth_bit(uint bits, uint n)
+{
+    for (; n > 0u; --n)
+        bits &= bits - 1u;
+    return uint(findLSB(bits));
+}
+
 void main()
 {
     if (gl_GlobalInvocationID.x >= work.count)
@@ -60,15 +68,15 @@ void main()
     uint index = work.first + gl_GlobalInvocationID.x;
     LightmapTexel texel = lightmap_texels[index];
     uvec4 random = pcg4d(uvec4(index, 0u, 1u, 0u));
+    uint places = lightmap_surfaces[index].places, count = uint(bitCount(places));
     vec4 sum = vec4(0.0);
-    for (uint i = work.first_sample; i < work.first_sample + work.samples; ++i) {
+    for (uint i = work.first_sample; i < work.first_sample + work.samples && count > 0u; ++i) {
         uvec4 bits = pcg4d(uvec4(index, work.seed, i, 2u));
-        RayHit hit = texel_hit(texel, vec2(unit_from_bits(bits.x), unit_from_bits(bits.y)));
+        uint place = nth_bit(places, min(uint(unit_from_bits(bits.x) * float(count)), count - 1u));
+        RayHit hit = texel_hit(texel, texel_place(index, place));
         PathPoint p = texel_point(hit, (texel.triangle & LIGHTMAP_BACK) != 0u);
         vec3 origin = ray_origin(p);
-        vec2 u = quasirandom(i + work.seed * 64u, random.xy);
-        float radius = sqrt(u.x), longitude = 2.0 * PI * u.y;
-        vec3 d = basis(p.s.n) * vec3(radius * cos(longitude), radius * sin(longitude), sqrt(1.0 - u.x));
+        vec3 d = cosine_direction(p.s.n, quasirandom(i + work.seed * 64u, random.xy));
         vec3 light;
         if (!gathered(p, origin, d, light))
             continue;

@@ -11,8 +11,8 @@ void main()
     ivec3 at = texel_address(lightmap_texels[index]);
     vec4 sum = lightmap_sums[index];
     vec3 light = sum.a > 0.0 ? min(sum.rgb / sum.a, HALF_MOST) : vec3(0.0);
-    if (work.samples > 0u)
-        imageStore(light_image, at, vec4(light, sum.a > 0.0 ? 1.0 : 0.0));
-    vec4 albedo = lightmap_albedos[index];
+    vec3 shown = work.samples > 0u ? light : imageLoad(light_image, at).rgb;
+    imageStore(light_image, at, vec4(shown, sum.a > 0.0 ? 1.0 : 0.0));
+    vec4 albedo = lightmap_surfaces[index].albedo;
     imageStore(soft_image, at, vec4(albedo.rgb * light * INV_PI, albedo.a));
 }

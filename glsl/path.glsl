@@ -48,6 +48,12 @@ PointLight lamp_point(PointLight lamp, vec3 n, vec3 d)
     return lamp;
 }
 
+// What occlusion maps leave of light from a direction; as in pictures, they say nothing of a sun that is a light of its own.
+float ambient_share(PathPoint p, vec3 d)
+{
+    return sun_density(d) > 0.0 ? 1.0 : p.s.occlusion;
+}
+
 // What a lamp adds, before anything blocks it, with the direction and distance to it.
 vec3 lamp_light(PathPoint p, Scatter m, PointLight lamp, out vec3 l, out float far)
 {
@@ -101,7 +107,9 @@ vec3 relayed_light(PathPoint p, Scatter m, mat3 world_from_surface, uvec4 bits)
     float squared = max(dot(to_lit, to_lit), TINY), far = sqrt(squared);
     vec3 l = to_lit / far, l_surface = l * world_from_surface;
     float cosine = -dot(lit.side, l), from_lamp = lamp_density(-dot(lit.side, d), hit.t);
-    if (l_surface.z <= 0.0 || cosine <= 0.0 || dot(p.side, l) <= 0.0)
+    // Two points of one plane see each other by rounding only: the far side of a wall would give light to the near one.
+    float rounding = p.rounding + lit.rounding;
+    if (l_surface.z <= 0.0 || cosine * far <= rounding || dot(p.side, to_lit) <= rounding)
         return vec3(0.0);
     lit = ray_point(hit, l); // as it is seen from here
     Scatter of_lit = make_scatter(lit.s, basis(lit.s.n));
@@ -110,7 +118,7 @@ vec3 relayed_light(PathPoint p, Scatter m, mat3 world_from_surface, uvec4 bits)
     vec3 radiance = lamp_light(lit, of_lit, lamp, l_lamp, lamp_far) * count;
     float area = cosine / squared; // solid angle per area
     vec3 light = scattered(m, l_surface) * radiance * area / (scatter_density(m, l_surface) * area + from_lamp);
-    if (light == vec3(0.0) || trace_ray(ray_origin(p), l, far - 2.0 * (p.rounding + lit.rounding), true).t >= 0.0)
+    if (light == vec3(0.0) || trace_ray(ray_origin(p), l, far - 2.0 * rounding, true).t >= 0.0)
         return vec3(0.0);
     return light;
 }
@@ -139,7 +147,8 @@ vec3 direct_light(PathPoint p, Scatter m, mat3 world_from_surface, bool first, f
             if (arrival >= 0.0)
                 light *= arrival / max(arrival + lamp_density(dot(p.side, l), far), TINY);
         } else {
-            light = panorama_light(m, world_from_surface, bits, l) * p.s.occlusion;
+            light = panorama_light(m, world_from_surface, bits, l);
+            light *= ambient_share(p, l);
         }
         bool casts = is_lamp || sun_density(l) > 0.0;
         bool is_traced = TRANSPORT == TRANSPORT_ALL || (casts && TRANSPORT == TRANSPORT_DIRECT);
@@ -179,7 +188,7 @@ vec3 transported_light(PathPoint p, uvec4 seed)
             hit = trace_ray(ray_origin(p), l_world, 1e30, false);
         if (hit.t < 0.0) {
             float share = mirrored ? 1.0 : density / (density + towards_panorama(l_world));
-            sum += throughput * seen_panorama(l_world) * (share * p.s.occlusion);
+            sum += throughput * seen_panorama(l_world) * (share * ambient_share(p, l_world));
             break;
         }
         if (bounce + 1u >= CERTAIN_BOUNCES) {

@@ -36,13 +36,14 @@ Scatter make_scatter(Surface s, mat3 world_from_surface)
     m.roughness = s.roughness;
     m.alpha = s.roughness * s.roughness;
     m.mirror = m.alpha < MIRROR_ALPHA;
-    m.energy = Energy(table_mean(brdf_table, s.roughness), MULTI_SCATTER);
+    // A mirror has no microfacets that light could bounce between.
+    m.energy = Energy(table_mean(brdf_table, s.roughness), MULTI_SCATTER && !m.mirror);
     m.at_v = table_entry(brdf_table, m.v.z, s.roughness);
     vec3 f = f_schlick(m.f0, m.v.z);
     vec3 diffuse = (1.0 - s.metallic) * s.base_color + multiple_even(m.energy, s.base_color, s.metallic, m.at_v);
     float specular = max(f.r, max(f.g, f.b)), matte = max(diffuse.r, max(diffuse.g, diffuse.b));
     // Never below a tenth: the specular part has peaks that cosine samples do not find.
-    m.specular_share = matte > 0.0 ? clamp(specular / (specular + matte), 0.1, 0.9) : 1.0;
+    m.specular_share = matte > 0.0 ? max(specular / (specular + matte), 0.1) : 1.0;
     return m;
 }
 

@@ -147,6 +147,21 @@ impl Commands<'_> {
         unsafe { self.device().cmd_blit_image2(self.buffer.raw, &info) };
     }
 
+    /// Makes every number of a colour image 0, alpha too.
+    pub fn clear(&mut self, image: &Image) {
+        self.prepare_fresh(image, ImageAccess::CopyTo);
+        let range = vk::ImageSubresourceRange {
+            aspect_mask: image.aspect(),
+            base_mip_level: 0,
+            level_count: image.desc().mips,
+            base_array_layer: 0,
+            layer_count: image.desc().shape.layers(),
+        };
+        let (layout, zero) = (ImageAccess::CopyTo.parts().0, vk::ClearColorValue { float32: [0.0; 4] });
+        // SAFETY: the command buffer is being recorded; the image is alive and in this layout.
+        unsafe { self.device().cmd_clear_color_image(self.buffer.raw, image.raw, layout, &zero, &[range]) };
+    }
+
     pub(super) fn clear_raw(&mut self, image: vk::Image, range: vk::ImageSubresourceRange) {
         let (layout, black) = (ImageAccess::CopyTo.parts().0, vk::ClearColorValue { float32: [0.0, 0.0, 0.0, 1.0] });
         // SAFETY: the command buffer is being recorded; the image is alive and in this layout.

@@ -69,7 +69,7 @@ pub const LIGHTMAP: SetBindings = SetBindings {
     bindings: &[
         ("LIGHTMAP_TEXELS", Storage),
         ("LIGHTMAP_SUMS", Storage),
-        ("LIGHTMAP_ALBEDOS", Storage),
+        ("LIGHTMAP_SURFACES", Storage),
         ("LIGHTMAP_RELAYS", Storage),
         ("LIGHTMAP_DIRECT", Sampled),
         ("LIGHTMAP_SOFT", Sampled),

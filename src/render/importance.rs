@@ -1,5 +1,7 @@
 //! Importance sampling of the panorama: an alias table over the panorama's cells, on the GPU.
 
+use std::collections::HashMap;
+use std::f64::consts::PI;
 use std::sync::Arc;
 
 use bytemuck::bytes_of;
@@ -7,10 +9,10 @@ use glam::DVec2;
 
 use crate::Result;
 use crate::gpu::{Buffer, BufferKind, Gpu, Image, Subresource, read_image};
-use crate::reference::cube::{panorama_texel_solid_angle, panorama_uv};
+use crate::reference::cube::{panorama_direction, panorama_texel_solid_angle, panorama_uv};
 use crate::reference::disc::sample_disc;
 use crate::reference::importance::{Cell, alias_table};
-use crate::reference::sun::Sun;
+use crate::reference::sun::{Sun, cone_solid_angle};
 
 /// The most cells across the table: 2^19 cells take 6 MiB.
 const MOST_CELLS: u32 = 1024;
@@ -29,18 +31,83 @@ pub fn importance(gpu: &Arc<Gpu>, panorama: &Image, sun: Option<&Sun>) -> Result
     Buffer::with_bytes(gpu, "importance", BufferKind::StorageFromCpu, &bytes)
 }
 
-/// Adds a sun's light to the mean radiance of the cells that its disc covers, by points on it.
+/// Adds a sun's light to the mean radiance of the cells that its disc covers.
 fn add_sun(texels: &mut [[f32; 4]], size: [u32; 2], sun: &Sun) {
-    /// Points along each axis of the disc's coordinates.
+    let radiance = sun.radiance();
+    for (cell, share) in covered(size, sun) {
+        (0..3).for_each(|c| texels[cell][c] += (share * radiance[c]) as f32);
+    }
+}
+
+/// The cells that a sun's disc covers, with the share that is covered: by points of the disc, or where cells are much smaller
+/// than it, as near a pole, by points of the cells.
+fn covered(size: [u32; 2], sun: &Sun) -> HashMap<usize, f64> {
+    /// Points along each axis of the disc's coordinates, and of a cell.
     const POINTS: u32 = 64;
+    const OF_CELL: u32 = 3;
+    let disc = cone_solid_angle(sun.angular_radius);
+    let is_small = |y: u32| 16.0 * panorama_texel_solid_angle(y, size) < disc;
     let [width, height] = size.map(f64::from);
-    let light = sun.light() / f64::from(POINTS * POINTS);
+    let mut shares: HashMap<usize, f64> = HashMap::new();
     for i in 0..POINTS * POINTS {
         let u = DVec2::new(f64::from(i % POINTS) + 0.5, f64::from(i / POINTS) + 0.5) / f64::from(POINTS);
         let uv = panorama_uv(sample_disc(u, sun.direction, sun.angular_radius.sin()));
         let [x, y] = [(uv.x * width).min(width - 1.0) as u32, (uv.y * height).min(height - 1.0) as u32];
-        let radiance = light / panorama_texel_solid_angle(y, size);
-        let cell = &mut texels[(y * size[0] + x) as usize];
-        (0..3).for_each(|c| cell[c] += radiance[c] as f32);
+        if is_small(y) {
+            continue;
+        }
+        let point = disc / f64::from(POINTS * POINTS);
+        *shares.entry((y * size[0] + x) as usize).or_default() += point / panorama_texel_solid_angle(y, size);
+    }
+    let is_in_disc = |x: f64, y: f64| {
+        panorama_direction(DVec2::new(x / width, y / height)).dot(sun.direction) >= sun.angular_radius.cos()
+    };
+    let polar = panorama_uv(sun.direction).y * PI;
+    let row = |angle: f64| ((angle / PI * height).max(0.0) as u32).min(size[1] - 1);
+    let rows = (row(polar - sun.angular_radius)..=row(polar + sun.angular_radius)).filter(|y| is_small(*y));
+    for (y, x) in rows.flat_map(|y| (0..size[0]).map(move |x| (y, x))) {
+        let at = |i: u32, k: u32| f64::from(i) + (f64::from(k) + 0.5) / f64::from(OF_CELL);
+        let inside = (0..OF_CELL * OF_CELL).filter(|k| is_in_disc(at(x, k % OF_CELL), at(y, k / OF_CELL))).count();
+        if inside > 0 {
+            shares.insert((y * size[0] + x) as usize, inside as f64 / f64::from(OF_CELL * OF_CELL));
+        }
+    }
+    shares
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+
+    use super::*;
+
+    /// The disc's cells, each whole one with about all of its light; also at a pole, where a row's cells are smaller than the
+    /// distances of any points, and in cells that are larger than the disc.
+    #[test]
+    fn a_suns_cells_are_all_found() {
+        for (width, direction) in
+            [(1024, DVec3::Y), (1024, DVec3::new(0.02, -1.0, 0.0)), (1024, DVec3::X), (512, -DVec3::X), (16, DVec3::Z)]
+        {
+            let direction = direction.normalize();
+            let sun = Sun { direction, irradiance: DVec3::ONE, angular_radius: 1f64.to_radians(), share: 1.0 };
+            let size = [width, width / 2];
+            let shares = covered(size, &sun);
+            let solid_angle = |i: usize| panorama_texel_solid_angle(i as u32 / width, size);
+            let total: f64 = shares.iter().map(|(i, share)| share * solid_angle(*i)).sum();
+            let ratio = total / cone_solid_angle(sun.angular_radius);
+            assert!((0.95..1.05).contains(&ratio), "{width}, {direction}: {ratio}");
+            for y in 0..size[1] {
+                for x in 0..width {
+                    let corner = |k: u32| {
+                        DVec2::new(f64::from(x + k % 2), f64::from(y + k / 2))
+                            / DVec2::new(f64::from(width), f64::from(size[1]))
+                    };
+                    let is_whole =
+                        (0..4).all(|k| panorama_direction(corner(k)).dot(direction) > sun.angular_radius.cos());
+                    let share = shares.get(&((y * width + x) as usize)).copied().unwrap_or(0.0);
+                    assert!(!is_whole || share > 0.95, "{width}, {direction}: {share} at {x}, {y}");
+                }
+            }
+        }
     }
 }

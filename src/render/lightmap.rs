@@ -16,7 +16,7 @@ use crate::Result;
 use crate::context::Context;
 use crate::gpu::{
     AddressMode, Binding, Buffer, BufferKind, Commands, Constant, DescriptorSet, Format, Gpu, Image, ImageAccess,
-    ImageDesc, ImageUsageFlags, PassTime, Pipeline, Sampler, Shape,
+    ImageDesc, ImageUsageFlags, PassTime, Pipeline, Sampler, Shape, submit_and_wait,
 };
 use crate::precompute::{CacheKind, keep_cached, load_cached};
 use crate::scene::lightmap_texels::{BACK, LightmapTexel, LightmapTexels};
@@ -32,7 +32,7 @@ const SAMPLES: u32 = 64;
 const AT_ONCE: u32 = 8;
 /// Of them, as many as it takes until the lightmap is better than an open sky.
 const PRESENTABLE: u32 = 16;
-/// Places in a texel for which lamps and sun are looked for.
+/// Places of a texel, at most 31: of each it is found out whether it is seen, and which lamps and sun reach it.
 const DIRECT_SAMPLES: u32 = 16;
 /// Places that light from lamps is followed to, where a lamp is near a surface.
 const RELAYS: u32 = 1 << 14;
@@ -165,18 +165,23 @@ impl LightmapBake {
             Image::new(gpu, name, ImageDesc { shape: Shape::Layers(layers), ..flat })
         };
         let (light, soft, direct) = (image("lightmap")?, image("lightmap soft")?, image("lightmap direct")?);
+        // Texels between charts are filled from, and read with no weight, which would keep NaN.
+        submit_and_wait(gpu, |commands| {
+            [&light, &soft, &direct].iter().for_each(|image| commands.clear(image));
+            Ok(())
+        })?;
         let count = all.len().max(1) as u64;
         let storage = |name, bytes| Buffer::new(gpu, name, BufferKind::Storage, bytes);
         let list = if all.is_empty() { &[LightmapTexel::default()] } else { &all[..] };
         let list = Buffer::with_bytes(gpu, "lightmap texels", BufferKind::StorageFromCpu, bytemuck::cast_slice(list))?;
         let sums = storage("lightmap sums", count * size_of::<[f32; 4]>() as u64)?;
-        let albedos = storage("lightmap albedos", count * size_of::<[f32; 4]>() as u64)?;
+        let surfaces = storage("lightmap surfaces", count * size_of::<[f32; 5]>() as u64)?;
         let relays = storage("lightmap relays", u64::from(RELAYS) * size_of::<[f32; 14]>() as u64)?;
         let sampler = Sampler::new(gpu, "lightmap", AddressMode::Clamp, 1)?;
         let bindings = [
             Binding::Storage(&list),
             Binding::Storage(&sums),
-            Binding::Storage(&albedos),
+            Binding::Storage(&surfaces),
             Binding::Storage(&relays),
             Binding::Sampled(&direct, &sampler),
             Binding::Sampled(&soft, &sampler),
@@ -353,11 +358,9 @@ impl LightmapBake {
             commands.prepare(&self.soft, ImageAccess::Storage);
             let pipelines = Arc::clone(&self.pipelines);
             self.dispatch(commands, &pipelines.resolve, (frame, scene), all);
-            if is_shown {
-                commands.prepare(&self.light, ImageAccess::Storage);
-                commands.prepare(&self.soft, ImageAccess::Storage);
-                self.dispatch(commands, &pipelines.fill, (frame, scene), all);
-            }
+            commands.prepare(&self.light, ImageAccess::Storage);
+            commands.prepare(&self.soft, ImageAccess::Storage);
+            self.dispatch(commands, &pipelines.fill, (frame, scene), all);
         }
         self.stage = match self.stage {
             Stage::Open => Stage::Direct,

@@ -28,6 +28,8 @@ mod ray_scene;
 mod random_gpu_tests;
 mod reference_accumulator;
 mod renderer;
+#[cfg(test)]
+mod scatter_gpu_tests;
 mod scene_resources;
 #[cfg(test)]
 mod seam_gpu_tests;

@@ -19,9 +19,9 @@ use crate::scene::bvh::{Bvh, BvhTriangle};
 use crate::scene::lightmap_texels::{LightmapTexels, Sides, sides};
 use crate::scene::{GeometryView, Instance, Mesh, Scene, Vertex};
 
-/// The upper bits of a triangle's material, the same as in `glsl/bvh.glsl`: it is alpha-tested; its surface is closed.
+/// The upper bits of a triangle's material, the same as in `glsl/bvh.glsl`: it is alpha-tested; its back is never seen.
 const MASKED: u32 = 1 << 31;
-const CLOSED: u32 = 1 << 30;
+const ONE_SIDED: u32 = 1 << 30;
 /// Memory for the reduced textures: 16 bytes a texel of each layer.
 const TEXTURE_BYTES: u64 = 128 << 20;
 const TEXEL_BYTES: u64 = 16;
@@ -37,8 +37,9 @@ pub struct LazyRayScene {
     /// For each of the scene's materials.
     masked: Vec<bool>,
     has_textures: bool,
-    /// Where paths begin that look for the backs that are seen: cameras and lamps.
-    viewpoints: Vec<Vec3>,
+    /// Where paths begin that look for the backs that are seen.
+    cameras: Vec<Vec3>,
+    lamps: Vec<Vec3>,
     texture_sets: Arc<[DescriptorSet]>,
     built: Mutex<Option<Arc<RayScene>>>,
 }
@@ -85,12 +86,8 @@ impl LazyRayScene {
             instances: geometry.instances.to_vec(),
             masked: scene.materials.iter().map(|material| material.alpha_cutoff.is_some()).collect(),
             has_textures: !scene.textures.is_empty(),
-            viewpoints: scene
-                .cameras
-                .iter()
-                .map(|c| c.position)
-                .chain(scene.lights.iter().map(|l| l.position))
-                .collect(),
+            cameras: scene.cameras.iter().map(|camera| camera.position).collect(),
+            lamps: scene.lights.iter().map(|lamp| lamp.position).collect(),
             texture_sets: Arc::clone(texture_sets),
             built: Mutex::new(None),
         }
@@ -103,7 +100,8 @@ impl LazyRayScene {
             instances: Vec::new(),
             masked: Vec::new(),
             has_textures: false,
-            viewpoints: Vec::new(),
+            cameras: Vec::new(),
+            lamps: Vec::new(),
             texture_sets: Arc::new([]),
             built: Mutex::new(None),
         }
@@ -116,7 +114,7 @@ impl LazyRayScene {
             return Ok(Arc::clone(built));
         }
         let bvh = Bvh::new(&self.meshes, &self.instances)?;
-        let sides = sides(&bvh, &self.meshes, &self.instances, &self.viewpoints);
+        let sides = sides(&bvh, &self.meshes, &self.instances, [&self.cameras, &self.lamps]);
         let side = if self.has_textures { side(self.texture_sets.len() as u64) } else { 1 };
         let textures = RayTextures::new(gpu, layouts, &self.texture_sets, side)?;
         let scene = Arc::new(RayScene::new(gpu, (bvh, sides), self, textures)?);
@@ -132,8 +130,8 @@ impl LazyRayScene {
     fn triangle(&self, triangle: &BvhTriangle, sides: Sides) -> TriangleBlock {
         let material = self.mesh(triangle).material;
         let masked = if self.masked.get(material) == Some(&true) { MASKED } else { 0 };
-        let closed = if sides == Sides::Closed { CLOSED } else { 0 };
-        TriangleBlock { corners: triangle.corners, material_and_flags: material as u32 | masked | closed }
+        let one_sided = if sides == Sides::Both { 0 } else { ONE_SIDED };
+        TriangleBlock { corners: triangle.corners, material_and_flags: material as u32 | masked | one_sided }
     }
 
     fn corners(&self, triangle: &BvhTriangle) -> [CornerBlock; 3] {

@@ -26,7 +26,7 @@ pub const BACK: u32 = 1 << 31;
 /// The sides of a scene's surfaces that light can be seen on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Sides {
-    /// A closed surface: only fronts are ever seen.
+    /// A closed surface with no camera inside: only fronts are ever seen.
     Closed,
     /// An open surface whose back no path from the cameras has met.
     Front,
@@ -37,30 +37,49 @@ pub enum Sides {
 /// Paths that look for backs, and how often each is reflected.
 const PATHS: u32 = 8192;
 const REFLECTIONS: u32 = 8;
+/// Directions in which one looks for what is around a camera.
+const LOOKS: u32 = 256;
 
-/// For each of a hierarchy's triangles the sides that are seen, by random paths that begin at `starts`.
-pub fn sides(bvh: &Bvh, meshes: &[Mesh], instances: &[Instance], starts: &[Vec3]) -> Vec<Sides> {
+/// For each of a hierarchy's triangles the sides that are seen, by random paths that begin at cameras and lamps.
+pub fn sides(bvh: &Bvh, meshes: &[Mesh], instances: &[Instance], [cameras, lamps]: [&[Vec3]; 2]) -> Vec<Sides> {
     let of_mesh: Vec<Vec<ComponentOf>> =
         meshes.par_iter().map(|mesh| components_of_triangles(&mesh.vertices, &mesh.indices)).collect();
     let of = |t: &BvhTriangle| of_mesh[instances[t.instance as usize].mesh][t.first_index as usize / 3];
-    let seen: HashSet<(u32, u32)> = starts
+    let part = |index: usize| {
+        let triangle = &bvh.triangles()[index];
+        (triangle.instance, of(triangle).component)
+    };
+    let seen: HashSet<(u32, u32)> = cameras
         .iter()
+        .chain(lamps)
         .enumerate()
         .flat_map(|(i, start)| {
             let walk = move |path: u32| backs_met(bvh, *start, i as u32 * PATHS + path);
             (0..PATHS).into_par_iter().flat_map_iter(walk).collect::<Vec<usize>>()
         })
-        .map(|index| {
-            let triangle = &bvh.triangles()[index];
-            (triangle.instance, of(triangle).component)
-        })
+        .map(part)
         .collect();
+    // Rooms are made of closed boxes, too.
+    let around: HashSet<(u32, u32)> = cameras.iter().flat_map(|camera| first_backs(bvh, *camera)).map(part).collect();
     let side = |t: &BvhTriangle| match of(t) {
+        ComponentOf { closed: true, component } if around.contains(&(t.instance, component)) => Sides::Both,
         ComponentOf { closed: true, .. } => Sides::Closed,
         ComponentOf { component, .. } if seen.contains(&(t.instance, component)) => Sides::Both,
         _ => Sides::Front,
     };
     bvh.triangles().iter().map(side).collect()
+}
+
+/// The triangles whose backs are what is seen first from a place, if that is so in most directions.
+fn first_backs(bvh: &Bvh, from: Vec3) -> Vec<usize> {
+    let look = |i| {
+        let d = random_direction(i);
+        let hit = bvh.trace(from, d, f32::INFINITY, |_| true)?;
+        let [a, b, c] = bvh.triangles()[hit.triangle].corners.map(Vec3::from);
+        ((b - a).cross(c - a).dot(d) > 0.0).then_some(hit.triangle)
+    };
+    let backs: Vec<usize> = (0..LOOKS).filter_map(look).collect();
+    if 2 * backs.len() > LOOKS as usize { backs } else { Vec::new() }
 }
 
 /// The triangles whose backs one random path meets.
@@ -235,15 +254,18 @@ mod tests {
             let placed = |mesh| Instance { mesh, world_from_local: Mat4::IDENTITY };
             let instances: Vec<Instance> = (0..meshes.len()).map(placed).collect();
             let bvh = Bvh::new(meshes, &instances).unwrap();
-            let sides = sides(&bvh, meshes, &instances, &[start]);
+            let sides = sides(&bvh, meshes, &instances, [&[start], &[]]);
             bvh.triangles().iter().zip(sides).map(|(t, side)| (t.instance, side)).collect::<Vec<_>>()
         };
         assert!(of(&[square(0.0)], Vec3::Z).iter().all(|(_, side)| *side == Sides::Front));
         assert!(of(&[square(0.0)], -Vec3::Z).iter().all(|(_, side)| *side == Sides::Both));
         let room = crate::scene::bvh::tests::closed_ball();
         let found = of(&[square(0.0), room], 0.5 * Vec3::Z);
-        // Paths that come back from the walls meet the back; the ball is closed, though it is seen from inside.
-        assert!(found.iter().all(|(mesh, side)| *side == [Sides::Both, Sides::Closed][*mesh as usize]));
+        // Paths that come back from the walls meet the back.
+        assert!(found.iter().all(|(_, side)| *side == Sides::Both));
+        let room = crate::scene::bvh::tests::closed_ball();
+        let found = of(&[square(0.0), room], 5.0 * Vec3::Z);
+        assert!(found.iter().all(|(mesh, side)| *side == [Sides::Front, Sides::Closed][*mesh as usize]));
     }
 
     #[test]

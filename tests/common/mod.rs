@@ -4,6 +4,7 @@
 pub mod headset;
 pub mod light;
 pub mod room;
+pub mod solids;
 pub mod stage;
 
 use std::collections::BTreeMap;

@@ -10,7 +10,7 @@ use pbr_vr::precompute::Cache;
 use pbr_vr::reference::brdf::Geometry;
 use pbr_vr::reference::energy::Scattering;
 use pbr_vr::reference::integrals::{PanoramaView, Surface, reflected};
-use pbr_vr::render::{RenderSettings, Shading, StandardError};
+use pbr_vr::render::{LightModel, RenderSettings, Shading, StandardError};
 use pbr_vr::view::{RenderRequest, render};
 
 const SIDE: u32 = 24;
@@ -53,7 +53,12 @@ fn reference(shop: &Workshop, case: &Case, geometry: Geometry, frames: u64) -> (
     let request = RenderRequest {
         size: [SIDE, SIDE],
         frames: Some(frames),
-        settings: RenderSettings { shading: Shading::Reference, geometry, ..RenderSettings::default() },
+        settings: RenderSettings {
+            shading: Shading::Reference,
+            geometry,
+            light: LightModel::Open,
+            ..RenderSettings::default()
+        },
         ..RenderRequest::new(&scene, &output)
     };
     let facts = render(&request, &setup(Some(&cache))).expect("a render without validation messages");

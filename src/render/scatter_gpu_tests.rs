@@ -1,0 +1,182 @@
+//! glsl/scatter.glsl: its value against f64, and its samples against its own density.
+
+use std::f64::consts::TAU;
+use std::sync::Arc;
+
+use bytemuck::{Pod, Zeroable};
+use glam::{DVec3, Vec3};
+
+use super::bindings::SCENE;
+use crate::context::Context;
+use crate::gpu::{
+    AddressMode, Binding, BindingType, Buffer, BufferKind, DescriptorSet, DescriptorSetLayout, Gpu, Pipeline, Sampler,
+    read_buffer, submit_and_wait,
+};
+use crate::precompute::BrdfTable;
+use crate::precompute::harness_tests::{Judge, Random, with_gpu};
+use crate::reference::brdf::{Geometry, f0_from_metallic, specular};
+use crate::reference::energy::{Curve, Energy, Scattering};
+use crate::reference::table::SplitSum;
+
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+struct Input {
+    v: [f32; 3],
+    l: [f32; 3],
+    base_color: [f32; 3],
+    metallic: f32,
+    roughness: f32,
+    bits: [u32; 4],
+}
+
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+struct Output {
+    value: [f32; 3],
+    density: f32,
+    l: [f32; 3],
+    mirrored: u32,
+    sample_value: [f32; 3],
+    sample_density: f32,
+    share: f32,
+}
+
+fn run(gpu: &Arc<Gpu>, inputs: &[Input]) -> Vec<Output> {
+    let table = BrdfTable::new(&Context::silent(gpu), Geometry::Smith, SplitSum::Moment).unwrap();
+    let sampler = Sampler::new(gpu, "clamped", AddressMode::Clamp, 1).unwrap();
+    let from = Buffer::with_bytes(gpu, "inputs", BufferKind::StorageFromCpu, bytemuck::cast_slice(inputs)).unwrap();
+    let to = Buffer::new(gpu, "outputs", BufferKind::Storage, (size_of::<Output>() * inputs.len()) as u64).unwrap();
+    let io = DescriptorSetLayout::new(gpu, "io", &[BindingType::Storage; 2]).unwrap();
+    let kinds: Vec<BindingType> = SCENE.bindings.iter().map(|(_, kind)| *kind).collect();
+    let scene = DescriptorSetLayout::new(gpu, "scene", &kinds).unwrap();
+    // Only the table is read.
+    let bound = kinds.iter().map(|kind| match kind {
+        BindingType::Sampled => Binding::Sampled(&table.image, &sampler),
+        _ => Binding::Storage(&from),
+    });
+    let scene_set = DescriptorSet::new(gpu, "scene", &scene, &bound.collect::<Vec<_>>()).unwrap();
+    let io_set = DescriptorSet::new(gpu, "io", &io, &[Binding::Storage(&from), Binding::Storage(&to)]).unwrap();
+    let pipeline = Pipeline::compute(gpu, "test_scatter.comp", &[], &[&io, &scene, &io], 0).unwrap();
+    submit_and_wait(gpu, |commands| {
+        commands.bind(&pipeline, &[&io_set, &scene_set, &io_set]);
+        commands.dispatch([inputs.len().div_ceil(64) as u32, 1, 1]);
+        Ok(())
+    })
+    .unwrap();
+    bytemuck::pod_collect_to_vec(&read_buffer(gpu, &to).unwrap())
+}
+
+fn slanted(cosine: f64, longitude: f64) -> DVec3 {
+    let across = (1.0 - cosine * cosine).sqrt();
+    DVec3::new(across * longitude.cos(), across * longitude.sin(), cosine)
+}
+
+/// Across and around, cells of equal solid angle.
+const GRID: [u32; 2] = [256, 512];
+
+/// The density's integral is the part of samples that lie above the surface, and the mean of value over density is the
+/// value's integral: two ways to the same light.
+#[test]
+fn samples_have_the_density_that_is_said() {
+    with_gpu(|gpu| {
+        for (metallic, roughness, base_color, cosine) in [
+            (0.0f32, 1.0f32, 0.8f32, 0.9),
+            (0.0, 0.4, 0.5, 0.3),
+            (1.0, 0.5, 0.9, 0.7),
+            (1.0, 1.0, 1.0, 0.1),
+            (0.5, 0.7, 0.3, 0.5),
+            (0.0, 0.3, 0.0, 0.8),
+        ] {
+            let v = slanted(cosine, 0.4).as_vec3();
+            let mut random = Random(3);
+            let cell = |i: u32| {
+                let z = (f64::from(i / GRID[1]) + 0.5) / f64::from(GRID[0]);
+                slanted(z, (f64::from(i % GRID[1]) + 0.5) / f64::from(GRID[1]) * TAU).as_vec3()
+            };
+            let mut bits = || [0; 4].map(|_: u32| random.bits() as u32);
+            let count = GRID[0] * GRID[1];
+            let input = |i: u32| Input {
+                v: v.into(),
+                l: cell(i).into(),
+                base_color: [base_color; 3],
+                metallic,
+                roughness,
+                bits: bits(),
+            };
+            let inputs: Vec<Input> = (0..count).map(input).collect();
+            let outputs = run(gpu, &inputs);
+            let solid_angle = TAU / f64::from(count);
+            let density: f64 = outputs.iter().map(|o| f64::from(o.density) * solid_angle).sum();
+            let value: f64 = outputs.iter().map(|o| f64::from(o.value[0]) * solid_angle).sum();
+            let above: Vec<&Output> = outputs.iter().filter(|o| o.l[2] > 0.0).collect();
+            let part = above.len() as f64 / f64::from(count);
+            let ratio = |o: &&Output| f64::from(o.sample_value[0]) / f64::from(o.sample_density);
+            let sampled = above.iter().map(ratio).sum::<f64>() / f64::from(count);
+            let most = above.iter().map(ratio).fold(0.0, f64::max);
+            let name = format!("metallic {metallic}, roughness {roughness}, n.v {cosine}");
+            println!("{name}: density {density:.4} for {part:.4}; {sampled:.4} for {value:.4}; at most {most:.2}");
+            assert!((density - part).abs() < 0.006, "{name}: {density}, not {part}");
+            assert!((sampled / value - 1.0).abs() < 0.01, "{name}: {sampled}, not {value}");
+            assert!(most < 2.5 && outputs.iter().all(|o| o.mirrored == 0), "{name}: {most}");
+        }
+    });
+}
+
+/// Fresnel over the share for a mirror's own direction; its other samples are diffuse, and metal has none.
+#[test]
+fn mirrors_have_a_direction_of_their_own() {
+    with_gpu(|gpu| {
+        for metallic in [0.0f32, 1.0] {
+            let mut random = Random(5);
+            let v = slanted(0.6, 1.0).as_vec3();
+            let mut input = |_| Input {
+                v: v.into(),
+                l: [0.0, 0.0, 1.0],
+                base_color: [0.5; 3],
+                metallic,
+                roughness: 0.0,
+                bits: [0; 4].map(|_: u32| random.bits() as u32),
+            };
+            let inputs: Vec<Input> = (0..4096).map(&mut input).collect();
+            let outputs = run(gpu, &inputs);
+            let mirrored = outputs.iter().filter(|o| o.mirrored == 1).count() as f32 / 4096.0;
+            let share = outputs[0].share;
+            println!("metallic {metallic}: {mirrored} mirrored, share {share}");
+            assert!((mirrored - share).abs() < 0.04);
+            assert!(if metallic == 1.0 { share == 1.0 } else { share < 0.5 });
+            let own = Vec3::new(-v.x, -v.y, v.z);
+            assert!(outputs.iter().filter(|o| o.mirrored == 1).all(|o| Vec3::from(o.l) == own));
+            assert!(outputs.iter().filter(|o| o.mirrored == 0).all(|o| o.sample_density > 0.0));
+        }
+    });
+}
+
+#[test]
+fn the_value_agrees() {
+    let mut random = Random(9);
+    let mut inputs = Vec::new();
+    let roughnesses = [0.2f32, 0.35, 0.5, 0.75, 1.0];
+    for i in 0..4000usize {
+        let [v, l] = [0; 2].map(|_| slanted(0.05 + 0.95 * random.unit(), TAU * random.unit()).as_vec3().to_array());
+        let base_color = random.colour().as_vec3().into();
+        let metallic = [0.0, 1.0, random.unit() as f32][i % 3];
+        inputs.push(Input { v, l, base_color, metallic, roughness: roughnesses[i % 5], bits: [0; 4] });
+    }
+    let terms = roughnesses.map(|r| {
+        let r = f64::from(r);
+        (Energy::new(r, Geometry::Smith, Scattering::Multiple), Curve::new(r, Geometry::Smith))
+    });
+    let mut judge = Judge::default();
+    let outputs = with_gpu(|gpu| run(gpu, &inputs));
+    for (i, (input, output)) in inputs.iter().zip(&outputs).enumerate() {
+        let (energy, curve) = &terms[i % 5];
+        let [v, l, base_color] = [input.v, input.l, input.base_color].map(|v| Vec3::from(v).as_dvec3());
+        let (metallic, roughness) = (f64::from(input.metallic), f64::from(input.roughness));
+        let f0 = f0_from_metallic(base_color, metallic);
+        let single = specular(DVec3::Z, v, l, f0, roughness, Geometry::Smith);
+        let want = (single + energy.beyond_single(base_color, metallic, curve.at(l.z), curve.at(v.z))) * l.z;
+        // The table's entries are good to 2e-4; what is lost is a difference from 1, and divided by another.
+        judge.near("scattered", input, &output.value, &want.to_array(), [1e-3, 2e-3]);
+        assert!(output.density > 0.0 && output.share >= 0.1 && output.share <= 1.0);
+    }
+}

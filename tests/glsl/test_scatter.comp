@@ -1,0 +1,50 @@
+// What scatter.glsl computes, for src/render/scatter_gpu_tests.rs.
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#include "scatter.glsl"
+
+struct Input {
+    vec3 v, l, base_color;
+    float metallic, roughness;
+    uvec4 bits;
+};
+struct Output {
+    vec3 value;         // for l
+    float density;      // of l
+    vec3 l;             // the sample
+    uint mirrored;
+    vec3 sample_value;
+    float sample_density;
+    float share;
+};
+layout(local_size_x = 64) in;
+layout(set = 2, binding = 0, scalar) readonly buffer Inputs { Input inputs[]; };
+layout(set = 2, binding = 1, scalar) writeonly buffer Outputs { Output outputs[]; };
+
+void main()
+{
+    uint id = gl_GlobalInvocationID.x;
+    if (id >= inputs.length())
+        return;
+    Input i = inputs[id];
+    Surface s;
+    s.base_color = i.base_color;
+    s.metallic = i.metallic;
+    s.roughness = i.roughness;
+    s.occlusion = 1.0;
+    s.n = vec3(0.0, 0.0, 1.0);
+    s.v = i.v;
+    s.nv = i.v.z;
+    Scatter m = make_scatter(s, mat3(1.0));
+    Output o;
+    o.value = scattered(m, i.l);
+    o.density = scatter_density(m, i.l);
+    bool mirrored;
+    o.l = sample_scatter(m, i.bits, mirrored);
+    o.mirrored = mirrored ? 1u : 0u;
+    vec3 above = vec3(o.l.xy, max(o.l.z, 1e-6));
+    o.sample_value = scattered(m, above);
+    o.sample_density = scatter_density(m, above);
+    o.share = m.specular_share;
+    outputs[id] = o;
+}

@@ -1,0 +1,426 @@
+//! The lightmap of `--light baked` in scenes whose light is known exactly, beside the reference in others, and with models
+//! that no one should make.
+
+use std::f64::consts::PI;
+
+use glam::{DVec3, Vec3};
+use pbr_vr::asset::Panorama;
+use pbr_vr::reference::brdf::{DIELECTRIC_F0, Geometry};
+use pbr_vr::reference::energy::{Curve, Energy, Scattering};
+use pbr_vr::render::{Eye, LightModel, Shading};
+use pbr_vr::scene::{Material, Mesh, Scene};
+
+use crate::common::solids::{
+    Quad, Shot, Taken, ball, block, eye, flat, grey, lamp, level, mote, quad, seen, take, take_all, turned, uniform,
+    world,
+};
+use crate::common::stage::with_gpu;
+
+const BAKED: LightModel = LightModel::Baked;
+/// Far enough for a scene of some 2 m to need no more than the least lightmap.
+const FAR: [f64; 3] = [0.0, 12.0, 0.0];
+
+/// A dielectric as the lightmap has it, matt, and as pictures show its diffuse part.
+struct Matt {
+    base_color: DVec3,
+    energy: Energy,
+    curve: Curve,
+}
+
+impl Matt {
+    fn new(material: &Material) -> Self {
+        assert_eq!(material.metallic_factor, 0.0);
+        let roughness = f64::from(material.roughness_factor);
+        Self {
+            base_color: material.base_color_factor.as_dvec3(),
+            energy: Energy::new(roughness, Geometry::Smith, Scattering::Multiple),
+            curve: Curve::new(roughness, Geometry::Smith),
+        }
+    }
+
+    /// Share of even light that is given back.
+    fn albedo(&self) -> f64 {
+        let Energy { mean, .. } = self.energy;
+        let f0 = DVec3::splat(DIELECTRIC_F0);
+        (self.energy.specular_albedo(f0, mean) + self.energy.diffuse_even(self.base_color, 0.0, mean)).x
+    }
+
+    /// Irradiance of which the diffuse part is seen at a cosine.
+    fn irradiance(&self, radiance: f64, nv: f64) -> f64 {
+        PI * radiance / self.energy.diffuse_even(self.base_color, 0.0, self.curve.at(nv)).x
+    }
+}
+
+/// A picture's soft light as irradiance, with its places and normals; `None` where another mesh than the first ones is seen.
+fn soft(scene: &Scene, from: &Eye, taken: &Taken, meshes: usize) -> Vec<Option<(f64, DVec3, DVec3)>> {
+    let matt = Matt::new(&scene.materials[0]);
+    let at = |(pixel, radiance): (usize, &f64)| {
+        let (p, n, mesh) = seen(scene, from, taken.size, pixel)?;
+        let nv = n.dot((from.position().as_dvec3() - p).normalize());
+        (mesh < meshes).then(|| (matt.irradiance(*radiance, nv), p, n))
+    };
+    taken.pixels.iter().enumerate().map(at).collect()
+}
+
+fn diffuse(size: u32) -> Shot {
+    Shot { shading: Shading::Diffuse, ..Shot::new(BAKED, size) }
+}
+
+/// Mean, and root of the mean square of deviations from what is wanted, relative.
+fn deviations(pairs: &[(f64, f64)]) -> (f64, f64) {
+    let count = pairs.len() as f64;
+    let wanted = pairs.iter().map(|(_, want)| want).sum::<f64>() / count;
+    let mean = pairs.iter().map(|(got, want)| got - want).sum::<f64>() / count / wanted;
+    (mean, (pairs.iter().map(|(got, want)| (got - want).powi(2)).sum::<f64>() / count).sqrt() / wanted)
+}
+
+/// Wherever a lamp is in a ball, all of its wall gets the same soft light, E ρ / (1 − ρ) for the irradiance E of a lamp in its
+/// middle.
+#[test]
+fn a_lamp_in_a_ball_is_the_integrating_sphere() {
+    with_gpu(|gpu| {
+        // In the middle light is the same everywhere; near the wall there is a spot, which is found from the lamp.
+        for (at, bound) in [([0.0; 3], 0.004), ([0.0, -0.8, 0.4], 0.03)] {
+            let things = vec![ball(0, [0.0; 3], 1.0, 24, true), mote(FAR)];
+            let scene = world(things, vec![grey(0.6, 0.0, 1.0)], vec![lamp(at, 2.0)], uniform(0.0));
+            let albedo = Matt::new(&scene.materials[0]).albedo();
+            // Of the facets' area.
+            let corner = |i: &u32| Vec3::from(scene.meshes[0].vertices[*i as usize].position).as_dvec3();
+            let area = |t: &[u32]| 0.5 * (corner(&t[1]) - corner(&t[0])).cross(corner(&t[2]) - corner(&t[0])).length();
+            let area: f64 = scene.meshes[0].indices.chunks_exact(3).map(area).sum();
+            let want = 4.0 * PI * 2.0 / area * albedo / (1.0 - albedo);
+            let eyes = [[0.0, 0.0, -1.0], [0.0, 1.0, 0.2]].map(|to| eye([0.0, 0.0, 0.1], to, 90.0));
+            let taken = take_all(gpu, &scene, &eyes, diffuse(48));
+            let of = |(eye, taken)| soft(&scene, eye, taken, 1).into_iter().flatten().map(|(got, ..)| (got, want));
+            let pairs: Vec<(f64, f64)> = eyes.iter().zip(&taken).flat_map(of).collect();
+            let (mean, spread) = deviations(&pairs);
+            println!("lamp at {at:?}: {:+.3} %, spread {:.3} %", 100.0 * mean, 100.0 * spread);
+            assert!(mean.abs() < 0.01 && spread < bound + 0.006, "lamp at {at:?}: {mean}, spread {spread}");
+        }
+    });
+}
+
+#[test]
+fn no_light_leaves_or_enters_a_closed_box() {
+    let thick = || vec![flat(0, &block([-1.0; 3], [1.0; 3])), flat(0, &turned(block([-0.8; 3], [0.8; 3]))), mote(FAR)];
+    let scene = |lamp_at, sky| world(thick(), vec![grey(0.8, 0.0, 0.6)], vec![lamp(lamp_at, 30.0)], uniform(sky));
+    let out = [[0.0, 0.0, 3.0], [3.0, 0.1, 0.2], [-1.5, -2.0, 1.9], [0.1, 3.0, 0.1], [-2.2, 1.1, -2.0]];
+    let out = out.map(|from| eye(from, [0.0; 3], 60.0));
+    let within = [[1.0, 0.0, 0.0], [0.3, 1.0, 0.1], [-1.0, -1.0, 1.0]].map(|to| eye([0.1, -0.2, 0.3], to, 90.0));
+    with_gpu(|gpu| {
+        let lit = take_all(gpu, &scene([0.3, -0.2, 0.1], 0.0), &out, Shot::new(BAKED, 64));
+        let dark = take_all(gpu, &scene([2.0, 1.0, 0.0], 5.0), &within, Shot::new(BAKED, 64));
+        for (i, taken) in lit.iter().chain(&dark).enumerate() {
+            let lit = taken.pixels.iter().filter(|p| **p > 0.0).count();
+            assert_eq!(lit, 0, "view {i}: {lit} pixels, at most {}", taken.largest());
+        }
+    });
+}
+
+#[test]
+fn white_things_are_invisible_in_a_furnace() {
+    let things = vec![
+        flat(0, &[level([-1.0, 1.0], -0.5, [-1.0, 1.0])]),
+        flat(0, &block([-0.8, -0.5, -0.2], [-0.3, 0.4, 0.3])),
+        ball(1, [0.4, 0.0, 0.0], 0.5, 16, false),
+        mote(FAR),
+    ];
+    let scene = world(things, vec![grey(1.0, 0.0, 0.8), grey(1.0, 1.0, 0.5)], vec![], uniform(1.0));
+    with_gpu(|gpu| {
+        for from in [[0.3, 1.6, 2.2], [-2.0, 0.2, 1.0]] {
+            let taken = take(gpu, &scene, &eye(from, [0.0, -0.1, 0.0], 45.0), Shot::new(BAKED, 64));
+            let (low, mean, high) = (taken.quantile(0.001), taken.mean(), taken.quantile(0.999));
+            println!("mean {mean:.5}, from {low:.4} to {high:.4}");
+            assert!((mean - 1.0).abs() < 0.005 && low > 0.97 && high < 1.01, "{mean}, {low}, {high}");
+        }
+    });
+}
+
+/// A single sheet, lit on one side; and one that parts a room.
+#[test]
+fn a_sheets_sides_have_their_own_light() {
+    let sheet = |half: f64| quad([[-half, -half, 0.0], [half, -half, 0.0], [half, half, 0.0], [-half, half, 0.0]]);
+    let alone = vec![flat(0, &[sheet(1.0)]), mote(FAR)];
+    let parted = vec![flat(0, &turned(block([-1.0; 3], [1.0; 3]))), flat(0, &[sheet(1.0)]), mote(FAR)];
+    let sides = |z: f64| eye([0.3, 0.2, z], [0.0; 3], 60.0);
+    with_gpu(|gpu| {
+        for (name, things) in [("alone", alone), ("in a room", parted)] {
+            for z in [0.6, -0.6] {
+                let scene =
+                    world(things.clone(), vec![grey(0.7, 0.0, 1.0)], vec![lamp([0.1, 0.2, z], 5.0)], uniform(0.0));
+                let eyes = [sides(0.7), sides(-0.7)];
+                let [mut lit, mut dark] =
+                    <[Taken; 2]>::try_from(take_all(gpu, &scene, &eyes, Shot::new(BAKED, 48))).ok().unwrap();
+                if z < 0.0 {
+                    std::mem::swap(&mut lit, &mut dark);
+                }
+                let middle = |taken: &Taken| taken.pixels[24 * 48 + 24];
+                println!(
+                    "{name}, lamp at {z}: {:.5} and {:.2e}, at most {:.2e}",
+                    middle(&lit),
+                    dark.mean(),
+                    dark.largest()
+                );
+                assert!(middle(&lit) > 0.1);
+                if name == "alone" {
+                    assert_eq!(dark.largest(), 0.0, "lamp at {z}");
+                } else {
+                    // Texels of the walls lie on both sides of the sheet's edges: a line of light beside them, and what it
+                    // gives to the rest.
+                    assert!(middle(&dark) < 0.01 * middle(&lit), "lamp at {z}: {} of {}", middle(&dark), middle(&lit));
+                }
+            }
+        }
+    });
+}
+
+/// Irradiance of a polygon of unit radiance: Lambert (1760), by its edges as seen from p. All of it is above p's horizon.
+fn polygon_irradiance(p: DVec3, n: DVec3, corners: &Quad) -> f64 {
+    let d = corners.map(|c| (c - p).normalize());
+    let edge = |i: usize| {
+        let (a, b) = (d[i], d[(i + 1) % 4]);
+        let across = a.cross(b);
+        across.length().atan2(a.dot(b)) * n.dot(across.normalize_or_zero())
+    };
+    (0.5 * (0..4).map(edge).sum::<f64>()).abs()
+}
+
+/// Soft light in a room of flat rectangles that hide nothing from each other, by radiosity between small patches.
+struct Radiosity {
+    /// With what each gives back, W/(m² sr).
+    patches: Vec<(Quad, DVec3, f64)>,
+}
+
+impl Radiosity {
+    fn new(faces: &[Quad], along: usize, albedo: f64, lamp: DVec3, intensity: f64) -> Self {
+        let mut patches = Vec::new();
+        for [a, b, _, d] in faces {
+            let n = (*b - *a).cross(*d - *a).normalize();
+            let at =
+                |i: usize, j: usize| *a + (*b - *a) * (i as f64 / along as f64) + (*d - *a) * (j as f64 / along as f64);
+            for (i, j) in (0..along).flat_map(|i| (0..along).map(move |j| (i, j))) {
+                patches.push(([at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)], n, 0.0));
+            }
+        }
+        let centre = |q: &Quad| 0.25 * (q[0] + q[1] + q[2] + q[3]);
+        let direct = |p: DVec3, n: DVec3| {
+            let to = lamp - p;
+            intensity * n.dot(to).max(0.0) / to.length().powi(3)
+        };
+        // The mean over a patch, as near a lamp it changes within one.
+        let mean_direct = |q: &Quad, n: DVec3| {
+            let at = |k: usize| {
+                let (s, t) = ((k % 8) as f64 / 8.0 + 1.0 / 16.0, (k / 8) as f64 / 8.0 + 1.0 / 16.0);
+                direct(q[0] + s * (q[1] - q[0]) + t * (q[3] - q[0]), n)
+            };
+            (0..64).map(at).sum::<f64>() / 64.0
+        };
+        let first: Vec<f64> = patches.iter().map(|(q, n, _)| albedo / PI * mean_direct(q, *n)).collect();
+        let factors: Vec<Vec<f64>> = patches
+            .iter()
+            .map(|(q, n, _)| {
+                let p = centre(q);
+                let seen = |(other, m, _): &(Quad, DVec3, f64)| {
+                    if m.dot(*n) > 0.999 { 0.0 } else { polygon_irradiance(p, *n, other) }
+                };
+                patches.iter().map(seen).collect()
+            })
+            .collect();
+        let mut given = first.clone();
+        for _ in 0..60 {
+            let next =
+                |i: usize| first[i] + albedo / PI * factors[i].iter().zip(&given).map(|(f, l)| f * l).sum::<f64>();
+            given = (0..given.len()).map(next).collect();
+        }
+        patches.iter_mut().zip(given).for_each(|(patch, given)| patch.2 = given);
+        Self { patches }
+    }
+
+    fn irradiance(&self, p: DVec3, n: DVec3) -> f64 {
+        let others = self.patches.iter().filter(|(_, m, _)| m.dot(n) < 0.999);
+        others.map(|(q, _, given)| given * polygon_irradiance(p, n, q)).sum()
+    }
+}
+
+#[test]
+fn a_lamp_in_a_room_gives_what_radiosity_says() {
+    let faces = turned(block([-1.0, -1.0, -1.0], [1.0, 1.0, 1.0]));
+    with_gpu(|gpu| {
+        for (at, far, bound) in [([0.3, 0.4, -0.2], FAR, 0.02), ([0.2, -0.85, -0.3], FAR, 0.03)] {
+            let things = vec![flat(0, &faces), mote(far)];
+            let scene = world(things, vec![grey(0.6, 0.0, 1.0)], vec![lamp(at, 3.0)], uniform(0.0));
+            let albedo = Matt::new(&scene.materials[0]).albedo();
+            let truth = Radiosity::new(&faces, 12, albedo, DVec3::from(at), 3.0);
+            let eyes = [[0.0, 0.0, -1.0], [1.0, -0.6, 0.2]].map(|to| eye([-0.1, 0.1, 0.8], to, 80.0));
+            let taken = take_all(gpu, &scene, &eyes, diffuse(48));
+            for (eye, taken) in eyes.iter().zip(&taken) {
+                let places = soft(&scene, eye, taken, 1);
+                // Beside edges the sum over patches is itself not exact.
+                let inside = |p: &DVec3| p.abs().to_array().iter().filter(|c| **c > 0.92).count() == 1;
+                let pairs: Vec<(f64, f64)> = places
+                    .into_iter()
+                    .flatten()
+                    .filter(|(_, p, _)| inside(p))
+                    .map(|(got, p, n)| (got, truth.irradiance(p, n)))
+                    .collect();
+                let (mean, spread) = deviations(&pairs);
+                println!(
+                    "lamp at {at:?}: {:+.3} %, spread {:.2} %, {} places",
+                    100.0 * mean,
+                    100.0 * spread,
+                    pairs.len()
+                );
+                assert!(pairs.len() > 1000 && mean.abs() < 0.01 && spread < bound, "{at:?}: {mean}, spread {spread}");
+            }
+        }
+    });
+}
+
+/// A room with a box on its floor and a wall of some thickness, beside the reference: no light under what stands on
+/// something, none through walls, and nothing dark at feet.
+#[test]
+fn feet_and_corners_are_as_the_reference_has_them() {
+    let room = turned(block([-1.0, 0.0, -1.0], [1.0, 2.0, 1.0]));
+    let things = vec![
+        flat(0, &room),
+        flat(0, &block([-0.5, 0.0, -0.6], [0.0, 0.6, -0.1])),
+        // It reaches through the floor, as walls do.
+        flat(0, &block([0.4, -0.2, -1.0], [0.5, 1.0, 0.3])),
+        mote(FAR),
+    ];
+    // Bright outside, where no light may come from.
+    let scene = world(things, vec![grey(0.6, 0.0, 1.0)], vec![lamp([-0.5, 1.5, 0.5], 3.0)], uniform(20.0));
+    let from = eye([-0.2, 1.1, 0.95], [0.1, 0.1, -0.5], 70.0);
+    with_gpu(|gpu| {
+        let size = 64;
+        let exact = take(gpu, &scene, &from, Shot::reference(BAKED, size, 192));
+        let baked = take(gpu, &scene, &from, Shot::new(BAKED, size));
+        let near = |p: DVec3, [x0, x1]: [f64; 2], [z0, z1]: [f64; 2]| {
+            let off = DVec3::new((x0 - p.x).max(p.x - x1).max(0.0), 0.0, (z0 - p.z).max(p.z - z1).max(0.0)).length();
+            off < 0.06
+        };
+        let region = |(p, n, mesh): (DVec3, DVec3, usize)| match mesh {
+            0 if n.y > 0.5 && near(p, [-0.5, 0.0], [-0.6, -0.1]) => "floor at the box",
+            0 if n.y > 0.5 && near(p, [0.4, 0.5], [-1.0, 0.3]) => "floor at the wall",
+            0 if n.y > 0.5 && p.x > 0.5 => "floor behind the wall",
+            0 if n.y > 0.5 => "floor",
+            0 if p.y < 0.06 => "walls' feet",
+            0 => "walls",
+            1 if n.y < 0.5 && p.y < 0.06 => "the box's foot",
+            1 => "the box",
+            _ if n.y < 0.5 && p.y < 0.06 => "the wall's foot",
+            _ => "the wall",
+        };
+        let mut sums = std::collections::BTreeMap::<&str, [f64; 3]>::new();
+        for pixel in 0..baked.pixels.len() {
+            let Some(place) = seen(&scene, &from, size, pixel) else { continue };
+            let sum = sums.entry(region(place)).or_default();
+            sum[0] += baked.pixels[pixel];
+            sum[1] += exact.pixels[pixel];
+            sum[2] += 1.0;
+        }
+        println!("as a whole: {:+.2} %", 100.0 * (baked.mean() / exact.mean() - 1.0));
+        let mut failures = Vec::new();
+        for (name, [baked, exact, count]) in sums {
+            let off = baked / exact - 1.0;
+            println!("{name}: {:.4}, {:.4} exact, {:+.2} %, {count} pixels", baked / count, exact / count, 100.0 * off);
+            if count > 8.0 && off.abs() > 0.06 {
+                failures.push(format!("{name}: {:+.2} %", 100.0 * off));
+            }
+        }
+        assert!(failures.is_empty(), "{failures:?}");
+    });
+}
+
+/// A ball, whose charts end somewhere, under a sky whose irradiance is known in closed form; and the same bytes twice.
+#[test]
+fn charts_have_no_seams_and_bakes_repeat() {
+    // Irradiance of 1 + 0.8 y is π (1 + 0.8 · 2/3 · n.y).
+    let sky = Panorama::from_fn(256, 128, |d| Vec3::splat(1.0 + 0.8 * d.y));
+    let things = vec![ball(0, [0.0; 3], 1.0, 24, false), mote(FAR)];
+    let scene = world(things, vec![grey(0.5, 0.0, 1.0)], vec![], sky);
+    let eyes = [[0.0, 0.0, 4.0], [3.0, 1.0, -2.0], [-2.0, -3.0, 1.0]].map(|from| eye(from, [0.0; 3], 35.0));
+    with_gpu(|gpu| {
+        let taken = take_all(gpu, &scene, &eyes, diffuse(96));
+        let matt = Matt::new(&scene.materials[0]);
+        let (mut worst, mut pairs) = (0f64, Vec::new());
+        for (eye, taken) in eyes.iter().zip(&taken) {
+            for (pixel, radiance) in taken.pixels.iter().enumerate() {
+                let Some((p, _, 0)) = seen(&scene, eye, 96, pixel) else { continue };
+                let n = p.normalize();
+                let nv = n.dot((eye.position().as_dvec3() - p).normalize());
+                if nv < 0.2 {
+                    continue;
+                }
+                let (got, want) = (matt.irradiance(*radiance, nv), PI * (1.0 + 0.8 * 2.0 / 3.0 * n.y));
+                worst = worst.max((got / want - 1.0).abs());
+                pairs.push((got, want));
+            }
+        }
+        let (mean, spread) = deviations(&pairs);
+        println!("{:+.3} %, spread {:.3} %, worst {:.2} %", 100.0 * mean, 100.0 * spread, 100.0 * worst);
+        assert!(mean.abs() < 0.004 && spread < 0.012 && worst < 0.06, "{mean}, {spread}, {worst}");
+        let again = take(gpu, &scene, &eyes[0], diffuse(96));
+        assert!(again.lightmap == taken[0].lightmap && again.pixels == taken[0].pixels, "another lightmap");
+        assert!(again.lightmap.len() >= 4 * 256 * 256);
+    });
+}
+
+/// One that can be seen from inside, as rooms made of a single box are whose faces look outwards.
+#[test]
+fn an_inside_out_room_is_lit_inside() {
+    let (lights, sky) = (vec![lamp([0.2, 0.3, 0.1], 3.0)], || uniform(0.0));
+    let from = eye([-0.1, 0.1, 0.8], [0.3, -0.2, -1.0], 80.0);
+    let room = block([-1.0; 3], [1.0; 3]);
+    with_gpu(|gpu| {
+        let [right, wrong] = [turned(room), room].map(|faces| {
+            let scene = world(vec![flat(0, &faces), mote(FAR)], vec![grey(0.6, 0.0, 1.0)], lights.clone(), sky());
+            take(gpu, &scene, &from, diffuse(48)).mean()
+        });
+        println!("faces inwards: {right:.4}, outwards: {wrong:.4}");
+        assert!((wrong / right - 1.0).abs() < 0.02, "{right} inwards, {wrong} outwards");
+    });
+}
+
+/// Numbers are finite in pictures and lightmaps, and no validation message comes.
+#[test]
+fn models_that_no_one_should_make_are_drawn() {
+    let floor = || flat(0, &[level([-1.0, 1.0], 0.0, [-1.0, 1.0])]);
+    let point = flat(0, &[[DVec3::ZERO; 4]]);
+    let line = flat(0, &[quad([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]])]);
+    let needle = |i: i32| {
+        let x = f64::from(i % 100) / 50.0 - 1.0;
+        quad([[x, 0.1, -1.0], [x + 1e-6, 0.1, -1.0], [x + 1e-6, 0.1 + 1e-3 * f64::from(i / 100), 1.0], [x, 0.1, 1.0]])
+    };
+    let needles = flat(0, &(0..5000).map(needle).collect::<Vec<_>>());
+    let mut inside_out = flat(0, &block([-0.5, 0.0, -0.5], [0.5, 1.0, 0.5]));
+    inside_out.indices.chunks_exact_mut(3).step_by(2).for_each(|t| t.swap(0, 1));
+    let mut no_normals = flat(0, &block([-0.5, 0.0, -0.5], [0.5, 1.0, 0.5]));
+    no_normals.vertices.iter_mut().for_each(|v| (v.normal, v.tangent) = ([0.0; 3], [0.0; 4]));
+    let in_wall = flat(0, &block([0.4, -0.1, -1.0], [0.6, 1.0, 1.0]));
+    let cases: Vec<(&str, Vec<Mesh>)> = vec![
+        ("nothing", vec![]),
+        ("a point and a line", vec![point.clone(), line.clone()]),
+        ("a point and a line on a floor", vec![floor(), point, line]),
+        ("needles", vec![needles, floor()]),
+        ("the same floor twice", vec![floor(), floor(), flat(0, &turned([level([-1.0, 1.0], 0.0, [-1.0, 1.0])]))]),
+        ("a box of both", vec![inside_out, floor()]),
+        ("a box without normals", vec![no_normals, floor()]),
+        ("a lamp in a wall", vec![in_wall, floor()]),
+    ];
+    with_gpu(|gpu| {
+        for (name, mut things) in cases {
+            if !things.is_empty() {
+                things.push(mote(FAR));
+            }
+            // One on the floor itself, one in the wall.
+            let lights = vec![lamp([0.3, 0.0, 0.2], 4.0), lamp([0.5, 0.5, 0.0], 4.0)];
+            let scene = world(things, vec![grey(0.7, 0.3, 0.5)], lights, uniform(1.0));
+            let from = eye([0.3, 0.9, 2.0], [0.0, 0.2, 0.0], 50.0);
+            for shot in [Shot::new(BAKED, 24), Shot::reference(BAKED, 24, 4), Shot::new(LightModel::Direct, 24)] {
+                let taken = take(gpu, &scene, &from, shot);
+                println!("{name}: {:?} {:.4}, {:?}", shot.shading, taken.mean(), taken.warnings);
+            }
+        }
+    });
+}
