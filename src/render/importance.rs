@@ -44,7 +44,7 @@ fn add_sun(texels: &mut [[f32; 4]], size: [u32; 2], sun: &Sun) {
 fn covered(size: [u32; 2], sun: &Sun) -> HashMap<usize, f64> {
     /// Points along each axis of the disc's coordinates, and of a cell.
     const POINTS: u32 = 64;
-    const OF_CELL: u32 = 3;
+    const OF_CELL: u32 = 8;
     let disc = cone_solid_angle(sun.angular_radius);
     let is_small = |y: u32| 16.0 * panorama_texel_solid_angle(y, size) < disc;
     let [width, height] = size.map(f64::from);
