@@ -7,9 +7,6 @@
 
 layout(constant_id = 17) const uint PROBES = 1;
 
-// Beyond it, a mirror image brightens for want of light where its maps were captured.
-const float MOST_REACH = 16.0;
-
 layout(SCENE_PROBES, scalar) readonly buffer Probes { Probe probes[]; };
 layout(SCENE_PROBE_EVEN) uniform samplerCubeArray probe_even;
 layout(SCENE_PROBE_ODD) uniform samplerCubeArray probe_odd;
@@ -21,9 +18,8 @@ vec3 models_from_world(vec3 d)
 }
 
 // Radiance from around a direction, of any length, as seen from p in the models' space.
-vec3 probe_radiance(uint index, vec3 p, vec3 towards, float level)
+vec3 probe_radiance(uint index, Probe probe, vec3 p, vec3 towards, float level)
 {
-    Probe probe = probes[index];
     vec3 d = box_exit(p, models_from_world(towards), probe.low, probe.high) - probe.position;
     LevelMix levels = level_mix(level);
     vec3 even = textureLod(probe_even, vec4(d, index), levels.even_mip).rgb;
@@ -31,18 +27,22 @@ vec3 probe_radiance(uint index, vec3 p, vec3 towards, float level)
     return mix(even, odd, levels.odd_share) * frame.probe_scale;
 }
 
-// What of the light around the probe reaches a surface: its irradiance in the lightmap, over pi, over the probe's own.
+// What of the light around the probe reaches a surface: its irradiance in the lightmap, over pi, over the probe's own, where
+// that is more. Where it is less, the surface is nearer to a light than the probe is, and does not mirror more of the room.
+// Specular occlusion after Lagarde and de Rousiers, "Moving Frostbite to Physically Based Rendering" (2014), from the same
+// ratio is no nearer to the exact picture.
 vec3 reach_of_probe(uint index, vec3 n, vec3 even)
 {
     vec3 own = textureLod(probe_irradiance_over_pi, vec4(models_from_world(n), index), 0.0).rgb * frame.probe_scale;
-    return min(even / max(own, vec3(1e-4)), vec3(MOST_REACH));
+    return min(even / max(own, vec3(1e-4)), vec3(1.0));
 }
 
-vec3 probe_specular(uint index, vec3 p, SpecularLobe lobe)
+vec3 probe_specular(uint index, Probe probe, vec3 p, SpecularLobe lobe)
 {
-    vec3 light = lobe.first.reflectance * probe_radiance(index, p, lobe.first.towards, lobe.first.level);
-    return SLICES ? light + lobe.second.reflectance * probe_radiance(index, p, lobe.second.towards, lobe.second.level)
-                  : light;
+    vec3 light = lobe.first.reflectance * probe_radiance(index, probe, p, lobe.first.towards, lobe.first.level);
+    if (SLICES)
+        light += lobe.second.reflectance * probe_radiance(index, probe, p, lobe.second.towards, lobe.second.level);
+    return light;
 }
 
 // What the probes around a point give of a mirror image; `left`: the share that they leave to the panorama.
@@ -51,9 +51,10 @@ vec3 local_specular(SpecularLobe lobe, vec3 position, vec3 n, vec3 even, out flo
     left = 1.0;
     vec3 p = models_from_world(position - frame.world_from_models[3].xyz), light = vec3(0.0);
     for (uint i = 0u; i < PROBES && left > 0.0 && frame.probe_scale > 0.0; ++i) {
-        float weight = probe_weight(p, probes[i]);
+        Probe probe = probes[i]; // once: lavapipe reads buffers lane by lane
+        float weight = probe_weight(p, probe);
         if (weight > 0.0) {
-            light += left * weight * probe_specular(i, p, lobe) * reach_of_probe(i, n, even);
+            light += left * weight * probe_specular(i, probe, p, lobe) * reach_of_probe(i, n, even);
             left *= 1.0 - weight;
         }
     }
