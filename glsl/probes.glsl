@@ -27,8 +27,8 @@ vec3 probe_radiance(uint index, Probe probe, vec3 p, vec3 towards, float level)
     return mix(even, odd, levels.odd_share) * frame.probe_scale;
 }
 
-// What of the light around the probe reaches a surface: its irradiance in the lightmap, over pi, over the probe's own, where
-// that is more. Where it is less, the surface is nearer to a light than the probe is, and does not mirror more of the room.
+// What of the light around the probe reaches a surface: its irradiance in the lightmap over the probe's own, at most all. More
+// irradiance than the probe's comes from something bright nearby, not from more light all around.
 // Specular occlusion after Lagarde and de Rousiers, "Moving Frostbite to Physically Based Rendering" (2014), from the same
 // ratio is no nearer to the exact picture.
 vec3 reach_of_probe(uint index, vec3 n, vec3 even)

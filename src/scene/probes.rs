@@ -29,11 +29,13 @@ const NO_WALL: f32 = 10.0;
 /// Walls of a room, floor and ceiling counted, at least; its least mean side, in radii of the scene: a gap between things is none.
 const WALLS: u32 = 4;
 const NOOK: f32 = 0.2;
+/// Share of rays that meet backs from which on a place is inside of a thing.
+const BEHIND: f32 = 0.7;
 /// Paths that look for smooth surfaces from each camera, and how often each is reflected.
 const PATHS: u32 = 1024;
 const REFLECTIONS: u32 = 3;
 /// Part of the smooth places that a room without a camera needs, and how many of such places are tried.
-const ROOM: f32 = 0.05;
+const ROOM: f32 = 0.2;
 const TRIES: usize = 32;
 
 /// Where probes go, and what else was found.
@@ -82,7 +84,9 @@ pub fn place(bvh: &Bvh, cameras: &[Vec3], smooth: impl Fn(usize) -> bool + Sync)
         // The middle one: a list's first are those that are seen straight from the first camera.
         let Some(start) = others.get(others.len() / 2).copied().filter(|_| others.len() >= enough) else { break };
         let before = placed.probes.len();
-        placed.add(bvh, start, &seen, enough);
+        if View::new(bvh, start, CANDIDATE_RAYS).backs < BEHIND {
+            placed.add(bvh, start, &seen, enough);
+        }
         if placed.probes.len() == before {
             others.remove(others.len() / 2);
         }
@@ -108,7 +112,9 @@ impl Placement {
             self.open += 1;
             return;
         };
-        if seen.iter().filter(|p| probe.reaches(**p)).take(enough).count() >= enough {
+        // Things that enclose a place hide others beside them, which its box has, too.
+        let shows = |p: &&Vec3| probe.reaches(**p) && is_clear(bvh, probe.position, **p);
+        if seen.iter().filter(shows).take(enough).count() >= enough {
             self.probes.push(probe);
         }
     }
@@ -236,6 +242,11 @@ fn spiral(i: u32, count: u32) -> Vec3 {
 fn normal(bvh: &Bvh, hit: &Hit) -> Vec3 {
     let [a, b, c] = bvh.triangles()[hit.triangle].corners.map(Vec3::from);
     (b - a).cross(c - a).normalize_or_zero()
+}
+
+/// Whether nothing lies between two places.
+fn is_clear(bvh: &Bvh, from: Vec3, to: Vec3) -> bool {
+    bvh.trace(from, to - from, 1.0, |_| true).is_none()
 }
 
 /// Places before the smooth surfaces that one random path meets.
