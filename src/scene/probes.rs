@@ -18,9 +18,9 @@ const OPEN: f32 = 1.0 / 3.0;
 /// Rays that a place is judged by, and that a candidate for the middle of a room is.
 const RAYS: u32 = 2048;
 const CANDIDATE_RAYS: u32 = 256;
-/// Of the distances to surfaces that face a place from one side, the part that is not beyond the wall: furniture is nearer,
-/// what is seen through doors is farther.
-const WALL: f32 = 0.7;
+/// Of the rays that meet surfaces which face a place from one side, each weighted by its distance, the share that ends before or
+/// at the wall: furniture is nearer, what is seen through doors is farther.
+const WALL: f32 = 0.55;
 /// Cosine from which on a surface faces a side of the box, and how many rays have to meet such.
 const FACES: f32 = 0.7;
 const FACING: usize = 8;
@@ -226,7 +226,12 @@ impl View {
                 distances = self.met.iter().filter(towards).filter(along).map(distance).collect();
             }
             distances.sort_by(f32::total_cmp);
-            distances[((distances.len() - 1) as f32 * WALL) as usize]
+            let mut left = WALL * distances.iter().sum::<f32>();
+            let ends = |distance: &&f32| {
+                left -= **distance;
+                left <= 0.0
+            };
+            distances.iter().find(ends).copied().unwrap_or(far)
         };
         let reach = |sign| Vec3::from(std::array::from_fn(|axis| wall(axis, sign)));
         Bounds { min: self.from - reach(-1.0), max: self.from + reach(1.0) }
