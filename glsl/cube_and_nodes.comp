@@ -11,7 +11,10 @@ layout(constant_id = 1) const bool WHITE = false;
 layout(set = 0, binding = 0) uniform sampler2D panorama;
 layout(set = 0, binding = 1, rgba16f) uniform writeonly image2DArray cube;
 layout(set = 0, binding = 2, scalar) writeonly buffer Nodes { Node nodes[]; };
-layout(push_constant) uniform Push { float inverse_scale; } push;
+layout(push_constant) uniform Push {
+    float inverse_scale;
+    uint first_layer; // of the image
+} push;
 
 // Mean radiance along the parallel through d, over an arc as long as the taps lie apart. Close to the poles, where such an
 // arc spans many texels, no texel is missed; elsewhere it is one look-up.
@@ -53,7 +56,7 @@ void main()
             moments += outerProduct(direction, light);
         }
         if (!WHITE)
-            imageStore(cube, ivec3(texel, id.z), vec4(round_to_half(sum.rgb / sum.a), 1.0));
+            imageStore(cube, ivec3(texel, push.first_layer + id.z), vec4(round_to_half(sum.rgb / sum.a), 1.0));
         // The taps' weights add up to the texel's solid angle only nearly.
         float exact = cube_texel_solid_angle(texel, size) / sum.a;
         flux += exact * sum.rgb;

@@ -10,6 +10,9 @@
 #include "surface.glsl"
 #include "point_lights.glsl"
 #include "sun_light.glsl"
+#ifdef LOCAL_PROBES
+#include "probes.glsl"
+#endif
 
 layout(location = 0) out vec4 colour;
 
@@ -42,13 +45,27 @@ SpecularLobe lobe_of(Surface s)
     return specular_lobe(s.n, s.v, s.nv, f0_from_metallic(s.base_color, s.metallic), s.roughness);
 }
 
+// Single scattering of light from all around; `even`: irradiance over pi.
+vec3 mirrored(Surface s, SpecularLobe lobe, vec3 even)
+{
+    if (LIGHTMAP == LIGHTMAP_NONE)
+        return environment_specular(lobe) * s.occlusion;
+    float left = 1.0; // the share that no probe gives
+    vec3 light = vec3(0.0);
+#ifdef LOCAL_PROBES
+    light = local_specular(lobe, position_world, s.n, even, left);
+    if (left <= 0.0)
+        return light;
+#endif
+    return light + left * environment_specular(lobe) * reach_of_environment(s.n, even);
+}
+
 // What the environment gives: the split sum, and with the irradiance what is diffuse or scattered more than once. That is
 // exact under even light (energy.glsl); elsewhere it takes these terms' slow fall towards grazing light for the cosine's.
 Split environment(Surface s, SpecularLobe lobe)
 {
     vec3 even = LIGHTMAP == LIGHTMAP_NONE ? environment_diffuse(s.n) * s.occlusion : lightmap_diffuse();
-    vec3 mirrored = LIGHTMAP == LIGHTMAP_NONE ? vec3(s.occlusion) : reach_of_environment(s.n, even);
-    Split split = Split(vec3(0.0), environment_specular(lobe) * mirrored);
+    Split split = Split(vec3(0.0), mirrored(s, lobe, even));
     bool multiple = MULTI_SCATTER && GEOMETRY == GEOMETRY_SMITH;
     if (METALNESS == METALNESS_METAL && !multiple)
         return split;

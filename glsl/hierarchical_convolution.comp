@@ -27,6 +27,7 @@ layout(push_constant, scalar) uniform Push {
     float k;
     uint first_tile;
     uint first_norm;
+    uint first_layer; // of the image
 } push;
 
 void main()
@@ -57,6 +58,6 @@ void main()
         if (NORMS)
             norms[norm] = sum[j].x;
         else
-            imageStore(level, ivec3(texel, group.z), vec4(round_to_half(sum[j] / norms[norm]), 1.0));
+            imageStore(level, ivec3(texel, push.first_layer + group.z), vec4(round_to_half(sum[j] / norms[norm]), 1.0));
     }
 }

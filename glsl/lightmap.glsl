@@ -63,20 +63,6 @@ ivec3 texel_address(LightmapTexel texel)
     return ivec3(texel.place & 0xffffu, texel.place >> 16u, texel.triangle >> 31u);
 }
 
-vec2 corner_lightmap_uv(uint corner)
-{
-    uint packed_uv = ray_corners[corner].lightmap_uv;
-    return vec2(packed_uv & 0xffffu, packed_uv >> 16u) / 65536.0;
-}
-
-vec3 lightmap_address(RayHit hit, bool back)
-{
-    uint first = 3u * hit.triangle;
-    vec2 at = hit.weights.x * corner_lightmap_uv(first) + hit.weights.y * corner_lightmap_uv(first + 1u)
-        + hit.weights.z * corner_lightmap_uv(first + 2u);
-    return vec3(at, back ? 1.0 : 0.0);
-}
-
 float cross2(vec2 a, vec2 b)
 {
     return a.x * b.y - a.y * b.x;

@@ -73,6 +73,21 @@ vec3 ray_normal_of(RayHit hit, vec3 at)
     return normalize_or(m_xy.x * t + m_xy.y * sign * cross(n, t) + m_z * n, vec3(0.0, 1.0, 0.0));
 }
 
+vec2 corner_lightmap_uv(uint corner)
+{
+    uint packed_uv = ray_corners[corner].lightmap_uv;
+    return vec2(packed_uv & 0xffffu, packed_uv >> 16u) / 65536.0;
+}
+
+// Where the lightmap has what a hit gives back; layer 1: backs.
+vec3 lightmap_address(RayHit hit, bool back)
+{
+    uint first = 3u * hit.triangle;
+    vec2 at = hit.weights.x * corner_lightmap_uv(first) + hit.weights.y * corner_lightmap_uv(first + 1u)
+        + hit.weights.z * corner_lightmap_uv(first + 2u);
+    return vec3(at, back ? 1.0 : 0.0);
+}
+
 // What a ray of unit direction d met.
 PathPoint ray_point(RayHit hit, vec3 d)
 {

@@ -1,4 +1,4 @@
-//! glsl/math.glsl, levels.glsl, tone.glsl and cube.glsl on the GPU against their twins in f64.
+//! glsl/math.glsl, levels.glsl, tone.glsl, cube.glsl and probe_box.glsl on the GPU against their twins in f64.
 
 use bytemuck::{Pod, Zeroable};
 use glam::{DVec2, DVec3, Vec3};
@@ -11,6 +11,7 @@ use crate::reference::cube::{
 use crate::reference::levels::level_from_spread;
 use crate::reference::lobe::{kernel, kernel_second_derivative};
 use crate::reference::math::{normalize_or, round_to_half};
+use crate::reference::probe::{box_exit, probe_weight};
 use crate::reference::table::{table_arguments, table_place};
 use crate::reference::tone::{exposure_scale, luminance, srgb_decode, srgb_encode, tone_neutral};
 
@@ -274,4 +275,58 @@ fn directions_and_solid_angles_agree() {
         let want = panorama_texel_solid_angle(input.row, input.panorama_size);
         judge.near("panorama_texel_solid_angle", input, &[output.panorama_texel], &[want], [0.0, 2e-6]);
     }
+}
+
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+struct ProbeInput {
+    p: [f32; 3],
+    d: [f32; 3],
+    low: [f32; 3],
+    high: [f32; 3],
+    border: f32,
+}
+
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+struct ProbeOutput {
+    exit: [f32; 3],
+    weight: f32,
+}
+
+#[test]
+fn rays_leave_boxes_and_weights_fall_as_in_f64() {
+    let mut random = Random(21);
+    let (low, high) = (DVec3::new(-1.0, 0.5, -4.0), DVec3::new(2.0, 3.0, -1.0));
+    let input = |p: DVec3, d: DVec3| ProbeInput {
+        p: p.as_vec3().into(),
+        d: d.as_vec3().into(),
+        low: low.as_vec3().into(),
+        high: high.as_vec3().into(),
+        border: 0.5,
+    };
+    let mut inputs: Vec<_> = (0..2000)
+        .map(|i| {
+            let far = if i % 2 == 0 { 1.2 } else { 2.2 };
+            input(0.5 * (low + high) + far * random.direction(), 3.0 * random.direction())
+        })
+        .collect();
+    // Along an axis, and on a side of the box.
+    inputs.extend([DVec3::X, -DVec3::Y, DVec3::Z].map(|d| input(0.5 * (low + high), d)));
+    inputs.extend([DVec3::X, -DVec3::Y, DVec3::Z].map(|d| input(low, d)));
+    let outputs: Vec<ProbeOutput> = with_gpu(|gpu| evaluate(gpu, "test_probe.comp", &inputs));
+    let mut judge = Judge::default();
+    let (mut inside, mut between) = (0, 0);
+    for (input, got) in inputs.iter().zip(&outputs) {
+        let [p, d, low, high] = [input.p, input.d, input.low, input.high].map(dvec3);
+        let want = box_exit(p, d, [low, high]);
+        judge.near("box_exit", input, &got.exit, &want.to_array(), [2e-5, 2e-5]);
+        let on_a_side = (want - low).abs().min((want - high).abs()).min_element();
+        assert!(on_a_side < 1e-6 && (want.clamp(low, high) - want).length() < 1e-6, "{input:?}: {want}");
+        let weight = probe_weight(p, [low, high], input.border.into());
+        judge.near("probe_weight", input, &[got.weight], &[weight], [5e-6, 0.0]);
+        inside += usize::from(weight == 1.0);
+        between += usize::from(weight > 0.0 && weight < 1.0);
+    }
+    assert!(inside > 200 && between > 200, "{inside} inside, {between} on the border");
 }

@@ -59,6 +59,14 @@ fn taps([width, height]: [u32; 2], face_size: u32) -> u32 {
     width.max(2 * height).div_ceil(2 * face_size).clamp(2, 16)
 }
 
+/// Push constants of `glsl/cube_and_nodes.comp`.
+#[repr(C)]
+#[derive(Clone, Copy, Pod, Zeroable)]
+struct NodesBlock {
+    inverse_scale: f32,
+    first_layer: u32,
+}
+
 /// One specular level, or irradiance.
 struct Sum {
     set: DescriptorSet,
@@ -69,9 +77,9 @@ struct Sum {
 
 /// Pipelines and descriptor sets for one panorama and its maps. Pipelines have two variants: for the panorama's light,
 /// and for uniform white light, whose sums are the norms by which the light's sums are divided.
-pub struct HierarchicalConvolution<'a> {
-    specular: &'a [Arc<Image>; 2],
-    irradiance: &'a Arc<Image>,
+pub struct HierarchicalConvolution {
+    specular: [Arc<Image>; 2],
+    irradiance: Arc<Image>,
     to_cube: [Pipeline; 2],
     to_cube_set: DescriptorSet,
     merge: Pipeline,
@@ -85,16 +93,17 @@ pub struct HierarchicalConvolution<'a> {
 const LIGHT: usize = 0;
 const WHITE: usize = 1;
 
-impl<'a> HierarchicalConvolution<'a> {
-    /// Creates pipelines and lists; the faces of all levels are a power of two, at least 2, texels wide.
+impl HierarchicalConvolution {
+    /// Creates pipelines and lists; the faces of all levels are a power of two, at least 2, texels wide. The maps are
+    /// cubes, or arrays of as many cubes each.
     ///
     /// # Errors
     /// No memory, or a failed Vulkan call.
     pub fn new(
         gpu: &Arc<Gpu>,
         panorama: &Arc<Image>,
-        specular: &'a [Arc<Image>; 2],
-        irradiance: &'a Arc<Image>,
+        specular: &[Arc<Image>; 2],
+        irradiance: &Arc<Image>,
     ) -> Result<Self> {
         let size = specular[0].desc().size[0];
         let targets = targets(size, irradiance.desc().size[0]);
@@ -130,7 +139,7 @@ impl<'a> HierarchicalConvolution<'a> {
             [Binding::Sampled(panorama, &sampler), Binding::StorageImage(&specular[0], 0), Binding::Storage(nodes)];
         let taps = taps(panorama.desc().size, size);
         let [to_cube_shader, merge_shader, sum_shader] = SHADERS;
-        let to_cube = variants(to_cube_shader, 1, Some(taps), &layout, size_of::<f32>())?;
+        let to_cube = variants(to_cube_shader, 1, Some(taps), &layout, size_of::<NodesBlock>())?;
         let to_cube_set = set(&layout, &bindings)?;
 
         let layout = DescriptorSetLayout::new(gpu, "node merge", &[BindingType::Storage])?;
@@ -145,7 +154,7 @@ impl<'a> HierarchicalConvolution<'a> {
             BindingType::StorageImage,
         ];
         let layout = DescriptorSetLayout::new(gpu, "hierarchical convolution", &binding_types)?;
-        let sum = variants(sum_shader, 0, None, &layout, size_of::<SumBlock>())?;
+        let sum = variants(sum_shader, 0, None, &layout, size_of::<SumBlock>() + size_of::<u32>())?;
         let outputs = (1..LEVELS).map(|level| (&specular[level % 2], level / 2)).chain([(irradiance, 0)]);
         let mut first_norm = 0;
         let mut sums = Vec::new();
@@ -158,6 +167,7 @@ impl<'a> HierarchicalConvolution<'a> {
             });
             first_norm += target.size * target.size;
         }
+        let (specular, irradiance) = (specular.clone(), Arc::clone(irradiance));
         Ok(Self { specular, irradiance, to_cube, to_cube_set, merge, merge_set, sum, sums })
     }
 
@@ -167,28 +177,43 @@ impl<'a> HierarchicalConvolution<'a> {
     /// A failed Vulkan call.
     pub fn run(&self, gpu: &Arc<Gpu>, scale: f32) -> Result<Vec<PassTime>> {
         submit_and_wait(gpu, |commands| {
-            let maps = [&self.specular[0], &self.specular[1], self.irradiance];
-            maps.iter().for_each(|map| commands.prepare(map, ImageAccess::Storage));
-            commands.pass("norms", |commands| {
-                self.nodes(commands, WHITE, 1.0);
-                self.sums.iter().for_each(|sum| self.sum(commands, WHITE, sum));
-            });
-            commands.buffers_written();
-            commands.pass("panorama to cube and nodes", |commands| self.nodes(commands, LIGHT, scale.recip()));
+            self.maps().iter().for_each(|map| commands.prepare(map, ImageAccess::Storage));
+            commands.pass("norms", |commands| self.record_norms(commands));
+            commands.pass("panorama to cube and nodes", |commands| self.nodes(commands, LIGHT, scale.recip(), 0));
             let (irradiance, levels) = self.sums.split_last().unzip();
             let (irradiance, levels) = (irradiance.into_iter(), levels.into_iter().flatten());
-            commands.pass("specular levels", |commands| levels.for_each(|sum| self.sum(commands, LIGHT, sum)));
-            commands.pass("irradiance", |commands| irradiance.for_each(|sum| self.sum(commands, LIGHT, sum)));
-            maps.iter().for_each(|map| commands.prepare(map, ImageAccess::Sampled));
+            commands.pass("specular levels", |commands| levels.for_each(|sum| self.sum(commands, LIGHT, sum, 0)));
+            commands.pass("irradiance", |commands| irradiance.for_each(|sum| self.sum(commands, LIGHT, sum, 0)));
+            self.maps().iter().for_each(|map| commands.prepare(map, ImageAccess::Sampled));
             Ok(())
         })
     }
 
-    fn nodes(&self, commands: &mut Commands<'_>, variant: usize, inverse_scale: f32) {
+    /// Specular levels and irradiance.
+    pub fn maps(&self) -> [&Arc<Image>; 3] {
+        [&self.specular[0], &self.specular[1], &self.irradiance]
+    }
+
+    /// Records the sums for white light, which [`HierarchicalConvolution::record_light`] divides by; once is enough. The maps are
+    /// prepared as storage.
+    pub fn record_norms(&self, commands: &mut Commands<'_>) {
+        self.nodes(commands, WHITE, 1.0, 0);
+        self.sums.iter().for_each(|sum| self.sum(commands, WHITE, sum, 0));
+        commands.buffers_written();
+    }
+
+    /// Records the filling of one cube of each map with radiance / `scale`. The maps are prepared as storage.
+    pub fn record_light(&self, commands: &mut Commands<'_>, scale: f32, cube: u32) {
+        self.nodes(commands, LIGHT, scale.recip(), cube);
+        self.sums.iter().for_each(|sum| self.sum(commands, LIGHT, sum, cube));
+        commands.buffers_written();
+    }
+
+    fn nodes(&self, commands: &mut Commands<'_>, variant: usize, inverse_scale: f32, cube: u32) {
         let finest = self.specular[0].desc().size[0] / 2;
         let pipeline = &self.to_cube[variant];
         commands.bind(pipeline, &[&self.to_cube_set]);
-        commands.push(pipeline, bytemuck::bytes_of(&inverse_scale));
+        commands.push(pipeline, bytemuck::bytes_of(&NodesBlock { inverse_scale, first_layer: 6 * cube }));
         commands.dispatch([finest.div_ceil(8), finest.div_ceil(8), 6]);
         commands.bind(&self.merge, &[&self.merge_set]);
         for size in (0..finest.ilog2()).rev().map(|level| 1 << level) {
@@ -201,10 +226,11 @@ impl<'a> HierarchicalConvolution<'a> {
     }
 
     /// All faces for light, one for white light, whose sums are the same for each face.
-    fn sum(&self, commands: &mut Commands<'_>, variant: usize, sum: &Sum) {
+    fn sum(&self, commands: &mut Commands<'_>, variant: usize, sum: &Sum, cube: u32) {
         let pipeline = &self.sum[variant];
         commands.bind(pipeline, &[&sum.set]);
-        commands.push(pipeline, bytemuck::bytes_of(&sum.block));
+        let first_layer = 6 * cube;
+        commands.push(pipeline, &[bytemuck::bytes_of(&sum.block), bytemuck::bytes_of(&first_layer)].concat());
         commands.dispatch([sum.across, sum.across, if variant == WHITE { 1 } else { 6 }]);
     }
 }

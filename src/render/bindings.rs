@@ -31,6 +31,10 @@ pub const SCENE: SetBindings = SetBindings {
         ("SCENE_LAMP_DEPTHS", Sampled),
         ("SCENE_SUN_SHADOW", Sampled),
         ("SCENE_SUN_DEPTH", Sampled),
+        ("SCENE_PROBES", Storage),
+        ("SCENE_PROBE_EVEN", Sampled),
+        ("SCENE_PROBE_ODD", Sampled),
+        ("SCENE_PROBE_IRRADIANCE", Sampled),
     ],
 };
 
@@ -79,6 +83,12 @@ pub const LIGHTMAP: SetBindings = SetBindings {
     ],
 };
 
+/// What a probe's rays read and write, in a compute pass.
+pub const PROBE: SetBindings = SetBindings {
+    set: 2,
+    bindings: &[("PROBE_DIRECT", Sampled), ("PROBE_SOFT", Sampled), ("PROBE_CAPTURE", StorageImage)],
+};
+
 /// The reference's accumulation, a compute pass.
 pub const ACCUMULATE: SetBindings = SetBindings {
     set: 0,
@@ -97,7 +107,8 @@ pub const SHOW: SetBindings = SetBindings { set: 1, bindings: &[("SHOW_MEAN", Sa
 pub const TEXT: SetBindings = SetBindings { set: 1, bindings: &[("TEXT_FONT", Storage)] };
 
 /// All of them.
-pub const ALL: [SetBindings; 9] = [FRAME, SCENE, TEXTURES, RAYS, RAY_TEXTURES, LIGHTMAP, ACCUMULATE, SHOW, TEXT];
+pub const ALL: [SetBindings; 10] =
+    [FRAME, SCENE, TEXTURES, RAYS, RAY_TEXTURES, LIGHTMAP, PROBE, ACCUMULATE, SHOW, TEXT];
 
 /// `bindings.glsl`: a macro per binding.
 pub fn glsl() -> String {

@@ -27,7 +27,7 @@ struct Stages {
 }
 
 impl Stages {
-    fn new(settings: &RenderSettings) -> Self {
+    fn new(settings: &RenderSettings, probes: bool) -> Self {
         if settings.shading == Shading::Reference {
             return Self {
                 surface: "reference.frag",
@@ -38,8 +38,10 @@ impl Stages {
             };
         }
         let (colour, samples) = (settings.output.format(), settings.samples);
-        let cutout = if samples == 4 { "cutout.frag" } else { "forward.frag" };
-        Self { surface: "forward.frag", cutout, sky: "sky.frag", colour, samples }
+        let [surface, holed] =
+            if probes { ["forward_probes.frag", "cutout_probes.frag"] } else { ["forward.frag", "cutout.frag"] };
+        let cutout = if samples == 4 { holed } else { surface };
+        Self { surface, cutout, sky: "sky.frag", colour, samples }
     }
 }
 
@@ -56,8 +58,8 @@ impl ForwardPass {
     pub fn new(request: &PipelineRequest) -> Result<Self> {
         let PipelineRequest { gpu, layouts, variants, constant_lights, lightmap_layers, settings, eyes, .. } = request;
         let is_reference = settings.shading == Shading::Reference;
-        let stages = Stages::new(settings);
-        let common: [Constant; 11] = [
+        let stages = Stages::new(settings, request.probes > 0);
+        let common: [Constant; 12] = [
             (constant::EYES, *eyes),
             (constant::SHADING, settings.shading as u32),
             (constant::GEOMETRY, settings.geometry as u32),
@@ -69,6 +71,7 @@ impl ForwardPass {
             (constant::LAMP_SHADOWS, request.lamp_shadows() as u32),
             (constant::SUN_SHADOW, u32::from(request.sun_shadow())),
             (constant::LIGHTMAP, if is_reference { 0 } else { *lightmap_layers }),
+            (constant::PROBES, request.probes),
             (constant::TRANSPORT, settings.transport() as u32),
         ];
         let drawing = layouts.drawing();

@@ -2,7 +2,9 @@
 
 use std::sync::Arc;
 
-use super::bindings::{ACCUMULATE, FRAME, LIGHTMAP, RAY_TEXTURES, RAYS, SCENE, SHOW, SetBindings, TEXT, TEXTURES};
+use super::bindings::{
+    ACCUMULATE, FRAME, LIGHTMAP, PROBE, RAY_TEXTURES, RAYS, SCENE, SHOW, SetBindings, TEXT, TEXTURES,
+};
 use crate::Result;
 use crate::gpu::{BindingType, DescriptorSetLayout, Gpu};
 
@@ -14,6 +16,7 @@ pub struct Layouts {
     pub rays: DescriptorSetLayout,
     pub ray_textures: DescriptorSetLayout,
     pub lightmap: DescriptorSetLayout,
+    pub probe: DescriptorSetLayout,
     pub accumulate: DescriptorSetLayout,
     pub show: DescriptorSetLayout,
 }
@@ -28,6 +31,7 @@ impl Layouts {
             rays: layout(gpu, "rays", &RAYS)?,
             ray_textures: layout(gpu, "ray textures", &RAY_TEXTURES)?,
             lightmap: layout(gpu, "lightmap", &LIGHTMAP)?,
+            probe: layout(gpu, "probe", &PROBE)?,
             accumulate: layout(gpu, "accumulate", &ACCUMULATE)?,
             show: layout(gpu, "show", &SHOW)?,
         })
@@ -36,6 +40,11 @@ impl Layouts {
     /// The layouts of passes that compute a scene's lightmap: frame, scene, lightmap, rays.
     pub fn baking(&self) -> [&DescriptorSetLayout; 4] {
         [&self.frame, &self.scene, &self.lightmap, &self.rays]
+    }
+
+    /// The layouts of the pass that captures light for a probe: frame, scene, probe, rays.
+    pub fn capturing(&self) -> [&DescriptorSetLayout; 4] {
+        [&self.frame, &self.scene, &self.probe, &self.rays]
     }
 
     /// The layouts of passes that draw a scene: frame, scene, textures, rays.

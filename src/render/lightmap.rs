@@ -238,6 +238,16 @@ impl LightmapBake {
         (self.stage, self.cursor) = (Stage::Direct, 0);
     }
 
+    /// Computes all of it, where what was computed before does not tell what surfaces give back.
+    pub fn start_over(&mut self) {
+        (self.stage, self.cursor) = (Stage::Open, 0);
+    }
+
+    /// What each texel gives back of direct and of soft light, radiance; only once it is computed, not from the cache.
+    pub fn given_back(&self) -> [&Arc<Image>; 2] {
+        [&self.direct, &self.soft]
+    }
+
     /// Follows a frame's state: once that has rested, light is computed again for it. Returns whether there is a piece to
     /// record.
     pub fn follow(&mut self, now: LightState) -> bool {

@@ -23,6 +23,9 @@ mod output;
 mod overlay;
 mod pipeline_request;
 mod pipelines;
+mod probes;
+#[cfg(test)]
+mod probes_gpu_tests;
 mod ray_scene;
 #[cfg(test)]
 mod random_gpu_tests;

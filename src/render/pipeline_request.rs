@@ -20,6 +20,8 @@ pub struct PipelineRequest {
     pub(super) constant_lights: Option<u32>,
     /// Of the scene's lightmap; 0 without one.
     pub(super) lightmap_layers: u32,
+    /// Probes of mirrored light.
+    pub(super) probes: u32,
     /// What the reference's rays meet.
     pub(super) ray_scene: Arc<LazyRayScene>,
     /// Whether anything casts a shadow on anything.

@@ -113,6 +113,7 @@ fn scene() -> Scene {
         ],
         cameras: Vec::new(),
         environment: Environment { panorama, rotation_degrees: 30.0 },
+        probes: vec![],
         exposure_ev: 0.0,
     }
 }

@@ -18,6 +18,7 @@ use super::lightmap::LightmapBake;
 use super::overlay::Overlay;
 use super::pipeline_request::PipelineRequest;
 use super::pipelines::PassPipelines;
+use super::probes::LocalProbes;
 use super::reference_accumulator::{ReferenceAccumulator, StandardError, jittered};
 use super::scene_resources::{SceneResources, TextureFacts};
 use super::settings::{LightModel, RenderSettings};
@@ -67,11 +68,12 @@ impl Renderer {
         let lamps: Vec<Vec3> = scene.lights.iter().map(|light| light.position).collect();
         let bake = |f: &Flattened| LightmapBake::new(gpu, &layouts, &resources.ray_scene, f.atlas.size[0], &lamps);
         let lightmap = flattened.as_ref().map(bake).transpose()?;
+        let rays = &resources.ray_scene;
+        let planned = |baked| LocalProbes::planned(context, &layouts, scene, (rays, baked), settings.model);
+        let probes = lightmap.as_ref().map(planned).transpose()?.flatten();
         let rotation = scene.environment.rotation_degrees.to_radians();
-        let mut scene = BoundScene::new(gpu, &layouts, resources, lighting, lightmap)?;
-        if let Some((source, lightmap)) = scene.light_source(rotation).zip(scene.lightmap.as_mut()) {
-            lightmap.load(context, source)?;
-        }
+        let mut scene = BoundScene::new(gpu, &layouts, resources, lighting, (lightmap, probes))?;
+        scene.load_light(context, rotation)?;
         let request = scene.pipeline_request(gpu, &layouts, settings, eyes);
         let pipelines = PassPipelines::build(&request)?;
         kept.save();
@@ -262,6 +264,15 @@ impl Renderer {
             let block = frame.push(&block)?;
             lightmap.record(&mut frame.commands, FrameSet { set: frame.set, block }, &scene.set);
         }
+        if scene.probes.is_some() && reference.is_none() && !scene.is_baked() {
+            let block = frame.push(&block)?;
+            scene.update_probes(
+                &mut frame.commands,
+                FrameSet { set: frame.set, block },
+                &frame.finished,
+                piece_ms(&self.context, inputs.eyes.len()),
+            );
+        }
         if let Some((reference, passes)) = reference.as_mut().zip(pipelines.reference.as_ref()) {
             let index = reference.next_index(block, targets.area);
             let eyes = Eye::each(inputs.eyes, |eye| jittered(eye, index, targets.area));
@@ -309,22 +320,26 @@ impl Renderer {
     pub fn finish_lightmap(&mut self, inputs: &FrameInputs<'_>) -> Result<()> {
         let Self { context, scene, .. } = self;
         let block = inputs.block(scene.constants());
-        let Some(lightmap) = scene.lightmap.as_mut().filter(|lightmap| !lightmap.is_done()) else { return Ok(()) };
+        if scene.is_baked() {
+            return Ok(());
+        }
         let mut ring = FrameRing::new(&context.gpu, FRAME_BYTES)?;
-        lightmap.follow(inputs.light_state());
+        scene.lightmap.iter_mut().for_each(|lightmap| _ = lightmap.follow(inputs.light_state()));
         let progress = context.report.progress("light", PROGRESS);
-        while !lightmap.is_done() {
+        while !scene.is_baked() {
             let mut frame = ring.begin()?;
-            lightmap.pace(&frame.finished, BAKE_MS);
-            let block = frame.push(&block)?;
-            lightmap.record(&mut frame.commands, FrameSet { set: frame.set, block }, &scene.set);
+            let set = FrameSet { set: frame.set, block: frame.push(&block)? };
+            scene.update_probes(&mut frame.commands, set, &frame.finished, BAKE_MS);
+            if let Some(lightmap) = &mut scene.lightmap {
+                lightmap.pace(&frame.finished, BAKE_MS);
+                lightmap.record(&mut frame.commands, set, &scene.set);
+                progress.set_position((lightmap.progress() * PROGRESS as f32) as u64);
+            }
             frame.submit(None)?;
-            progress.set_position((lightmap.progress() * PROGRESS as f32) as u64);
         }
         ring.finish_all()?;
         progress.finish_and_clear();
-        let source = scene.light_source(inputs.environment_rotation);
-        source.zip(scene.lightmap.as_ref()).map_or(Ok(()), |(source, lightmap)| lightmap.keep(context, source))
+        scene.keep_light(context, inputs.environment_rotation)
     }
 
     /// Records text over the finished picture.

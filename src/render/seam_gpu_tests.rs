@@ -33,6 +33,7 @@ fn scene() -> Scene {
         lights: Vec::new(),
         cameras: Vec::new(),
         environment: Environment { panorama: Panorama::from_fn(1024, 512, stripe), rotation_degrees: 0.0 },
+        probes: vec![],
         exposure_ev: 0.0,
     }
 }

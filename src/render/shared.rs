@@ -58,6 +58,8 @@ pub struct FrameBlock {
     pub world_from_models: [[f32; 4]; 4],
     pub sun: SunBlock,
     pub sun_shadow: SunShadowBlock,
+    /// Multiplies values of the probes' maps; 0 while they hold nothing.
+    pub probe_scale: f32,
 }
 
 /// One placed mesh of one material: an element of `SCENE_INSTANCES`.
@@ -98,6 +100,17 @@ pub struct LightBlock {
     pub shadow_layer: i32,
 }
 
+/// A place that light was captured at: an element of `SCENE_PROBES`. In the models' space.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct ProbeBlock {
+    pub position: [f32; 3],
+    pub low: [f32; 3],
+    pub high: [f32; 3],
+    /// Metres outside of the box over which its influence ends.
+    pub border: f32,
+}
+
 // With these members, scalar layout equals repr(C); this checks it.
 const _: () = {
     assert!(size_of::<EyeBlock>() == 144);
@@ -110,12 +123,14 @@ const _: () = {
     assert!(offset_of!(SunBlock, irradiance) == 12 && offset_of!(SunBlock, sine) == 24);
     assert!(offset_of!(FrameBlock, sun_shadow) == 144 * MAX_EYES + 116);
     assert!(offset_of!(SunShadowBlock, spread) == 64);
-    assert!(size_of::<FrameBlock>() == 144 * MAX_EYES + 188);
+    assert!(offset_of!(FrameBlock, probe_scale) == 144 * MAX_EYES + 188);
+    assert!(size_of::<FrameBlock>() == 144 * MAX_EYES + 192);
     assert!(offset_of!(InstanceBlock, material) == 64 && size_of::<InstanceBlock>() == 68);
     assert!(offset_of!(MaterialBlock, metallic) == 12 && size_of::<MaterialBlock>() == 28);
     assert!(offset_of!(LightBlock, radius) == 12 && offset_of!(LightBlock, intensity) == 16);
     assert!(offset_of!(LightBlock, shadow_near) == 28 && offset_of!(LightBlock, shadow_layer) == 32);
     assert!(size_of::<LightBlock>() == 36);
+    assert!(offset_of!(ProbeBlock, low) == 12 && offset_of!(ProbeBlock, border) == 36);
 };
 
 /// Specialization constants, by their id in `glsl/shared.glsl`.
@@ -137,4 +152,5 @@ pub mod constant {
     pub const SUN_SHADOW: u32 = 14;
     pub const LIGHTMAP: u32 = 15;
     pub const TRANSPORT: u32 = 16;
+    pub const PROBES: u32 = 17;
 }

@@ -16,6 +16,8 @@ pub struct Scene {
     /// At least one.
     pub cameras: Vec<Camera>,
     pub environment: Environment,
+    /// Where mirror images are captured; none: as found by rays.
+    pub probes: Vec<Probe>,
     /// Exposure in stops: displayed = radiance · 2^exposure_ev.
     pub exposure_ev: f32,
 }
@@ -84,6 +86,13 @@ pub struct PointLight {
     pub intensity: Vec3,
     /// Metres; 0 for a point. The size of its shadows' penumbrae; it shines as a point does.
     pub radius: f32,
+}
+
+/// A place to capture light, and the box that what is seen from there is taken to lie on. World space, metres.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Probe {
+    pub position: Vec3,
+    pub bounds: Bounds,
 }
 
 /// A named viewpoint.

@@ -6,7 +6,9 @@ use glam::{EulerRot, Mat4, Quat, Vec3};
 use serde::Deserialize;
 use toml::Spanned;
 
-use super::{Camera, PointLight};
+use super::mesh::Bounds;
+use super::probes::MOST_PROBES;
+use super::{Camera, PointLight, Probe};
 use crate::asset::{file, obj, shipped};
 use crate::error::{MAX_QUOTED, shortened};
 use crate::{Error, Result};
@@ -33,6 +35,8 @@ pub struct Description {
     pub exposure_ev: f32,
     pub models: Vec<ModelFile>,
     pub lights: Vec<PointLight>,
+    /// At most [`MOST_PROBES`].
+    pub probes: Vec<Probe>,
     /// May be empty; names are unique.
     pub cameras: Vec<Camera>,
 }
@@ -82,6 +86,7 @@ impl Description {
             exposure_ev: check.within(MAX_EXPOSURE, "exposure_ev", file.exposure_ev, 0.0)?,
             models: file.model.into_iter().map(|keys| check.model(folder, keys)).collect::<Result<_>>()?,
             lights: file.light.into_iter().map(|keys| check.light(keys.point)).collect::<Result<_>>()?,
+            probes: check.probes(file.probe)?,
             cameras: check.cameras(file.camera)?,
         };
         Ok(description)
@@ -97,6 +102,8 @@ struct SceneKeys {
     model: Vec<ModelKeys>,
     #[serde(default)]
     light: Vec<LightKeys>,
+    #[serde(default)]
+    probe: Vec<ProbeKeys>,
     #[serde(default)]
     camera: Vec<CameraKeys>,
 }
@@ -129,6 +136,14 @@ struct PointKeys {
     position: Spanned<[f32; 3]>,
     intensity: Spanned<[f32; 3]>,
     radius: Option<Spanned<f32>>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct ProbeKeys {
+    position: Spanned<[f32; 3]>,
+    /// Its least and its largest corner.
+    r#box: Spanned<[[f32; 3]; 2]>,
 }
 
 #[derive(Deserialize)]
@@ -169,6 +184,16 @@ impl Finite for [f32; 3] {
 
     fn largest(&self) -> f32 {
         self.iter().fold(0.0, |most, v| v.abs().max(most))
+    }
+}
+
+impl Finite for [[f32; 3]; 2] {
+    fn is_finite_number(&self) -> bool {
+        self.iter().all(Finite::is_finite_number)
+    }
+
+    fn largest(&self) -> f32 {
+        self[0].largest().max(self[1].largest())
     }
 }
 
@@ -257,6 +282,25 @@ impl Check<'_> {
         Ok(PointLight { position: self.place("position", keys.position)?, intensity, radius })
     }
 
+    fn probes(&self, all: Vec<ProbeKeys>) -> Result<Vec<Probe>> {
+        if let Some(one_more) = all.get(MOST_PROBES) {
+            return Err(self.error("position", &one_more.position, format!("there may be {MOST_PROBES} probes")));
+        }
+        all.into_iter().map(|keys| self.probe(keys)).collect()
+    }
+
+    fn probe(&self, keys: ProbeKeys) -> Result<Probe> {
+        let [min, max] = self.within(MAX_LENGTH, "box", Some(keys.r#box.clone()), [[0.0; 3]; 2])?.map(Vec3::from_array);
+        if !min.cmplt(max).all() {
+            return Err(self.error("box", &keys.r#box, "its first corner must be below its second on every axis"));
+        }
+        let position = self.place("position", keys.position.clone())?;
+        if position.cmplt(min).any() || position.cmpgt(max).any() {
+            return Err(self.error("position", &keys.position, "the probe lies outside of its box"));
+        }
+        Ok(Probe { position, bounds: Bounds { min, max } })
+    }
+
     fn cameras(&self, all: Vec<CameraKeys>) -> Result<Vec<Camera>> {
         let mut cameras: Vec<Camera> = Vec::new();
         for keys in all {
@@ -293,7 +337,7 @@ fn line_at(text: &str, byte: usize) -> usize {
 /// The message of `toml`, with long keys shortened, and with a remedy for common mistakes.
 fn explain(message: &str, key: &str) -> String {
     let message = shortened(&message.replace(key, &shortened(key, MAX_QUOTED)), MAX_MESSAGE);
-    if message.contains("expected a sequence") && ["model", "light", "camera"].contains(&key) {
+    if message.contains("expected a sequence") && ["model", "light", "probe", "camera"].contains(&key) {
         format!("there may be several: write `[[{key}]]` instead of `[{key}]`")
     } else if message.contains("escape") || message.contains("unicode value") {
         format!("{message}; {BACKSLASH}")

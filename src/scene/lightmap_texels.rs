@@ -102,7 +102,7 @@ fn backs_met(bvh: &Bvh, start: Vec3, path: u32) -> Vec<usize> {
 }
 
 /// Evenly over the sphere, the same for the same number.
-fn random_direction(number: u32) -> Vec3 {
+pub(super) fn random_direction(number: u32) -> Vec3 {
     // O'Neill, "PCG: A Family of Simple Fast Space-Efficient Statistically Good Algorithms" (2014), section 6.3.
     let pcg = |x: u32| {
         let state = x.wrapping_mul(747_796_405).wrapping_add(2_891_336_453);

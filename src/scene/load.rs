@@ -53,6 +53,7 @@ pub fn load(path: &Path, options: &LoadOptions, report: &Report) -> Result<Scene
         lights: description.lights,
         cameras: description.cameras,
         environment,
+        probes: description.probes,
         exposure_ev: description.exposure_ev,
     };
     let bounds = scene.bounds();
@@ -83,7 +84,14 @@ pub fn files(path: &Path) -> Vec<PathBuf> {
 
 fn only_model(path: &Path) -> Description {
     let model = ModelFile { file: path.into(), world_from_local: Mat4::IDENTITY };
-    Description { environment: None, exposure_ev: 0.0, models: vec![model], lights: vec![], cameras: vec![] }
+    Description {
+        environment: None,
+        exposure_ev: 0.0,
+        models: vec![model],
+        lights: vec![],
+        probes: vec![],
+        cameras: vec![],
+    }
 }
 
 fn environment(path: &Path, description: &Description, options: &LoadOptions, report: &Report) -> Result<Environment> {

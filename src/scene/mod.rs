@@ -13,9 +13,10 @@ mod maps;
 pub mod material;
 pub mod mesh;
 pub mod needs;
+pub mod probes;
 pub mod tangent;
 
-pub use contents::{Camera, Environment, GeometryView, Instance, Material, PointLight, Scene};
+pub use contents::{Camera, Environment, GeometryView, Instance, Material, PointLight, Probe, Scene};
 pub use floor::floor_under;
 pub use load::{LoadOptions, load};
 pub use mesh::{Bounds, Mesh, Vertex};

@@ -3,6 +3,7 @@
 pub mod casting;
 pub mod findings;
 pub mod lightmap;
+pub mod mirrors;
 pub mod resolution;
 
 use clap::ValueEnum;
@@ -138,6 +139,7 @@ pub mod tests {
             lights: vec![light; lights],
             cameras: vec![],
             environment: Environment { panorama: Panorama::uniform(Vec3::ONE), rotation_degrees: 0.0 },
+            probes: vec![],
             exposure_ev: 0.0,
         }
     }

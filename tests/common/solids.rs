@@ -106,6 +106,7 @@ pub fn world(meshes: Vec<Mesh>, materials: Vec<Material>, lights: Vec<PointLight
         lights,
         cameras: Vec::new(),
         environment: Environment { panorama: sky, rotation_degrees: 0.0 },
+        probes: vec![],
         exposure_ev: 0.0,
     }
 }

@@ -13,6 +13,7 @@ mod light;
 mod lightmap;
 mod pictures;
 mod precompute;
+mod probes;
 mod split_sum;
 mod stability;
 mod stability_jitter;

@@ -86,6 +86,7 @@ pub fn in_furnace(meshes: Vec<Mesh>, instances: Vec<Instance>, materials: Vec<Ma
         lights: vec![],
         cameras: vec![],
         environment: Environment { panorama: Panorama::uniform(Vec3::ONE), rotation_degrees: 0.0 },
+        probes: vec![],
         exposure_ev: 0.0,
     }
 }

@@ -4,9 +4,11 @@ use serde::Serialize;
 
 use super::casting::nothing_casts;
 use super::lightmap::{LightmapNeed, lightmap_need};
+use super::mirrors::ProbePlan;
 use super::{MaterialFeatures, Metalness, Model, SceneFeatures};
 use crate::reference::energy::VISIBLE;
 use crate::reference::sun::{Sun, VISIBLE_SHARE, find_sun};
+use crate::scene::bvh::Bvh;
 use crate::scene::{Material, Scene};
 
 /// One decision.
@@ -53,6 +55,7 @@ impl Findings {
         let panorama = &scene.environment.panorama;
         let sun = find_sun([panorama.width, panorama.height], &panorama.texels).map(|split| split.sun);
         findings.extend([sun_finding(sun), lamp_shadows(scene), sun_shadow(scene, sun), soft_light(scene)]);
+        findings.push(local_probes(scene));
         Self { triangles: scene.triangles(), findings, materials, features }
     }
 
@@ -175,6 +178,15 @@ fn sun_shadow(scene: &Scene, sun: Option<Sun>) -> Finding {
         }
     };
     Finding { subject: "shadow of the sun", modelled, why }
+}
+
+fn local_probes(scene: &Scene) -> Finding {
+    let by_rays = || match Bvh::new(&scene.meshes, &scene.instances) {
+        Ok(bvh) => ProbePlan::new(scene, Model::Needed, &bvh),
+        Err(error) => ProbePlan { probes: Vec::new(), why: format!("{error}: no probe") },
+    };
+    let ProbePlan { probes, why } = ProbePlan::without_rays(scene, Model::Needed).unwrap_or_else(by_rays);
+    Finding { subject: "mirrored rooms", modelled: !probes.is_empty(), why }
 }
 
 #[cfg(test)]

@@ -78,6 +78,7 @@ mod tests {
             lights: vec![],
             cameras: vec![],
             environment,
+            probes: vec![],
             exposure_ev: 0.0,
         })
     }
@@ -94,6 +95,7 @@ mod tests {
             lights: vec![],
             cameras: vec![],
             environment,
+            probes: vec![],
             exposure_ev: 0.0,
         };
         assert!(matches!(lightmap_need(&scene, Model::Needed), LightmapNeed::None(_)));

@@ -1,0 +1,30 @@
+// Boxes around probes: parallax and influence; twin of src/reference/probe.rs; no bindings.
+#ifndef PROBE_BOX_GLSL
+#define PROBE_BOX_GLSL
+
+struct Probe {
+    vec3 position; // metres, in the models' space, as the box
+    vec3 low, high;
+    float border;  // metres outside of the box over which its influence ends
+};
+
+// Where a ray from p, towards d of any length, leaves the box: Lagarde and Zanuttini, "Local Image-based Lighting With
+// Parallax-corrected Cubemaps" (2012). From outside of the box the ray begins at its nearest point.
+vec3 box_exit(vec3 p, vec3 d, vec3 low, vec3 high)
+{
+    vec3 start = clamp(p, low, high), least = vec3(1e-18);
+    bvec3 forwards = greaterThanEqual(d, vec3(0.0));
+    vec3 inverse = 1.0 / mix(min(d, -least), max(d, least), forwards);
+    vec3 t = (mix(low, high, forwards) - start) * inverse;
+    return start + min(t.x, min(t.y, t.z)) * d;
+}
+
+// 1 in the box, 0 from the border on, with an even slope at both ends.
+float probe_weight(vec3 p, Probe probe)
+{
+    vec3 outside = max(max(probe.low - p, p - probe.high), vec3(0.0));
+    float part = min(length(outside) / probe.border, 1.0);
+    return 1.0 - part * part * (3.0 - 2.0 * part);
+}
+
+#endif

@@ -1,0 +1,64 @@
+// What surfaces mirror of the room around them, captured by probes; the panorama where no probe reaches.
+#ifndef PROBES_GLSL
+#define PROBES_GLSL
+
+#include "environment.glsl"
+#include "probe_box.glsl"
+
+layout(constant_id = 17) const uint PROBES = 1;
+
+layout(SCENE_PROBES, scalar) readonly buffer Probes { Probe probes[]; };
+layout(SCENE_PROBE_EVEN) uniform samplerCubeArray probe_even;
+layout(SCENE_PROBE_ODD) uniform samplerCubeArray probe_odd;
+layout(SCENE_PROBE_IRRADIANCE) uniform samplerCubeArray probe_irradiance_over_pi;
+
+vec3 models_from_world(vec3 d)
+{
+    return d * mat3(frame.world_from_models);
+}
+
+// Radiance from around a direction, of any length, as seen from p in the models' space.
+vec3 probe_radiance(uint index, Probe probe, vec3 p, vec3 towards, float level)
+{
+    vec3 d = box_exit(p, models_from_world(towards), probe.low, probe.high) - probe.position;
+    LevelMix levels = level_mix(level);
+    vec3 even = textureLod(probe_even, vec4(d, index), levels.even_mip).rgb;
+    vec3 odd = textureLod(probe_odd, vec4(d, index), levels.odd_mip).rgb;
+    return mix(even, odd, levels.odd_share) * frame.probe_scale;
+}
+
+// What of the light around the probe reaches a surface: its irradiance in the lightmap over the probe's own, at most all. More
+// irradiance than the probe's comes from something bright nearby, not from more light all around.
+// Specular occlusion after Lagarde and de Rousiers, "Moving Frostbite to Physically Based Rendering" (2014), from the same
+// ratio is no nearer to the exact picture.
+vec3 reach_of_probe(uint index, vec3 n, vec3 even)
+{
+    vec3 own = textureLod(probe_irradiance_over_pi, vec4(models_from_world(n), index), 0.0).rgb * frame.probe_scale;
+    return min(even / max(own, vec3(1e-4)), vec3(1.0));
+}
+
+vec3 probe_specular(uint index, Probe probe, vec3 p, SpecularLobe lobe)
+{
+    vec3 light = lobe.first.reflectance * probe_radiance(index, probe, p, lobe.first.towards, lobe.first.level);
+    if (SLICES)
+        light += lobe.second.reflectance * probe_radiance(index, probe, p, lobe.second.towards, lobe.second.level);
+    return light;
+}
+
+// What the probes around a point give of a mirror image; `left`: the share that they leave to the panorama.
+vec3 local_specular(SpecularLobe lobe, vec3 position, vec3 n, vec3 even, out float left)
+{
+    left = 1.0;
+    vec3 p = models_from_world(position - frame.world_from_models[3].xyz), light = vec3(0.0);
+    for (uint i = 0u; i < PROBES && left > 0.0 && frame.probe_scale > 0.0; ++i) {
+        Probe probe = probes[i]; // once: lavapipe reads buffers lane by lane
+        float weight = probe_weight(p, probe);
+        if (weight > 0.0) {
+            light += left * weight * probe_specular(i, probe, p, lobe) * reach_of_probe(i, n, even);
+            left *= 1.0 - weight;
+        }
+    }
+    return light;
+}
+
+#endif

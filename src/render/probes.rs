@@ -1,0 +1,275 @@
+//! Probes: what smooth surfaces mirror of the rooms around them, captured by rays once the lightmap is done, and filtered
+//! like a panorama; a piece with each frame.
+
+use std::sync::Arc;
+
+use bytemuck::{Pod, Zeroable, bytes_of};
+
+use super::frame_set::FrameSet;
+use super::layouts::Layouts;
+use super::lightmap::LightmapBake;
+use super::ray_scene::{LazyRayScene, RaySet};
+use super::shared::ProbeBlock;
+use crate::Result;
+use crate::context::Context;
+use crate::gpu::{
+    AddressMode, Binding, Buffer, BufferKind, Commands, DescriptorSet, Format, Gpu, Image, ImageAccess, ImageDesc,
+    ImageUsageFlags, PassTime, Pipeline, Sampler, Shape, submit_and_wait,
+};
+use crate::precompute::{CacheKind, HierarchicalConvolution, keep_cached, load_cached};
+use crate::reference::levels::LEVELS;
+use crate::scene::needs::mirrors::ProbePlan;
+use crate::scene::{Model, Probe, Scene};
+
+/// Names of the passes, for their times.
+pub const CAPTURE: &str = "probe capture";
+pub const FILTER: &str = "probe filter";
+/// Texels of a captured panorama, and along a face of specular levels 0 and 1: as wide, at the equator.
+const CAPTURED: [u32; 2] = [512, 256];
+const FACE: u32 = 128;
+const IRRADIANCE_FACE: u32 = 16;
+/// Rows that a piece captures at first, and texels along a workgroup's side.
+const FIRST_ROWS: f64 = 16.0;
+const GROUP: u32 = 8;
+
+/// In the cache: raise the version when anything but a shader changes what the maps hold, such as the samples of the bake.
+const CACHE_KIND: CacheKind = CacheKind {
+    copying: "probes from the cache",
+    version: 1,
+    shaders: &[
+        "lightmap_direct.comp",
+        "lightmap_relays.comp",
+        "lightmap_gather.comp",
+        "lightmap_resolve.comp",
+        "lightmap_fill.comp",
+        "probe_capture.comp",
+        "cube_and_nodes.comp",
+        "node_merge.comp",
+        "hierarchical_convolution.comp",
+    ],
+};
+
+/// The push constants of `glsl/probe_capture.comp`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+struct Work {
+    position: [f32; 3],
+    first_row: u32,
+    rows: u32,
+}
+
+/// What comes next.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Stage {
+    /// The captured panorama of a probe, from a row on.
+    Capture(usize, u32),
+    Filter(usize),
+    Done,
+}
+
+/// Probes and their maps.
+pub struct LocalProbes {
+    /// [`ProbeBlock`]s.
+    pub blocks: Arc<Buffer>,
+    placed: Vec<ProbeBlock>,
+    filter: HierarchicalConvolution,
+    /// Of direct and of soft light.
+    given_back: [Arc<Image>; 2],
+    captured: Arc<Image>,
+    capture: Pipeline,
+    set: DescriptorSet,
+    rays: RaySet,
+    stage: Stage,
+    /// Rows of a piece.
+    rows: f64,
+    /// What the maps' values are multiplied by; 0 before all are there.
+    scale: f32,
+}
+
+impl LocalProbes {
+    /// Prepares the probes that a scene needs; `None` if it needs none, or if the GPU has no arrays of cubes.
+    ///
+    /// # Errors
+    /// No memory; a failed Vulkan call.
+    pub fn planned(
+        context: &Context,
+        layouts: &Layouts,
+        scene: &Scene,
+        (rays, lightmap): (&LazyRayScene, &LightmapBake),
+        model: Model,
+    ) -> Result<Option<Self>> {
+        let gpu = &context.gpu;
+        let ProbePlan { probes, why } = ProbePlan::new(scene, model, &rays.get(gpu, layouts)?.bvh);
+        tracing::debug!("mirrored rooms: {why}: {probes:?}");
+        if !probes.is_empty() && !gpu.has_cube_arrays() {
+            context.report.warn(format!("{}: no arrays of cubes; rooms mirror the panorama alone", gpu.info().name));
+            return Ok(None);
+        }
+        (!probes.is_empty()).then(|| Self::new(gpu, layouts, probes, rays, lightmap.given_back())).transpose()
+    }
+
+    /// Prepares probes, at least one, that see surfaces give back this radiance of direct and of soft light.
+    ///
+    /// # Errors
+    /// No memory; a failed Vulkan call.
+    pub fn new(
+        gpu: &Arc<Gpu>,
+        layouts: &Layouts,
+        probes: Vec<Probe>,
+        rays: &LazyRayScene,
+        [direct, soft]: [&Arc<Image>; 2],
+    ) -> Result<Self> {
+        let usage = ImageUsageFlags::SAMPLED | ImageUsageFlags::STORAGE;
+        let usage = usage | ImageUsageFlags::TRANSFER_SRC | ImageUsageFlags::TRANSFER_DST;
+        let count = probes.len() as u32;
+        let cubes = |name, size, mips| {
+            let flat = ImageDesc::flat(Format::R16G16B16A16_SFLOAT, [size; 2], usage);
+            Image::new(gpu, name, ImageDesc { shape: Shape::CubeArray(count), mips, ..flat })
+        };
+        let mips = (LEVELS / 2) as u32;
+        let specular = [cubes("even levels of probes", FACE, mips)?, cubes("odd levels of probes", FACE, mips)?];
+        let irradiance = cubes("irradiance of probes", IRRADIANCE_FACE, 1)?;
+        let captured = Image::new(gpu, "captured", ImageDesc::flat(Format::R32G32B32A32_SFLOAT, CAPTURED, usage))?;
+        let filter = HierarchicalConvolution::new(gpu, &captured, &specular, &irradiance)?;
+        submit_and_wait(gpu, |commands| {
+            filter.maps().iter().for_each(|map| commands.prepare_fresh(map, ImageAccess::Storage));
+            commands.prepare_fresh(&captured, ImageAccess::Sampled); // bound, not read
+            commands.pass(FILTER, |commands| filter.record_norms(commands));
+            filter.maps().iter().for_each(|map| commands.prepare(map, ImageAccess::Sampled));
+            Ok(())
+        })?;
+        let sampler = Sampler::new(gpu, "given back", AddressMode::Clamp, 1)?;
+        let bindings =
+            [Binding::Sampled(direct, &sampler), Binding::Sampled(soft, &sampler), Binding::StorageImage(&captured, 0)];
+        let placed: Vec<ProbeBlock> = probes.iter().map(block).collect();
+        let bytes = bytemuck::cast_slice(&placed);
+        Ok(Self {
+            blocks: Buffer::with_bytes(gpu, "probes", BufferKind::StorageFromCpu, bytes)?,
+            capture: Pipeline::compute(gpu, "probe_capture.comp", &[], &layouts.capturing(), size_of::<Work>() as u32)?,
+            set: DescriptorSet::new(gpu, "probe", &layouts.probe, &bindings)?,
+            rays: RaySet::new(gpu, layouts, Some(rays), None)?,
+            placed,
+            given_back: [Arc::clone(direct), Arc::clone(soft)],
+            filter,
+            captured,
+            stage: Stage::Capture(0, 0),
+            rows: FIRST_ROWS,
+            scale: 0.0,
+        })
+    }
+
+    /// Takes the maps from the cache, where they were captured for the same `source`: everything that light depends on.
+    /// Returns whether they were there.
+    ///
+    /// # Errors
+    /// A failed Vulkan call.
+    pub fn load(&mut self, context: &Context, source: blake3::Hash, scale: f32) -> Result<bool> {
+        let found = load_cached(context, &CACHE_KIND, &self.source(&source), &self.named_maps())?.is_some();
+        if found {
+            (self.stage, self.scale) = (Stage::Done, scale);
+        }
+        Ok(found)
+    }
+
+    /// Stores the maps in the cache.
+    ///
+    /// # Errors
+    /// A failed Vulkan call.
+    pub fn keep(&self, context: &Context, source: blake3::Hash) -> Result<()> {
+        keep_cached(context, &CACHE_KIND, &self.source(&source), &self.named_maps())
+    }
+
+    fn source<'a>(&'a self, light: &'a blake3::Hash) -> [&'a [u8]; 2] {
+        [light.as_bytes(), bytemuck::cast_slice(&self.placed)]
+    }
+
+    fn named_maps(&self) -> [(&'static str, &Image); 3] {
+        let [even, odd, irradiance] = self.maps();
+        [("even", even), ("odd", odd), ("irradiance", irradiance)]
+    }
+
+    /// How many there are.
+    pub fn count(&self) -> u32 {
+        self.placed.len() as u32
+    }
+
+    /// Even and odd specular levels and irradiance over pi, arrays of a cube for each.
+    pub fn maps(&self) -> [&Arc<Image>; 3] {
+        self.filter.maps()
+    }
+
+    /// What the maps' values are to be multiplied by; 0 before they hold any.
+    pub fn scale(&self) -> f32 {
+        self.scale
+    }
+
+    /// Whether all is captured.
+    pub fn is_done(&self) -> bool {
+        self.stage == Stage::Done
+    }
+
+    /// Captures all again, for other light; until then the old maps stay, if the new ones have the same scale.
+    pub fn restart(&mut self, scale: f32) {
+        self.stage = Stage::Capture(0, 0);
+        if scale != self.scale {
+            self.scale = 0.0;
+        }
+    }
+
+    /// Makes the next piece of a capture take about `target_ms`, from the times of a frame that a piece was part of.
+    pub fn pace(&mut self, times: &[PassTime], target_ms: f64) {
+        if let Some(time) = times.iter().find(|time| time.name == CAPTURE).filter(|time| time.ms > 0.0) {
+            let most = f64::from(CAPTURED[1]);
+            self.rows = (self.rows * (target_ms / time.ms).clamp(0.25, 2.0)).clamp(f64::from(GROUP), most);
+        }
+    }
+
+    /// Records the next piece of work; maps hold radiance / `scale`.
+    pub fn record(&mut self, commands: &mut Commands<'_>, frame: FrameSet<'_>, scene: &DescriptorSet, scale: f32) {
+        match self.stage {
+            Stage::Capture(probe, first_row) => {
+                let rows = (self.rows as u32 / GROUP * GROUP).clamp(GROUP, CAPTURED[1] - first_row);
+                let work = Work { position: self.placed[probe].position, first_row, rows };
+                commands.pass(CAPTURE, |commands| self.capture(commands, (frame, scene), work));
+                let next = first_row + rows;
+                self.stage = if next < CAPTURED[1] { Stage::Capture(probe, next) } else { Stage::Filter(probe) };
+            }
+            Stage::Filter(probe) => {
+                commands.pass(FILTER, |commands| {
+                    self.maps().iter().for_each(|map| commands.prepare(map, ImageAccess::Storage));
+                    commands.prepare(&self.captured, ImageAccess::Sampled);
+                    self.filter.record_light(commands, scale, probe as u32);
+                    self.maps().iter().for_each(|map| commands.prepare(map, ImageAccess::Sampled));
+                });
+                let is_last = probe + 1 == self.placed.len();
+                self.stage = if is_last { Stage::Done } else { Stage::Capture(probe + 1, 0) };
+                if is_last {
+                    self.scale = scale;
+                    tracing::debug!("probes: all {} captured", self.placed.len());
+                }
+            }
+            Stage::Done => {}
+        }
+    }
+
+    fn capture(&self, commands: &mut Commands<'_>, (frame, scene): (FrameSet<'_>, &DescriptorSet), work: Work) {
+        commands.prepare(&self.captured, ImageAccess::Storage);
+        self.given_back.iter().for_each(|image| commands.prepare(image, ImageAccess::Sampled));
+        frame.bind(commands, &self.capture, 0);
+        commands.bind_set(&self.capture, 1, scene, &[]);
+        commands.bind_set(&self.capture, 2, &self.set, &[]);
+        commands.bind_set(&self.capture, 3, &self.rays.set, &[]);
+        commands.push(&self.capture, bytes_of(&work));
+        commands.dispatch([CAPTURED[0].div_ceil(GROUP), work.rows.div_ceil(GROUP), 1]);
+    }
+}
+
+fn block(probe: &Probe) -> ProbeBlock {
+    let Probe { position, bounds } = probe;
+    ProbeBlock {
+        position: (*position).into(),
+        low: bounds.min.into(),
+        high: bounds.max.into(),
+        border: probe.border().max(f32::MIN_POSITIVE),
+    }
+}

@@ -1,0 +1,140 @@
+//! Probes' maps against light that is known: an integrating sphere, a bright sky, scenes that need none.
+
+use std::f64::consts::PI;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+
+use glam::{DVec3, Mat4, Vec3};
+
+use super::bound_scene::BoundScene;
+use super::frame::{FRAME_BYTES, FrameInputs};
+use super::frame_set::FrameSet;
+use super::layouts::Layouts;
+use super::lighting::Lighting;
+use super::lightmap::LightmapBake;
+use super::probes::LocalProbes;
+use super::scene_resources::SceneResources;
+use super::settings::{LightModel, RenderSettings};
+use crate::asset::Panorama;
+use crate::context::Context;
+use crate::gpu::{FrameRing, Gpu, Subresource, with_gpu};
+use crate::precompute::harness_tests::texels;
+use crate::reference::brdf::Geometry;
+use crate::reference::energy::{Energy, Scattering};
+use crate::scene::atlas::{Work, flatten};
+use crate::scene::{
+    Bounds, Camera, Environment, GeometryView, Instance, Material, Mesh, Model, PointLight, Probe, Scene,
+};
+
+/// Texels along a lightmap's side: few, for the sake of time.
+const SIDE: u32 = 64;
+
+fn scene(mesh: Mesh, base_color: f32, intensity: f32, sky: f32) -> Scene {
+    let bounds = Bounds { min: Vec3::splat(-1.0), max: Vec3::splat(1.0) };
+    Scene {
+        meshes: vec![mesh],
+        instances: vec![Instance { mesh: 0, world_from_local: Mat4::IDENTITY }],
+        materials: vec![Material::plain("matt", Vec3::splat(base_color), 0.0, 1.0)],
+        textures: vec![],
+        lights: vec![PointLight { position: Vec3::ZERO, intensity: Vec3::splat(intensity), radius: 0.0 }],
+        cameras: vec![Camera { name: "c".into(), position: Vec3::ZERO, target: Vec3::Z, vertical_fov_degrees: 40.0 }],
+        environment: Environment { panorama: Panorama::uniform(Vec3::splat(sky)), rotation_degrees: 0.0 },
+        probes: vec![Probe { position: Vec3::new(0.4, 0.2, -0.1), bounds }],
+        exposure_ev: 0.0,
+    }
+}
+
+/// The scene with its lightmap and its probes computed to their end.
+fn baked(gpu: &Arc<Gpu>, scene: &Scene) -> BoundScene {
+    let (context, layouts) = (Context::silent(gpu), Layouts::new(gpu).unwrap());
+    let settings = RenderSettings { light: LightModel::Baked, cube_size: 16, ..RenderSettings::default() };
+    let work = Work { cache: None, report: &context.report, stop: &AtomicBool::new(false) };
+    let flat = flatten(&scene.meshes, &scene.instances, SIDE, work).unwrap();
+    let geometry = GeometryView { meshes: &flat.meshes, instances: &flat.instances };
+    let resources = SceneResources::new(&context, &layouts, scene, geometry, &settings).unwrap();
+    let lighting = Lighting::new(&context, &scene.environment.panorama, &settings).unwrap();
+    let lamps = [scene.lights[0].position];
+    let bake = LightmapBake::new(gpu, &layouts, &resources.ray_scene, flat.atlas.size[0], &lamps).unwrap();
+    let probes =
+        LocalProbes::new(gpu, &layouts, scene.probes.clone(), &resources.ray_scene, bake.given_back()).unwrap();
+    let mut bound = BoundScene::new(gpu, &layouts, resources, lighting, (Some(bake), Some(probes))).unwrap();
+    let mut ring = FrameRing::new(gpu, FRAME_BYTES).unwrap();
+    let inputs = FrameInputs::of(scene, &[]);
+    assert_eq!(bound.constants().probe_scale, 0.0, "before anything is captured");
+    while !bound.is_baked() {
+        let mut frame = ring.begin().unwrap();
+        let set = FrameSet { set: frame.set, block: frame.push(&inputs.block(bound.constants())).unwrap() };
+        bound.update_probes(&mut frame.commands, set, &frame.finished, 50.0);
+        let bake = bound.lightmap.as_mut().unwrap();
+        bake.pace(&frame.finished, 50.0);
+        bake.record(&mut frame.commands, set, &bound.set);
+        frame.submit(None).unwrap();
+    }
+    ring.finish_all().unwrap();
+    bound
+}
+
+/// All texels of both kinds of specular levels and of irradiance over π, as radiance.
+fn radiance(gpu: &Arc<Gpu>, bound: &BoundScene) -> Vec<(DVec3, usize, u32)> {
+    let (maps, scale) = (bound.probes.as_ref().unwrap().maps(), f64::from(bound.constants().probe_scale));
+    assert!(scale > 0.0);
+    let mut all = Vec::new();
+    for (map, image) in maps.iter().enumerate() {
+        for (mip, layer) in (0..image.desc().mips).flat_map(|mip| (0..6).map(move |layer| (mip, layer))) {
+            let face = texels(gpu, image, Subresource { mip, layer });
+            all.extend(face.into_iter().map(|texel| (texel * scale, map, layer)));
+        }
+    }
+    all
+}
+
+#[test]
+fn a_probe_in_an_integrating_sphere_sees_the_same_light_everywhere() {
+    // L = I ρ / (π r² (1 − ρ)), wherever the probe is.
+    let (base_color, intensity) = (0.5, 3.0);
+    let mut ball = Mesh::ball(48, 1.0);
+    ball.indices.chunks_exact_mut(3).for_each(|t| t.swap(1, 2));
+    ball.vertices.iter_mut().for_each(|v| v.normal = v.normal.map(|c| -c));
+    let energy = Energy::new(1.0, Geometry::Smith, Scattering::Multiple);
+    let albedo = energy.specular_albedo(DVec3::splat(0.04), energy.mean).x
+        + energy.diffuse_even(DVec3::splat(base_color), 0.0, energy.mean).x;
+    let want = intensity * albedo / (PI * (1.0 - albedo));
+    let worst = with_gpu(|gpu| {
+        let bound = baked(gpu, &scene(ball, base_color as f32, intensity as f32, 9.0));
+        let off = radiance(gpu, &bound).into_iter().map(|(texel, ..)| (texel / want - 1.0).abs().max_element());
+        off.fold(0.0, f64::max)
+    });
+    println!("radiance {want:.4}, off by {worst:.4} at most");
+    assert!(worst < 0.03, "off by {worst}");
+}
+
+#[test]
+fn a_sky_brighter_than_halves_hold_is_scaled() {
+    // A small plate far below: all else is sky.
+    let mut plate = Mesh::ball(4, 0.01);
+    plate.vertices.iter_mut().for_each(|v| v.position[1] = -0.9);
+    with_gpu(|gpu| {
+        let bound = baked(gpu, &scene(plate, 0.5, 0.0, 1e6));
+        assert_eq!(bound.constants().probe_scale, 32.0);
+        let up = radiance(gpu, &bound).into_iter().filter(|(_, map, layer)| *map < 2 && *layer == 2);
+        let worst = up.map(|(texel, ..)| (texel / 1e6 - 1.0).abs().max_element()).fold(0.0, f64::max);
+        assert!(worst < 2e-3, "off by {worst}");
+    });
+}
+
+#[test]
+fn nothing_is_built_for_what_mirrors_nothing() {
+    with_gpu(|gpu| {
+        let matt = scene(Mesh::ball(4, 0.5), 0.5, 1.0, 1.0);
+        let (context, layouts) = (Context::silent(gpu), Layouts::new(gpu).unwrap());
+        let count = |scene: &Scene| {
+            let bound = baked(gpu, scene);
+            let given = (&*bound.resources.ray_scene, bound.lightmap.as_ref().unwrap());
+            let planned = LocalProbes::planned(&context, &layouts, scene, given, Model::Needed).unwrap();
+            planned.map_or(0, |probes| probes.count())
+        };
+        assert_eq!(count(&matt), 0);
+        let metal = Scene { materials: vec![Material::plain("metal", Vec3::ONE, 1.0, 0.3)], ..matt };
+        assert_eq!(count(&metal), 1);
+    });
+}

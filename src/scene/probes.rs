@@ -1,0 +1,279 @@
+//! Places where light is captured for mirror images, each with a box: one for each room or open place that smooth surfaces
+//! are seen in, found by rays.
+
+use glam::Vec3;
+use rayon::prelude::*;
+
+use super::Probe;
+use super::bvh::{Bvh, Hit};
+use super::lightmap_texels::random_direction;
+use super::mesh::Bounds;
+
+/// The most probes of a scene: each takes memory, and every fragment looks at each box.
+pub const MOST_PROBES: usize = 8;
+/// Part of a box's mean side over which its influence ends, outside of it.
+const BORDER: f32 = 0.05;
+/// Share of rays to the sky from which on a place is open: what it mirrors is mostly the panorama.
+const OPEN: f32 = 1.0 / 3.0;
+/// Rays that a place is judged by, and that a candidate for the middle of a room is.
+const RAYS: u32 = 2048;
+const CANDIDATE_RAYS: u32 = 256;
+/// Of the rays that meet surfaces which face a place from one side, each weighted by its distance, the share that ends before or
+/// at the wall: furniture is nearer, what is seen through doors is farther.
+const WALL: f32 = 0.55;
+/// Cosine from which on a surface faces a side of the box, and how many rays have to meet such.
+const FACES: f32 = 0.7;
+const FACING: usize = 8;
+/// Radii of the scene that a side without a wall is away.
+const NO_WALL: f32 = 10.0;
+/// Walls of a room, floor and ceiling counted, at least; its least mean side, in radii of the scene: a gap between things is none.
+const WALLS: u32 = 4;
+const NOOK: f32 = 0.2;
+/// Share of rays that meet backs from which on a place is inside of a thing.
+const BEHIND: f32 = 0.7;
+/// Paths that look for smooth surfaces from each camera, and how often each is reflected.
+const PATHS: u32 = 1024;
+const REFLECTIONS: u32 = 3;
+/// Part of the smooth places that a room without a camera needs, and how many of such places are tried.
+const ROOM: f32 = 0.2;
+const TRIES: usize = 32;
+
+/// Where probes go, and what else was found.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Placement {
+    pub probes: Vec<Probe>,
+    /// Whether paths from the cameras meet a smooth surface.
+    pub sees_smooth: bool,
+    /// Places with smooth surfaces around which most is sky.
+    pub open: usize,
+}
+
+impl Probe {
+    /// Metres outside of the box over which its influence ends.
+    pub fn border(&self) -> f32 {
+        BORDER * (self.bounds.max - self.bounds.min).min(Vec3::splat(1e6)).element_sum() / 3.0
+    }
+
+    /// Whether it gives the mirror images of a place, at least in part.
+    fn reaches(&self, p: Vec3) -> bool {
+        let outside = (self.bounds.min - p).max(p - self.bounds.max).max(Vec3::ZERO);
+        outside.length() < self.border()
+    }
+}
+
+/// Places probes by rays: for each camera, then for smooth surfaces that paths from cameras meet in other rooms.
+/// `smooth` says of a triangle of the hierarchy whether its surface is.
+pub fn place(bvh: &Bvh, cameras: &[Vec3], smooth: impl Fn(usize) -> bool + Sync) -> Placement {
+    let seen: Vec<Vec3> = (0u32..)
+        .zip(cameras)
+        .flat_map(|(i, camera)| {
+            let walk = |path| smooth_met(bvh, *camera, i * PATHS + path, &smooth);
+            (0..PATHS).into_par_iter().flat_map_iter(walk).collect::<Vec<Vec3>>()
+        })
+        .collect();
+    if seen.is_empty() {
+        return Placement::default();
+    }
+    let mut placed = Placement { sees_smooth: true, ..Placement::default() };
+    for camera in cameras {
+        placed.add(bvh, *camera, &seen, 1);
+    }
+    let mut others: Vec<Vec3> = seen.iter().copied().filter(|p| !placed.reach(*p)).collect();
+    let enough = (ROOM * seen.len() as f32) as usize + 1;
+    for _ in 0..TRIES {
+        // The middle one: a list's first are those that are seen straight from the first camera.
+        let Some(start) = others.get(others.len() / 2).copied().filter(|_| others.len() >= enough) else { break };
+        let before = placed.probes.len();
+        if View::new(bvh, start, CANDIDATE_RAYS).backs < BEHIND {
+            placed.add(bvh, start, &seen, enough);
+        }
+        if placed.probes.len() == before {
+            others.remove(others.len() / 2);
+        }
+        others.retain(|p| !placed.reach(*p));
+    }
+    // The smallest comes first: a niche within a room is its own.
+    let volume = |probe: &Probe| (probe.bounds.max - probe.bounds.min).element_product();
+    placed.probes.sort_by(|a, b| volume(a).total_cmp(&volume(b)));
+    placed
+}
+
+impl Placement {
+    fn reach(&self, p: Vec3) -> bool {
+        self.probes.iter().any(|probe| probe.reaches(p))
+    }
+
+    /// Adds a probe for the room around a place where none reaches it, if it gives so many smooth places their light.
+    fn add(&mut self, bvh: &Bvh, start: Vec3, seen: &[Vec3], enough: usize) {
+        if self.probes.len() == MOST_PROBES || self.reach(start) {
+            return;
+        }
+        let Some(probe) = room(bvh, start) else {
+            self.open += 1;
+            return;
+        };
+        // Things that enclose a place hide others beside them, which its box has, too.
+        let shows = |p: &&Vec3| probe.reaches(**p) && is_clear(bvh, probe.position, **p);
+        if seen.iter().filter(shows).take(enough).count() >= enough {
+            self.probes.push(probe);
+        }
+    }
+}
+
+/// The probe of the room around a place; `None` in the open.
+fn room(bvh: &Bvh, start: Vec3) -> Option<Probe> {
+    let from_start = View::new(bvh, start, RAYS);
+    let (mut position, mut bounds, mut is_open) = (start, from_start.bounds(bvh), from_start.is_open());
+    // From the middle more of the walls is seen than from a corner, and less of the surface that the start lies at.
+    for _ in 0..2 {
+        if is_open {
+            return None;
+        }
+        position = middle(bvh, start, bounds, &from_start);
+        let view = View::new(bvh, position, RAYS);
+        (bounds, is_open) = (view.bounds(bvh), view.is_open());
+    }
+    let bounds = Bounds { min: bounds.min.min(position), max: bounds.max.max(position) };
+    let far = NO_WALL * bvh.bounds().radius();
+    let without = [position - bounds.min, bounds.max - position].map(|reach| reach.cmpge(Vec3::splat(0.99 * far)));
+    let walls = 6 - without.map(|sides| sides.bitmask().count_ones()).iter().sum::<u32>();
+    let is_nook = (bounds.max - bounds.min).element_sum() / 3.0 < NOOK * bvh.bounds().radius();
+    (!is_open && !is_nook && walls >= WALLS).then_some(Probe { position, bounds })
+}
+
+/// The freest place near a room's centre; `start` if nothing else is inside of the room.
+fn middle(bvh: &Bvh, start: Vec3, bounds: Bounds, from_start: &View) -> Vec3 {
+    let far = NO_WALL * bvh.bounds().radius();
+    // A side without a wall says nothing of where the middle is.
+    let is_far = (bounds.max - bounds.min).cmpgt(Vec3::splat(far));
+    let centre = Vec3::select(is_far, start, bounds.centre());
+    let half = Vec3::select(is_far, Vec3::ZERO, 0.5 * (bounds.max - bounds.min));
+    let steps = [0.0, -0.25, 0.25];
+    let offsets = steps.iter().flat_map(|x| steps.iter().flat_map(|y| steps.map(|z| Vec3::new(*x, *y, z)))).collect();
+    let offsets: Vec<Vec3> = offsets;
+    let rated = offsets.par_iter().filter_map(|offset| {
+        let place = centre + *offset * half;
+        let view = View::new(bvh, place, CANDIDATE_RAYS);
+        let inside = view.backs > from_start.backs + 0.25;
+        (!inside).then(|| (place, view.clearance - 0.5 * (*offset * half).length()))
+    });
+    rated.collect::<Vec<_>>().into_iter().reduce(|a, b| if b.1 > a.1 { b } else { a }).map_or(start, |(place, _)| place)
+}
+
+/// What a ray meets.
+#[derive(Clone, Copy)]
+struct Met {
+    d: Vec3,
+    t: f32,
+    /// The triangle's normal, towards where the ray came from.
+    n: Vec3,
+    back: bool,
+}
+
+/// What rays to all sides of a place meet.
+struct View {
+    from: Vec3,
+    met: Vec<Met>,
+    rays: u32,
+    /// Shares of the rays that meet nothing, and that meet a triangle's back.
+    open: f32,
+    backs: f32,
+    /// The distance that one ray in twenty does not reach.
+    clearance: f32,
+}
+
+impl View {
+    fn new(bvh: &Bvh, from: Vec3, rays: u32) -> Self {
+        let trace = |i: u32| {
+            let d = spiral(i, rays);
+            let hit = bvh.trace(from, d, f32::INFINITY, |_| true)?;
+            let n = normal(bvh, &hit);
+            let back = n.dot(d) > 0.0;
+            Some(Met { d, t: hit.t, n: if back { -n } else { n }, back })
+        };
+        let met: Vec<Met> = (0..rays).into_par_iter().filter_map(trace).collect();
+        let share = |count: usize| count as f32 / rays as f32;
+        let mut distances: Vec<f32> = met.iter().map(|met| met.t).collect();
+        distances.sort_by(f32::total_cmp);
+        Self {
+            from,
+            rays,
+            open: 1.0 - share(met.len()),
+            backs: share(met.iter().filter(|met| met.back).count()),
+            clearance: distances.get(distances.len() / 20).copied().unwrap_or(0.0),
+            met,
+        }
+    }
+
+    fn is_open(&self) -> bool {
+        self.open > OPEN
+    }
+
+    /// The box whose sides are where most of what faces the place from each of the six sides ends.
+    fn bounds(&self, bvh: &Bvh) -> Bounds {
+        let far = NO_WALL * bvh.bounds().radius();
+        let wall = |axis: usize, sign: f32| {
+            let towards = |met: &&Met| met.d[axis] * sign > 0.0;
+            let along = |met: &&Met| met.d.abs().max_position() == axis;
+            let faces = |met: &&Met| met.n[axis] * sign < -FACES;
+            // A sixth of all rays go to each side; where half of them meet nothing, there is no wall.
+            if (self.met.iter().filter(towards).filter(along).count() as u32) < self.rays / 12 {
+                return far;
+            }
+            let distance = |met: &Met| met.d[axis].abs() * met.t;
+            let mut distances: Vec<f32> = self.met.iter().filter(towards).filter(faces).map(distance).collect();
+            if distances.len() < FACING {
+                distances = self.met.iter().filter(towards).filter(along).map(distance).collect();
+            }
+            distances.sort_by(f32::total_cmp);
+            let mut left = WALL * distances.iter().sum::<f32>();
+            let ends = |distance: &&f32| {
+                left -= **distance;
+                left <= 0.0
+            };
+            distances.iter().find(ends).copied().unwrap_or(far)
+        };
+        let reach = |sign| Vec3::from(std::array::from_fn(|axis| wall(axis, sign)));
+        Bounds { min: self.from - reach(-1.0), max: self.from + reach(1.0) }
+    }
+}
+
+/// Directions along a spiral over the sphere: Roberts, "How to evenly distribute points on a sphere" (2018).
+fn spiral(i: u32, count: u32) -> Vec3 {
+    let (up, longitude) = (1.0 - (2.0 * i as f32 + 1.0) / count as f32, i as f32 * 2.399_963_2);
+    Vec3::new(longitude.cos(), 0.0, longitude.sin()) * (1.0 - up * up).sqrt() + up * Vec3::Y
+}
+
+fn normal(bvh: &Bvh, hit: &Hit) -> Vec3 {
+    let [a, b, c] = bvh.triangles()[hit.triangle].corners.map(Vec3::from);
+    (b - a).cross(c - a).normalize_or_zero()
+}
+
+/// Whether nothing lies between two places.
+fn is_clear(bvh: &Bvh, from: Vec3, to: Vec3) -> bool {
+    bvh.trace(from, to - from, 1.0, |_| true).is_none()
+}
+
+/// Places before the smooth surfaces that one random path meets.
+fn smooth_met(bvh: &Bvh, camera: Vec3, path: u32, smooth: &impl Fn(usize) -> bool) -> Vec<Vec3> {
+    let (mut met, mut o, mut axis) = (Vec::new(), camera, None);
+    for reflection in 0..=REFLECTIONS {
+        let d = random_direction(path * (REFLECTIONS + 1) + reflection);
+        let d = axis.map_or(d, |n: Vec3| (n + 0.999 * d).normalize_or(n));
+        let Some(hit) = bvh.trace(o, d, f32::INFINITY, |_| true) else { break };
+        let n = normal(bvh, &hit);
+        let side = if n.dot(d) > 0.0 { -n } else { n };
+        let place = o + hit.t * d;
+        o = place + 1e-5 * (hit.t + place.abs().max_element()) * side;
+        if smooth(hit.triangle) {
+            // A little off the surface, where rays go to all sides.
+            met.push(place + 1e-3 * bvh.bounds().radius() * side);
+        }
+        axis = Some(side);
+    }
+    met
+}
+
+#[cfg(test)]
+#[path = "probes_tests.rs"]
+mod tests;

@@ -1,0 +1,91 @@
+//! Tests of the placement of probes: rooms, furniture, open places, scenes without cameras in them.
+
+use glam::Mat4;
+
+use super::*;
+use crate::scene::bvh::tests::mesh;
+use crate::scene::{Instance, Mesh};
+
+/// The inside of a box, without the sides whose numbers (−X, +X, −Y, +Y, −Z, +Z) are listed.
+fn walls(min: Vec3, max: Vec3, without: &[usize]) -> Mesh {
+    let corner = |i: usize| Vec3::select(glam::BVec3::new(i & 1 != 0, i & 2 != 0, i & 4 != 0), max, min);
+    let sides = [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]];
+    let corners: Vec<Vec3> = (0..8).map(corner).collect();
+    let kept = sides.iter().enumerate().filter(|(side, _)| !without.contains(side));
+    let indices = kept.flat_map(|(_, [a, b, c, d])| [*a, *b, *c, *a, *c, *d].map(|i| i as u32)).collect();
+    mesh(&corners, indices)
+}
+
+/// The placement in a scene of these parts, of which the last is smooth.
+fn placed(meshes: &[Mesh], cameras: &[Vec3]) -> Placement {
+    let placed = |mesh| Instance { mesh, world_from_local: Mat4::IDENTITY };
+    let instances: Vec<Instance> = (0..meshes.len()).map(placed).collect();
+    let bvh = Bvh::new(meshes, &instances).unwrap();
+    let last = meshes.len() as u32 - 1;
+    place(&bvh, cameras, |triangle| bvh.triangles()[triangle].instance == last)
+}
+
+fn ball(centre: Vec3, radius: f32) -> Mesh {
+    let mut ball = Mesh::ball(12, radius);
+    ball.vertices.iter_mut().for_each(|v| v.position = (Vec3::from(v.position) + centre).into());
+    ball
+}
+
+const LOW: Vec3 = Vec3::new(-2.0, 0.0, -3.0);
+const HIGH: Vec3 = Vec3::new(2.0, 2.5, 3.0);
+
+#[test]
+fn a_room_gets_one_probe_with_its_walls_as_the_box() {
+    let table = walls(Vec3::new(-0.5, 0.7, -0.5), Vec3::new(0.5, 0.75, 0.5), &[]);
+    let ball = ball(Vec3::new(0.0, 0.9, 0.0), 0.15);
+    let cameras = [Vec3::new(1.5, 1.6, 2.5), Vec3::new(-1.5, 1.2, -2.0)];
+    let found = placed(&[walls(LOW, HIGH, &[]), table, ball], &cameras);
+    assert_eq!((found.probes.len(), found.open), (1, 0), "{found:?}");
+    let Probe { position, bounds } = found.probes[0];
+    assert!(
+        (bounds.min - LOW).abs().max_element() < 0.02 && (bounds.max - HIGH).abs().max_element() < 0.02,
+        "{bounds:?}"
+    );
+    assert!((position - 0.5 * (LOW + HIGH)).length() < 1.0, "{position}");
+    assert!((position - Vec3::new(0.0, 0.9, 0.0)).length() > 0.3, "{position} is clear of the ball");
+    let none = placed(&[walls(LOW, HIGH, &[]), self::ball(Vec3::new(9.0, 0.0, 0.0), 0.1)], &cameras);
+    assert_eq!((none.sees_smooth, none.probes.len()), (false, 0), "nothing smooth is seen");
+}
+
+#[test]
+fn a_room_beside_the_cameras_gets_its_own() {
+    // Two rooms side by side without the wall between them but for a door's height, seen through it.
+    let next = [Vec3::new(2.0, 0.0, -3.0), Vec3::new(8.0, 2.5, 3.0)];
+    let wall = |z: [f32; 2]| {
+        let at = |y: f32, z: f32| Vec3::new(2.0, y, z);
+        mesh(&[at(0.0, z[0]), at(2.5, z[0]), at(2.5, z[1]), at(0.0, z[1])], vec![0, 1, 2, 0, 2, 3])
+    };
+    let parts = [walls(LOW, HIGH, &[1]), walls(next[0], next[1], &[0]), wall([-3.0, -0.6]), wall([0.6, 3.0])];
+    let ball = ball(Vec3::new(5.0, 1.0, 0.0), 0.6);
+    let found = placed(&[&parts[..], &[ball]].concat(), &[Vec3::new(-1.0, 1.5, 0.0)]);
+    assert_eq!(found.probes.len(), 1, "{found:?}");
+    let bounds = found.probes[0].bounds;
+    assert!((bounds.min - next[0]).abs().max_element() < 0.1, "{bounds:?}");
+    assert!((bounds.max - next[1]).abs().max_element() < 0.1, "{bounds:?}");
+}
+
+#[test]
+fn an_open_place_needs_none_and_a_court_has_no_ceiling() {
+    let floor = walls(Vec3::new(-5.0, 0.0, -5.0), Vec3::new(5.0, 9.0, 5.0), &[0, 1, 3, 4, 5]);
+    let camera = [Vec3::new(0.0, 1.5, 2.0)];
+    let found = placed(&[floor, ball(Vec3::new(0.0, 0.5, 0.0), 0.5)], &camera);
+    assert!(found.probes.is_empty() && found.open > 0, "{found:?}");
+    let court = walls(Vec3::new(-3.0, 0.0, -3.0), Vec3::new(3.0, 6.0, 3.0), &[3]);
+    let found = placed(&[court, ball(Vec3::new(0.0, 0.5, 0.0), 0.5)], &camera);
+    assert_eq!(found.probes.len(), 1, "{found:?}");
+    let bounds = found.probes[0].bounds;
+    assert!(bounds.max.y > 30.0 && (bounds.max.x - 3.0).abs() < 0.05 && bounds.min.y.abs() < 0.05, "{bounds:?}");
+}
+
+#[test]
+fn scenes_that_make_no_sense_do_not_stop_it() {
+    assert_eq!(placed(&[ball(Vec3::ZERO, 0.0)], &[Vec3::ZERO]), Placement::default());
+    let inside = placed(&[ball(Vec3::ZERO, 1.0)], &[Vec3::ZERO, Vec3::NAN, Vec3::splat(1e9)]);
+    assert!(inside.probes.iter().all(|probe| probe.bounds.min.cmplt(probe.bounds.max).all()), "{inside:?}");
+    assert!(placed(&[ball(Vec3::ZERO, 1.0)], &[]).probes.is_empty());
+}

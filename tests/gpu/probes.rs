@@ -1,0 +1,97 @@
+//! What smooth surfaces mirror of a room, by its probe and by the exact picture.
+
+use std::fmt::Write as _;
+use std::path::PathBuf;
+
+use crate::common::{PictureOptions, Workshop, material, mean_at, sphere, square};
+use pbr_vr::asset::picture::Picture;
+use pbr_vr::render::{LightModel, Shading};
+
+const SIZE: [u32; 2] = [96, 96];
+
+/// A box of six colours, 2 m wide, with a lamp and a thing of polished metal in it.
+fn room(shop: &Workshop, thing: &str, probes: &str) -> PathBuf {
+    shop.panorama("sky.exr", 16, |_| [9.0, 0.0, 9.0]);
+    let walls = [
+        ([0.8, 0.1, 0.1], [0, 0, 0], [0, 0, -1]),
+        ([0.1, 0.8, 0.1], [0, 180, 0], [0, 0, 1]),
+        ([0.1, 0.1, 0.8], [0, 90, 0], [-1, 0, 0]),
+        ([0.7, 0.7, 0.1], [0, -90, 0], [1, 0, 0]),
+        ([0.7, 0.1, 0.7], [-90, 0, 0], [0, -1, 0]),
+        ([0.2, 0.7, 0.7], [90, 0, 0], [0, 1, 0]),
+    ];
+    let mut text = format!("environment = {{ panorama = \"sky.exr\" }}\n{probes}{thing}");
+    for (i, (colour, turned, place)) in walls.iter().enumerate() {
+        shop.write(&format!("{i}.mtl"), &material(*colour, 0.0, 1.0));
+        shop.write(&format!("{i}.obj"), &square(&format!("{i}.mtl")));
+        let at = format!("translation = {place:?}\nrotation_degrees = {turned:?}\nscale = 2");
+        writeln!(text, "[[model]]\nfile = \"{i}.obj\"\n{at}").expect("a string");
+    }
+    // So small a part of the scene, the room gets a small lightmap.
+    text += "[[model]]\nfile = \"0.obj\"\ntranslation = [0, 0, -14]\nscale = 0.01\n";
+    text += "[[light]]\npoint = { position = [-0.4, 0.5, 0.4], intensity = [1, 1, 1] }\n";
+    text += "[[camera]]\nname = \"c\"\nposition = [-0.1, 0.1, 0.9]\ntarget = [0.2, -0.1, -0.2]\nvertical_fov_degrees = 30\n";
+    shop.write("scene.toml", &text)
+}
+
+fn picture(shop: &Workshop, scene: &PathBuf, shading: Shading) -> Picture {
+    let frames = if shading == Shading::Reference { 96 } else { 1 };
+    let options = PictureOptions { size: SIZE, shading, frames, light: LightModel::Baked, ..PictureOptions::default() };
+    shop.render(scene, &options).remove(0)
+}
+
+/// The median over blocks of the picture's middle, which a ball fills, of how far colours are off.
+fn off(got: &Picture, want: &Picture) -> f64 {
+    let middles = || (24..72).step_by(6);
+    let block = |(x, y): (u32, u32)| {
+        let [got, want] = [got, want].map(|picture| mean_at(picture, x, y, 2));
+        let distance: f64 = got.iter().zip(&want).map(|(a, b)| (a - b).abs()).sum();
+        distance / want.iter().sum::<f64>()
+    };
+    let mut off: Vec<f64> = middles().flat_map(|y| middles().map(move |x| (x, y))).map(block).collect();
+    off.sort_by(f64::total_cmp);
+    off[off.len() / 2]
+}
+
+#[test]
+fn a_mirror_ball_shows_each_wall_where_it_is() {
+    let shop = Workshop::new();
+    shop.write("ball.mtl", &material([1.0; 3], 1.0, 0.02));
+    shop.write("ball.obj", &sphere("ball.mtl"));
+    let ball = "[[model]]\nfile = \"ball.obj\"\ntranslation = [0.2, -0.1, -0.2]\nscale = 0.3\n";
+    let probe = |side: f32| {
+        format!(
+            "[[probe]]\nposition = [-0.5, 0.2, 0.1]\nbox = [[-{side}, -{side}, -{side}], [{side}, {side}, {side}]]\n"
+        )
+    };
+    let exact = picture(&shop, &room(&shop, ball, ""), Shading::Reference);
+    let right = off(&picture(&shop, &room(&shop, ball, &probe(1.0)), Shading::Pbr), &exact);
+    let by_rays = off(&picture(&shop, &room(&shop, ball, ""), Shading::Pbr), &exact);
+    let too_large = off(&picture(&shop, &room(&shop, ball, &probe(6.0)), Shading::Pbr), &exact);
+    println!("off by {right:.3} with the room's box, {by_rays:.3} found by rays, {too_large:.3} with a larger box");
+    assert!(right < 0.08 && by_rays < 0.08, "{right}, {by_rays}");
+    assert!(too_large > 2.0 * right, "parallax no longer counts: {right} against {too_large}");
+}
+
+#[test]
+fn no_seam_shows_where_one_probe_ends() {
+    let shop = Workshop::new();
+    shop.write("panel.mtl", &material([1.0; 3], 1.0, 0.3));
+    shop.write("panel.obj", &square("panel.mtl"));
+    // Across the border of the boxes at x = 0, which the camera sees in the picture's middle.
+    let panel = "[[model]]\nfile = \"panel.obj\"\ntranslation = [0.0, 0.0, -0.6]\nrotation_degrees = [0, 0, 0]\n";
+    let half = |low: f32, high: f32| {
+        let middle = 0.5 * (low + high);
+        format!("[[probe]]\nposition = [{middle}, 0, 0]\nbox = [[{low}, -1, -1], [{high}, 1, 1]]\n")
+    };
+    let scene = room(&shop, panel, &(half(-1.0, 0.0) + &half(0.0, 1.0)));
+    let seen = picture(&shop, &scene, Shading::Specular);
+    let columns: Vec<f64> = (4..92).map(|x| mean_at(&seen, x, 48, 1).iter().sum()).collect();
+    let mean = columns.iter().sum::<f64>() / columns.len() as f64;
+    let steps: Vec<f64> = columns.windows(2).map(|pair| (pair[1] - pair[0]).abs() / mean).collect();
+    let largest = steps.iter().copied().fold(0.0, f64::max);
+    let apart = columns.iter().copied().fold(0.0, f64::max) / columns.iter().copied().fold(f64::MAX, f64::min);
+    println!("largest step {largest:.3} of the mean; brightest over darkest {apart:.2}");
+    assert!(apart > 1.1, "both probes show the same: {apart}");
+    assert!(largest < 0.1, "a step of {largest}");
+}
