@@ -231,7 +231,7 @@ fn no_light_leaves_a_closed_box() {
     let eyes = from.map(|from| eye(from, [0.0; 3], 60.0));
     with_gpu(|gpu| {
         for (name, meshes) in cases {
-            let lights = vec![lamp([0.3, -0.2, 0.1], 100.0), lamp([0.85, 0.85, 0.85], 100.0)];
+            let lights = [lamp([0.3, -0.2, 0.1], 100.0), lamp([0.85, 0.85, 0.85], 100.0)];
             let is_ball = name == "a ball";
             let scene =
                 world(meshes, vec![grey(0.9, 0.0, 0.4)], lights[..if is_ball { 1 } else { 2 }].to_vec(), uniform(0.0));
