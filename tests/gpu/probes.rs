@@ -1,7 +1,7 @@
 //! What smooth surfaces mirror of a room, by its probe and by the exact picture.
 
 use std::fmt::Write as _;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use crate::common::{PictureOptions, Workshop, material, mean_at, sphere, square};
 use pbr_vr::asset::picture::Picture;
@@ -35,7 +35,7 @@ fn room(shop: &Workshop, thing: &str, probes: &str) -> PathBuf {
     shop.write("scene.toml", &text)
 }
 
-fn picture(shop: &Workshop, scene: &PathBuf, shading: Shading, camera: &str) -> Picture {
+fn picture(shop: &Workshop, scene: &Path, shading: Shading, camera: &str) -> Picture {
     let frames = if shading == Shading::Reference { 96 } else { 1 };
     let options = PictureOptions {
         size: SIZE,
