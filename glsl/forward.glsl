@@ -53,7 +53,7 @@ vec3 mirrored(Surface s, SpecularLobe lobe, vec3 even)
     float left = 1.0; // the share that no probe gives
     vec3 light = vec3(0.0);
 #ifdef LOCAL_PROBES
-    light = local_specular(lobe, position_world, s.n, even, left);
+    light = local_specular(lobe, s, position_world, even, left);
     if (left <= 0.0)
         return light;
 #endif

@@ -27,14 +27,14 @@ vec3 probe_radiance(uint index, Probe probe, vec3 p, vec3 towards, float level)
     return mix(even, odd, levels.odd_share) * frame.probe_scale;
 }
 
-// What of the light around the probe reaches a surface: its irradiance in the lightmap over the probe's own, at most all. More
-// irradiance than the probe's comes from something bright nearby, not from more light all around.
-// Specular occlusion after Lagarde and de Rousiers, "Moving Frostbite to Physically Based Rendering" (2014), from the same
-// ratio is no nearer to the exact picture.
-vec3 reach_of_probe(uint index, vec3 n, vec3 even)
+// What of the light around the probe reaches a surface, by how much of its irradiance does: the lightmap's over the probe's own.
+// Lagarde and de Rousiers, "Moving Frostbite to Physically Based Rendering" (2014), section 4.10.2. The ratio alone would dim
+// mirrors, too, wherever light merely differs from that at the probe.
+float reach_of_probe(uint index, Surface s, vec3 even)
 {
-    vec3 own = textureLod(probe_irradiance_over_pi, vec4(models_from_world(n), index), 0.0).rgb * frame.probe_scale;
-    return min(even / max(own, vec3(1e-4)), vec3(1.0));
+    vec3 own = textureLod(probe_irradiance_over_pi, vec4(models_from_world(s.n), index), 0.0).rgb * frame.probe_scale;
+    float open = clamp(dot(even, vec3(1.0)) / max(dot(own, vec3(1.0)), 1e-4), 0.0, 1.0);
+    return clamp(pow(s.nv + open, exp2(-16.0 * s.roughness - 1.0)) - 1.0 + open, 0.0, 1.0);
 }
 
 vec3 probe_specular(uint index, Probe probe, vec3 p, SpecularLobe lobe)
@@ -46,7 +46,7 @@ vec3 probe_specular(uint index, Probe probe, vec3 p, SpecularLobe lobe)
 }
 
 // What the probes around a point give of a mirror image; `left`: the share that they leave to the panorama.
-vec3 local_specular(SpecularLobe lobe, vec3 position, vec3 n, vec3 even, out float left)
+vec3 local_specular(SpecularLobe lobe, Surface s, vec3 position, vec3 even, out float left)
 {
     left = 1.0;
     vec3 p = models_from_world(position - frame.world_from_models[3].xyz), light = vec3(0.0);
@@ -54,7 +54,7 @@ vec3 local_specular(SpecularLobe lobe, vec3 position, vec3 n, vec3 even, out flo
         Probe probe = probes[i]; // once: lavapipe reads buffers lane by lane
         float weight = probe_weight(p, probe);
         if (weight > 0.0) {
-            light += left * weight * probe_specular(i, probe, p, lobe) * reach_of_probe(i, n, even);
+            light += left * weight * probe_specular(i, probe, p, lobe) * reach_of_probe(i, s, even);
             left *= 1.0 - weight;
         }
     }

@@ -31,12 +31,20 @@ fn room(shop: &Workshop, thing: &str, probes: &str) -> PathBuf {
     text += "[[model]]\nfile = \"0.obj\"\ntranslation = [0, 0, -14]\nscale = 0.01\n";
     text += "[[light]]\npoint = { position = [-0.4, 0.5, 0.4], intensity = [1, 1, 1] }\n";
     text += "[[camera]]\nname = \"c\"\nposition = [-0.1, 0.1, 0.9]\ntarget = [0.2, -0.1, -0.2]\nvertical_fov_degrees = 30\n";
+    text += "[[camera]]\nname = \"front\"\nposition = [0.6, 0.1, 0.9]\ntarget = [0, 0.1, -0.6]\nvertical_fov_degrees = 30\n";
     shop.write("scene.toml", &text)
 }
 
-fn picture(shop: &Workshop, scene: &Path, shading: Shading) -> Picture {
+fn picture(shop: &Workshop, scene: &Path, shading: Shading, camera: &str) -> Picture {
     let frames = if shading == Shading::Reference { 96 } else { 1 };
-    let options = PictureOptions { size: SIZE, shading, frames, light: LightModel::Baked, ..PictureOptions::default() };
+    let options = PictureOptions {
+        size: SIZE,
+        camera: Some(camera),
+        shading,
+        frames,
+        light: LightModel::Baked,
+        ..PictureOptions::default()
+    };
     shop.render(scene, &options).remove(0)
 }
 
@@ -64,10 +72,10 @@ fn a_mirror_ball_shows_each_wall_where_it_is() {
             "[[probe]]\nposition = [-0.5, 0.2, 0.1]\nbox = [[-{side}, -{side}, -{side}], [{side}, {side}, {side}]]\n"
         )
     };
-    let exact = picture(&shop, &room(&shop, ball, ""), Shading::Reference);
-    let right = off(&picture(&shop, &room(&shop, ball, &probe(1.0)), Shading::Pbr), &exact);
-    let by_rays = off(&picture(&shop, &room(&shop, ball, ""), Shading::Pbr), &exact);
-    let too_large = off(&picture(&shop, &room(&shop, ball, &probe(6.0)), Shading::Pbr), &exact);
+    let exact = picture(&shop, &room(&shop, ball, ""), Shading::Reference, "c");
+    let right = off(&picture(&shop, &room(&shop, ball, &probe(1.0)), Shading::Pbr, "c"), &exact);
+    let by_rays = off(&picture(&shop, &room(&shop, ball, ""), Shading::Pbr, "c"), &exact);
+    let too_large = off(&picture(&shop, &room(&shop, ball, &probe(6.0)), Shading::Pbr, "c"), &exact);
     println!("off by {right:.3} with the room's box, {by_rays:.3} found by rays, {too_large:.3} with a larger box");
     assert!(right < 0.08 && by_rays < 0.08, "{right}, {by_rays}");
     assert!(too_large > 2.0 * right, "parallax no longer counts: {right} against {too_large}");
@@ -78,20 +86,22 @@ fn no_seam_shows_where_one_probe_ends() {
     let shop = Workshop::new();
     shop.write("panel.mtl", &material([1.0; 3], 1.0, 0.3));
     shop.write("panel.obj", &square("panel.mtl"));
-    // Across the border of the boxes at x = 0, which the camera sees in the picture's middle.
+    // Across the border of the boxes at x = 0, in the picture's middle. From the right, so that all that is mirrored there lies to
+    // the left: no wall is at x = 0, where a ray to the right would end.
     let panel = "[[model]]\nfile = \"panel.obj\"\ntranslation = [0.0, 0.0, -0.6]\nrotation_degrees = [0, 0, 0]\n";
     let half = |low: f32, high: f32| {
         let middle = 0.5 * (low + high);
         format!("[[probe]]\nposition = [{middle}, 0, 0]\nbox = [[{low}, -1, -1], [{high}, 1, 1]]\n")
     };
     let scene = room(&shop, panel, &(half(-1.0, 0.0) + &half(0.0, 1.0)));
-    let seen = picture(&shop, &scene, Shading::Specular);
-    let columns: Vec<f64> = (4..92).map(|x| mean_at(&seen, x, 48, 1).iter().sum()).collect();
+    let seen = picture(&shop, &scene, Shading::Specular, "front");
+    let columns: Vec<f64> = (4..92).map(|x| mean_at(&seen, x, 48, 0).iter().sum()).collect();
     let mean = columns.iter().sum::<f64>() / columns.len() as f64;
     let steps: Vec<f64> = columns.windows(2).map(|pair| (pair[1] - pair[0]).abs() / mean).collect();
     let largest = steps.iter().copied().fold(0.0, f64::max);
     let apart = columns.iter().copied().fold(0.0, f64::max) / columns.iter().copied().fold(f64::MAX, f64::min);
     println!("largest step {largest:.3} of the mean; brightest over darkest {apart:.2}");
     assert!(apart > 1.1, "both probes show the same: {apart}");
-    assert!(largest < 0.1, "a step of {largest}");
+    // The border is ten columns wide and what both show differs by about the mean: 0.15 by a smooth step, 0.5 by a hard one.
+    assert!(largest < 0.25, "a step of {largest}");
 }
