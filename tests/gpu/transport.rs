@@ -145,7 +145,7 @@ fn white_things_are_invisible_in_a_furnace() {
         for (name, meshes) in cases {
             let scene = world(meshes, vec![metal.clone(), chalk.clone()], vec![], uniform(1.0));
             let from = eye([0.3, 1.6, 2.2], [0.0, -0.1, 0.0], 45.0);
-            let taken = take(gpu, &scene, &from, Shot::reference(BAKED, 24, 32));
+            let taken = take(gpu, &scene, &from, Shot::reference(BAKED, 24, 128));
             assert_mean(name, &taken, 1.0, 0.002);
             assert!((taken.mean() - 1.0).abs() < 0.005, "{name}");
             let most = taken.pixels.iter().map(|p| (p - 1.0).abs()).fold(0.0, f64::max);
