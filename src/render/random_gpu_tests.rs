@@ -15,6 +15,7 @@ use crate::asset::ktx2::TexelFormat;
 use crate::asset::mips::{level_count, level_size};
 use crate::asset::{MipChain, Panorama};
 use crate::context::Context;
+use crate::gpu::submit_and_wait;
 use crate::gpu::{
     Attachments, ColourAttachment, Constant, Format, FrameRing, Gpu, GraphicsDesc, Image, ImageAccess, ImageDesc,
     ImageUsageFlags, Pipeline, Subresource, read_image,
@@ -207,12 +208,18 @@ fn a_million_random_and_hostile_surfaces_send_light_that_is_finite_not_negative_
             cube_size: 64,
             ..RenderSettings::default()
         };
-        let renderer = Renderer::new(&Context::silent(gpu), &scene, settings, [16, 16], 1).unwrap();
+        let mut renderer = Renderer::new(&Context::silent(gpu), &scene, settings, [16, 16], 1).unwrap();
         assert_eq!(renderer.scene.resources.texture_sets.len(), 1);
         assert!(renderer.scene.lighting.sun.is_some());
         let place = Mat4::from_translation(Vec3::new(0.5, -0.25, 2.0));
         let eyes = [Eye::symmetric(place, 60.0, 1.0, 1.0)];
         let inputs = &FrameInputs::of(&scene, &eyes);
+        // Shadow maps are bound, though nothing casts.
+        submit_and_wait(gpu, |commands| {
+            renderer.scene.update_shadows(commands, None, inputs);
+            Ok(())
+        })
+        .unwrap();
         let ours = Case {
             fragment: "forward.frag",
             shading: Shading::Pbr,
