@@ -43,6 +43,13 @@ struct RayHit {
     vec3 weights; // of a, b, c; their sum is 1
 };
 
+// The normal of a triangle, not of unit length: away from its back.
+vec3 bvh_normal(uint triangle)
+{
+    vec3 a = bvh_triangles[triangle].a;
+    return cross(bvh_triangles[triangle].b - a, bvh_triangles[triangle].c - a);
+}
+
 // Whether a hit on an alpha-tested triangle is in a hole.
 bool is_hole(RayHit hit);
 

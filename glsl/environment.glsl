@@ -2,16 +2,9 @@
 #ifndef PBR_VR_ENVIRONMENT
 #define PBR_VR_ENVIRONMENT
 
-#include "shared.glsl"
-#include "cube.glsl"
 #include "levels.glsl"
+#include "panorama.glsl"
 #include "table.glsl"
-
-// World direction to the frame that the panorama was stored in.
-vec3 panorama_from_world(vec3 d)
-{
-    return rotate_y(d, vec2(frame.environment_rotation.x, -frame.environment_rotation.y));
-}
 
 // Irradiance of a surface facing n, over pi: what a white Lambertian surface sends out, W/(m^2 sr).
 vec3 environment_diffuse(vec3 n)

@@ -29,12 +29,6 @@ vec3 lightmap_diffuse()
     return textureLod(lightmap, vec3(lightmap_uv, layer), 0.0).rgb * INV_PI;
 }
 
-// What of the open panorama's light a mirror image shows: as much as of its irradiance.
-vec3 reach_of_environment(vec3 n, vec3 even)
-{
-    return min(even / max(environment_diffuse(n), vec3(1e-4)), vec3(16.0));
-}
-
 struct Split {
     vec3 diffuse;
     vec3 specular;
@@ -43,6 +37,15 @@ struct Split {
 SpecularLobe lobe_of(Surface s)
 {
     return specular_lobe(s.n, s.v, s.nv, f0_from_metallic(s.base_color, s.metallic), s.roughness);
+}
+
+// What is mirrored where no probe reaches: as much of the open panorama's image as of its irradiance. Where that is next to
+// nothing, light comes from the room alone, as if from all around.
+vec3 distant_specular(SpecularLobe lobe, vec3 n, vec3 even)
+{
+    vec3 reach = even / max(environment_diffuse(n), vec3(1e-20));
+    vec3 of_room = clamp((reach - 4.0) / 12.0, 0.0, 1.0);
+    return mix(environment_specular(lobe) * min(reach, 16.0), lobe.reflectance * even, of_room);
 }
 
 // Single scattering of light from all around; `even`: irradiance over pi.
@@ -57,7 +60,7 @@ vec3 mirrored(Surface s, SpecularLobe lobe, vec3 even)
     if (left <= 0.0)
         return light;
 #endif
-    return light + left * environment_specular(lobe) * reach_of_environment(s.n, even);
+    return light + left * distant_specular(lobe, s.n, even);
 }
 
 // What the environment gives: the split sum, and with the irradiance what is diffuse or scattered more than once. That is

@@ -15,7 +15,7 @@ layout(location = 2) in vec2 uv_in;
 layout(location = 3) in vec2 lightmap_uv_in;
 
 // Centroid: at a triangle's edge, attributes taken outside of it give normals that sparkle.
-layout(location = 0) centroid out vec3 position_world;
+layout(location = 0) centroid out vec4 covered_position; // in the world, with 1
 layout(location = 1) centroid out vec3 normal_world;
 layout(location = 2) out vec2 uv;
 layout(location = 3) centroid out vec4 tangent_world;
@@ -24,8 +24,8 @@ layout(location = 4) flat out uint eye;
 layout(location = 5) flat out vec4 base_color_metallic;
 layout(location = 6) flat out vec2 roughness_alpha_cutoff;
 // Centroid: outside of its triangle a coordinate would reach into another chart.
-layout(location = 8) centroid out vec2 lightmap_uv;
-// At the pixel's centre, for shadow maps: lavapipe's centroids may lie beside the triangle's plane.
+layout(location = 8) centroid out vec2 covered_lightmap_uv;
+// At the pixel's centre, whose neighbours span the triangle's plane.
 layout(location = 7) out vec3 position_centre;
 
 vec3 world_direction(mat4 models_from_local, vec3 local)
@@ -42,13 +42,13 @@ void main()
     mat4 models_from_local = instances[draw.instance].world_from_local;
     // One after the other: models that were not moved stay where they are to the last bit.
     vec4 world = frame.world_from_models * (models_from_local * vec4(position_local, 1.0));
-    position_world = world.xyz;
+    covered_position = world;
     position_centre = world.xyz;
     normal_world = normalize(world_direction(models_from_local, frame_normal(frame_local)));
     vec4 tangent_local = frame_tangent(frame_local);
     tangent_world = vec4(normalize(world_direction(models_from_local, tangent_local.xyz)), tangent_local.w);
     uv = uv_in;
-    lightmap_uv = lightmap_uv_in * (65535.0 / 65536.0);
+    covered_lightmap_uv = lightmap_uv_in * (65535.0 / 65536.0);
     gl_Position = frame.eyes[eye].clip_from_world * world;
     gl_Layer = int(eye);
 }

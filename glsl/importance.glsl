@@ -2,8 +2,7 @@
 #ifndef PBR_VR_IMPORTANCE
 #define PBR_VR_IMPORTANCE
 
-#include "shared.glsl"
-#include "cube.glsl"
+#include "panorama.glsl"
 #include "sampling.glsl"
 #include "sun.glsl"
 
@@ -17,16 +16,6 @@ layout(RAY_IMPORTANCE, scalar) readonly buffer Importance {
     uvec2 cells_size;
     Cell cells[];
 };
-
-vec3 panorama_from_world(vec3 d)
-{
-    return rotate_y(d, vec2(frame.environment_rotation.x, -frame.environment_rotation.y));
-}
-
-vec3 world_from_panorama(vec3 d)
-{
-    return rotate_y(d, frame.environment_rotation);
-}
 
 // Four numbers of 32 random bits each from four counters: Jarzynski and Olano, "Hash Functions for GPU Rendering" (2020),
 // section on PCG in four dimensions. Integers throughout, so no sample repeats however many frames there are.

@@ -15,6 +15,12 @@ vec3 light_irradiance(PointLight light, vec3 position, out vec3 l)
     return squared < 1e38 ? light.intensity / max(squared, max(light.radius * light.radius, 1e-8)) : vec3(0.0); // too far, or NaN
 }
 
+// Density per area of the points that light leaving a lamp evenly meets; `cosine` to the surface's normal.
+float lamp_density(float cosine, float distance_metres)
+{
+    return max(cosine, 0.0) * 0.25 * INV_PI / max(distance_metres * distance_metres, TINY);
+}
+
 // The physically based BRDF for light of no size, in 1/sr.
 vec3 brdf(Surface s, vec3 l, Energy energy, vec2 at_v)
 {

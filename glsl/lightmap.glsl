@@ -48,11 +48,15 @@ layout(LIGHTMAP_LIGHT_IMAGE, rgba16f) uniform image2DArray light_image;
 layout(push_constant, scalar) uniform Work {
     uint first;        // texel or relay
     uint count;        // of them
-    uint first_sample; // of this pass
+    uint first_sample; // its number in the sequence that all passes take their samples from
     uint samples;
-    uint seed;         // different for every pass
+    uint flags;
     uint relay_count;  // 0: none are used
 } work;
+
+// `flags`: sums begin with these samples; their mean is shown from now on.
+const uint WORK_BEGINS = 1;
+const uint WORK_IS_SHOWN = 2;
 
 const float HALF_MOST = 60000.0;
 // How far places are kept from edges, in roundings of a position.
@@ -85,8 +89,7 @@ RayHit texel_hit(LightmapTexel texel, vec2 part)
 PathPoint texel_point(RayHit hit, bool back)
 {
     BvhTriangle triangle = bvh_triangles[hit.triangle];
-    vec3 g = mat3(frame.world_from_models) * cross(triangle.b - triangle.a, triangle.c - triangle.a);
-    g = normalize_or(g, vec3(0.0, 1.0, 0.0));
+    vec3 g = normalize_or(mat3(frame.world_from_models) * bvh_normal(hit.triangle), vec3(0.0, 1.0, 0.0));
     PathPoint p = ray_point(hit, back ? g : -g);
     // Off the triangle's edge: from a place on the very line where a wall meets the floor, rays would pass the floor.
     vec3 middle = (triangle.a + triangle.b + triangle.c) * (1.0 / 3.0);
@@ -99,17 +102,7 @@ PathPoint texel_point(RayHit hit, bool back)
 // lies at such a ray's beginning is not seen either, such as the foot of a wall that reaches below the floor.
 bool is_never_seen(RayHit hit, vec3 d)
 {
-    BvhTriangle triangle = bvh_triangles[hit.triangle];
-    vec3 g = cross(triangle.b - triangle.a, triangle.c - triangle.a);
-    return (triangle.material_and_flags & BVH_ONE_SIDED) != 0u && dot(g, d * mat3(frame.world_from_models)) > 0.0;
-}
-
-// Numbers in [0, 1) for a texel's sample: Roberts, "The Unreasonable Effectiveness of Quasirandom Sequences" (2018), moved by
-// a random offset of its own for every texel.
-vec2 quasirandom(uint index, uvec2 offset)
-{
-    uvec2 bits = offset + index * uvec2(3242174889u, 2447445414u);
-    return vec2(unit_from_bits(bits.x), unit_from_bits(bits.y));
+    return (bvh_triangles[hit.triangle].material_and_flags & BVH_ONE_SIDED) != 0u && is_back(hit, d);
 }
 
 // Whether a metal is so smooth that it does not give lamps' light back as if it were matt.
@@ -142,14 +135,7 @@ vec3 glossy_radiance(RayHit hit, vec3 d)
 // Place i of a texel.
 vec2 texel_place(uint texel, uint i)
 {
-    return quasirandom(i, pcg4d(uvec4(texel, 0u, 0u, 0u)).xy);
-}
-
-// By the cosine to n, for u in [0, 1)^2.
-vec3 cosine_direction(vec3 n, vec2 u)
-{
-    float radius = sqrt(u.x), longitude = 2.0 * PI * u.y;
-    return basis(n) * vec3(radius * cos(longitude), radius * sin(longitude), sqrt(1.0 - u.x));
+    return sobol(i, pcg4d(uvec4(texel, 0u, 0u, 0u)).xy);
 }
 
 // Share of even light that a surface gives back, as if it were matt.

@@ -12,7 +12,7 @@ vec3 lamp_irradiance(PathPoint p, PointLight lamp, out float density)
     density = 0.0;
     if (cosine <= 0.0 || trace_ray(ray_origin(p), l, far, true).t >= 0.0)
         return vec3(0.0);
-    density = cosine * 0.25 * INV_PI / max(far * far, TINY);
+    density = lamp_density(cosine, far);
     return irradiance;
 }
 
@@ -33,7 +33,7 @@ bool is_hidden(PathPoint p, uint probes, uvec4 seed)
 {
     for (uint i = 0u; i < probes; ++i) {
         uvec4 bits = pcg4d(seed + uvec4(0u, 0u, 0u, i));
-        vec3 d = cosine_direction(p.s.n, vec2(unit_from_bits(bits.x), unit_from_bits(bits.y)));
+        vec3 d = basis(p.s.n) * cosine_direction(units_from_bits(bits.xy));
         RayHit hit = trace_ray(ray_origin(p), d, 1e30, false);
         if (hit.t >= 0.0 && is_never_seen(hit, d))
             return true;
@@ -61,7 +61,7 @@ void main()
         return;
     uint index = work.first + gl_GlobalInvocationID.x;
     LightmapTexel texel = lightmap_texels[index];
-    uvec4 random = pcg4d(uvec4(index, work.seed, 0u, 0u));
+    uvec2 scramble = pcg4d(uvec4(index, 0u, 4u, 0u)).xy;
     uint lamps = frame.light_count;
     vec3 given = vec3(0.0), albedo = vec3(0.0);
     float density = 0.0, glossy = 0.0;
@@ -78,7 +78,7 @@ void main()
             density += of_lamp / float(lamps);
         }
         if (frame.sun.irradiance != vec3(0.0))
-            light += sun_irradiance(p, quasirandom(i, random.zw));
+            light += sun_irradiance(p, sobol(i, scramble));
         given += matt * light * INV_PI;
         albedo += matt;
         glossy += is_glossy(p.s) ? 1.0 : 0.0;

@@ -1,4 +1,4 @@
-// Gives texels that lie inside of things the light of those beside them; with `samples` in the lightmap itself, too.
+// Gives texels that lie inside of things the light of those beside them; where it is shown in the lightmap itself, too.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "lightmap.glsl"
@@ -30,7 +30,7 @@ void main()
     }
     if (sum.a > 0.0) {
         imageStore(soft_image, at, vec4(soft_sum / sum.a, lightmap_surfaces[index].albedo.a));
-        if (work.samples > 0u)
+        if ((work.flags & WORK_IS_SHOWN) != 0u)
             imageStore(light_image, at, vec4(sum.rgb / sum.a, 0.0));
     }
 }

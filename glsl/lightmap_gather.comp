@@ -6,16 +6,9 @@
 // Texels across the panorama for light that samples of a hemisphere miss each other by.
 const float PANORAMA_TEXELS = 256.0;
 
-vec3 soft_sky(vec3 d)
-{
-    float lod = max(log2(float(textureSize(panorama, 0).x) / PANORAMA_TEXELS), 0.0);
-    return textureLod(panorama, panorama_uv(panorama_from_world(d)), lod).rgb;
-}
-
 // Irradiance by way of a relay, for a point that samples its hemisphere by the cosine: see path.glsl's `relayed_light`.
-vec3 relay_light(PathPoint p, vec3 origin, uint bits)
+vec3 relay_light(PathPoint p, vec3 origin, Relay relay)
 {
-    Relay relay = relays[min(uint(unit_from_bits(bits) * float(work.relay_count)), work.relay_count - 1u)];
     vec3 to_relay = relay.position - origin;
     float squared = max(dot(to_relay, to_relay), TINY), far = sqrt(squared);
     vec3 l = to_relay / far;
@@ -32,25 +25,32 @@ vec3 relay_light(PathPoint p, vec3 origin, uint bits)
 bool gathered(PathPoint p, vec3 origin, vec3 d, out vec3 light)
 {
     RayHit hit = trace_ray(origin, d, 1e30, false);
-    light = PI * soft_sky(d);
+    light = PI * sky_radiance(d, panorama_lod(PANORAMA_TEXELS));
     if (hit.t < 0.0)
         return true;
     if (is_never_seen(hit, d))
         return false;
-    BvhTriangle triangle = bvh_triangles[hit.triangle];
-    vec3 g = cross(triangle.b - triangle.a, triangle.c - triangle.a), d_models = d * mat3(frame.world_from_models);
-    bool back = dot(g, d_models) > 0.0;
-    vec3 at = lightmap_address(hit, back);
+    vec3 at = lightmap_address(hit, is_back(hit, d));
     vec4 direct = textureLod(given_back_of_direct, at, 0.0), soft = textureLod(given_back_of_soft, at, 0.0);
     if (soft.a > 0.5)
         direct.rgb = glossy_radiance(hit, d);
     if (work.relay_count > 0u) {
-        float area = abs(dot(normalize(g), d_models)) / max(hit.t * hit.t, TINY);
+        vec3 g = normalize_or(bvh_normal(hit.triangle), vec3(0.0));
+        float area = abs(dot(g, d * mat3(frame.world_from_models))) / max(hit.t * hit.t, TINY);
         float here = max(dot(p.s.n, d), 0.0) * INV_PI * area;
         direct.rgb *= here / max(here + direct.a, TINY);
     }
     light = PI * (direct.rgb + soft.rgb);
     return true;
+}
+
+// A basis around n whose first axis lies along an edge: samples of one texel stay spread evenly only if the bases of all its
+// places hang together, which `basis` does not where n.z changes its sign.
+mat3 frame_along(vec3 n, vec3 edge)
+{
+    mat3 otherwise = basis(n);
+    vec3 tangent = normalize_or(edge - dot(edge, n) * n, otherwise[0]);
+    return mat3(tangent, cross(n, tangent), n);
 }
 
 // The nth bit that is set.
@@ -67,22 +67,24 @@ void main()
         return;
     uint index = work.first + gl_GlobalInvocationID.x;
     LightmapTexel texel = lightmap_texels[index];
-    uvec4 random = pcg4d(uvec4(index, 0u, 1u, 0u));
+    uvec4 scramble = pcg4d(uvec4(index, 0u, 1u, 0u));
     uint places = lightmap_surfaces[index].places, count = uint(bitCount(places));
+    BvhTriangle triangle = bvh_triangles[texel.triangle & ~LIGHTMAP_BACK];
+    vec3 edge = mat3(frame.world_from_models) * (triangle.b - triangle.a);
     vec4 sum = vec4(0.0);
     for (uint i = work.first_sample; i < work.first_sample + work.samples && count > 0u; ++i) {
-        uvec4 bits = pcg4d(uvec4(index, work.seed, i, 2u));
-        uint place = nth_bit(places, min(uint(unit_from_bits(bits.x) * float(count)), count - 1u));
+        float random = unit_from_bits(pcg4d(uvec4(index, i, 2u, 0u)).x);
+        uint place = nth_bit(places, min(uint(random * float(count)), count - 1u));
         RayHit hit = texel_hit(texel, texel_place(index, place));
         PathPoint p = texel_point(hit, (texel.triangle & LIGHTMAP_BACK) != 0u);
         vec3 origin = ray_origin(p);
-        vec3 d = cosine_direction(p.s.n, quasirandom(i + work.seed * 64u, random.xy));
+        vec3 d = frame_along(p.s.n, edge) * cosine_direction(sobol(i, scramble.xy));
         vec3 light;
         if (!gathered(p, origin, d, light))
             continue;
         if (work.relay_count > 0u)
-            light += relay_light(p, origin, bits.z);
+            light += relay_light(p, origin, relays[(i ^ scramble.z) % work.relay_count]);
         sum += vec4(light, 1.0);
     }
-    lightmap_sums[index] = work.first_sample == 0u ? sum : lightmap_sums[index] + sum;
+    lightmap_sums[index] = (work.flags & WORK_BEGINS) != 0u ? sum : lightmap_sums[index] + sum;
 }

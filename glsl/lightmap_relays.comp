@@ -9,17 +9,13 @@ void main()
         return;
     uint index = work.first + gl_GlobalInvocationID.x;
     PointLight lamp = lights[index % frame.light_count];
-    vec2 u = quasirandom(index / frame.light_count, pcg4d(uvec4(work.seed)).xy);
-    float up = 2.0 * u.x - 1.0, longitude = 2.0 * PI * u.y;
-    vec3 d = vec3(sqrt(max(1.0 - up * up, 0.0)) * vec2(cos(longitude), sin(longitude)), up);
+    vec3 d = sphere_direction(sobol(index / frame.light_count, pcg4d(uvec4(0u)).xy));
     RayHit hit = trace_ray(lamp.position, d, 1e30, false);
     relays[index] = Relay(vec3(0.0), d, vec3(0.0), 0.0, 0u, vec3(0.0));
     if (hit.t < 0.0)
         return;
     PathPoint p = ray_point(hit, d);
-    bool back = dot(cross(bvh_triangles[hit.triangle].b - bvh_triangles[hit.triangle].a,
-        bvh_triangles[hit.triangle].c - bvh_triangles[hit.triangle].a), d * mat3(frame.world_from_models)) > 0.0;
-    vec3 at = lightmap_address(hit, back);
+    vec3 at = lightmap_address(hit, is_back(hit, d));
     vec4 given = textureLod(given_back_of_direct, at, 0.0);
     uint glossy_triangle = textureLod(given_back_of_soft, at, 0.0).a > 0.5 ? hit.triangle + 1u : 0u;
     relays[index] = Relay(p.position + 2.0 * p.rounding * p.side, p.side, given.rgb, given.a, glossy_triangle, hit.weights);

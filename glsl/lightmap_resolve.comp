@@ -1,4 +1,4 @@
-// Takes the mean of all samples so far: what texels give back of it, and with `samples` the lightmap itself.
+// Takes the mean of all samples so far: what texels give back of it, and where it is shown the lightmap itself.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "lightmap.glsl"
@@ -11,7 +11,7 @@ void main()
     ivec3 at = texel_address(lightmap_texels[index]);
     vec4 sum = lightmap_sums[index];
     vec3 light = sum.a > 0.0 ? min(sum.rgb / sum.a, HALF_MOST) : vec3(0.0);
-    vec3 shown = work.samples > 0u ? light : imageLoad(light_image, at).rgb;
+    vec3 shown = (work.flags & WORK_IS_SHOWN) != 0u ? light : imageLoad(light_image, at).rgb;
     imageStore(light_image, at, vec4(shown, sum.a > 0.0 ? 1.0 : 0.0));
     vec4 albedo = lightmap_surfaces[index].albedo;
     imageStore(soft_image, at, vec4(albedo.rgb * light * INV_PI, albedo.a));

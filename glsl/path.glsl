@@ -21,24 +21,6 @@ const uint CERTAIN_BOUNCES = 3;
 // Above it a path would go on for too long between white walls for what it adds.
 const float MOST_SURVIVAL = 0.98;
 
-// Density of directions towards the panorama where it is seen along d.
-float towards_panorama(vec3 d)
-{
-    return panorama_density(panorama_from_world(d));
-}
-
-vec3 seen_panorama(vec3 d)
-{
-    return panorama_radiance(panorama_from_world(d));
-}
-
-// A unit vector, evenly over the sphere.
-vec3 any_direction(uvec2 bits)
-{
-    float up = 2.0 * unit_from_bits(bits.x) - 1.0, longitude = 2.0 * PI * unit_from_bits(bits.y);
-    return vec3(sqrt(max(1.0 - up * up, 0.0)) * vec2(cos(longitude), sin(longitude)), up);
-}
-
 // The point at n of a lamp's sphere for light towards d: it shines by Lambert's law, and the mean of all points is the lamp.
 PointLight lamp_point(PointLight lamp, vec3 n, vec3 d)
 {
@@ -84,21 +66,15 @@ PointLight any_lamp(uint bits, out float count)
     return lights[min(uint(unit_from_bits(bits) * count), lamps - 1u)];
 }
 
-// Density per area of points that light leaving a lamp evenly meets, `cosine` to the triangle's normal.
-float lamp_density(float cosine, float distance_metres)
-{
-    return max(cosine, 0.0) * 0.25 * INV_PI / max(distance_metres * distance_metres, TINY);
-}
-
 // What a lamp adds by way of one other point, which light from the lamp is followed to. Paths from the eye find the bright
 // spots beside a lamp too rarely; both ways of finding a point are weighted by the balance heuristic.
 vec3 relayed_light(PathPoint p, Scatter m, mat3 world_from_surface, uvec4 bits)
 {
     float count;
     PointLight lamp = any_lamp(bits.x, count);
-    vec3 d = any_direction(bits.yz);
+    vec3 d = sphere_direction(units_from_bits(bits.yz));
     if (lamp.radius > 0.0)
-        lamp = lamp_point(lamp, any_direction(pcg4d(bits).xy), d);
+        lamp = lamp_point(lamp, sphere_direction(units_from_bits(pcg4d(bits).xy)), d);
     RayHit hit = trace_ray(lamp.position, d, 1e30, false);
     if (hit.t < 0.0)
         return vec3(0.0);
@@ -140,7 +116,7 @@ vec3 direct_light(PathPoint p, Scatter m, mat3 world_from_surface, bool first, f
             uint lamp = first ? i : min(uint(unit_from_bits(bits.x) * float(lamps)), lamps - 1u);
             PointLight at = lights[lamp];
             if (at.radius > 0.0) {
-                vec3 n = any_direction(bits.yz);
+                vec3 n = sphere_direction(units_from_bits(bits.yz));
                 at = lamp_point(at, n, normalize_or(p.position - at.position - at.radius * n, n));
             }
             light = lamp_light(p, m, at, l, far) * (first ? 1.0 : float(lamps));
@@ -187,8 +163,9 @@ vec3 transported_light(PathPoint p, uvec4 seed)
         if (TRANSPORT == TRANSPORT_ALL)
             hit = trace_ray(ray_origin(p), l_world, 1e30, false);
         if (hit.t < 0.0) {
-            float share = mirrored ? 1.0 : density / (density + towards_panorama(l_world));
-            sum += throughput * seen_panorama(l_world) * (share * ambient_share(p, l_world));
+            vec3 l_panorama = panorama_from_world(l_world);
+            float share = mirrored ? 1.0 : density / (density + panorama_density(l_panorama));
+            sum += throughput * panorama_radiance(l_panorama) * (share * ambient_share(p, l_world));
             break;
         }
         if (bounce + 1u >= CERTAIN_BOUNCES) {

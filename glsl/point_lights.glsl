@@ -9,7 +9,7 @@
 // The share of a lamp's light that nothing blocks.
 float unblocked(PointLight light)
 {
-    return LAMP_SHADOWS == LAMP_SHADOWS_NONE ? 1.0 : lamp_visibility(light, position_centre, triangle_normal());
+    return LAMP_SHADOWS == LAMP_SHADOWS_NONE ? 1.0 : lamp_visibility(light, position_world, triangle_normal());
 }
 
 // `at_v`: the table's entry at n.v.

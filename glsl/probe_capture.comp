@@ -2,7 +2,7 @@
 // the panorama between them.
 #version 460
 #extension GL_GOOGLE_include_directive : require
-#include "environment.glsl"
+#include "panorama.glsl"
 #include "ray_surface.glsl"
 
 layout(local_size_x = 8, local_size_y = 8) in;
@@ -18,20 +18,13 @@ layout(push_constant, scalar) uniform Work {
 // Rays along each side of a texel.
 const uint RAYS = 2;
 
-vec3 sky(vec3 d, float texels_across)
-{
-    float lod = max(log2(float(textureSize(panorama, 0).x) / texels_across), 0.0);
-    return textureLod(panorama, panorama_uv(panorama_from_world(mat3(frame.world_from_models) * d)), lod).rgb;
-}
-
 vec3 radiance_along(vec3 d, float rays_across)
 {
-    RayHit hit = bvh_trace(work.position, d, 1e30, false);
+    vec3 position = (frame.world_from_models * vec4(work.position, 1.0)).xyz, d_world = mat3(frame.world_from_models) * d;
+    RayHit hit = trace_ray(position, d_world, 1e30, false);
     if (hit.t < 0.0)
-        return sky(d, rays_across);
-    BvhTriangle triangle = bvh_triangles[hit.triangle];
-    bool back = dot(cross(triangle.b - triangle.a, triangle.c - triangle.a), d) > 0.0;
-    vec3 at = lightmap_address(hit, back);
+        return sky_radiance(d_world, panorama_lod(rays_across));
+    vec3 at = lightmap_address(hit, is_back(hit, d_world));
     return textureLod(given_back_of_direct, at, 0.0).rgb + textureLod(given_back_of_soft, at, 0.0).rgb;
 }
 

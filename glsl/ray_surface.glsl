@@ -96,7 +96,7 @@ PathPoint ray_point(RayHit hit, vec3 d)
     vec3 at = vec3(ray_uv(hit), material.textures);
     mat3 turn = mat3(frame.world_from_models);
     vec3 place = hit.weights.x * triangle.a + hit.weights.y * triangle.b + hit.weights.z * triangle.c;
-    vec3 g = turn * normalize_or(cross(triangle.b - triangle.a, triangle.c - triangle.a), vec3(0.0, 1.0, 0.0));
+    vec3 g = turn * normalize_or(bvh_normal(hit.triangle), vec3(0.0, 1.0, 0.0));
     float front = dot(g, d) <= 0.0 ? 1.0 : -1.0;
     vec3 maps = textureLod(ray_orm, at, 0.0).rgb;
     PathPoint p;
@@ -111,6 +111,12 @@ PathPoint ray_point(RayHit hit, vec3 d)
     p.s.roughness = material.roughness * maps.g;
     p.s.occlusion = 1.0; // rays find out themselves what light reaches
     return p;
+}
+
+// Whether a ray of direction d met the back of a triangle.
+bool is_back(RayHit hit, vec3 d)
+{
+    return dot(bvh_normal(hit.triangle), d * mat3(frame.world_from_models)) > 0.0;
 }
 
 // The first hit of a ray in world space, with t in metres.

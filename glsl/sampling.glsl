@@ -24,6 +24,37 @@ vec2 hammersley(uint i, uint log2_count)
     return vec2(unit_from_bits((i << (31u - log2_count)) << 1), radical_inverse(i));
 }
 
+// Two fractions in [0, 1).
+vec2 units_from_bits(uvec2 bits)
+{
+    return vec2(unit_from_bits(bits.x), unit_from_bits(bits.y));
+}
+
+// Point i of Sobol's sequence in two dimensions, a (0, 2)-sequence: each aligned run of 2^k points has one in every one of
+// the 2^k boxes that halving both sides makes. Scrambled by 32 bits for each dimension: Kollig and Keller, "Efficient
+// Multidimensional Sampling" (2002), section 2.2.
+vec2 sobol(uint i, uvec2 scramble)
+{
+    uint second = 0u;
+    for (uint rest = i, column = 0x80000000u; rest != 0u; rest >>= 1u, column ^= column >> 1u)
+        second ^= (rest & 1u) != 0u ? column : 0u;
+    return units_from_bits(uvec2(bitfieldReverse(i), second) ^ scramble);
+}
+
+// A unit vector, evenly over the sphere.
+vec3 sphere_direction(vec2 u)
+{
+    float up = 1.0 - 2.0 * u.x, longitude = 2.0 * PI * u.y;
+    return vec3(sqrt(max(1.0 - up * up, 0.0)) * vec2(cos(longitude), sin(longitude)), up);
+}
+
+// A unit vector by the cosine to +Z: Malley's method, a disc projected up.
+vec3 cosine_direction(vec2 u)
+{
+    float radius = sqrt(u.x), longitude = 2.0 * PI * u.y;
+    return vec3(radius * cos(longitude), radius * sin(longitude), sqrt(1.0 - u.x));
+}
+
 // A right-handed basis around unit n, as columns tangent, bitangent, n: Duff et al., "Building an Orthonormal Basis,
 // Revisited" (2017), listing 3.
 mat3 basis(vec3 n)

@@ -72,16 +72,12 @@ float scatter_density(Scatter m, vec3 l)
 // A direction, and whether it is a mirror's own, which has no density: then light is weighted by Fresnel over the share.
 vec3 sample_scatter(Scatter m, uvec4 bits, out bool mirrored)
 {
-    vec2 u = vec2(unit_from_bits(bits.x), unit_from_bits(bits.y));
+    vec2 u = units_from_bits(bits.xy);
     bool specular = unit_from_bits(bits.z) < m.specular_share;
     mirrored = specular && m.mirror;
     if (mirrored)
         return vec3(-m.v.xy, m.v.z);
-    if (specular)
-        return reflect(-m.v, sample_vndf(m.v, u, m.alpha));
-    // Cosine: Malley's method, a disc projected up.
-    float radius = sqrt(u.x), phi = 2.0 * PI * u.y;
-    return vec3(radius * cos(phi), radius * sin(phi), sqrt(1.0 - u.x));
+    return specular ? reflect(-m.v, sample_vndf(m.v, u, m.alpha)) : cosine_direction(u);
 }
 
 #endif

@@ -1,8 +1,7 @@
 // The panorama behind everything, and its sun.
 #version 460
 #extension GL_GOOGLE_include_directive : require
-#include "shared.glsl"
-#include "environment.glsl"
+#include "panorama.glsl"
 #include "sun.glsl"
 #include "output.glsl"
 
@@ -15,7 +14,6 @@ void main()
     // Texels per pixel from the angle between neighbours: derivatives of u would jump at the seam.
     float radians = max(length(dFdx(d)), length(dFdy(d)));
     float texels = radians * float(textureSize(panorama, 0).y) * INV_PI;
-    float lod = log2(max(texels, 1e-6));
-    vec3 sky = textureLod(panorama, panorama_uv(panorama_from_world(d)), lod).rgb;
+    vec3 sky = sky_radiance(d, log2(max(texels, 1e-6)));
     colour = display_radiance(sky + sun_in_pixel(d, radians));
 }

@@ -10,7 +10,7 @@
 // The part of the disc that the surface sees, 0 to 1.
 float sun_visibility()
 {
-    return SUN_SHADOW ? sun_visibility_at(position_centre, triangle_normal()) : 1.0;
+    return SUN_SHADOW ? sun_visibility_at(position_world, triangle_normal()) : 1.0;
 }
 
 // Irradiance from the sun, W/m^2.

@@ -10,15 +10,19 @@ layout(BASE_COLOR_MAP) uniform sampler2D base_color_map;
 layout(NORMAL_MAP) uniform sampler2D normal_map;
 layout(ORM_MAP) uniform sampler2D orm_map; // occlusion, roughness, metallic
 
-layout(location = 0) centroid in vec3 position_world;
+layout(location = 0) centroid in vec4 covered_position;
 layout(location = 1) centroid in vec3 normal_world;
 layout(location = 2) in vec2 uv;
 layout(location = 3) centroid in vec4 tangent_world;
 layout(location = 4) flat in uint eye;
 layout(location = 5) flat in vec4 base_color_metallic;
 layout(location = 6) flat in vec2 roughness_alpha_cutoff;
-layout(location = 8) centroid in vec2 lightmap_uv;
+layout(location = 8) centroid in vec2 covered_lightmap_uv;
 layout(location = 7) in vec3 position_centre;
+
+// Where the fragment covers its triangle. Divided by an interpolated 1: lavapipe divides centroids by their pixel's w.
+vec3 position_world = covered_position.xyz / covered_position.w;
+vec2 lightmap_uv = covered_lightmap_uv / covered_position.w;
 
 // The normal map's vector in world space. MikkTSpace: the bitangent is made per fragment, and n and t enter as
 // interpolated, not renormalised, because that is how the map was baked (Mikkelsen 2008, "Simulation of Wrinkled

@@ -206,6 +206,9 @@ struct SamplingOutput {
     vndf: [f32; 3],
     pdf_ggx: f32,
     pdf_vndf: f32,
+    sobol: [f32; 2],
+    sphere: [f32; 3],
+    cosine: [f32; 3],
 }
 
 fn sampling_inputs() -> Vec<SamplingInput> {
@@ -262,6 +265,11 @@ fn samples_and_densities_agree() {
         judge.near("radical_inverse", i, &[o.inverse], &[near(sampling::radical_inverse(i.index))], [cut, 0.0]);
         let point = sampling::hammersley(i.index, i.log2_count).to_array();
         judge.near("hammersley", i, &o.point, &point.map(near), [cut, 0.0]);
+        let sobol = sampling::sobol(i.index, [i.log2_count, !i.index]).to_array();
+        judge.near("sobol", i, &o.sobol, &sobol.map(near), [cut, 0.0]);
+        // Roots of differences of a few 1e-8, at the poles and the horizon.
+        judge.near("sphere_direction", i, &o.sphere, &sampling::sphere_direction(u).to_array(), [5e-6, 0.0]);
+        judge.near("cosine_direction", i, &o.cosine, &sampling::cosine_direction(u).to_array(), [5e-6, 0.0]);
         assert!(o.point.iter().all(|x| (0.0..1.0).contains(x)), "{i:?}: {o:?}");
         let basis = sampling::basis(n);
         for (got, want) in [o.tangent, o.bitangent, o.normal].iter().zip([basis.x_axis, basis.y_axis, basis.z_axis]) {

@@ -23,7 +23,7 @@ const NODES: [usize; 2] = [8, 16];
 const SHADER: &str = "brdf_table.comp";
 /// The table in the cache: raise the version when [`SIZE`], the quadrature, the spreads or the weights change.
 pub(super) const CACHE_KIND: CacheKind =
-    CacheKind { copying: "BRDF table from the cache", version: 1, shaders: &[SHADER] };
+    CacheKind { copying: "BRDF table from the cache", version: 1, shaders: &[&[SHADER]] };
 
 /// Layers in f32 (half floats are too coarse near 1): the two parts' albedos and `along`; their `across`
 /// (`reference::table`) with the albedos' means (`reference::energy`); for [`SplitSum::Slices`] three more.

@@ -17,8 +17,8 @@ pub struct CacheKind {
     /// Raise it whenever the same input gives other texels for another reason than its shaders, which are part of the
     /// key: other quadrature nodes, interaction lists or push constants.
     pub version: u32,
-    /// The compute shaders that make them.
-    pub shaders: &'static [&'static str],
+    /// The compute shaders that make them, in groups.
+    pub shaders: &'static [&'static [&'static str]],
 }
 
 /// Fills `images` from the cache, or else by `compute`, and then stores them. `source` is everything that they depend
@@ -95,7 +95,7 @@ fn load(cache: &Cache, key: &str, image: &Image) -> Option<Ktx2> {
 fn common_key(kind: &CacheKind, shaders: &[(&str, Vec<u32>)], machine: [&str; 2], source: &[&[u8]]) -> Key {
     let mut key = Key::new(kind.copying, kind.version);
     machine.iter().for_each(|text| key.add(text.as_bytes()));
-    for (name, words) in shaders.iter().filter(|(name, _)| kind.shaders.contains(name)) {
+    for (name, words) in shaders.iter().filter(|(name, _)| kind.shaders.iter().any(|group| group.contains(name))) {
         key.add(name.as_bytes());
         key.add(bytemuck::cast_slice(words));
     }
@@ -115,7 +115,7 @@ mod tests {
     use super::*;
     use crate::precompute::{brdf_table, light_maps};
 
-    const KIND: CacheKind = CacheKind { copying: "maps", version: 1, shaders: &["a.comp", "b.comp"] };
+    const KIND: CacheKind = CacheKind { copying: "maps", version: 1, shaders: &[&["a.comp"], &["b.comp"]] };
 
     fn shaders(c: u32) -> [(&'static str, Vec<u32>); 3] {
         [("a.comp", vec![1]), ("b.comp", vec![2, 3]), ("other.comp", vec![c])]
@@ -145,8 +145,8 @@ mod tests {
     #[test]
     fn the_shaders_of_every_kind_exist() {
         let all = compute_shaders().unwrap();
-        for name in [light_maps::CACHE_KIND, brdf_table::CACHE_KIND].iter().flat_map(|kind| kind.shaders) {
-            assert!(all.iter().any(|(known, _)| known == name), "{name}");
+        for name in [light_maps::CACHE_KIND, brdf_table::CACHE_KIND].iter().flat_map(|kind| kind.shaders.concat()) {
+            assert!(all.iter().any(|(known, _)| *known == name), "{name}");
         }
     }
 }

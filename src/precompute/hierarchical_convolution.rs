@@ -15,7 +15,7 @@ use crate::gpu::{
 use crate::reference::levels::{LEVELS, alpha_from_level};
 
 /// The shaders of the passes, in their order.
-pub(super) const SHADERS: [&str; 3] = ["cube_and_nodes.comp", "node_merge.comp", "hierarchical_convolution.comp"];
+pub const SHADERS: [&str; 3] = ["cube_and_nodes.comp", "node_merge.comp", "hierarchical_convolution.comp"];
 /// Bytes of `Node` in `glsl/nodes.glsl`.
 const NODE_BYTES: u64 = 64;
 

@@ -20,7 +20,7 @@ const HALF_LIMIT: f32 = 60_000.0;
 
 /// Light maps in the cache: raise the version when interaction lists, lobes, sample counts or [`scale`] change.
 pub(super) const CACHE_KIND: CacheKind =
-    CacheKind { copying: "light maps from the cache", version: 1, shaders: &hierarchical_convolution::SHADERS };
+    CacheKind { copying: "light maps from the cache", version: 1, shaders: &[&hierarchical_convolution::SHADERS] };
 
 /// The light maps of a panorama on the GPU. Irradiance and specular levels are divided by `scale`.
 pub struct LightMaps {

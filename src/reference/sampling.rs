@@ -22,6 +22,32 @@ pub fn hammersley(i: u32, log2_count: u32) -> DVec2 {
     DVec2::new(f64::from(i) / 2f64.powi(log2_count as i32), radical_inverse(i))
 }
 
+/// Point i of Sobol's sequence in two dimensions, a (0, 2)-sequence: each aligned run of 2^k points has one in every one of
+/// the 2^k boxes that halving both sides makes. Scrambled by 32 bits for each dimension: Kollig and Keller, "Efficient
+/// Multidimensional Sampling" (2002), section 2.2. The GLSL twin keeps the upper 24 bits.
+pub fn sobol(i: u32, scramble: [u32; 2]) -> DVec2 {
+    // Each column is the one before, added to itself moved by a place: Pascal's triangle modulo 2.
+    let columns = std::iter::successors(Some(1u32 << 31), |column| Some(column ^ (column >> 1)));
+    let second =
+        columns.take(32).enumerate().filter(|(bit, _)| i >> bit & 1 != 0).fold(0, |sum, (_, column)| sum ^ column);
+    let fraction = |bits: u32| f64::from(bits) / 2f64.powi(32);
+    DVec2::new(fraction(i.reverse_bits() ^ scramble[0]), fraction(second ^ scramble[1]))
+}
+
+/// A unit vector, evenly over the sphere for u over [0, 1)².
+pub fn sphere_direction(u: DVec2) -> DVec3 {
+    let up = 1.0 - 2.0 * u.x;
+    let (sin, cos) = (TAU * u.y).sin_cos();
+    let across = (1.0 - up * up).max(0.0).sqrt();
+    DVec3::new(across * cos, across * sin, up)
+}
+
+/// A unit vector by the cosine to +Z, for u over [0, 1)²: Malley's method, a disc projected up.
+pub fn cosine_direction(u: DVec2) -> DVec3 {
+    let (sin, cos) = (TAU * u.y).sin_cos();
+    DVec3::new(u.x.sqrt() * cos, u.x.sqrt() * sin, (1.0 - u.x).sqrt())
+}
+
 /// A right-handed basis around unit n, as columns tangent, bitangent, n: Duff et al., "Building an Orthonormal Basis,
 /// Revisited" (2017), listing 3.
 pub fn basis(n: DVec3) -> DMat3 {
@@ -110,6 +136,38 @@ mod tests {
                 assert!(ours < 1.0 && (0.0..2f64.powi(-24)).contains(&below), "{exact} against {ours} at {i}");
             }
         }
+    }
+
+    #[test]
+    fn aligned_runs_of_sobol_s_points_fill_every_box() {
+        for (first, scramble) in [(0u32, [0, 0]), (64, [0x1234_5678, 0x9abc_def0]), (4096, [!0, 1])] {
+            for log2_x in 0..=6 {
+                let [across, down] = [1usize << log2_x, 64 >> log2_x];
+                let mut seen = vec![false; 64];
+                for i in first..first + 64 {
+                    let u = sobol(i, scramble);
+                    let place = (u.x * across as f64) as usize + across * (u.y * down as f64) as usize;
+                    assert!(!std::mem::replace(&mut seen[place], true), "two in a box of {across} × {down}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn directions_follow_their_densities() {
+        let mean = |f: fn(DVec3) -> f64, of: fn(DVec2) -> DVec3| {
+            (0..1 << 14).map(|i| f(of(sobol(i, [0; 2])))).sum::<f64>() / f64::from(1 << 14)
+        };
+        let squares: [fn(DVec3) -> f64; 3] = [|d| d.x * d.x, |d| d.y * d.y, |d| d.z * d.z];
+        for (f, by_cosine) in squares.into_iter().zip([0.25, 0.25, 0.5]) {
+            assert!((mean(f, sphere_direction) - 1.0 / 3.0).abs() < 1e-3);
+            assert!((mean(f, cosine_direction) - by_cosine).abs() < 1e-3);
+        }
+        assert!(mean(|d| d.z, sphere_direction).abs() < 1e-3);
+        assert!((mean(|d| d.z, cosine_direction) - 2.0 / 3.0).abs() < 1e-3);
+        let ends = [DVec2::ZERO, DVec2::splat(1.0 - 2f64.powi(-24))];
+        assert!(ends.iter().all(|u| (sphere_direction(*u).length() - 1.0).abs() < 1e-12));
+        assert!(ends.iter().all(|u| (cosine_direction(*u).length() - 1.0).abs() < 1e-12));
     }
 
     #[test]

@@ -2,32 +2,36 @@
 
 use std::sync::Arc;
 
-use super::frame::{FrameInputs, SceneConstants, sun_block};
+use super::baked_light::BakedLight;
+use super::frame::{FRAME_BYTES, FrameInputs, SceneConstants, sun_block};
 use super::frame_set::FrameSet;
 use super::layouts::Layouts;
 use super::lighting::Lighting;
-use super::lightmap::LightmapBake;
 use super::pipeline_request::PipelineRequest;
 use super::probes::LocalProbes;
 use super::scene_resources::SceneResources;
 use super::settings::RenderSettings;
 use super::shadow_maps::{Placement, ShadowMaps};
 use super::shadow_pass::ShadowPass;
+use super::shared::FrameBlock;
 use crate::Result;
 use crate::context::Context;
 use crate::gpu::{
-    AddressMode, Binding, Commands, Compare, DescriptorSet, Format, Gpu, Image, ImageDesc, ImageUsageFlags, PassTime,
-    Sampler, Shape, upload_rows,
+    AddressMode, Binding, Commands, Compare, DescriptorSet, Format, FrameContext, FrameRing, Gpu, Image, ImageDesc,
+    ImageUsageFlags, Sampler, Shape, upload_rows,
 };
+
+/// What a piece of a bake may take where no frame waits for it, milliseconds.
+pub const BAKE_MS: f64 = 50.0;
+/// Steps of a progress bar.
+const PROGRESS: u64 = 1000;
 
 /// A scene and its light, with a descriptor set that is created again when the light changes.
 pub struct BoundScene {
     pub resources: SceneResources,
     pub lighting: Lighting,
-    /// Soft light on the scene's surfaces, where it is modelled.
-    pub lightmap: Option<LightmapBake>,
-    /// What smooth surfaces mirror of the rooms around them, where there are any.
-    pub probes: Option<LocalProbes>,
+    /// Light that surfaces give back, where it is modelled.
+    pub baked: Option<BakedLight>,
     pub shadows: ShadowMaps,
     /// `bindings::SCENE`.
     pub set: DescriptorSet,
@@ -40,43 +44,58 @@ impl BoundScene {
         layouts: &Layouts,
         resources: SceneResources,
         lighting: Lighting,
-        (lightmap, probes): (Option<LightmapBake>, Option<LocalProbes>),
+        baked: Option<BakedLight>,
     ) -> Result<Self> {
         let shadows = ShadowMaps::new(gpu, &resources.shadow_plan, lighting.sun.is_some())?;
-        let set = scene_set(gpu, layouts, (&resources, &shadows), &lighting, (lightmap.as_ref(), probes.as_ref()))?;
-        Ok(Self { resources, lighting, lightmap, probes, shadows, set })
+        let set = scene_set(gpu, layouts, (&resources, &shadows), &lighting, baked.as_ref())?;
+        Ok(Self { resources, lighting, baked, shadows, set })
     }
 
     /// Puts the scene under another light.
     pub fn set_lighting(&mut self, gpu: &Arc<Gpu>, layouts: &Layouts, lighting: Lighting) -> Result<()> {
         let shadows = ShadowMaps::new(gpu, &self.resources.shadow_plan, lighting.sun.is_some())?;
-        self.set = scene_set(
-            gpu,
-            layouts,
-            (&self.resources, &shadows),
-            &lighting,
-            (self.lightmap.as_ref(), self.probes.as_ref()),
-        )?;
+        self.set = scene_set(gpu, layouts, (&self.resources, &shadows), &lighting, self.baked.as_ref())?;
+        self.baked.iter_mut().for_each(|baked| baked.restart(lighting.maps.scale));
         (self.lighting, self.shadows) = (lighting, shadows);
-        self.lightmap.iter_mut().for_each(LightmapBake::restart);
         Ok(())
     }
 
-    /// Whether lightmap and probes hold all light.
-    pub fn is_baked(&self) -> bool {
-        self.lightmap.as_ref().is_none_or(LightmapBake::is_done)
-            && self.probes.as_ref().is_none_or(LocalProbes::is_done)
+    /// Follows what light depends on in a frame; returns whether there is a piece of it to compute.
+    pub fn follow_light(&mut self, inputs: &FrameInputs<'_>) -> bool {
+        let scale = self.lighting.maps.scale;
+        self.baked.as_mut().is_some_and(|baked| baked.follow(inputs.light_state(), scale))
     }
 
-    /// Records a piece of what probes capture, once the lightmap has all light that surfaces give back.
-    pub fn update_probes(&mut self, commands: &mut Commands<'_>, frame: FrameSet<'_>, finished: &[PassTime], ms: f64) {
-        let Self { lightmap, probes: Some(probes), lighting, set, .. } = self else { return };
-        if lightmap.as_ref().is_some_and(LightmapBake::is_done) {
-            probes.pace(finished, ms);
-            probes.record(commands, frame, set, lighting.maps.scale);
-        } else {
-            probes.restart(lighting.maps.scale);
+    /// Records the next piece of light, of about `target_ms`.
+    pub fn record_light(&mut self, frame: &mut FrameContext<'_>, block: &FrameBlock, target_ms: f64) -> Result<()> {
+        let Some(baked) = &mut self.baked else { return Ok(()) };
+        let set = FrameSet { set: frame.set, block: frame.push(block)? };
+        baked.pace(&frame.finished, target_ms);
+        baked.record(&mut frame.commands, set, &self.set, self.lighting.maps.scale);
+        Ok(())
+    }
+
+    /// Computes light to its end, and keeps it in the cache.
+    pub fn finish_light(&mut self, context: &Context, inputs: &FrameInputs<'_>) -> Result<()> {
+        if !self.follow_light(inputs) {
+            return Ok(());
         }
+        let mut ring = FrameRing::new(&context.gpu, FRAME_BYTES)?;
+        let (block, progress) = (inputs.block(self.constants()), context.report.progress("light", PROGRESS));
+        while let Some(part) = self.light_progress() {
+            let mut frame = ring.begin()?;
+            self.record_light(&mut frame, &block, BAKE_MS)?;
+            progress.set_position((part * PROGRESS as f32) as u64);
+            frame.submit(None)?;
+        }
+        ring.finish_all()?;
+        progress.finish_and_clear();
+        self.keep_light(context, inputs.environment_rotation)
+    }
+
+    /// The part of light that is computed, while it is; 0 to 1.
+    pub fn light_progress(&self) -> Option<f32> {
+        self.baked.as_ref().filter(|baked| !baked.is_done()).map(|baked| baked.lightmap.progress())
     }
 
     /// Records the drawing of shadow maps that do not show the scene as it is, if a pass draws any.
@@ -87,34 +106,31 @@ impl BoundScene {
         self.shadows.update(commands, pass, (&self.resources, &self.set), place);
     }
 
-    /// Takes lightmap and probes from the cache, if both are there for the scene as its file has it.
+    /// Takes lightmap and probes from the cache, if they are there for the scene as its file has it.
     pub fn load_light(&mut self, context: &Context, rotation: f32) -> Result<()> {
-        let Some(source) = self.light_source(rotation) else { return Ok(()) };
-        let Some(lightmap) = &mut self.lightmap else { return Ok(()) };
-        lightmap.load(context, source)?;
-        if let Some(probes) = self.probes.as_mut().filter(|_| lightmap.is_done())
-            && !probes.load(context, source, self.lighting.maps.scale)?
-        {
-            lightmap.start_over();
-        }
-        Ok(())
+        let (source, scale) = (self.light_source(rotation), self.lighting.maps.scale);
+        let Some((source, baked)) = source.zip(self.baked.as_mut()) else { return Ok(()) };
+        baked.load(context, &[source.as_bytes()], scale)
     }
 
     /// Stores lightmap and probes in the cache.
-    pub fn keep_light(&self, context: &Context, rotation: f32) -> Result<()> {
-        let Some(source) = self.light_source(rotation) else { return Ok(()) };
-        self.lightmap.as_ref().map_or(Ok(()), |lightmap| lightmap.keep(context, source))?;
-        self.probes.as_ref().map_or(Ok(()), |probes| probes.keep(context, source))
+    fn keep_light(&self, context: &Context, rotation: f32) -> Result<()> {
+        let Some((source, baked)) = self.light_source(rotation).zip(self.baked.as_ref()) else { return Ok(()) };
+        baked.keep(context, &[source.as_bytes()])
     }
 
-    /// A hash of everything that soft light depends on, with the panorama turned by `rotation` radians and models where the
-    /// scene has them.
-    pub fn light_source(&self, rotation: f32) -> Option<blake3::Hash> {
+    /// A hash of everything outside of `baked` that soft light depends on, with the panorama turned by `rotation` radians and
+    /// models where the scene has them.
+    fn light_source(&self, rotation: f32) -> Option<blake3::Hash> {
         let mut hasher = blake3::Hasher::new();
         hasher.update(self.resources.digest?.as_bytes());
         hasher.update(self.lighting.digest?.as_bytes());
         hasher.update(&rotation.to_le_bytes());
         Some(hasher.finalize())
+    }
+
+    fn probes(&self) -> Option<&LocalProbes> {
+        self.baked.as_ref()?.probes.as_ref()
     }
 
     /// The scene's part of each [`FrameBlock`](super::shared::FrameBlock).
@@ -125,7 +141,7 @@ impl BoundScene {
             light_count: self.resources.light_count,
             sun: *sun,
             sun_shadow: self.shadows.sun_block(sun.as_ref()),
-            probe_scale: self.probes.as_ref().map_or(0.0, LocalProbes::scale),
+            probe_scale: self.probes().map_or(0.0, LocalProbes::scale),
         }
     }
 
@@ -142,8 +158,8 @@ impl BoundScene {
             layouts: Arc::clone(layouts),
             variants: self.resources.variants.clone(),
             constant_lights: self.resources.constant_lights,
-            lightmap_layers: self.lightmap.as_ref().map_or(0, LightmapBake::layers),
-            probes: self.probes.as_ref().map_or(0, LocalProbes::count),
+            lightmap_layers: self.baked.as_ref().map_or(0, |baked| baked.lightmap.layers()),
+            probes: self.probes().map_or(0, LocalProbes::count),
             ray_scene: Arc::clone(&self.resources.ray_scene),
             casts: self.resources.shadow_plan.casts,
             planned_shadows: self.resources.shadow_plan.kind,
@@ -169,9 +185,10 @@ fn scene_set(
     layouts: &Layouts,
     (resources, shadows): (&SceneResources, &ShadowMaps),
     Lighting { maps, table, .. }: &Lighting,
-    (lightmap, probes): (Option<&LightmapBake>, Option<&LocalProbes>),
+    baked: Option<&BakedLight>,
 ) -> Result<DescriptorSet> {
-    let lightmap = lightmap.map_or_else(|| no_lightmap(gpu), |lightmap| Ok(Arc::clone(lightmap.image())))?;
+    let lightmap = baked.map_or_else(|| no_lightmap(gpu), |baked| Ok(Arc::clone(baked.lightmap.image())))?;
+    let probes = baked.and_then(|baked| baked.probes.as_ref());
     // Shaders without probes read none of these.
     let blocks = probes.map_or(&resources.lights, |probes| &probes.blocks);
     let [even, odd, irradiance] = probes.map_or([&lightmap; 3], LocalProbes::maps);

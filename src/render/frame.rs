@@ -2,10 +2,10 @@
 
 use glam::{DVec2, Mat4};
 
+use super::baked_light::LightState;
 use super::draws::CullOptions;
 use super::eye::Eye;
 use super::gizmos::{ControllerGizmos, GizmoVertex, MAX_GIZMO_VERTICES};
-use super::lightmap::LightState;
 use super::overlay::MAX_CHARACTERS;
 use super::shared::{EyeBlock, FrameBlock, SunBlock, SunShadowBlock};
 use crate::reference::cube::rotate_y;

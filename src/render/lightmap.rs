@@ -6,56 +6,51 @@
 use std::sync::Arc;
 
 use bytemuck::{Pod, Zeroable, bytes_of};
-use glam::{Mat4, Vec3};
+use glam::Vec3;
 
-use super::frame_set::FrameSet;
+use super::bake_sets::BakeSets;
 use super::layouts::Layouts;
-use super::ray_scene::{LazyRayScene, RaySet};
-use super::shared::constant;
+use super::pace::Pace;
+use super::ray_scene::LazyRayScene;
 use crate::Result;
-use crate::context::Context;
 use crate::gpu::{
     AddressMode, Binding, Buffer, BufferKind, Commands, Constant, DescriptorSet, Format, Gpu, Image, ImageAccess,
     ImageDesc, ImageUsageFlags, PassTime, Pipeline, Sampler, Shape, submit_and_wait,
 };
-use crate::precompute::{CacheKind, keep_cached, load_cached};
 use crate::scene::lightmap_texels::{BACK, LightmapTexel, LightmapTexels};
 
 /// Name of the pass, for its times.
 pub const PASS: &str = "lightmap";
 /// Bounces before the last. In a room whose walls give back two thirds, what is missing then is below 1 %.
-const BOUNCES: u32 = 12;
+const BOUNCES: u32 = 40;
 /// Samples of a texel for each of these bounces: their noise is averaged by the gathering that follows.
-const BOUNCE_SAMPLES: u32 = 4;
-/// Samples of a texel at last, and how many of them are taken at once.
+const BOUNCE_SAMPLES: u32 = 2;
+/// Samples of a texel at last, a power of two, and how many of them are taken at once.
 const SAMPLES: u32 = 64;
 const AT_ONCE: u32 = 8;
+/// The last ones begin an aligned run of the sequence, which is spread evenly.
+const FIRST_OF_LAST: u32 = (BOUNCES * BOUNCE_SAMPLES).next_multiple_of(SAMPLES);
 /// Of them, as many as it takes until the lightmap is better than an open sky.
 const PRESENTABLE: u32 = 16;
 /// Places of a texel, at most 31: of each it is found out whether it is seen, and which lamps and sun reach it.
 const DIRECT_SAMPLES: u32 = 16;
-/// Places that light from lamps is followed to, where a lamp is near a surface.
+/// Places that light from lamps is followed to, where a lamp is near a surface; a power of two.
 const RELAYS: u32 = 1 << 14;
 /// Part of the scene's radius nearer than which a lamp makes a spot that few rays find.
 const NEAR_LAMP: f32 = 0.1;
 /// Texels of a workgroup.
 const GROUP: u32 = 64;
-/// Texels times samples of the first piece, and of the least and the largest.
-const FIRST_PIECE: f64 = 16_384.0;
-const PIECES: std::ops::RangeInclusive<f64> = 4096.0..=4e8;
+/// Texels times samples of the least and of the largest piece.
+const PIECES: std::ops::RangeInclusive<f64> = 8192.0..=4e8;
 
-/// Lightmaps in the cache: raise the version when samples, seeds or the list of texels change.
-const CACHE_KIND: CacheKind = CacheKind {
-    copying: "lightmap from the cache",
-    version: 1,
-    shaders: &[
-        "lightmap_direct.comp",
-        "lightmap_relays.comp",
-        "lightmap_gather.comp",
-        "lightmap_resolve.comp",
-        "lightmap_fill.comp",
-    ],
-};
+/// The compute shaders that make a lightmap what it is.
+pub const SHADERS: [&str; 5] = [
+    "lightmap_direct.comp",
+    "lightmap_relays.comp",
+    "lightmap_gather.comp",
+    "lightmap_resolve.comp",
+    "lightmap_fill.comp",
+];
 
 /// The push constants of its passes.
 #[repr(C)]
@@ -65,20 +60,13 @@ struct Work {
     count: u32,
     first_sample: u32,
     samples: u32,
-    seed: u32,
+    flags: u32,
     relay_count: u32,
 }
 
-/// What light on a scene changes with while it is shown.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct LightState {
-    /// Of the panorama about +Y, radians.
-    pub rotation: f32,
-    pub world_from_models: Mat4,
-}
-
-/// Frames in which nothing moves before light is computed again.
-const REST: u32 = 10;
+/// [`Work::flags`]: sums begin with these samples; their mean is shown from now on.
+const BEGINS: u32 = 1;
+const IS_SHOWN: u32 = 2;
 
 /// What is being computed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -94,11 +82,63 @@ enum Stage {
     Done,
 }
 
+impl Stage {
+    fn next(self, has_relays: bool) -> Self {
+        match self {
+            Self::Open => Self::Direct,
+            Self::Direct if has_relays => Self::Relays,
+            Self::Direct | Self::Relays => Self::Bounce(0),
+            Self::Bounce(bounce) if bounce + 1 < BOUNCES => Self::Bounce(bounce + 1),
+            Self::Bounce(_) => Self::Last(0),
+            Self::Last(samples) if samples + AT_ONCE < SAMPLES => Self::Last(samples + AT_ONCE),
+            Self::Last(_) | Self::Done => Self::Done,
+        }
+    }
+
+    /// Samples of a texel.
+    fn samples(self) -> u32 {
+        match self {
+            Self::Direct => DIRECT_SAMPLES,
+            Self::Bounce(_) => BOUNCE_SAMPLES,
+            Self::Last(_) => AT_ONCE,
+            Self::Open | Self::Relays | Self::Done => 1,
+        }
+    }
+
+    /// The first of them in the sequence of all.
+    fn first_sample(self) -> u32 {
+        match self {
+            Self::Bounce(bounce) => bounce * BOUNCE_SAMPLES,
+            Self::Last(samples) => FIRST_OF_LAST + samples,
+            Self::Open | Self::Direct | Self::Relays | Self::Done => 0,
+        }
+    }
+
+    fn flags(self) -> u32 {
+        match self {
+            Self::Bounce(_) => BEGINS,
+            Self::Last(samples) => {
+                (if samples == 0 { BEGINS } else { 0 }) | (if samples + AT_ONCE >= PRESENTABLE { IS_SHOWN } else { 0 })
+            }
+            Self::Open | Self::Direct | Self::Relays | Self::Done => 0,
+        }
+    }
+
+    /// Samples of a texel that came before it.
+    fn samples_before(self) -> u32 {
+        match self {
+            Self::Open | Self::Direct | Self::Relays => 0,
+            Self::Bounce(bounce) => DIRECT_SAMPLES + bounce * BOUNCE_SAMPLES,
+            Self::Last(samples) => DIRECT_SAMPLES + BOUNCES * BOUNCE_SAMPLES + samples,
+            Self::Done => DIRECT_SAMPLES + BOUNCES * BOUNCE_SAMPLES + SAMPLES,
+        }
+    }
+}
+
 /// A lightmap that is being computed.
 pub struct LightmapBake {
-    pipelines: Arc<Pipelines>,
+    pipelines: Pipelines,
     set: DescriptorSet,
-    rays: RaySet,
     /// Irradiance of soft light, a layer for fronts and one for backs where there are any.
     light: Arc<Image>,
     soft: Arc<Image>,
@@ -111,12 +151,7 @@ pub struct LightmapBake {
     /// Texels of this stage that are done.
     cursor: u32,
     /// Texels times samples of a piece.
-    piece: f64,
-    /// What it is computed for; `None` before the first frame.
-    computed_for: Option<LightState>,
-    /// The last frame's state, and for how many frames it has been the same.
-    last: Option<LightState>,
-    still: u32,
+    pace: Pace,
 }
 
 struct Pipelines {
@@ -129,9 +164,8 @@ struct Pipelines {
 }
 
 impl Pipelines {
-    fn new(gpu: &Arc<Gpu>, layouts: &Layouts, multiple: bool) -> Result<Self> {
-        let constants: [Constant; 1] = [(constant::MULTI_SCATTER, u32::from(multiple))];
-        let pipeline = |shader| Pipeline::compute(gpu, shader, &constants, &layouts.baking(), size_of::<Work>() as u32);
+    fn new(gpu: &Arc<Gpu>, layouts: &Layouts, constants: &[Constant]) -> Result<Self> {
+        let pipeline = |shader| Pipeline::compute(gpu, shader, constants, &layouts.baking(), size_of::<Work>() as u32);
         Ok(Self {
             open: pipeline("lightmap_open.comp")?,
             direct: pipeline("lightmap_direct.comp")?,
@@ -141,6 +175,16 @@ impl Pipelines {
             fill: pipeline("lightmap_fill.comp")?,
         })
     }
+
+    /// What computes a stage's pieces.
+    fn of(&self, stage: Stage) -> &Pipeline {
+        match stage {
+            Stage::Open => &self.open,
+            Stage::Direct => &self.direct,
+            Stage::Relays => &self.relays,
+            Stage::Bounce(_) | Stage::Last(_) | Stage::Done => &self.gather,
+        }
+    }
 }
 
 /// Whether a texel is of a triangle's back.
@@ -149,11 +193,18 @@ fn is_back(texel: &LightmapTexel) -> bool {
 }
 
 impl LightmapBake {
-    /// Prepares a lightmap of `side` × `side` texels.
+    /// Prepares a lightmap of `side` × `side` texels for a scene with these lamps; `constants` of shaders say how often light
+    /// bounces between microfacets.
     ///
     /// # Errors
     /// No memory; a failed Vulkan call.
-    pub fn new(gpu: &Arc<Gpu>, layouts: &Layouts, ray_scene: &LazyRayScene, side: u32, lamps: &[Vec3]) -> Result<Self> {
+    pub fn new(
+        gpu: &Arc<Gpu>,
+        layouts: &Layouts,
+        (ray_scene, lamps): (&LazyRayScene, &[Vec3]),
+        side: u32,
+        constants: &[Constant],
+    ) -> Result<Self> {
         let scene = ray_scene.get(gpu, layouts)?;
         let texels = ray_scene.lightmap_texels(&scene, side);
         let LightmapTexels { all, seen } = texels;
@@ -190,9 +241,8 @@ impl LightmapBake {
             Binding::StorageImage(&light, 0),
         ];
         Ok(Self {
-            pipelines: Arc::new(Pipelines::new(gpu, layouts, true)?),
+            pipelines: Pipelines::new(gpu, layouts, constants)?,
             set: DescriptorSet::new(gpu, "lightmap", &layouts.lightmap, &bindings)?,
-            rays: RaySet::new(gpu, layouts, Some(ray_scene), None)?,
             light,
             soft,
             direct,
@@ -201,10 +251,7 @@ impl LightmapBake {
             relays: if scene.is_near(lamps, NEAR_LAMP) { RELAYS } else { 0 },
             stage: Stage::Open,
             cursor: 0,
-            piece: FIRST_PIECE,
-            computed_for: None,
-            last: None,
-            still: 0,
+            pace: Pace::new(PASS, PIECES),
         })
     }
 
@@ -213,24 +260,9 @@ impl LightmapBake {
         &self.light
     }
 
-    /// Takes it from the cache, where it was computed for the same `source`: everything that light depends on.
-    ///
-    /// # Errors
-    /// A failed Vulkan call.
-    pub fn load(&mut self, context: &Context, source: blake3::Hash) -> Result<()> {
-        let images: [(&str, &Image); 1] = [("lightmap", &self.light)];
-        if load_cached(context, &CACHE_KIND, &[source.as_bytes()], &images)?.is_some() {
-            self.stage = Stage::Done;
-        }
-        Ok(())
-    }
-
-    /// Stores it in the cache.
-    ///
-    /// # Errors
-    /// A failed Vulkan call.
-    pub fn keep(&self, context: &Context, source: blake3::Hash) -> Result<()> {
-        keep_cached(context, &CACHE_KIND, &[source.as_bytes()], &[("lightmap", &self.light)])
+    /// Takes the image for the light of the scene, as it was computed before.
+    pub fn finish(&mut self) {
+        self.stage = Stage::Done;
     }
 
     /// Computes it again, for other light; until it is better, the old one stays.
@@ -238,26 +270,9 @@ impl LightmapBake {
         (self.stage, self.cursor) = (Stage::Direct, 0);
     }
 
-    /// Computes all of it, where what was computed before does not tell what surfaces give back.
-    pub fn start_over(&mut self) {
-        (self.stage, self.cursor) = (Stage::Open, 0);
-    }
-
     /// What each texel gives back of direct and of soft light, radiance; only once it is computed, not from the cache.
     pub fn given_back(&self) -> [&Arc<Image>; 2] {
         [&self.direct, &self.soft]
-    }
-
-    /// Follows a frame's state: once that has rested, light is computed again for it. Returns whether there is a piece to
-    /// record.
-    pub fn follow(&mut self, now: LightState) -> bool {
-        self.still = if self.last == Some(now) { self.still + 1 } else { 0 };
-        self.last = Some(now);
-        if *self.computed_for.get_or_insert(now) != now && self.still >= REST {
-            self.computed_for = Some(now);
-            self.restart();
-        }
-        self.computed_for == Some(now) && !self.is_done()
     }
 
     /// Layers: fronts, and backs where some can be seen.
@@ -272,128 +287,73 @@ impl LightmapBake {
 
     /// The part that is done, 0 to 1.
     pub fn progress(&self) -> f32 {
-        let samples = |stage| match stage {
-            Stage::Open | Stage::Direct | Stage::Relays => 0,
-            Stage::Bounce(bounce) => DIRECT_SAMPLES + bounce * BOUNCE_SAMPLES,
-            Stage::Last(samples) => DIRECT_SAMPLES + BOUNCES * BOUNCE_SAMPLES + samples,
-            Stage::Done => DIRECT_SAMPLES + BOUNCES * BOUNCE_SAMPLES + SAMPLES,
-        };
-        let now = samples(self.stage) as f32 + self.samples() as f32 * self.cursor as f32 / self.texels.max(1) as f32;
-        (now / samples(Stage::Done) as f32).min(1.0)
+        let of_stage = self.stage.samples() as f32 * self.cursor as f32 / self.texels.max(1) as f32;
+        ((self.stage.samples_before() as f32 + of_stage) / Stage::Done.samples_before() as f32).min(1.0)
     }
 
     /// Makes the next piece take about `target_ms`, from the times of a frame that a piece was part of.
     pub fn pace(&mut self, times: &[PassTime], target_ms: f64) {
-        if let Some(time) = times.iter().find(|time| time.name == PASS).filter(|time| time.ms > 0.0) {
-            let scale = (target_ms / time.ms).clamp(0.25, 2.0);
-            self.piece = (self.piece * scale).clamp(*PIECES.start(), *PIECES.end());
-        }
+        self.pace.follow(times, target_ms);
     }
 
-    /// Samples of a texel in this stage.
-    fn samples(&self) -> u32 {
-        match self.stage {
-            Stage::Direct => DIRECT_SAMPLES,
-            Stage::Bounce(_) => BOUNCE_SAMPLES,
-            Stage::Last(_) => AT_ONCE,
-            Stage::Open | Stage::Relays | Stage::Done => 1,
-        }
-    }
-
-    /// Records the next piece of work.
-    pub fn record(&mut self, commands: &mut Commands<'_>, frame: FrameSet<'_>, scene: &DescriptorSet) {
-        if self.stage == Stage::Done {
+    /// Records the next piece of work, if there is any.
+    pub fn record(&mut self, commands: &mut Commands<'_>, sets: &BakeSets<'_>) {
+        if self.is_done() {
             return;
         }
         commands.pass(PASS, |commands| {
             commands.buffers_written();
             commands.prepare(&self.light, ImageAccess::Storage);
-            match self.stage {
-                Stage::Open | Stage::Direct => {
-                    commands.prepare(&self.direct, ImageAccess::Storage);
-                    commands.prepare(&self.soft, ImageAccess::Storage);
-                }
-                _ => {
-                    commands.prepare(&self.direct, ImageAccess::Sampled);
-                    commands.prepare(&self.soft, ImageAccess::Sampled);
-                }
+            let access = match self.stage {
+                Stage::Open | Stage::Direct => ImageAccess::Storage,
+                _ => ImageAccess::Sampled,
+            };
+            [&self.direct, &self.soft].iter().for_each(|image| commands.prepare(image, access));
+            let (work, all) = self.next_piece();
+            self.dispatch(commands, self.pipelines.of(self.stage), sets, work);
+            self.cursor += work.count;
+            if self.cursor >= all {
+                self.end_stage(commands, sets);
             }
-            self.piece(commands, frame, scene);
             commands.prepare(&self.light, ImageAccess::Sampled);
         });
     }
 
-    fn piece(&mut self, commands: &mut Commands<'_>, frame: FrameSet<'_>, scene: &DescriptorSet) {
+    /// The next piece of this stage, and the elements of the whole stage.
+    fn next_piece(&self) -> (Work, u32) {
         let all = match self.stage {
             Stage::Open => self.all_texels,
             Stage::Relays => self.relays,
             _ => self.texels,
         };
-        let count = ((self.piece / f64::from(self.samples())) as u32).clamp(1, all - self.cursor.min(all)).max(1);
-        let mut work = Work {
+        let samples = self.stage.samples();
+        let most = ((self.pace.size() / f64::from(samples)) as u32).max(1);
+        let work = Work {
             first: self.cursor,
-            count: count.min(all - self.cursor.min(all)),
-            samples: self.samples(),
+            count: most.min(all - self.cursor),
+            first_sample: self.stage.first_sample(),
+            samples,
+            flags: self.stage.flags(),
             relay_count: self.relays,
-            ..Work::default()
         };
-        let pipelines = Arc::clone(&self.pipelines);
-        let pipeline = match self.stage {
-            Stage::Open => &pipelines.open,
-            Stage::Direct => &pipelines.direct,
-            Stage::Relays => &pipelines.relays,
-            Stage::Bounce(bounce) => {
-                work.seed = 1 + bounce;
-                &pipelines.gather
-            }
-            Stage::Last(samples) => {
-                (work.seed, work.first_sample) = (1 + BOUNCES, samples);
-                &pipelines.gather
-            }
-            Stage::Done => return,
-        };
-        self.dispatch(commands, pipeline, (frame, scene), work);
-        self.cursor += work.count;
-        if self.cursor >= all {
-            self.next_stage(commands, frame, scene);
-        }
+        (work, all)
     }
 
-    fn next_stage(&mut self, commands: &mut Commands<'_>, frame: FrameSet<'_>, scene: &DescriptorSet) {
-        self.cursor = 0;
+    fn end_stage(&mut self, commands: &mut Commands<'_>, sets: &BakeSets<'_>) {
         if matches!(self.stage, Stage::Bounce(_) | Stage::Last(_)) {
-            let is_shown = matches!(self.stage, Stage::Last(samples) if samples + AT_ONCE >= PRESENTABLE);
-            let all = Work { count: self.texels, samples: u32::from(is_shown), ..Work::default() };
+            let all = Work { count: self.texels, flags: self.stage.flags(), ..Work::default() };
             commands.buffers_written();
             commands.prepare(&self.soft, ImageAccess::Storage);
-            let pipelines = Arc::clone(&self.pipelines);
-            self.dispatch(commands, &pipelines.resolve, (frame, scene), all);
+            self.dispatch(commands, &self.pipelines.resolve, sets, all);
             commands.prepare(&self.light, ImageAccess::Storage);
             commands.prepare(&self.soft, ImageAccess::Storage);
-            self.dispatch(commands, &pipelines.fill, (frame, scene), all);
+            self.dispatch(commands, &self.pipelines.fill, sets, all);
         }
-        self.stage = match self.stage {
-            Stage::Open => Stage::Direct,
-            Stage::Direct if self.relays > 0 => Stage::Relays,
-            Stage::Direct | Stage::Relays => Stage::Bounce(0),
-            Stage::Bounce(bounce) if bounce + 1 < BOUNCES => Stage::Bounce(bounce + 1),
-            Stage::Bounce(_) => Stage::Last(0),
-            Stage::Last(samples) if samples + AT_ONCE < SAMPLES => Stage::Last(samples + AT_ONCE),
-            Stage::Last(_) | Stage::Done => Stage::Done,
-        };
+        (self.stage, self.cursor) = (self.stage.next(self.relays > 0), 0);
     }
 
-    fn dispatch(
-        &self,
-        commands: &mut Commands<'_>,
-        pipeline: &Pipeline,
-        (frame, scene): (FrameSet<'_>, &DescriptorSet),
-        work: Work,
-    ) {
-        frame.bind(commands, pipeline, 0);
-        commands.bind_set(pipeline, 1, scene, &[]);
-        commands.bind_set(pipeline, 2, &self.set, &[]);
-        commands.bind_set(pipeline, 3, &self.rays.set, &[]);
+    fn dispatch(&self, commands: &mut Commands<'_>, pipeline: &Pipeline, sets: &BakeSets<'_>, work: Work) {
+        sets.bind(commands, pipeline, &self.set);
         commands.push(pipeline, bytes_of(&work));
         commands.dispatch([work.count.div_ceil(GROUP), 1, 1]);
     }

@@ -4,6 +4,8 @@
 //! declaration in a shader. Data of one frame need no binding: a pass pushes them and declares `FRAME_STORAGE`. A new pass
 //! is a file of its own with its shaders, a field of `pipelines::PassPipelines`, and a call in `Renderer::record`.
 
+mod bake_sets;
+mod baked_light;
 pub mod bindings;
 mod bound_scene;
 mod culling;
@@ -21,6 +23,7 @@ mod lighting;
 mod lightmap;
 mod output;
 mod overlay;
+mod pace;
 mod pipeline_request;
 mod pipelines;
 mod probes;

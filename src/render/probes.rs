@@ -5,10 +5,9 @@ use std::sync::Arc;
 
 use bytemuck::{Pod, Zeroable, bytes_of};
 
-use super::frame_set::FrameSet;
+use super::bake_sets::BakeSets;
 use super::layouts::Layouts;
-use super::lightmap::LightmapBake;
-use super::ray_scene::{LazyRayScene, RaySet};
+use super::pace::Pace;
 use super::shared::ProbeBlock;
 use crate::Result;
 use crate::context::Context;
@@ -16,8 +15,9 @@ use crate::gpu::{
     AddressMode, Binding, Buffer, BufferKind, Commands, DescriptorSet, Format, Gpu, Image, ImageAccess, ImageDesc,
     ImageUsageFlags, PassTime, Pipeline, Sampler, Shape, submit_and_wait,
 };
-use crate::precompute::{CacheKind, HierarchicalConvolution, keep_cached, load_cached};
+use crate::precompute::HierarchicalConvolution;
 use crate::reference::levels::LEVELS;
+use crate::scene::bvh::Bvh;
 use crate::scene::needs::mirrors::ProbePlan;
 use crate::scene::{Model, Probe, Scene};
 
@@ -28,26 +28,11 @@ pub const FILTER: &str = "probe filter";
 const CAPTURED: [u32; 2] = [512, 256];
 const FACE: u32 = 128;
 const IRRADIANCE_FACE: u32 = 16;
-/// Rows that a piece captures at first, and texels along a workgroup's side.
-const FIRST_ROWS: f64 = 16.0;
+/// Texels along a workgroup's side.
 const GROUP: u32 = 8;
 
-/// In the cache: raise the version when anything but a shader changes what the maps hold, such as the samples of the bake.
-const CACHE_KIND: CacheKind = CacheKind {
-    copying: "probes from the cache",
-    version: 1,
-    shaders: &[
-        "lightmap_direct.comp",
-        "lightmap_relays.comp",
-        "lightmap_gather.comp",
-        "lightmap_resolve.comp",
-        "lightmap_fill.comp",
-        "probe_capture.comp",
-        "cube_and_nodes.comp",
-        "node_merge.comp",
-        "hierarchical_convolution.comp",
-    ],
-};
+/// The shader that captures what is filtered then.
+pub const SHADER: &str = "probe_capture.comp";
 
 /// The push constants of `glsl/probe_capture.comp`.
 #[repr(C)]
@@ -78,10 +63,9 @@ pub struct LocalProbes {
     captured: Arc<Image>,
     capture: Pipeline,
     set: DescriptorSet,
-    rays: RaySet,
     stage: Stage,
     /// Rows of a piece.
-    rows: f64,
+    pace: Pace,
     /// What the maps' values are multiplied by; 0 before all are there.
     scale: f32,
 }
@@ -94,18 +78,18 @@ impl LocalProbes {
     pub fn planned(
         context: &Context,
         layouts: &Layouts,
-        scene: &Scene,
-        (rays, lightmap): (&LazyRayScene, &LightmapBake),
+        (scene, bvh): (&Scene, &Bvh),
+        given_back: [&Arc<Image>; 2],
         model: Model,
     ) -> Result<Option<Self>> {
         let gpu = &context.gpu;
-        let ProbePlan { probes, why } = ProbePlan::new(scene, model, &rays.get(gpu, layouts)?.bvh);
+        let ProbePlan { probes, why } = ProbePlan::new(scene, model, bvh);
         tracing::debug!("mirrored rooms: {why}: {probes:?}");
         if !probes.is_empty() && !gpu.has_cube_arrays() {
             context.report.warn(format!("{}: no arrays of cubes; rooms mirror the panorama alone", gpu.info().name));
             return Ok(None);
         }
-        (!probes.is_empty()).then(|| Self::new(gpu, layouts, probes, rays, lightmap.given_back())).transpose()
+        (!probes.is_empty()).then(|| Self::new(gpu, layouts, probes, given_back)).transpose()
     }
 
     /// Prepares probes, at least one, that see surfaces give back this radiance of direct and of soft light.
@@ -116,7 +100,6 @@ impl LocalProbes {
         gpu: &Arc<Gpu>,
         layouts: &Layouts,
         probes: Vec<Probe>,
-        rays: &LazyRayScene,
         [direct, soft]: [&Arc<Image>; 2],
     ) -> Result<Self> {
         let usage = ImageUsageFlags::SAMPLED | ImageUsageFlags::STORAGE;
@@ -145,45 +128,30 @@ impl LocalProbes {
         let bytes = bytemuck::cast_slice(&placed);
         Ok(Self {
             blocks: Buffer::with_bytes(gpu, "probes", BufferKind::StorageFromCpu, bytes)?,
-            capture: Pipeline::compute(gpu, "probe_capture.comp", &[], &layouts.capturing(), size_of::<Work>() as u32)?,
+            capture: Pipeline::compute(gpu, SHADER, &[], &layouts.capturing(), size_of::<Work>() as u32)?,
             set: DescriptorSet::new(gpu, "probe", &layouts.probe, &bindings)?,
-            rays: RaySet::new(gpu, layouts, Some(rays), None)?,
             placed,
             given_back: [Arc::clone(direct), Arc::clone(soft)],
             filter,
             captured,
             stage: Stage::Capture(0, 0),
-            rows: FIRST_ROWS,
+            pace: Pace::new(CAPTURE, f64::from(GROUP)..=f64::from(CAPTURED[1])),
             scale: 0.0,
         })
     }
 
-    /// Takes the maps from the cache, where they were captured for the same `source`: everything that light depends on.
-    /// Returns whether they were there.
-    ///
-    /// # Errors
-    /// A failed Vulkan call.
-    pub fn load(&mut self, context: &Context, source: blake3::Hash, scale: f32) -> Result<bool> {
-        let found = load_cached(context, &CACHE_KIND, &self.source(&source), &self.named_maps())?.is_some();
-        if found {
-            (self.stage, self.scale) = (Stage::Done, scale);
-        }
-        Ok(found)
+    /// Takes the maps for the light of the scene, as they were captured before with this `scale`.
+    pub fn finish(&mut self, scale: f32) {
+        (self.stage, self.scale) = (Stage::Done, scale);
     }
 
-    /// Stores the maps in the cache.
-    ///
-    /// # Errors
-    /// A failed Vulkan call.
-    pub fn keep(&self, context: &Context, source: blake3::Hash) -> Result<()> {
-        keep_cached(context, &CACHE_KIND, &self.source(&source), &self.named_maps())
+    /// Where they stand, as bytes.
+    pub fn placed(&self) -> &[u8] {
+        bytemuck::cast_slice(&self.placed)
     }
 
-    fn source<'a>(&'a self, light: &'a blake3::Hash) -> [&'a [u8]; 2] {
-        [light.as_bytes(), bytemuck::cast_slice(&self.placed)]
-    }
-
-    fn named_maps(&self) -> [(&'static str, &Image); 3] {
+    /// [`LocalProbes::maps`] with names.
+    pub fn named_maps(&self) -> [(&'static str, &Image); 3] {
         let [even, odd, irradiance] = self.maps();
         [("even", even), ("odd", odd), ("irradiance", irradiance)]
     }
@@ -218,19 +186,16 @@ impl LocalProbes {
 
     /// Makes the next piece of a capture take about `target_ms`, from the times of a frame that a piece was part of.
     pub fn pace(&mut self, times: &[PassTime], target_ms: f64) {
-        if let Some(time) = times.iter().find(|time| time.name == CAPTURE).filter(|time| time.ms > 0.0) {
-            let most = f64::from(CAPTURED[1]);
-            self.rows = (self.rows * (target_ms / time.ms).clamp(0.25, 2.0)).clamp(f64::from(GROUP), most);
-        }
+        self.pace.follow(times, target_ms);
     }
 
     /// Records the next piece of work; maps hold radiance / `scale`.
-    pub fn record(&mut self, commands: &mut Commands<'_>, frame: FrameSet<'_>, scene: &DescriptorSet, scale: f32) {
+    pub fn record(&mut self, commands: &mut Commands<'_>, sets: &BakeSets<'_>, scale: f32) {
         match self.stage {
             Stage::Capture(probe, first_row) => {
-                let rows = (self.rows as u32 / GROUP * GROUP).clamp(GROUP, CAPTURED[1] - first_row);
+                let rows = (self.pace.size() as u32 / GROUP * GROUP).clamp(GROUP, CAPTURED[1] - first_row);
                 let work = Work { position: self.placed[probe].position, first_row, rows };
-                commands.pass(CAPTURE, |commands| self.capture(commands, (frame, scene), work));
+                commands.pass(CAPTURE, |commands| self.capture(commands, sets, work));
                 let next = first_row + rows;
                 self.stage = if next < CAPTURED[1] { Stage::Capture(probe, next) } else { Stage::Filter(probe) };
             }
@@ -252,13 +217,10 @@ impl LocalProbes {
         }
     }
 
-    fn capture(&self, commands: &mut Commands<'_>, (frame, scene): (FrameSet<'_>, &DescriptorSet), work: Work) {
+    fn capture(&self, commands: &mut Commands<'_>, sets: &BakeSets<'_>, work: Work) {
         commands.prepare(&self.captured, ImageAccess::Storage);
         self.given_back.iter().for_each(|image| commands.prepare(image, ImageAccess::Sampled));
-        frame.bind(commands, &self.capture, 0);
-        commands.bind_set(&self.capture, 1, scene, &[]);
-        commands.bind_set(&self.capture, 2, &self.set, &[]);
-        commands.bind_set(&self.capture, 3, &self.rays.set, &[]);
+        sets.bind(commands, &self.capture, &self.set);
         commands.push(&self.capture, bytes_of(&work));
         commands.dispatch([CAPTURED[0].div_ceil(GROUP), work.rows.div_ceil(GROUP), 1]);
     }

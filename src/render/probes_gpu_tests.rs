@@ -6,18 +6,17 @@ use std::sync::atomic::AtomicBool;
 
 use glam::{DVec3, Mat4, Vec3};
 
+use super::baked_light::BakedLight;
 use super::bound_scene::BoundScene;
-use super::frame::{FRAME_BYTES, FrameInputs};
-use super::frame_set::FrameSet;
+use super::frame::FrameInputs;
 use super::layouts::Layouts;
 use super::lighting::Lighting;
-use super::lightmap::LightmapBake;
 use super::probes::LocalProbes;
 use super::scene_resources::SceneResources;
 use super::settings::{LightModel, RenderSettings};
 use crate::asset::Panorama;
 use crate::context::Context;
-use crate::gpu::{FrameRing, Gpu, Subresource, with_gpu};
+use crate::gpu::{Gpu, Subresource, with_gpu};
 use crate::precompute::harness_tests::texels;
 use crate::reference::brdf::Geometry;
 use crate::reference::energy::{Energy, Scattering};
@@ -53,30 +52,20 @@ fn baked(gpu: &Arc<Gpu>, scene: &Scene) -> BoundScene {
     let geometry = GeometryView { meshes: &flat.meshes, instances: &flat.instances };
     let resources = SceneResources::new(&context, &layouts, scene, geometry, &settings).unwrap();
     let lighting = Lighting::new(&context, &scene.environment.panorama, &settings).unwrap();
-    let lamps = [scene.lights[0].position];
-    let bake = LightmapBake::new(gpu, &layouts, &resources.ray_scene, flat.atlas.size[0], &lamps).unwrap();
-    let probes =
-        LocalProbes::new(gpu, &layouts, scene.probes.clone(), &resources.ray_scene, bake.given_back()).unwrap();
-    let mut bound = BoundScene::new(gpu, &layouts, resources, lighting, (Some(bake), Some(probes))).unwrap();
-    let mut ring = FrameRing::new(gpu, FRAME_BYTES).unwrap();
-    let inputs = FrameInputs::of(scene, &[]);
+    let side = flat.atlas.size[0];
+    let mut light = BakedLight::new(&context, &layouts, (scene, &resources.ray_scene), side, &settings).unwrap();
+    // Whether the scene needs it or not.
+    light.probes = Some(LocalProbes::new(gpu, &layouts, scene.probes.clone(), light.lightmap.given_back()).unwrap());
+    let mut bound = BoundScene::new(gpu, &layouts, resources, lighting, Some(light)).unwrap();
     assert_eq!(bound.constants().probe_scale, 0.0, "before anything is captured");
-    while !bound.is_baked() {
-        let mut frame = ring.begin().unwrap();
-        let set = FrameSet { set: frame.set, block: frame.push(&inputs.block(bound.constants())).unwrap() };
-        bound.update_probes(&mut frame.commands, set, &frame.finished, 50.0);
-        let bake = bound.lightmap.as_mut().unwrap();
-        bake.pace(&frame.finished, 50.0);
-        bake.record(&mut frame.commands, set, &bound.set);
-        frame.submit(None).unwrap();
-    }
-    ring.finish_all().unwrap();
+    bound.finish_light(&context, &FrameInputs::of(scene, &[])).unwrap();
     bound
 }
 
 /// All texels of both kinds of specular levels and of irradiance over π, as radiance.
 fn radiance(gpu: &Arc<Gpu>, bound: &BoundScene) -> Vec<(DVec3, usize, u32)> {
-    let (maps, scale) = (bound.probes.as_ref().unwrap().maps(), f64::from(bound.constants().probe_scale));
+    let (maps, scale) =
+        (bound.baked.as_ref().unwrap().probes.as_ref().unwrap().maps(), f64::from(bound.constants().probe_scale));
     assert!(scale > 0.0);
     let mut all = Vec::new();
     for (map, image) in maps.iter().enumerate() {
@@ -129,8 +118,9 @@ fn nothing_is_built_for_what_mirrors_nothing() {
         let (context, layouts) = (Context::silent(gpu), Layouts::new(gpu).unwrap());
         let count = |scene: &Scene| {
             let bound = baked(gpu, scene);
-            let given = (&*bound.resources.ray_scene, bound.lightmap.as_ref().unwrap());
-            let planned = LocalProbes::planned(&context, &layouts, scene, given, Model::Needed).unwrap();
+            let bvh = &bound.resources.ray_scene.get(gpu, &layouts).unwrap().bvh;
+            let given = bound.baked.as_ref().unwrap().lightmap.given_back();
+            let planned = LocalProbes::planned(&context, &layouts, (scene, bvh), given, Model::Needed).unwrap();
             planned.map_or(0, |probes| probes.count())
         };
         assert_eq!(count(&matt), 0);

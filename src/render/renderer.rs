@@ -1,40 +1,29 @@
 //! A scene on the GPU and everything that draws it, frame by frame.
 
 use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
 
-use glam::Vec3;
-
-use super::bound_scene::BoundScene;
+use super::baked_light::{BakedLight, flattened};
+use super::bound_scene::{BAKE_MS, BoundScene};
 use super::draws::{DrawCounts, DrawList};
 use super::eye::Eye;
-use super::frame::{FRAME_BYTES, FrameInputs};
+use super::frame::FrameInputs;
 use super::frame_set::FrameSet;
 use super::hidden_area::HiddenArea;
 use super::kept_pipelines::KeptPipelines;
 use super::layouts::Layouts;
 use super::lighting::Lighting;
-use super::lightmap::LightmapBake;
 use super::overlay::Overlay;
 use super::pipeline_request::PipelineRequest;
 use super::pipelines::PassPipelines;
-use super::probes::LocalProbes;
 use super::reference_accumulator::{ReferenceAccumulator, StandardError, jittered};
 use super::scene_resources::{SceneResources, TextureFacts};
-use super::settings::{LightModel, RenderSettings};
+use super::settings::RenderSettings;
 use super::shared::FrameBlock;
 use super::targets::{Detail, ViewTargets};
 use crate::Result;
 use crate::context::Context;
-use crate::gpu::{FrameContext, FrameRing, Image, PassTime};
-use crate::scene::atlas::{Flattened, Work, flatten};
-use crate::scene::needs::lightmap::{LightmapNeed, lightmap_need};
+use crate::gpu::{FrameContext, Image, PassTime};
 use crate::scene::{GeometryView, Scene};
-
-/// What a piece of a lightmap may take where no frame waits for it, milliseconds.
-const BAKE_MS: f64 = 50.0;
-/// Steps of a progress bar.
-const PROGRESS: u64 = 1000;
 
 /// A scene on the GPU and everything that draws it.
 pub struct Renderer {
@@ -65,14 +54,11 @@ impl Renderer {
             .map_or(scene.geometry(), |f| GeometryView { meshes: &f.meshes, instances: &f.instances });
         let resources = SceneResources::new(context, &layouts, scene, geometry, &settings)?;
         let lighting = Lighting::new(context, &scene.environment.panorama, &settings)?;
-        let lamps: Vec<Vec3> = scene.lights.iter().map(|light| light.position).collect();
-        let bake = |f: &Flattened| LightmapBake::new(gpu, &layouts, &resources.ray_scene, f.atlas.size[0], &lamps);
-        let lightmap = flattened.as_ref().map(bake).transpose()?;
-        let rays = &resources.ray_scene;
-        let planned = |baked| LocalProbes::planned(context, &layouts, scene, (rays, baked), settings.model);
-        let probes = lightmap.as_ref().map(planned).transpose()?.flatten();
+        let baked = flattened.as_ref().map(|flattened| {
+            BakedLight::new(context, &layouts, (scene, &resources.ray_scene), flattened.atlas.size[0], &settings)
+        });
         let rotation = scene.environment.rotation_degrees.to_radians();
-        let mut scene = BoundScene::new(gpu, &layouts, resources, lighting, (lightmap, probes))?;
+        let mut scene = BoundScene::new(gpu, &layouts, resources, lighting, baked.transpose()?)?;
         scene.load_light(context, rotation)?;
         let request = scene.pipeline_request(gpu, &layouts, settings, eyes);
         let pipelines = PassPipelines::build(&request)?;
@@ -256,22 +242,8 @@ impl Renderer {
         self.scene.update_shadows(&mut frame.commands, self.pipelines.shadows.as_ref(), inputs);
         let Self { scene, pipelines, targets, reference, draws, .. } = self;
         let block = inputs.block(scene.constants());
-        let state = inputs.light_state();
-        if let Some(lightmap) = scene.lightmap.as_mut().filter(|_| reference.is_none())
-            && lightmap.follow(state)
-        {
-            lightmap.pace(&frame.finished, piece_ms(&self.context, inputs.eyes.len()));
-            let block = frame.push(&block)?;
-            lightmap.record(&mut frame.commands, FrameSet { set: frame.set, block }, &scene.set);
-        }
-        if scene.probes.is_some() && reference.is_none() && !scene.is_baked() {
-            let block = frame.push(&block)?;
-            scene.update_probes(
-                &mut frame.commands,
-                FrameSet { set: frame.set, block },
-                &frame.finished,
-                piece_ms(&self.context, inputs.eyes.len()),
-            );
+        if reference.is_none() && scene.follow_light(inputs) {
+            scene.record_light(frame, &block, piece_ms(&self.context, inputs.eyes.len()))?;
         }
         if let Some((reference, passes)) = reference.as_mut().zip(pipelines.reference.as_ref()) {
             let index = reference.next_index(block, targets.area);
@@ -304,13 +276,12 @@ impl Renderer {
 
     /// The lightmap, where there is one: irradiance of soft light, a layer for fronts and one for backs.
     pub fn lightmap(&self) -> Option<&Arc<Image>> {
-        self.scene.lightmap.as_ref().map(LightmapBake::image)
+        self.scene.baked.as_ref().map(|baked| baked.lightmap.image())
     }
 
     /// The part of the lightmap that is computed, while it is; 0 to 1.
     pub fn light_progress(&self) -> Option<f32> {
-        let lightmap = self.scene.lightmap.as_ref().filter(|lightmap| !lightmap.is_done() && self.reference.is_none());
-        lightmap.map(LightmapBake::progress)
+        self.scene.light_progress().filter(|_| self.reference.is_none())
     }
 
     /// Computes the lightmap to its end.
@@ -318,28 +289,7 @@ impl Renderer {
     /// # Errors
     /// A failed Vulkan call.
     pub fn finish_lightmap(&mut self, inputs: &FrameInputs<'_>) -> Result<()> {
-        let Self { context, scene, .. } = self;
-        let block = inputs.block(scene.constants());
-        if scene.is_baked() {
-            return Ok(());
-        }
-        let mut ring = FrameRing::new(&context.gpu, FRAME_BYTES)?;
-        scene.lightmap.iter_mut().for_each(|lightmap| _ = lightmap.follow(inputs.light_state()));
-        let progress = context.report.progress("light", PROGRESS);
-        while !scene.is_baked() {
-            let mut frame = ring.begin()?;
-            let set = FrameSet { set: frame.set, block: frame.push(&block)? };
-            scene.update_probes(&mut frame.commands, set, &frame.finished, BAKE_MS);
-            if let Some(lightmap) = &mut scene.lightmap {
-                lightmap.pace(&frame.finished, BAKE_MS);
-                lightmap.record(&mut frame.commands, set, &scene.set);
-                progress.set_position((lightmap.progress() * PROGRESS as f32) as u64);
-            }
-            frame.submit(None)?;
-        }
-        ring.finish_all()?;
-        progress.finish_and_clear();
-        scene.keep_light(context, inputs.environment_rotation)
+        self.scene.finish_light(&self.context, inputs)
     }
 
     /// Records text over the finished picture.
@@ -376,16 +326,4 @@ fn piece_ms(context: &Context, eyes: usize) -> f64 {
         (false, 1) => 10.0,
         (false, _) => 3.0,
     }
-}
-
-/// The scene's geometry with lightmap coordinates, where its soft light is modelled and an atlas can be made.
-fn flattened(context: &Context, scene: &Scene, settings: &RenderSettings) -> Option<Flattened> {
-    if settings.light != LightModel::Baked {
-        return None;
-    }
-    let LightmapNeed::Side(side) = lightmap_need(scene, settings.model) else { return None };
-    let Context { cache, report, .. } = context;
-    let work = Work { cache: cache.as_ref(), report, stop: &AtomicBool::new(false) };
-    let made = report.time("atlas", || flatten(&scene.meshes, &scene.instances, side, work));
-    made.inspect_err(|why| report.warn(format!("no lightmap: {why}"))).ok()
 }

@@ -4,8 +4,10 @@
 use clap::{Args, ValueEnum};
 
 use super::output::Output;
+use super::shared::constant;
 use crate::asset::{Storage, TextureOptions};
 use crate::context::Context;
+use crate::gpu::Constant;
 use crate::precompute::{Options, check_face_size, check_irradiance_size};
 use crate::reference::brdf::Geometry;
 use crate::reference::energy::Scattering;
@@ -232,6 +234,12 @@ impl RenderSettings {
         self.light == LightModel::Baked
     }
 
+    /// The constants of shaders that say which BRDF surfaces have.
+    pub(super) fn brdf_constants(&self) -> [Constant; 2] {
+        let multiple = u32::from(self.scattering == Scattering::Multiple);
+        [(constant::GEOMETRY, self.geometry as u32), (constant::MULTI_SCATTER, multiple)]
+    }
+
     /// What the reference traces: the exact counterpart of the light model.
     pub fn transport(&self) -> Transport {
         match self.light {
@@ -276,8 +284,9 @@ impl RenderSettings {
             (self.shading != *shading || self.scattering != *scattering, Change::Pipelines),
             (self.geometry != *geometry || self.split_sum != *split_sum, Change::Light),
             (self.light != *light, Change::Light),
-            // A lightmap needs coordinates of its own.
+            // A lightmap needs coordinates of its own, and is computed for one BRDF.
             (self.is_baked() != other.is_baked(), Change::Scene),
+            (self.is_baked() && self.brdf_constants() != other.brdf_constants(), Change::Scene),
             (self.cube_size != *cube_size || self.irradiance_size != *irradiance_size, Change::Light),
             (self.model != *model || self.textures != *textures || self.viewpoint != *viewpoint, Change::Scene),
         ];
@@ -346,6 +355,7 @@ mod tests {
             (RenderSettings { cube_size: 64, ..default() }, Change::Light),
             (RenderSettings { light: LightModel::Open, ..default() }, Change::Light),
             (RenderSettings { light: LightModel::Baked, ..default() }, Change::Scene),
+            (RenderSettings { scattering: Scattering::Single, ..default() }, Change::Pipelines),
             (RenderSettings { geometry: Geometry::Karis2013, shading: Shading::D, ..default() }, Change::Light),
             (RenderSettings { model: Model::Everything, cube_size: 64, ..default() }, Change::Scene),
         ];

@@ -13,7 +13,7 @@ layout(push_constant, scalar) uniform Range {
     uvec2 size;      // of the picture, pixels
 } range;
 
-layout(location = 0) centroid out vec3 position_world;
+layout(location = 0) centroid out vec4 covered_position;
 layout(location = 1) centroid out vec3 normal_world;
 layout(location = 2) out vec2 uv;
 layout(location = 3) centroid out vec4 tangent_world;
@@ -21,7 +21,7 @@ layout(location = 4) flat out uint eye;
 layout(location = 5) flat out vec4 base_color_metallic;
 layout(location = 6) flat out vec2 roughness_alpha_cutoff;
 layout(location = 7) out vec3 position_centre;
-layout(location = 8) centroid out vec2 lightmap_uv;
+layout(location = 8) centroid out vec2 covered_lightmap_uv;
 
 uint state;
 
@@ -94,9 +94,9 @@ void main()
     bool own = random() % 4u == 0u, turned = random() % 2u == 0u;
     // All corners of a triangle are attacked alike, or each for itself.
     state += random() % 2u == 0u ? 0u : corner * 0x9e3779b9u;
-    position_world = perhaps(p);
-    position_centre = position_world;
-    lightmap_uv = vec2(0.0);
+    covered_position = vec4(perhaps(p), 1.0);
+    position_centre = covered_position.xyz;
+    covered_lightmap_uv = vec2(0.0);
     normal_world = perhaps(own ? (corner == 0u ? n : -n) : n);
     tangent_world = vec4(perhaps(t), attacks() ? hostile_number() : random() % 2u == 0u ? 1.0 : -1.0);
     uv = 8.0 * vec2(unit(), unit()) - 4.0;

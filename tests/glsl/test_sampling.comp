@@ -15,6 +15,8 @@ struct Output {
     vec2 point;
     vec3 tangent, bitangent, normal, ggx, vndf;
     float pdf_ggx, pdf_vndf;
+    vec2 sobol;
+    vec3 sphere, cosine;
 };
 layout(local_size_x = 64) in;
 layout(set = 0, binding = 0, scalar) readonly buffer Inputs { Input inputs[]; };
@@ -29,5 +31,6 @@ void main()
     mat3 axes = basis(i.n);
     outputs[id] = Output(unit_from_bits(i.index), radical_inverse(i.index), hammersley(i.index, i.log2_count), axes[0],
                          axes[1], axes[2], sample_ggx(i.u, i.alpha), sample_vndf(i.v, i.u, i.alpha),
-                         pdf_ggx(i.v, i.h, i.alpha), pdf_vndf(i.v, i.h, i.alpha));
+                         pdf_ggx(i.v, i.h, i.alpha), pdf_vndf(i.v, i.h, i.alpha),
+                         sobol(i.index, uvec2(i.log2_count, ~i.index)), sphere_direction(i.u), cosine_direction(i.u));
 }

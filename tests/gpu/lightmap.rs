@@ -132,7 +132,7 @@ fn white_things_are_invisible_in_a_furnace() {
             let (low, mean, high) = (taken.quantile(0.001), taken.mean(), taken.quantile(0.999));
             // In corners between white things light bounces more often than is computed: some is missing, none is added.
             println!("mean {mean:.5}, from {low:.4} to {high:.4}");
-            assert!((mean - 1.0).abs() < 0.005 && low > 0.96 && high < 1.01, "{mean}, {low}, {high}");
+            assert!((mean - 1.0).abs() < 0.002 && low > 0.98 && high < 1.01, "{mean}, {low}, {high}");
         }
     });
 }
@@ -168,7 +168,7 @@ fn a_sheets_sides_have_their_own_light() {
                 } else {
                     // Texels of the walls lie on both sides of the sheet's edges: a line of light beside them, and what it
                     // gives to the rest.
-                    assert!(middle(&dark) < 0.012 * middle(&lit), "lamp at {z}: {} of {}", middle(&dark), middle(&lit));
+                    assert!(middle(&dark) < 0.01 * middle(&lit), "lamp at {z}: {} of {}", middle(&dark), middle(&lit));
                 }
             }
         }
@@ -360,7 +360,7 @@ fn charts_have_no_seams_and_bakes_repeat() {
         }
         let (mean, spread) = deviations(&pairs);
         println!("{:+.3} %, spread {:.3} %, worst {:.2} %", 100.0 * mean, 100.0 * spread, 100.0 * worst);
-        assert!(mean.abs() < 0.004 && spread < 0.012 && worst < 0.08, "{mean}, {spread}, {worst}");
+        assert!(mean.abs() < 0.004 && spread < 0.006 && worst < 0.03, "{mean}, {spread}, {worst}");
         let again = take(gpu, &scene, &eyes[0], diffuse(96));
         assert!(again.lightmap == taken[0].lightmap && again.pixels == taken[0].pixels, "another lightmap");
         assert!(again.lightmap.len() >= 4 * 256 * 256);
