@@ -21,11 +21,18 @@ vec3 relay_light(PathPoint p, vec3 origin, Relay relay)
     return light == vec3(0.0) || trace_ray(origin, l, far * (1.0 - 1e-5), true).t >= 0.0 ? vec3(0.0) : light;
 }
 
-// Irradiance from one direction, over the density of cosine samples; false where no one sees it.
-bool gathered(PathPoint p, vec3 origin, vec3 d, out vec3 light)
+// What is known without samples: an open sky's irradiance, as much of it as its light comes through; samples find the rest.
+// A control variate: Owen, "Monte Carlo theory, methods and examples" (2013), section 8.9.
+vec3 beside_open_sky(vec3 n, vec3 light, vec3 sky, float open)
 {
-    RayHit hit = trace_ray(origin, d, 1e30, false);
-    light = PI * sky_radiance(d, panorama_lod(PANORAMA_TEXELS));
+    vec3 all = textureLod(irradiance_over_pi, panorama_from_world(n), 0.0).rgb * frame.environment_scale;
+    return light + open * PI * (all - sky);
+}
+
+// Irradiance from one direction, over the density of cosine samples; false where no one sees it.
+bool gathered(PathPoint p, RayHit hit, vec3 d, vec3 sky, out vec3 light)
+{
+    light = PI * sky;
     if (hit.t < 0.0)
         return true;
     if (is_never_seen(hit, d))
@@ -71,6 +78,8 @@ void main()
     uint places = lightmap_surfaces[index].places, count = uint(bitCount(places));
     BvhTriangle triangle = bvh_triangles[texel.triangle & ~LIGHTMAP_BACK];
     vec3 edge = mat3(frame.world_from_models) * (triangle.b - triangle.a);
+    float open = float(lightmap_surfaces[index].open) / float(max(work.counted, 1u));
+    uint misses = 0u;
     vec4 sum = vec4(0.0);
     for (uint i = work.first_sample; i < work.first_sample + work.samples && count > 0u; ++i) {
         float random = unit_from_bits(pcg4d(uvec4(index, i, 2u, 0u)).x);
@@ -79,12 +88,18 @@ void main()
         PathPoint p = texel_point(hit, (texel.triangle & LIGHTMAP_BACK) != 0u);
         vec3 origin = ray_origin(p);
         vec3 d = frame_along(p.s.n, edge) * cosine_direction(sobol(i, scramble.xy));
-        vec3 light;
-        if (!gathered(p, origin, d, light))
+        vec3 sky = sky_radiance(d, panorama_lod(PANORAMA_TEXELS)), light;
+        RayHit met = trace_ray(origin, d, 1e30, false);
+        if (!gathered(p, met, d, sky, light))
             continue;
+        misses += met.t < 0.0 ? 1u : 0u;
+        if (open > 0.0)
+            light = beside_open_sky(p.s.n, light, sky, open);
         if (work.relay_count > 0u)
             light += relay_light(p, origin, relays[(i ^ scramble.z) % work.relay_count]);
         sum += vec4(light, 1.0);
     }
+    if ((work.flags & WORK_COUNTS) != 0u)
+        lightmap_surfaces[index].open += misses;
     lightmap_sums[index] = (work.flags & WORK_BEGINS) != 0u ? sum : lightmap_sums[index] + sum;
 }

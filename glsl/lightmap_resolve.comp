@@ -10,7 +10,7 @@ void main()
     uint index = work.first + gl_GlobalInvocationID.x;
     ivec3 at = texel_address(lightmap_texels[index]);
     vec4 sum = lightmap_sums[index];
-    vec3 light = sum.a > 0.0 ? min(sum.rgb / sum.a, HALF_MOST) : vec3(0.0);
+    vec3 light = sum.a > 0.0 ? clamp(sum.rgb / sum.a, 0.0, HALF_MOST) : vec3(0.0);
     vec3 shown = (work.flags & WORK_IS_SHOWN) != 0u ? light : imageLoad(light_image, at).rgb;
     imageStore(light_image, at, vec4(shown, sum.a > 0.0 ? 1.0 : 0.0));
     vec4 albedo = lightmap_surfaces[index].albedo;

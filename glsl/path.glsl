@@ -21,11 +21,14 @@ const uint CERTAIN_BOUNCES = 3;
 // Above it a path would go on for too long between white walls for what it adds.
 const float MOST_SURVIVAL = 0.98;
 
-// The point at n of a lamp's sphere for light towards d: it shines by Lambert's law, and the mean of all points is the lamp.
-PointLight lamp_point(PointLight lamp, vec3 n, vec3 d)
+// A point of a lamp's sphere for light to p. It shines by Lambert's law, and the mean of all points is the lamp; they are drawn
+// by the cosine to the direction from the centre, and weighted for their own.
+PointLight lamp_point(PointLight lamp, vec3 p, vec2 u)
 {
+    vec3 to_p = normalize_or(p - lamp.position, vec3(0.0, 1.0, 0.0));
+    vec3 drawn = cosine_direction(u), n = basis(to_p) * drawn;
     lamp.position += lamp.radius * n;
-    lamp.intensity *= 4.0 * max(dot(n, d), 0.0);
+    lamp.intensity *= max(dot(n, normalize_or(p - lamp.position, n)), 0.0) / max(drawn.z, MIN_COS);
     lamp.radius = 0.0;
     return lamp;
 }
@@ -73,8 +76,9 @@ vec3 relayed_light(PathPoint p, Scatter m, mat3 world_from_surface, uvec4 bits)
     float count;
     PointLight lamp = any_lamp(bits.x, count);
     vec3 d = sphere_direction(units_from_bits(bits.yz));
-    if (lamp.radius > 0.0)
-        lamp = lamp_point(lamp, sphere_direction(units_from_bits(pcg4d(bits).xy)), d);
+    // Where light towards d leaves the lamp's sphere: by Lambert's law.
+    lamp.position += lamp.radius * (basis(d) * cosine_direction(units_from_bits(pcg4d(bits).xy)));
+    lamp.radius = 0.0;
     RayHit hit = trace_ray(lamp.position, d, 1e30, false);
     if (hit.t < 0.0)
         return vec3(0.0);
@@ -115,10 +119,8 @@ vec3 direct_light(PathPoint p, Scatter m, mat3 world_from_surface, bool first, f
         if (is_lamp) {
             uint lamp = first ? i : min(uint(unit_from_bits(bits.x) * float(lamps)), lamps - 1u);
             PointLight at = lights[lamp];
-            if (at.radius > 0.0) {
-                vec3 n = sphere_direction(units_from_bits(bits.yz));
-                at = lamp_point(at, n, normalize_or(p.position - at.position - at.radius * n, n));
-            }
+            if (at.radius > 0.0)
+                at = lamp_point(at, p.position, units_from_bits(bits.yz));
             light = lamp_light(p, m, at, l, far) * (first ? 1.0 : float(lamps));
             if (arrival >= 0.0)
                 light *= arrival / max(arrival + lamp_density(dot(p.side, l), far), TINY);

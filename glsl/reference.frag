@@ -3,6 +3,7 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "path.glsl"
+#define SURFACE_TEXEL(map) textureLod(map, uv, 0.0)
 #include "surface.glsl"
 
 layout(location = 0) out vec4 radiance;

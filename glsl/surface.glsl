@@ -6,6 +6,11 @@
 #include "math.glsl"
 #include "shading_point.glsl"
 
+// Stages that draw many places of each pixel read the texels themselves.
+#ifndef SURFACE_TEXEL
+#define SURFACE_TEXEL(map) texture(map, uv)
+#endif
+
 layout(BASE_COLOR_MAP) uniform sampler2D base_color_map;
 layout(NORMAL_MAP) uniform sampler2D normal_map;
 layout(ORM_MAP) uniform sampler2D orm_map; // occlusion, roughness, metallic
@@ -33,7 +38,7 @@ vec3 mapped_normal()
     if (!HAS_NORMAL_MAP)
         return n;
     // Two channels hold a unit vector on the surface's own side.
-    vec2 m_xy = 2.0 * texture(normal_map, uv).xy - 1.0;
+    vec2 m_xy = 2.0 * SURFACE_TEXEL(normal_map).xy - 1.0;
     vec3 m = vec3(m_xy, sqrt(max(1.0 - dot(m_xy, m_xy), 0.0)));
     vec3 b = tangent_world.w * cross(normal_world, tangent_world.xyz);
     return normalize_or(m.x * tangent_world.xyz + m.y * b + m.z * normal_world, n);
@@ -55,12 +60,12 @@ Surface read_surface()
     Surface s;
     s.base_color = base_color_metallic.rgb;
     if (HAS_BASE_COLOR_MAP) {
-        vec4 texel = texture(base_color_map, uv);
+        vec4 texel = SURFACE_TEXEL(base_color_map);
         if (ALPHA_MASK)
             cut_out(texel.a - roughness_alpha_cutoff.y);
         s.base_color *= texel.rgb;
     }
-    vec3 maps = HAS_ORM_MAP ? texture(orm_map, uv).rgb : vec3(1.0);
+    vec3 maps = HAS_ORM_MAP ? SURFACE_TEXEL(orm_map).rgb : vec3(1.0);
     s.occlusion = maps.r;
     s.roughness = maps.g * roughness_alpha_cutoff.x;
     s.metallic = METALNESS == METALNESS_MIXED ? maps.b * base_color_metallic.a : float(METALNESS == METALNESS_METAL);

@@ -143,7 +143,7 @@ mod tests {
         for (first, scramble) in [(0u32, [0, 0]), (64, [0x1234_5678, 0x9abc_def0]), (4096, [!0, 1])] {
             for log2_x in 0..=6 {
                 let [across, down] = [1usize << log2_x, 64 >> log2_x];
-                let mut seen = vec![false; 64];
+                let mut seen = [false; 64];
                 for i in first..first + 64 {
                     let u = sobol(i, scramble);
                     let place = (u.x * across as f64) as usize + across * (u.y * down as f64) as usize;

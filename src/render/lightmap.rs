@@ -62,11 +62,13 @@ struct Work {
     samples: u32,
     flags: u32,
     relay_count: u32,
+    counted: u32,
 }
 
-/// [`Work::flags`]: sums begin with these samples; their mean is shown from now on.
+/// [`Work::flags`]: sums begin with these samples; their mean is shown from now on; those that meet nothing are counted.
 const BEGINS: u32 = 1;
 const IS_SHOWN: u32 = 2;
+const COUNTS: u32 = 4;
 
 /// What is being computed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -116,10 +118,19 @@ impl Stage {
 
     fn flags(self) -> u32 {
         match self {
-            Self::Bounce(_) => BEGINS,
+            Self::Bounce(_) => BEGINS | COUNTS,
             Self::Last(samples) => {
                 (if samples == 0 { BEGINS } else { 0 }) | (if samples + AT_ONCE >= PRESENTABLE { IS_SHOWN } else { 0 })
             }
+            Self::Open | Self::Direct | Self::Relays | Self::Done => 0,
+        }
+    }
+
+    /// Samples of the bounces before it.
+    fn counted(self) -> u32 {
+        match self {
+            Self::Bounce(bounce) => bounce * BOUNCE_SAMPLES,
+            Self::Last(_) => BOUNCES * BOUNCE_SAMPLES,
             Self::Open | Self::Direct | Self::Relays | Self::Done => 0,
         }
     }
@@ -226,7 +237,7 @@ impl LightmapBake {
         let list = if all.is_empty() { &[LightmapTexel::default()] } else { &all[..] };
         let list = Buffer::with_bytes(gpu, "lightmap texels", BufferKind::StorageFromCpu, bytemuck::cast_slice(list))?;
         let sums = storage("lightmap sums", count * size_of::<[f32; 4]>() as u64)?;
-        let surfaces = storage("lightmap surfaces", count * size_of::<[f32; 5]>() as u64)?;
+        let surfaces = storage("lightmap surfaces", count * size_of::<[f32; 6]>() as u64)?;
         let relays = storage("lightmap relays", u64::from(RELAYS) * size_of::<[f32; 14]>() as u64)?;
         let sampler = Sampler::new(gpu, "lightmap", AddressMode::Clamp, 1)?;
         let bindings = [
@@ -335,6 +346,7 @@ impl LightmapBake {
             samples,
             flags: self.stage.flags(),
             relay_count: self.relays,
+            counted: self.stage.counted(),
         };
         (work, all)
     }
