@@ -6,6 +6,13 @@
 #include "sampling.glsl"
 #include "sun.glsl"
 
+// What of a surface's light is shown, the order of render::LightPart.
+layout(constant_id = 18) const uint PART = 0;
+const uint PART_ALL = 0; // and the sky
+const uint PART_DIRECT = 1; // straight from lamps and the sun
+const uint PART_SOFT_DIFFUSE = 2; // of all other light
+const uint PART_SOFT_SPECULAR = 3;
+
 // Same as reference::importance::Cell.
 struct Cell {
     float threshold; // below it the cell itself is taken, else its alias

@@ -21,6 +21,21 @@ const uint CERTAIN_BOUNCES = 3;
 // Above it a path would go on for too long between white walls for what it adds.
 const float MOST_SURVIVAL = 0.98;
 
+// Whether light that comes straight along l to the first point is shown.
+bool is_shown(bool straight)
+{
+    return PART == PART_ALL || straight == (PART == PART_DIRECT);
+}
+
+// `scattered`, at the first point only the part that is shown.
+vec3 scattered_part(Scatter m, vec3 l, bool first)
+{
+    if (!first || PART == PART_ALL || PART == PART_DIRECT)
+        return scattered(m, l);
+    vec3 diffuse = scattered_diffuse(m, l);
+    return PART == PART_SOFT_DIFFUSE ? diffuse : scattered(m, l) - diffuse;
+}
+
 // A point of a lamp's sphere for light to p. It shines by Lambert's law, and the mean of all points is the lamp; they are drawn
 // by the cosine to the direction from the centre, and weighted for their own.
 PointLight lamp_point(PointLight lamp, vec3 p, vec2 u)
@@ -50,7 +65,7 @@ vec3 lamp_light(PathPoint p, Scatter m, PointLight lamp, out vec3 l, out float f
 
 // One sample of the panorama, weighted against `sample_scatter` by the balance heuristic (Veach (1997), eq. 9.8): with a
 // sample from each of two densities, f / (p1 + p2) whichever it came from.
-vec3 panorama_light(Scatter m, mat3 world_from_surface, uvec4 bits, out vec3 l)
+vec3 panorama_light(Scatter m, mat3 world_from_surface, uvec4 bits, bool first, out vec3 l)
 {
     vec3 l_panorama = sample_panorama(bits);
     l = world_from_panorama(l_panorama);
@@ -58,7 +73,9 @@ vec3 panorama_light(Scatter m, mat3 world_from_surface, uvec4 bits, out vec3 l)
     if (l_surface.z <= 0.0)
         return vec3(0.0);
     float density = scatter_density(m, l_surface) + panorama_density(l_panorama);
-    return density > 0.0 ? scattered(m, l_surface) * panorama_radiance(l_panorama) / density : vec3(0.0);
+    if (density <= 0.0 || (first && !is_shown(sun_density(l) > 0.0)))
+        return vec3(0.0);
+    return scattered_part(m, l_surface, first) * panorama_radiance(l_panorama) / density;
 }
 
 // A lamp at random, and how many there are.
@@ -71,7 +88,7 @@ PointLight any_lamp(uint bits, out float count)
 
 // What a lamp adds by way of one other point, which light from the lamp is followed to. Paths from the eye find the bright
 // spots beside a lamp too rarely; both ways of finding a point are weighted by the balance heuristic.
-vec3 relayed_light(PathPoint p, Scatter m, mat3 world_from_surface, uvec4 bits)
+vec3 relayed_light(PathPoint p, Scatter m, mat3 world_from_surface, bool first, uvec4 bits)
 {
     float count;
     PointLight lamp = any_lamp(bits.x, count);
@@ -97,7 +114,7 @@ vec3 relayed_light(PathPoint p, Scatter m, mat3 world_from_surface, uvec4 bits)
     float lamp_far;
     vec3 radiance = lamp_light(lit, of_lit, lamp, l_lamp, lamp_far) * count;
     float area = cosine / squared; // solid angle per area
-    vec3 light = scattered(m, l_surface) * radiance * area / (scatter_density(m, l_surface) * area + from_lamp);
+    vec3 light = scattered_part(m, l_surface, first) * radiance * area / (scatter_density(m, l_surface) * area + from_lamp);
     if (light == vec3(0.0) || trace_ray(ray_origin(p), l, far - 2.0 * rounding, true).t >= 0.0)
         return vec3(0.0);
     return light;
@@ -110,7 +127,7 @@ vec3 direct_light(PathPoint p, Scatter m, mat3 world_from_surface, bool first, f
     uint lamps = LIGHTS < 0 ? frame.light_count : uint(LIGHTS);
     uint lamp_rays = first ? lamps : min(lamps, 1u);
     vec3 sum = vec3(0.0), l = p.s.n;
-    for (uint i = 0u; i <= lamp_rays; ++i) {
+    for (uint i = first && !is_shown(true) ? lamp_rays : 0u; i <= lamp_rays; ++i) {
         seed.w += 1u;
         uvec4 bits = pcg4d(seed);
         bool is_lamp = i < lamp_rays;
@@ -125,7 +142,7 @@ vec3 direct_light(PathPoint p, Scatter m, mat3 world_from_surface, bool first, f
             if (arrival >= 0.0)
                 light *= arrival / max(arrival + lamp_density(dot(p.side, l), far), TINY);
         } else {
-            light = panorama_light(m, world_from_surface, bits, l);
+            light = panorama_light(m, world_from_surface, bits, first, l);
             light *= ambient_share(p, l);
         }
         bool casts = is_lamp || sun_density(l) > 0.0;
@@ -145,18 +162,19 @@ vec3 transported_light(PathPoint p, uvec4 seed)
     for (uint bounce = 0u; bounce < MOST_BOUNCES; ++bounce) {
         mat3 world_from_surface = basis(p.s.n);
         Scatter m = make_scatter(p.s, world_from_surface);
-        sum += throughput * direct_light(p, m, world_from_surface, bounce == 0u, arrival, seed);
+        bool first = bounce == 0u;
+        sum += throughput * direct_light(p, m, world_from_surface, first, arrival, seed);
         seed.w += 1u;
-        if (TRANSPORT == TRANSPORT_ALL && has_lamps)
-            sum += throughput * relayed_light(p, m, world_from_surface, pcg4d(seed));
+        if (TRANSPORT == TRANSPORT_ALL && has_lamps && !(first && !is_shown(false)))
+            sum += throughput * relayed_light(p, m, world_from_surface, first, pcg4d(seed));
         seed.w += 1u;
         uvec4 bits = pcg4d(seed);
         bool mirrored;
         vec3 l = sample_scatter(m, bits, mirrored);
-        if (l.z <= 0.0)
+        if (l.z <= 0.0 || (first && mirrored && PART == PART_SOFT_DIFFUSE))
             break;
         float density = scatter_density(m, l);
-        throughput *= mirrored ? f_schlick(m.f0, m.v.z) / m.specular_share : scattered(m, l) / density;
+        throughput *= mirrored ? f_schlick(m.f0, m.v.z) / m.specular_share : scattered_part(m, l, first) / density;
         vec3 l_world = world_from_surface * l;
         RayHit hit = RayHit(-1.0, 0u, vec3(0.0));
         bool at_sun = TRANSPORT == TRANSPORT_DIRECT && sun_density(l_world) > 0.0;
@@ -164,6 +182,8 @@ vec3 transported_light(PathPoint p, uvec4 seed)
             break;
         if (TRANSPORT == TRANSPORT_ALL)
             hit = trace_ray(ray_origin(p), l_world, 1e30, false);
+        if (first && !is_shown(hit.t < 0.0 && sun_density(l_world) > 0.0))
+            break;
         if (hit.t < 0.0) {
             vec3 l_panorama = panorama_from_world(l_world);
             float share = mirrored ? 1.0 : density / (density + panorama_density(l_panorama));

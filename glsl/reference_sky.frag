@@ -8,5 +8,6 @@ layout(location = 0) out vec4 radiance;
 
 void main()
 {
-    radiance = vec4(panorama_radiance(panorama_from_world(normalize(direction_world))), 1.0);
+    vec3 sky = panorama_radiance(panorama_from_world(normalize(direction_world)));
+    radiance = vec4(PART == PART_ALL ? sky : vec3(0.0), 1.0);
 }

@@ -62,6 +62,13 @@ vec3 scattered(Scatter m, vec3 l)
     return sum * l.z;
 }
 
+// The diffuse part of it; with GEOMETRY_SMITH alone.
+vec3 scattered_diffuse(Scatter m, vec3 l)
+{
+    vec2 at_l = table_entry(brdf_table, l.z, m.roughness);
+    return (1.0 - m.metallic) * l.z * diffuse_kelemen2001(m.energy, m.base_color, at_l, m.at_v);
+}
+
 // Density of `sample_scatter`, 1/sr; of a mirror that of its other directions.
 float scatter_density(Scatter m, vec3 l)
 {

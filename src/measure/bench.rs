@@ -12,7 +12,7 @@ use super::noise::MeanAndHalves;
 use crate::asset::Report;
 use crate::context::Context;
 use crate::gpu::{FrameRing, Gpu, Subresource, read_image};
-use crate::render::{Eye, FRAME_BYTES, FrameInputs, RenderSettings, Renderer};
+use crate::render::{Eye, FRAME_BYTES, FrameInputs, RenderSettings, Renderer, Shading};
 use crate::scene::Scene;
 use crate::{Error, Result};
 
@@ -38,10 +38,12 @@ pub struct Bench {
     pub eyes: Vec<Eye>,
     /// The inputs of every frame, without the eyes.
     pub inputs: FrameInputs<'static>,
+    /// What computing lightmap and probes took, where they were neither in the cache nor left out.
+    pub baked: Option<BakeCost>,
 }
 
 impl Bench {
-    /// Uploads a scene and prepares pictures of `size` pixels for these eyes.
+    /// Uploads a scene, finishes its baked light and prepares pictures of `size` pixels for these eyes.
     pub fn new(
         context: &Context,
         scene: &Scene,
@@ -51,9 +53,14 @@ impl Bench {
     ) -> Result<Self> {
         let gpu = Arc::clone(&context.gpu);
         let silent = Context { report: Arc::new(Report::silent()), ..context.clone() };
-        let renderer = Renderer::new(&silent, scene, settings, size, eyes.len() as u32)?;
+        let reference = settings.shading == Shading::Reference;
+        let mut renderer = Renderer::new(&silent, scene, settings, size, eyes.len() as u32)?;
         let (ring, inputs) = (FrameRing::new(&gpu, FRAME_BYTES)?, FrameInputs::of(scene, &[]));
-        Ok(Self { gpu, renderer, ring, eyes, inputs })
+        let before = cpu_ms();
+        let gpu_ms = if reference { 0.0 } else { renderer.finish_lightmap(&FrameInputs { eyes: &eyes, ..inputs })? };
+        let cpu_s = cpu_ms().zip(before).map(|(now, before)| (now - before) / 1e3);
+        let baked = (gpu_ms > 0.0).then_some(BakeCost { cpu_s, gpu_s: gpu_ms / 1e3 });
+        Ok(Self { gpu, renderer, ring, eyes, inputs, baked })
     }
 
     /// Draws a frame to its end.
@@ -114,6 +121,15 @@ pub fn first_eye(scene: &Scene, [width, height]: [u32; 2]) -> Eye {
 /// Pictures that are compared must have one size.
 pub fn size_error() -> Error {
     Error::Usage("pictures of different sizes; this is a defect, please report it".into())
+}
+
+/// What computing a scene's lightmap and probes took, seconds.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct BakeCost {
+    /// Processor time of all threads; `None` where the system does not report it.
+    pub cpu_s: Option<f64>,
+    /// GPU time of all passes.
+    pub gpu_s: f64,
 }
 
 /// The number of timed frames: at least this many, and at most [`MOST_FRAMES`], until the time is up.

@@ -52,9 +52,10 @@ pub fn run(request: &MeasureRequest, setup: &Setup<'_>) -> Result<()> {
     if request.list {
         MEASUREMENTS.iter().for_each(|measurement| say!("{:12} {}", measurement.0, measurement.1));
         say!("methods      {}", precompute::METHODS.join(", "));
+        say!("settings     {}", ladder::kinds().join(", "));
         return Ok(());
     }
-    request.check(&MEASUREMENTS.map(|measurement| measurement.0), &precompute::METHODS)?;
+    request.check(&MEASUREMENTS.map(|measurement| measurement.0), &precompute::METHODS, &ladder::kinds())?;
     for path in request.inputs() {
         // Now rather than after the first has been measured.
         std::fs::metadata(&path).map_err(Error::read(&path))?;

@@ -45,6 +45,10 @@ pub struct MeasureRequest {
     /// Report the most accurate settings of a ladder that take at most this long a frame.
     #[arg(long, value_name = "MS", value_parser = parse_positive)]
     budget_ms: Option<f64>,
+    /// Measure only settings of this kind in a ladder, such as light or samples; may be repeated. No setting is chosen
+    /// from such a ladder later.
+    #[arg(long = "setting", value_name = "KIND")]
+    pub settings: Vec<String>,
     /// Pixels in a degree of visual angle for the ladder's FLIP: 67 on a monitor at arm's length, 11 in an HTC Vive.
     #[arg(long, value_name = "N", default_value_t = PIXELS_PER_DEGREE, value_parser = parse_pixels_per_degree)]
     pub pixels_per_degree: f32,
@@ -89,10 +93,11 @@ impl MeasureRequest {
     }
 
     /// Refuses names of measurements and methods that are not known, and flags that none of the wanted measurements uses.
-    pub fn check(&self, known: &[&'static str], methods: &[&str]) -> Result<()> {
+    pub fn check(&self, known: &[&'static str], methods: &[&str], settings: &[&str]) -> Result<()> {
         let all: Vec<&str> = known.iter().copied().chain([ALL]).collect();
         check_names("measurement", self.names(), &all)?;
         check_names("method", self.methods.iter(), methods)?;
+        check_names("kind of setting", self.settings.iter(), settings)?;
         self.sizes.iter().try_for_each(|size| check_face_size(*size))?;
         if self.judge.is_some() && self.panoramas.len() != 1 {
             return Err(Error::Usage("--judge needs the one --panorama that its maps were made from".into()));
@@ -106,6 +111,7 @@ impl MeasureRequest {
             (!self.methods.is_empty(), "--method", precompute),
             (self.judge.is_some(), "--judge", precompute),
             (self.picture.is_some(), "--picture", pictures),
+            (!self.settings.is_empty(), "--setting", ladder),
             (self.tolerance.is_some(), "--tolerance", ladder),
             (self.budget_ms.is_some(), "--budget-ms", ladder),
         ] {

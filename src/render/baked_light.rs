@@ -8,6 +8,7 @@ use glam::{Mat4, Vec3};
 use super::bake_sets::BakeSets;
 use super::frame_set::FrameSet;
 use super::layouts::Layouts;
+use super::light_detail::LightDetail;
 use super::lightmap::{self, LightmapBake};
 use super::probes::{self, LocalProbes};
 use super::ray_scene::{LazyRayScene, RaySet};
@@ -44,8 +45,8 @@ pub struct BakedLight {
     /// What smooth surfaces mirror of the rooms around them, where there are any.
     pub probes: Option<LocalProbes>,
     rays: RaySet,
-    /// The BRDF that light is given back by.
-    brdf: String,
+    /// What else it depends on: the BRDF that light is given back by, sizes and samples.
+    made_by: String,
     /// What it is computed for; `None` before the first frame.
     computed_for: Option<LightState>,
     /// The last frame's state, and for how many frames it has been the same.
@@ -59,6 +60,7 @@ pub fn flattened(context: &Context, scene: &Scene, settings: &RenderSettings) ->
         return None;
     }
     let LightmapNeed::Side(side) = lightmap_need(scene, settings.model) else { return None };
+    let side = settings.light_detail.lightmap_size.unwrap_or(side);
     let Context { cache, report, .. } = context;
     let work = Work { cache: cache.as_ref(), report, stop: &AtomicBool::new(false) };
     let made = report.time("atlas", || flatten(&scene.meshes, &scene.instances, side, work));
@@ -80,14 +82,16 @@ impl BakedLight {
         let gpu = &context.gpu;
         let lamps: Vec<Vec3> = scene.lights.iter().map(|light| light.position).collect();
         let brdf = settings.brdf_constants();
+        let LightDetail { lightmap_samples, probe_size, .. } = settings.light_detail;
         let lightmap = LightmapBake::new(gpu, layouts, (ray_scene, &lamps), side, &brdf)?;
+        let lightmap = lightmap.with_samples(lightmap_samples);
         let bvh = &ray_scene.get(gpu, layouts)?.bvh;
-        let probes = LocalProbes::planned(context, layouts, (scene, bvh), lightmap.given_back(), settings.model)?;
+        let probes = LocalProbes::planned(context, layouts, (scene, bvh), lightmap.given_back(), settings)?;
         Ok(Self {
             lightmap,
             probes,
             rays: RaySet::new(gpu, layouts, Some(ray_scene), None)?,
-            brdf: format!("{brdf:?}"),
+            made_by: format!("{brdf:?} {side} {lightmap_samples} {probe_size}"),
             computed_for: None,
             last: None,
             still: 0,
@@ -158,7 +162,7 @@ impl BakedLight {
 
     fn source<'a>(&'a self, source: &[&'a [u8]]) -> Vec<&'a [u8]> {
         let placed = self.probes.as_ref().map_or(&[][..], LocalProbes::placed);
-        source.iter().copied().chain([self.brdf.as_bytes(), placed]).collect()
+        source.iter().copied().chain([self.made_by.as_bytes(), placed]).collect()
     }
 
     /// What the cache holds, by name.

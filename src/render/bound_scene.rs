@@ -18,7 +18,7 @@ use crate::Result;
 use crate::context::Context;
 use crate::gpu::{
     AddressMode, Binding, Commands, Compare, DescriptorSet, Format, FrameContext, FrameRing, Gpu, Image, ImageDesc,
-    ImageUsageFlags, Sampler, Shape, upload_rows,
+    ImageUsageFlags, PassTimes, Sampler, Shape, upload_rows,
 };
 
 /// What a piece of a bake may take where no frame waits for it, milliseconds.
@@ -75,22 +75,26 @@ impl BoundScene {
         Ok(())
     }
 
-    /// Computes light to its end, and keeps it in the cache.
-    pub fn finish_light(&mut self, context: &Context, inputs: &FrameInputs<'_>) -> Result<()> {
+    /// Computes light to its end, and keeps it in the cache; returns the GPU time that it took, milliseconds, 0 where there
+    /// is nothing to do.
+    pub fn finish_light(&mut self, context: &Context, inputs: &FrameInputs<'_>) -> Result<f64> {
         if !self.follow_light(inputs) {
-            return Ok(());
+            return Ok(0.0);
         }
+        let mut gpu_ms = 0.0;
         let mut ring = FrameRing::new(&context.gpu, FRAME_BYTES)?;
         let (block, progress) = (inputs.block(self.constants()), context.report.progress("light", PROGRESS));
         while let Some(part) = self.light_progress() {
             let mut frame = ring.begin()?;
+            gpu_ms += frame.finished.total_ms();
             self.record_light(&mut frame, &block, BAKE_MS)?;
             progress.set_position((part * PROGRESS as f32) as u64);
             frame.submit(None)?;
         }
-        ring.finish_all()?;
+        gpu_ms += ring.finish_all()?.iter().map(PassTimes::total_ms).sum::<f64>();
         progress.finish_and_clear();
-        self.keep_light(context, inputs.environment_rotation)
+        self.keep_light(context, inputs.environment_rotation)?;
+        Ok(gpu_ms)
     }
 
     /// The part of light that is computed, while it is; 0 to 1.

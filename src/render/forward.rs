@@ -59,7 +59,7 @@ impl ForwardPass {
         let PipelineRequest { gpu, layouts, variants, constant_lights, lightmap_layers, settings, eyes, .. } = request;
         let is_reference = settings.shading == Shading::Reference;
         let stages = Stages::new(settings, request.probes > 0);
-        let common: [Constant; 12] = [
+        let common: [Constant; 13] = [
             (constant::EYES, *eyes),
             (constant::SHADING, settings.shading as u32),
             (constant::GEOMETRY, settings.geometry as u32),
@@ -73,6 +73,7 @@ impl ForwardPass {
             (constant::LIGHTMAP, if is_reference { 0 } else { *lightmap_layers }),
             (constant::PROBES, request.probes),
             (constant::TRANSPORT, settings.transport() as u32),
+            (constant::PART, settings.part as u32),
         ];
         let drawing = layouts.drawing();
         let desc = GraphicsDesc {

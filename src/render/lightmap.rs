@@ -10,6 +10,7 @@ use glam::Vec3;
 
 use super::bake_sets::BakeSets;
 use super::layouts::Layouts;
+use super::light_detail::{AT_ONCE, SAMPLES};
 use super::pace::Pace;
 use super::ray_scene::LazyRayScene;
 use crate::Result;
@@ -25,12 +26,7 @@ pub const PASS: &str = "lightmap";
 const BOUNCES: u32 = 40;
 /// Samples of a texel for each of these bounces: their noise is averaged by the gathering that follows.
 const BOUNCE_SAMPLES: u32 = 2;
-/// Samples of a texel at last, a power of two, and how many of them are taken at once.
-const SAMPLES: u32 = 64;
-const AT_ONCE: u32 = 8;
-/// The last ones begin an aligned run of the sequence, which is spread evenly.
-const FIRST_OF_LAST: u32 = (BOUNCES * BOUNCE_SAMPLES).next_multiple_of(SAMPLES);
-/// Of them, as many as it takes until the lightmap is better than an open sky.
+/// Of a texel's samples at last, as many as it takes until the lightmap is better than an open sky.
 const PRESENTABLE: u32 = 16;
 /// Places of a texel, at most 31: of each it is found out whether it is seen, and which lamps and sun reach it.
 const DIRECT_SAMPLES: u32 = 16;
@@ -85,14 +81,15 @@ enum Stage {
 }
 
 impl Stage {
-    fn next(self, has_relays: bool) -> Self {
+    /// What follows, with `most` samples of a texel at last.
+    fn next(self, has_relays: bool, most: u32) -> Self {
         match self {
             Self::Open => Self::Direct,
             Self::Direct if has_relays => Self::Relays,
             Self::Direct | Self::Relays => Self::Bounce(0),
             Self::Bounce(bounce) if bounce + 1 < BOUNCES => Self::Bounce(bounce + 1),
             Self::Bounce(_) => Self::Last(0),
-            Self::Last(samples) if samples + AT_ONCE < SAMPLES => Self::Last(samples + AT_ONCE),
+            Self::Last(samples) if samples + AT_ONCE < most => Self::Last(samples + AT_ONCE),
             Self::Last(_) | Self::Done => Self::Done,
         }
     }
@@ -107,20 +104,21 @@ impl Stage {
         }
     }
 
-    /// The first of them in the sequence of all.
-    fn first_sample(self) -> u32 {
+    /// The first of them in the sequence of all. The last ones begin an aligned run of it, which is spread evenly.
+    fn first_sample(self, most: u32) -> u32 {
         match self {
             Self::Bounce(bounce) => bounce * BOUNCE_SAMPLES,
-            Self::Last(samples) => FIRST_OF_LAST + samples,
+            Self::Last(samples) => (BOUNCES * BOUNCE_SAMPLES).next_multiple_of(most) + samples,
             Self::Open | Self::Direct | Self::Relays | Self::Done => 0,
         }
     }
 
-    fn flags(self) -> u32 {
+    fn flags(self, most: u32) -> u32 {
         match self {
             Self::Bounce(_) => BEGINS | COUNTS,
             Self::Last(samples) => {
-                (if samples == 0 { BEGINS } else { 0 }) | (if samples + AT_ONCE >= PRESENTABLE { IS_SHOWN } else { 0 })
+                let is_shown = samples + AT_ONCE >= PRESENTABLE.min(most);
+                (if samples == 0 { BEGINS } else { 0 }) | (if is_shown { IS_SHOWN } else { 0 })
             }
             Self::Open | Self::Direct | Self::Relays | Self::Done => 0,
         }
@@ -136,12 +134,12 @@ impl Stage {
     }
 
     /// Samples of a texel that came before it.
-    fn samples_before(self) -> u32 {
+    fn samples_before(self, most: u32) -> u32 {
         match self {
             Self::Open | Self::Direct | Self::Relays => 0,
             Self::Bounce(bounce) => DIRECT_SAMPLES + bounce * BOUNCE_SAMPLES,
             Self::Last(samples) => DIRECT_SAMPLES + BOUNCES * BOUNCE_SAMPLES + samples,
-            Self::Done => DIRECT_SAMPLES + BOUNCES * BOUNCE_SAMPLES + SAMPLES,
+            Self::Done => DIRECT_SAMPLES + BOUNCES * BOUNCE_SAMPLES + most,
         }
     }
 }
@@ -158,6 +156,8 @@ pub struct LightmapBake {
     all_texels: u32,
     texels: u32,
     relays: u32,
+    /// Of a texel, at last.
+    samples: u32,
     stage: Stage,
     /// Texels of this stage that are done.
     cursor: u32,
@@ -260,10 +260,16 @@ impl LightmapBake {
             all_texels: all.len() as u32,
             texels: seen as u32,
             relays: if scene.is_near(lamps, NEAR_LAMP) { RELAYS } else { 0 },
+            samples: SAMPLES,
             stage: Stage::Open,
             cursor: 0,
             pace: Pace::new(PASS, PIECES),
         })
+    }
+
+    /// With this many samples of a texel at last, a power of two and at least [`AT_ONCE`].
+    pub fn with_samples(self, samples: u32) -> Self {
+        Self { samples, ..self }
     }
 
     /// The lightmap: first an open sky's light, later that which is computed.
@@ -299,7 +305,8 @@ impl LightmapBake {
     /// The part that is done, 0 to 1.
     pub fn progress(&self) -> f32 {
         let of_stage = self.stage.samples() as f32 * self.cursor as f32 / self.texels.max(1) as f32;
-        ((self.stage.samples_before() as f32 + of_stage) / Stage::Done.samples_before() as f32).min(1.0)
+        let [before, all] = [self.stage, Stage::Done].map(|stage| stage.samples_before(self.samples) as f32);
+        ((before + of_stage) / all).min(1.0)
     }
 
     /// Makes the next piece take about `target_ms`, from the times of a frame that a piece was part of.
@@ -342,9 +349,9 @@ impl LightmapBake {
         let work = Work {
             first: self.cursor,
             count: most.min(all - self.cursor),
-            first_sample: self.stage.first_sample(),
+            first_sample: self.stage.first_sample(self.samples),
             samples,
-            flags: self.stage.flags(),
+            flags: self.stage.flags(self.samples),
             relay_count: self.relays,
             counted: self.stage.counted(),
         };
@@ -353,7 +360,7 @@ impl LightmapBake {
 
     fn end_stage(&mut self, commands: &mut Commands<'_>, sets: &BakeSets<'_>) {
         if matches!(self.stage, Stage::Bounce(_) | Stage::Last(_)) {
-            let all = Work { count: self.texels, flags: self.stage.flags(), ..Work::default() };
+            let all = Work { count: self.texels, flags: self.stage.flags(self.samples), ..Work::default() };
             commands.buffers_written();
             commands.prepare(&self.soft, ImageAccess::Storage);
             self.dispatch(commands, &self.pipelines.resolve, sets, all);
@@ -361,7 +368,7 @@ impl LightmapBake {
             commands.prepare(&self.soft, ImageAccess::Storage);
             self.dispatch(commands, &self.pipelines.fill, sets, all);
         }
-        (self.stage, self.cursor) = (self.stage.next(self.relays > 0), 0);
+        (self.stage, self.cursor) = (self.stage.next(self.relays > 0, self.samples), 0);
     }
 
     fn dispatch(&self, commands: &mut Commands<'_>, pipeline: &Pipeline, sets: &BakeSets<'_>, work: Work) {

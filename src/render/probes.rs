@@ -8,6 +8,7 @@ use bytemuck::{Pod, Zeroable, bytes_of};
 use super::bake_sets::BakeSets;
 use super::layouts::Layouts;
 use super::pace::Pace;
+use super::settings::RenderSettings;
 use super::shared::ProbeBlock;
 use crate::Result;
 use crate::context::Context;
@@ -19,14 +20,12 @@ use crate::precompute::HierarchicalConvolution;
 use crate::reference::levels::LEVELS;
 use crate::scene::bvh::Bvh;
 use crate::scene::needs::mirrors::ProbePlan;
-use crate::scene::{Model, Probe, Scene};
+use crate::scene::{Probe, Scene};
 
 /// Names of the passes, for their times.
 pub const CAPTURE: &str = "probe capture";
 pub const FILTER: &str = "probe filter";
-/// Texels of a captured panorama, and along a face of specular levels 0 and 1: as wide, at the equator.
-const CAPTURED: [u32; 2] = [512, 256];
-const FACE: u32 = 128;
+/// Texels along a face of the irradiance.
 const IRRADIANCE_FACE: u32 = 16;
 /// Texels along a workgroup's side.
 const GROUP: u32 = 8;
@@ -80,26 +79,31 @@ impl LocalProbes {
         layouts: &Layouts,
         (scene, bvh): (&Scene, &Bvh),
         given_back: [&Arc<Image>; 2],
-        model: Model,
+        settings: &RenderSettings,
     ) -> Result<Option<Self>> {
         let gpu = &context.gpu;
-        let ProbePlan { probes, why } = ProbePlan::new(scene, model, bvh);
+        let face = settings.light_detail.probe_size;
+        if face == 0 {
+            return Ok(None);
+        }
+        let ProbePlan { probes, why } = ProbePlan::new(scene, settings.model, bvh);
         tracing::debug!("mirrored rooms: {why}: {probes:?}");
         if !probes.is_empty() && !gpu.has_cube_arrays() {
             context.report.warn(format!("{}: no arrays of cubes; rooms mirror the panorama alone", gpu.info().name));
             return Ok(None);
         }
-        (!probes.is_empty()).then(|| Self::new(gpu, layouts, probes, given_back)).transpose()
+        (!probes.is_empty()).then(|| Self::new(gpu, layouts, (probes, face), given_back)).transpose()
     }
 
-    /// Prepares probes, at least one, that see surfaces give back this radiance of direct and of soft light.
+    /// Prepares probes, at least one, with `face` texels along a face, that see surfaces give back this radiance of direct
+    /// and of soft light.
     ///
     /// # Errors
     /// No memory; a failed Vulkan call.
     pub fn new(
         gpu: &Arc<Gpu>,
         layouts: &Layouts,
-        probes: Vec<Probe>,
+        (probes, face): (Vec<Probe>, u32),
         [direct, soft]: [&Arc<Image>; 2],
     ) -> Result<Self> {
         let usage = ImageUsageFlags::SAMPLED | ImageUsageFlags::STORAGE;
@@ -110,9 +114,11 @@ impl LocalProbes {
             Image::new(gpu, name, ImageDesc { shape: Shape::CubeArray(count), mips, ..flat })
         };
         let mips = (LEVELS / 2) as u32;
-        let specular = [cubes("even levels of probes", FACE, mips)?, cubes("odd levels of probes", FACE, mips)?];
+        let specular = [cubes("even levels of probes", face, mips)?, cubes("odd levels of probes", face, mips)?];
         let irradiance = cubes("irradiance of probes", IRRADIANCE_FACE, 1)?;
-        let captured = Image::new(gpu, "captured", ImageDesc::flat(Format::R32G32B32A32_SFLOAT, CAPTURED, usage))?;
+        // As wide as four faces, at the equator.
+        let size = [4 * face, 2 * face];
+        let captured = Image::new(gpu, "captured", ImageDesc::flat(Format::R32G32B32A32_SFLOAT, size, usage))?;
         let filter = HierarchicalConvolution::new(gpu, &captured, &specular, &irradiance)?;
         submit_and_wait(gpu, |commands| {
             filter.maps().iter().for_each(|map| commands.prepare_fresh(map, ImageAccess::Storage));
@@ -135,7 +141,7 @@ impl LocalProbes {
             filter,
             captured,
             stage: Stage::Capture(0, 0),
-            pace: Pace::new(CAPTURE, f64::from(GROUP)..=f64::from(CAPTURED[1])),
+            pace: Pace::new(CAPTURE, f64::from(GROUP)..=f64::from(size[1])),
             scale: 0.0,
         })
     }
@@ -193,11 +199,12 @@ impl LocalProbes {
     pub fn record(&mut self, commands: &mut Commands<'_>, sets: &BakeSets<'_>, scale: f32) {
         match self.stage {
             Stage::Capture(probe, first_row) => {
-                let rows = (self.pace.size() as u32 / GROUP * GROUP).clamp(GROUP, CAPTURED[1] - first_row);
+                let [_, height] = self.captured.desc().size;
+                let rows = (self.pace.size() as u32 / GROUP * GROUP).clamp(GROUP, height - first_row);
                 let work = Work { position: self.placed[probe].position, first_row, rows };
                 commands.pass(CAPTURE, |commands| self.capture(commands, sets, work));
                 let next = first_row + rows;
-                self.stage = if next < CAPTURED[1] { Stage::Capture(probe, next) } else { Stage::Filter(probe) };
+                self.stage = if next < height { Stage::Capture(probe, next) } else { Stage::Filter(probe) };
             }
             Stage::Filter(probe) => {
                 commands.pass(FILTER, |commands| {
@@ -222,7 +229,7 @@ impl LocalProbes {
         self.given_back.iter().for_each(|image| commands.prepare(image, ImageAccess::Sampled));
         sets.bind(commands, &self.capture, &self.set);
         commands.push(&self.capture, bytes_of(&work));
-        commands.dispatch([CAPTURED[0].div_ceil(GROUP), work.rows.div_ceil(GROUP), 1]);
+        commands.dispatch([self.captured.desc().size[0].div_ceil(GROUP), work.rows.div_ceil(GROUP), 1]);
     }
 }
 

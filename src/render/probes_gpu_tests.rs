@@ -10,6 +10,7 @@ use super::baked_light::BakedLight;
 use super::bound_scene::BoundScene;
 use super::frame::FrameInputs;
 use super::layouts::Layouts;
+use super::light_detail::{FACE, LightDetail};
 use super::lighting::Lighting;
 use super::probes::LocalProbes;
 use super::scene_resources::SceneResources;
@@ -21,9 +22,7 @@ use crate::precompute::harness_tests::texels;
 use crate::reference::brdf::Geometry;
 use crate::reference::energy::{Energy, Scattering};
 use crate::scene::atlas::{Work, flatten};
-use crate::scene::{
-    Bounds, Camera, Environment, GeometryView, Instance, Material, Mesh, Model, PointLight, Probe, Scene,
-};
+use crate::scene::{Bounds, Camera, Environment, GeometryView, Instance, Material, Mesh, PointLight, Probe, Scene};
 
 /// Texels along a lightmap's side: few, for the sake of time.
 const SIDE: u32 = 64;
@@ -55,7 +54,8 @@ fn baked(gpu: &Arc<Gpu>, scene: &Scene) -> BoundScene {
     let side = flat.atlas.size[0];
     let mut light = BakedLight::new(&context, &layouts, (scene, &resources.ray_scene), side, &settings).unwrap();
     // Whether the scene needs it or not.
-    light.probes = Some(LocalProbes::new(gpu, &layouts, scene.probes.clone(), light.lightmap.given_back()).unwrap());
+    light.probes =
+        Some(LocalProbes::new(gpu, &layouts, (scene.probes.clone(), FACE), light.lightmap.given_back()).unwrap());
     let mut bound = BoundScene::new(gpu, &layouts, resources, lighting, Some(light)).unwrap();
     assert_eq!(bound.constants().probe_scale, 0.0, "before anything is captured");
     bound.finish_light(&context, &FrameInputs::of(scene, &[])).unwrap();
@@ -116,15 +116,17 @@ fn nothing_is_built_for_what_mirrors_nothing() {
     with_gpu(|gpu| {
         let matt = scene(Mesh::ball(4, 0.5), 0.5, 1.0, 1.0);
         let (context, layouts) = (Context::silent(gpu), Layouts::new(gpu).unwrap());
-        let count = |scene: &Scene| {
+        let count_of = |scene: &Scene, probe_size: u32| {
+            let light_detail = LightDetail { probe_size, ..LightDetail::default() };
+            let settings = RenderSettings { light_detail, ..RenderSettings::default() };
             let bound = baked(gpu, scene);
             let bvh = &bound.resources.ray_scene.get(gpu, &layouts).unwrap().bvh;
             let given = bound.baked.as_ref().unwrap().lightmap.given_back();
-            let planned = LocalProbes::planned(&context, &layouts, (scene, bvh), given, Model::Needed).unwrap();
+            let planned = LocalProbes::planned(&context, &layouts, (scene, bvh), given, &settings).unwrap();
             planned.map_or(0, |probes| probes.count())
         };
-        assert_eq!(count(&matt), 0);
+        assert_eq!(count_of(&matt, FACE), 0);
         let metal = Scene { materials: vec![Material::plain("metal", Vec3::ONE, 1.0, 0.3)], ..matt };
-        assert_eq!(count(&metal), 1);
+        assert_eq!([FACE, 16, 0].map(|probe_size| count_of(&metal, probe_size)), [1, 1, 0]);
     });
 }

@@ -284,11 +284,12 @@ impl Renderer {
         self.scene.light_progress().filter(|_| self.reference.is_none())
     }
 
-    /// Computes the lightmap to its end.
+    /// Computes lightmap and probes to their end; returns the GPU time that it took, milliseconds, 0 where there is nothing
+    /// to do.
     ///
     /// # Errors
     /// A failed Vulkan call.
-    pub fn finish_lightmap(&mut self, inputs: &FrameInputs<'_>) -> Result<()> {
+    pub fn finish_lightmap(&mut self, inputs: &FrameInputs<'_>) -> Result<f64> {
         self.scene.finish_light(&self.context, inputs)
     }
 

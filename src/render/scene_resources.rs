@@ -68,7 +68,7 @@ impl SceneResources {
             let (variant, textures) = (variants.index(*features), sets.index(material)?);
             drawn.push(DrawnMaterial { variant, textures, masked: features.alpha_mask });
         }
-        let shadow_plan = ShadowPlan::new(context, scene, features.casts);
+        let shadow_plan = ShadowPlan::new(context, scene, features.casts, &settings.light_detail);
         let lamp = |(i, light): (usize, &PointLight)| light_block(light, shadow_plan.of_lamp(i));
         let lights: Vec<LightBlock> = scene.lights.iter().enumerate().map(lamp).collect();
         let block = |(material, drawn): (&Material, &DrawnMaterial)| material_block(material, drawn.textures);

@@ -3,6 +3,7 @@
 
 use clap::{Args, ValueEnum};
 
+use super::light_detail::LightDetail;
 use super::output::Output;
 use super::shared::constant;
 use crate::asset::{Storage, TextureOptions};
@@ -95,6 +96,20 @@ pub enum Transport {
     All,
 }
 
+/// What of surfaces' light the reference shows, for finding out what an approximation of one part loses; the order of
+/// `glsl/importance.glsl`. All but the first are without the sky.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum LightPart {
+    #[default]
+    All,
+    /// What comes straight from lamps and the sun.
+    Direct,
+    /// All other light, as far as it comes back diffuse.
+    SoftDiffuse,
+    /// And as far as it comes back mirrored, by one bounce between microfacets or several.
+    SoftSpecular,
+}
+
 /// How a scene is drawn.
 #[derive(Args, Clone, Debug, PartialEq)]
 pub struct RenderSettings {
@@ -113,6 +128,8 @@ pub struct RenderSettings {
     /// Which paths of light are modelled.
     #[arg(long, value_enum, default_value_t)]
     pub light: LightModel,
+    #[command(flatten)]
+    pub light_detail: LightDetail,
     /// Model what the scene needs, or everything: the same picture, slower.
     #[arg(long, value_enum, default_value_t)]
     pub model: Model,
@@ -132,6 +149,9 @@ pub struct RenderSettings {
     pub irradiance_size: u32,
     #[command(flatten)]
     pub textures: TextureSettings,
+    /// What of the light the reference shows.
+    #[arg(skip)]
+    pub part: LightPart,
     /// What pictures hold.
     #[arg(skip)]
     pub output: Output,
@@ -149,12 +169,14 @@ impl Default for RenderSettings {
             scattering: Scattering::default(),
             split_sum: SplitSum::default(),
             light: LightModel::default(),
+            light_detail: LightDetail::default(),
             model: Model::default(),
             samples: 4,
             scale: 1.0,
             cube_size: face_size,
             irradiance_size,
             textures: TextureSettings::default(),
+            part: LightPart::default(),
             output: Output::default(),
             viewpoint: None,
         }
@@ -244,6 +266,7 @@ impl RenderSettings {
     pub fn transport(&self) -> Transport {
         match self.light {
             LightModel::Open => Transport::None,
+            LightModel::Direct if !self.light_detail.has_shadow_maps() => Transport::None,
             LightModel::Direct => Transport::Direct,
             LightModel::Baked => Transport::All,
         }
@@ -269,24 +292,27 @@ impl RenderSettings {
             scattering,
             split_sum,
             light,
+            light_detail,
             model,
             samples,
             scale,
             cube_size,
             irradiance_size,
             textures,
+            part,
             output,
             viewpoint,
         } = other;
         let needs = [
             (self.scale != *scale, Change::Targets),
-            (self.samples != *samples || self.output != *output, Change::Pipelines),
+            (self.samples != *samples || self.output != *output || self.part != *part, Change::Pipelines),
             (self.shading != *shading || self.scattering != *scattering, Change::Pipelines),
             (self.geometry != *geometry || self.split_sum != *split_sum, Change::Light),
             (self.light != *light, Change::Light),
             // A lightmap needs coordinates of its own, and is computed for one BRDF.
             (self.is_baked() != other.is_baked(), Change::Scene),
             (self.is_baked() && self.brdf_constants() != other.brdf_constants(), Change::Scene),
+            (self.light_detail != *light_detail, Change::Scene),
             (self.cube_size != *cube_size || self.irradiance_size != *irradiance_size, Change::Light),
             (self.model != *model || self.textures != *textures || self.viewpoint != *viewpoint, Change::Scene),
         ];
@@ -346,6 +372,7 @@ mod tests {
     #[test]
     fn a_change_is_as_large_as_its_largest_part() {
         let default = RenderSettings::default;
+        let no_shadows = LightDetail { shadow_size: Some(0), ..LightDetail::default() };
         let changes = [
             (default(), Change::Nothing),
             (RenderSettings { scale: 0.5, ..default() }, Change::Targets),
@@ -355,6 +382,7 @@ mod tests {
             (RenderSettings { cube_size: 64, ..default() }, Change::Light),
             (RenderSettings { light: LightModel::Open, ..default() }, Change::Light),
             (RenderSettings { light: LightModel::Baked, ..default() }, Change::Scene),
+            (RenderSettings { light_detail: no_shadows, ..default() }, Change::Scene),
             (RenderSettings { scattering: Scattering::Single, ..default() }, Change::Pipelines),
             (RenderSettings { geometry: Geometry::Karis2013, shading: Shading::D, ..default() }, Change::Light),
             (RenderSettings { model: Model::Everything, cube_size: 64, ..default() }, Change::Scene),

@@ -2,6 +2,7 @@
 
 use glam::Vec3;
 
+use super::light_detail::LightDetail;
 use crate::context::Context;
 use crate::reference::shadow::FACE_TANGENT;
 use crate::scene::{Bounds, PointLight, Scene};
@@ -10,11 +11,10 @@ use crate::scene::{Bounds, PointLight, Scene};
 pub const FACES: u32 = 6;
 /// Bytes of a depth texel.
 const TEXEL_BYTES: u64 = 4;
-/// Texels along a face, the largest first.
-const FACE_SIZES: [u32; 4] = [2048, 1024, 512, 256];
-/// The largest on a software renderer: a drawing takes as long as a few frames there.
-const LARGEST_IN_SOFTWARE: u32 = 1024;
-/// Texels along the sun's map, which is cached while nothing turns: 64 MiB, and 16 in software.
+/// Texels along a face, the largest first; at most half the sun's map. Smaller ones are made where they are asked for.
+const FACE_SIZES: [u32; 5] = [4096, 2048, 1024, 512, 256];
+/// Texels along the sun's map, which is cached while nothing turns: 64 MiB, and 16 in software, where a drawing takes as
+/// long as a few frames.
 const SUN_SIDE: u32 = 4096;
 const SUN_SIDE_IN_SOFTWARE: u32 = 2048;
 /// Part of the GPU's memory that shadow maps may take, and the most bytes: six lamps at the largest size.
@@ -64,15 +64,16 @@ pub struct ShadowPlan {
 }
 
 impl ShadowPlan {
-    /// Maps for the scene's lamps, none if nothing `casts`; says which lamps go without.
-    pub fn new(context: &Context, scene: &Scene, casts: bool) -> Self {
+    /// Maps for the scene's lamps, none if nothing `casts` or none are wanted; says which lamps go without.
+    pub fn new(context: &Context, scene: &Scene, casts: bool, detail: &LightDetail) -> Self {
+        let casts = casts && detail.has_shadow_maps();
         let info = context.gpu.info();
-        let (largest, budget) = if info.is_software() {
-            (LARGEST_IN_SOFTWARE, MOST_BYTES_IN_SOFTWARE)
-        } else {
-            (FACE_SIZES[0], MOST_BYTES)
+        let (sun_side, budget) = match detail.shadow_size {
+            None if info.is_software() => (SUN_SIDE_IN_SOFTWARE, MOST_BYTES_IN_SOFTWARE),
+            None => (SUN_SIDE, MOST_BYTES),
+            Some(side) => (side, MOST_BYTES),
         };
-        let sun_side = if info.is_software() { SUN_SIDE_IN_SOFTWARE } else { SUN_SIDE };
+        let largest = sun_side / 2;
         let plan = if casts {
             Self::within(&scene.lights, scene.bounds(), largest, budget.min(info.memory / MEMORY_PART))
         } else {
@@ -94,7 +95,7 @@ impl ShadowPlan {
         let lamps = lights.len().min(MOST_LAMPS);
         let bytes = |face: u32| u64::from(FACES) * u64::from(face).pow(2) * TEXEL_BYTES;
         let fits = |face: &u32| *face <= largest && bytes(*face) * lamps as u64 <= budget;
-        let face = FACE_SIZES.into_iter().find(fits).unwrap_or(FACE_SIZES[FACE_SIZES.len() - 1]);
+        let face = FACE_SIZES.into_iter().find(fits).unwrap_or(FACE_SIZES[FACE_SIZES.len() - 1].min(largest));
         let count = lamps.min((budget / bytes(face)) as usize);
         let mut order: Vec<usize> = (0..lights.len()).collect();
         order.sort_by(|a, b| irradiance(&lights[*b], bounds).total_cmp(&irradiance(&lights[*a], bounds)));
@@ -169,6 +170,8 @@ mod tests {
         assert_eq!((few.face, few.maps.len()), (256, 6));
         assert!([0, 2, 4, 6, 8].iter().all(|lamp| few.of_lamp(*lamp).0 >= 0), "{few:?}");
         assert_eq!((few.of_lamp(1), few.of_lamp(2).0, few.of_lamp(3)), ((6, few.maps[1].near_metres), 12, (-1, 1.0)));
+        let small = ShadowPlan::within(&lamps(3), BOUNDS, 128, 1 << 30);
+        assert_eq!((small.face, small.maps.len()), (128, 3), "as asked for");
         let none = ShadowPlan::within(&lamps(3), BOUNDS, 1024, 0);
         assert_eq!((none.kind, none.face, none.maps.len(), none.layers()), (LampShadows::None, 1, 0, 6));
     }

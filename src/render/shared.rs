@@ -153,4 +153,5 @@ pub mod constant {
     pub const LIGHTMAP: u32 = 15;
     pub const TRANSPORT: u32 = 16;
     pub const PROBES: u32 = 17;
+    pub const PART: u32 = 18;
 }

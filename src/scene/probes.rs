@@ -29,6 +29,8 @@ const NO_WALL: f32 = 10.0;
 /// Walls of a room, floor and ceiling counted, at least; its least mean side, in radii of the scene: a gap between things is none.
 const WALLS: u32 = 4;
 const NOOK: f32 = 0.2;
+/// Of that side, how far a probe is from what is nearest to it, at least: beside a surface it sees little else.
+const CLEAR: f32 = 0.05;
 /// Share of rays that meet backs from which on a place is inside of a thing.
 const BEHIND: f32 = 0.7;
 /// Paths that look for smooth surfaces from each camera, and how often each is reflected.
@@ -124,6 +126,7 @@ impl Placement {
 fn room(bvh: &Bvh, start: Vec3) -> Option<Probe> {
     let from_start = View::new(bvh, start, RAYS);
     let (mut position, mut bounds, mut is_open) = (start, from_start.bounds(bvh), from_start.is_open());
+    let mut clearance = from_start.clearance;
     // From the middle more of the walls is seen than from a corner, and less of the surface that the start lies at.
     for _ in 0..2 {
         if is_open {
@@ -131,13 +134,17 @@ fn room(bvh: &Bvh, start: Vec3) -> Option<Probe> {
         }
         position = middle(bvh, start, bounds, &from_start);
         let view = View::new(bvh, position, RAYS);
-        (bounds, is_open) = (view.bounds(bvh), view.is_open());
+        (bounds, is_open, clearance) = (view.bounds(bvh), view.is_open(), view.clearance);
     }
     let bounds = Bounds { min: bounds.min.min(position), max: bounds.max.max(position) };
     let far = NO_WALL * bvh.bounds().radius();
     let without = [position - bounds.min, bounds.max - position].map(|reach| reach.cmpge(Vec3::splat(0.99 * far)));
     let walls = 6 - without.map(|sides| sides.bitmask().count_ones()).iter().sum::<u32>();
-    let is_nook = (bounds.max - bounds.min).element_sum() / 3.0 < NOOK * bvh.bounds().radius();
+    // An axis without a wall says nothing of a room's size.
+    let walled = !(without[0] | without[1]);
+    let axes = walled.bitmask().count_ones().max(1) as f32;
+    let side = Vec3::select(walled, bounds.max - bounds.min, Vec3::ZERO).element_sum() / axes;
+    let is_nook = side < NOOK * bvh.bounds().radius() || clearance < CLEAR * side;
     (!is_open && !is_nook && walls >= WALLS).then_some(Probe { position, bounds })
 }
 

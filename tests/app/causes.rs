@@ -6,7 +6,7 @@ use crate::common::{Workshop, json, program, square, succeeds};
 use pbr_vr::asset::picture::Picture;
 use serde_json::Value;
 
-/// A square that leans away, with a noisy base color map, under a sky with structure.
+/// A square that leans away, with a noisy base color map, under a sky with structure; beside it a small one and a lamp.
 fn scene(shop: &Workshop) {
     shop.panorama("sky.exr", 128, |[x, y, z]| {
         let stripe = if (8.0 * x).sin() * (7.0 * z).cos() > 0.3 { 3.0 } else { 0.2 };
@@ -20,7 +20,8 @@ fn scene(shop: &Workshop) {
     shop.write("model.obj", &square("m.mtl"));
     shop.write(
         "scene.toml",
-        "environment = { panorama = \"sky.exr\" }\n[[model]]\nfile = \"model.obj\"\n[[camera]]\nname = \"c\"\n\
+        "environment = { panorama = \"sky.exr\" }\n[[model]]\nfile = \"model.obj\"\n[[model]]\nfile = \"model.obj\"\n\
+         scale = 0.3\ntranslation = [0.1, 0.25, 0.1]\n[[light]]\npoint = { position = [0.2, 0.9, 0.3], intensity = [2, 2, 2] }\n[[camera]]\nname = \"c\"\n\
          position = [0.6, 0.3, 0.6]\ntarget = [0, 0, 0]\nvertical_fov_degrees = 60\n",
     );
 }
@@ -67,9 +68,19 @@ fn what_is_worse_is_found_to_be_worse() {
     for subject in ["sky, metal", "sky, dielectric", "scene"] {
         let whole = number(rows(&facts, subject, "whole", "all", "exact")[0], "change");
         let own = facts["rows"].as_array().expect("rows").iter().filter(|row| row["subject"] == subject);
+        let own = own.filter(|row| row["kind"] != "light");
         let ablations = own.filter(|row| row["ablation"] == "other");
         assert!(whole > 0.0 && ablations.into_iter().all(|row| number(row, "error") == whole), "{subject}");
     }
+    // What blocks light matters more than how its shadow's edge is drawn; what is given back, than how it is stored.
+    let exact = |cause| change("exact", cause, "exact");
+    let [shadows, indirect] = ["no shadows", "no indirect light"].map(|cause| change("other", cause, "none"));
+    assert!(shadows > 2.0 * exact("shadow maps") && shadows > 0.005, "{shadows}, {}", exact("shadow maps"));
+    assert!(indirect > 0.005 && exact("probes") > 0.0, "{indirect}");
+    assert_eq!(exact("lightmap"), 0.0, "metal gives back nothing diffuse");
+    let [whole, floor] = [("whole", "all light"), ("floor", "floor")]
+        .map(|(ablation, cause)| number(rows(&facts, "scene", ablation, cause, "")[0], "change"));
+    assert!(whole > 0.0 && floor < 0.05, "{whole}, {floor}");
     files_can_be_read(&folder.join("out"), &facts);
 }
 

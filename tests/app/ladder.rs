@@ -167,6 +167,12 @@ fn limits_and_settings_at_once_are_bad_usage() {
         (&["render", SCENE, "-o", "x.png", "--scale", "2"][..], "--scale"),
         (&["render", SCENE, "-o", "x.png", "--cube-size", "100"][..], "--cube-size"),
         (&["render", SCENE, "-o", "x.png", "--irradiance-size", "2"][..], "--irradiance-size"),
+        (&["render", SCENE, "-o", "x.png", "--shadow-size", "100"][..], "--shadow-size"),
+        (&["render", SCENE, "-o", "x.png", "--lightmap-size", "4096"][..], "--lightmap-size"),
+        (&["render", SCENE, "-o", "x.png", "--lightmap-samples", "7"][..], "--lightmap-samples"),
+        (&["render", SCENE, "-o", "x.png", "--probe-size", "8"][..], "--probe-size"),
+        (&["measure", "causes", "-o", "out", "--setting", "light"][..], "measure ladder"),
+        (&["measure", "ladder", "-o", "out", "--setting", "lights"][..], "light"),
         (&["measure", "furnace", SCENE, "-o", "out"][..], "measure ladder"),
     ] {
         fails(at, arguments, 2, part);
@@ -232,4 +238,38 @@ fn each_setting_changes_the_picture_and_keeps_its_size() {
         draw("a.png", &reference) == draw("b.png", &[&reference[..], &["--scale", "0.5"]].concat()),
         "the reference is drawn whole"
     );
+}
+
+#[test]
+fn each_size_of_baked_light_changes_the_picture() {
+    let folder = scene();
+    let at = folder.path();
+    let write = |name: &str, text: &str| std::fs::write(at.join(name), text).expect("a file");
+    // A shiny strip of metal that lies, and a matt one that stands on it.
+    write("strips.mtl", "newmtl metal\nKd 0.9 0.8 0.7\nPr 0.2\nPm 1\nnewmtl matt\nKd 0.7 0.3 0.3\nPr 1\nPm 0\n");
+    write(
+        "strips.obj",
+        "mtllib strips.mtl\nusemtl metal\nv -2 0 -0.3\nv 2 0 -0.3\nv 2 0 0.3\nv -2 0 0.3\nf 4 3 2\nf 4 2 1\n\
+         usemtl matt\nv -1 0 -0.1\nv 1 0 -0.1\nv 1 0.6 -0.1\nv -1 0.6 -0.1\nf 5 6 7\nf 5 7 8\n",
+    );
+    write(
+        "strips.toml",
+        "[[model]]\nfile = \"strips.obj\"\n[[light]]\npoint = { position = [0.5, 1.2, -0.8], intensity = [3, 3, 3] }\n\
+         [[probe]]\nposition = [0, 0.4, 0.5]\nbox = [[-2, 0, -1], [2, 1.5, 1.5]]\n[[camera]]\nname = \"a\"\nposition = [0, 0.8, 2.5]\n\
+         target = [0, 0.2, 0]\nvertical_fov_degrees = 40\n",
+    );
+    let draw = |flags: &[&str]| {
+        succeeds(at, &[&["render", "strips.toml", "-o", "x.png", "--size", "97x65", "--validate"], flags].concat());
+        image::open(at.join("x.png")).expect("a picture").to_rgb8()
+    };
+    let baked = ["--light", "baked", "--lightmap-size", "256", "--lightmap-samples"];
+    let base = draw(&[&baked[..], &["8"]].concat());
+    assert!(draw(&[&baked[..], &["8"]].concat()) == base, "from the cache");
+    for flags in [["8", "--probe-size", "0"], ["8", "--shadow-size", "0"], ["16", "--probe-size", "128"]] {
+        assert!(draw(&[&baked[..], &flags].concat()) != base, "{flags:?} did nothing");
+    }
+    let direct = draw(&["--light", "direct"]);
+    for size in ["0", "256"] {
+        assert!(draw(&["--light", "direct", "--shadow-size", size]) != direct, "--shadow-size {size} did nothing");
+    }
 }

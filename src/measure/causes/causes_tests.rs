@@ -1,12 +1,15 @@
 //! Causes of a ball's error where the answer is known. All numbers are in percent.
 
-use glam::Vec3;
+use glam::{Mat4, Vec3};
 
 use super::ball::Grid;
 use super::rows::Ablation;
 use super::*;
 use crate::context::Context;
 use crate::gpu::{Gpu, GpuOptions};
+use crate::measure::bench::Bench;
+use crate::render::{Eye, LightModel, LightPart, Output, RenderSettings, Shading};
+use crate::scene::{Camera, Environment, Instance, Material, Mesh, PointLight, Scene};
 
 const SMALL: Grid = Grid { roughness: &[0.2, 0.5, 0.9], nv: &[0.8, 0.3], log2_normals: 1, cubes: &[16], width: 64 };
 
@@ -90,4 +93,47 @@ fn panoramas_are_averaged_until_they_fit_and_keep_their_mean() {
     let mean = |p: &Panorama| p.texels.iter().map(|t| f64::from(t[1])).sum::<f64>() / p.texels.len() as f64;
     assert!((mean(&small) - mean(&panorama)).abs() < 1e-5);
     assert_eq!(smaller(panorama.clone(), 64), panorama);
+}
+
+/// The mean over a picture of one ball, on which light falls from a lamp, a sun, a sky and another ball.
+fn mean_of(context: &Context, light: LightModel, part: LightPart) -> Vec3 {
+    let placed = |x: f32| Instance { mesh: 0, world_from_local: Mat4::from_translation(x * Vec3::X) };
+    let position = Vec3::new(0.3, 0.4, 2.0);
+    let scene = Scene {
+        meshes: vec![Mesh::ball(16, 0.5)],
+        instances: vec![placed(0.0), placed(1.1)],
+        materials: vec![Material::plain("half metal", Vec3::new(0.8, 0.6, 0.5), 0.5, 0.4)],
+        textures: vec![],
+        lights: vec![PointLight { position: Vec3::new(-1.0, 2.0, 1.5), intensity: Vec3::splat(8.0), radius: 0.0 }],
+        cameras: vec![Camera { name: "c".into(), position, target: Vec3::ZERO, vertical_fov_degrees: 15.0 }],
+        environment: Environment { panorama: synthetic_panorama(64, true), rotation_degrees: 0.0 },
+        probes: vec![],
+        exposure_ev: 0.0,
+    };
+    let (shading, output) = (Shading::Reference, Output::Linear);
+    let settings = RenderSettings { shading, output, light, part, cube_size: 16, ..RenderSettings::default() };
+    let eye = Eye::of_camera(&scene.cameras[0], 1.0);
+    let mut bench = Bench::new(context, &scene, settings, [16; 2], vec![eye]).unwrap();
+    for _ in 0..200 {
+        bench.draw().unwrap();
+    }
+    let pixels = bench.radiance().unwrap();
+    pixels.iter().sum::<Vec3>() / pixels.len() as f32
+}
+
+#[test]
+fn the_exact_picture_is_the_sum_of_its_parts() {
+    let gpu = Gpu::open(GpuOptions { validate: true, ..GpuOptions::default() }).unwrap();
+    let messages = gpu.messages();
+    let context = Context::silent(&gpu);
+    for light in [LightModel::Direct, LightModel::Baked] {
+        let [whole, parts @ ..] = [LightPart::All, LightPart::Direct, LightPart::SoftDiffuse, LightPart::SoftSpecular]
+            .map(|part| mean_of(&context, light, part));
+        let off = (parts.iter().sum::<Vec3>() / whole - 1.0).abs().max_element();
+        assert!(off < 0.02, "{light:?}: {parts:?} are off by {off} from {whole}");
+        assert!(parts.iter().all(|part| part.min_element() > 0.03 * whole.max_element()), "{light:?}: {parts:?}");
+    }
+    drop(context);
+    drop(gpu);
+    messages.check().unwrap();
 }

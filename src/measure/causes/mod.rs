@@ -1,7 +1,9 @@
-//! Errors by cause: one approximation after the other replaced by its exact form, for balls and for pictures.
+//! Errors by cause: one approximation after the other replaced by its exact form, for balls, for pictures' shading, and for
+//! the light between their things.
 
 mod ball;
 mod chain;
+mod light;
 mod picture;
 mod rows;
 
@@ -43,7 +45,9 @@ pub fn run(request: &MeasureRequest, context: &Context) -> Result<()> {
     }
     bar.finish_and_clear();
     for path in request.scenes_or(&SCENES)? {
-        Subject::new(context, &path, picture::Detail { size, ..detail })?.measure(&mut keep)?;
+        let subject = Subject::new(context, &path, picture::Detail { size, ..detail })?;
+        subject.measure(&mut keep)?;
+        subject.measure_light(&mut keep)?;
     }
     results.plot().write(folder, "causes")?;
     results.largest().iter().for_each(|line| say!("pbr-vr: {line}"));

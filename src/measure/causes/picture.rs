@@ -1,4 +1,5 @@
-//! A scene's picture: with the default settings, as the reference, and with one approximation after the other replaced.
+//! The shading of a scene's picture, where nothing blocks light or gives it back: with the default settings, as the
+//! reference, and with one approximation after the other replaced.
 
 use std::path::Path;
 
@@ -14,7 +15,7 @@ use crate::reference::energy::Scattering;
 use crate::reference::metrics::{PIXELS_PER_DEGREE, flip};
 use crate::reference::table::SplitSum;
 use crate::reference::tone::{display_bytes, display_light, srgb_bytes};
-use crate::render::{Eye, Output, RenderSettings, Shading, TextureSettings};
+use crate::render::{Eye, LightModel, Output, RenderSettings, Shading, TextureSettings};
 use crate::scene::Scene;
 use crate::view::load_scene;
 use crate::{Error, Result};
@@ -39,16 +40,18 @@ pub const FULL: Detail = Detail { size: [640, 480], places: 16, half: 512, cube:
 const MOST_ANISOTROPY: u32 = 16;
 
 /// sRGB bytes, rows from the top.
-type Picture = Vec<[u8; 3]>;
+pub type Picture = Vec<[u8; 3]>;
 
 /// One scene, with its textures in both ways that are compared.
 pub struct Subject<'a> {
     context: &'a Context,
-    name: String,
-    detail: Detail,
-    eye: Eye,
-    settings: RenderSettings,
-    compressed: Scene,
+    pub name: String,
+    pub detail: Detail,
+    pub eye: Eye,
+    /// Of pictures in which nothing blocks light or gives it back.
+    pub settings: RenderSettings,
+    /// With compressed textures.
+    pub compressed: Scene,
     raw: Scene,
 }
 
@@ -68,7 +71,7 @@ impl<'a> Subject<'a> {
         let eye = first_eye(&raw, detail.size);
         let anisotropy = Some(TextureOptions::default().anisotropy);
         let textures = TextureSettings { anisotropy, budget_mib: Some(u32::MAX), ..TextureSettings::default() };
-        let settings = RenderSettings { textures, ..RenderSettings::default() };
+        let settings = RenderSettings { textures, light: LightModel::Open, ..RenderSettings::default() };
         Ok(Self { context, name: stem(path), detail, eye, settings, compressed, raw })
     }
 
@@ -115,6 +118,11 @@ impl<'a> Subject<'a> {
         Ok(())
     }
 
+    /// Stops.
+    pub fn exposure_ev(&self) -> f64 {
+        self.raw.exposure_ev.into()
+    }
+
     /// Settings that replace one of the defaults: the cause, the default, the replacement.
     fn other_settings(&self) -> Vec<(Ablation, [String; 3], RenderSettings)> {
         use Ablation::{Exact, Other};
@@ -143,7 +151,7 @@ impl<'a> Subject<'a> {
     }
 
     /// One frame as a viewer sees it.
-    fn drawn(&self, scene: &Scene, settings: &RenderSettings) -> Result<Picture> {
+    pub fn drawn(&self, scene: &Scene, settings: &RenderSettings) -> Result<Picture> {
         let mut bench = self.bench(scene, settings.clone())?;
         bench.draw()?;
         bench.display()
@@ -156,9 +164,8 @@ impl<'a> Subject<'a> {
         let mut bench = self.bench(scene, settings)?;
         let (count, size, ev) = (self.detail.places, self.detail.size, self.raw.exposure_ev.into());
         let mut sums = vec![[DVec3::ZERO; 2]; size.iter().product::<u32>() as usize];
-        for place in 0..count * count {
-            let offset = [place % count, place / count].map(|i| (i as f32 + 0.5) / count as f32 - 0.5);
-            bench.eyes = vec![shifted(&self.eye, offset, size)];
+        for eye in self.places() {
+            bench.eyes = vec![eye];
             bench.draw()?;
             for ([radiance, display], light) in sums.iter_mut().zip(bench.radiance()?) {
                 *radiance += light.as_dvec3();
@@ -172,6 +179,15 @@ impl<'a> Subject<'a> {
         ])
     }
 
+    /// The eye at evenly spread places of a pixel.
+    pub fn places(&self) -> impl Iterator<Item = Eye> {
+        let count = self.detail.places;
+        (0..count * count).map(move |place| {
+            let offset = [place % count, place / count].map(|i| (i as f32 + 0.5) / count as f32 - 0.5);
+            shifted(&self.eye, offset, self.detail.size)
+        })
+    }
+
     /// The reference of many frames, and of both halves of them; radiance is averaged, then tone-mapped.
     fn reference(&self, scene: &Scene) -> Result<MeanAndHalves<Picture>> {
         let (shading, output) = (Shading::Reference, Output::Linear);
@@ -181,7 +197,7 @@ impl<'a> Subject<'a> {
     }
 
     /// Without mips, anisotropic filtering is off: it could not choose a level, and lavapipe would read whole textures.
-    fn settings_for(&self, scene: &Scene) -> RenderSettings {
+    pub fn settings_for(&self, scene: &Scene) -> RenderSettings {
         let mut settings = self.settings.clone();
         if scene.textures.iter().all(|texture| texture.levels.len() == 1) {
             settings.textures.anisotropy = Some(1);
@@ -189,11 +205,13 @@ impl<'a> Subject<'a> {
         settings
     }
 
-    fn flip(&self, a: &Picture, b: &Picture) -> Result<f64> {
+    /// Mean FLIP.
+    pub fn flip(&self, a: &Picture, b: &Picture) -> Result<f64> {
         Ok(flip(self.detail.size, a, b, PIXELS_PER_DEGREE).ok_or_else(size_error)?.mean.into())
     }
 
-    fn bench(&self, scene: &Scene, settings: RenderSettings) -> Result<Bench> {
+    /// A renderer of these pictures.
+    pub fn bench(&self, scene: &Scene, settings: RenderSettings) -> Result<Bench> {
         Bench::new(self.context, scene, settings, self.detail.size, vec![self.eye])
     }
 }

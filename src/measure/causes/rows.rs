@@ -28,7 +28,10 @@ pub enum Ablation {
 #[serde(rename_all = "lowercase")]
 pub enum Kind {
     Ball,
+    /// A picture's shading, where nothing blocks light or gives it back.
     Picture,
+    /// A picture's light between things.
+    Light,
 }
 
 /// One ablation of one subject. Numbers are, for balls, the mean of |difference| over the exact radiance, in %; for
@@ -89,7 +92,7 @@ impl Results {
         vec![
             "Filled (exact): one approximation is replaced by its exact form, all others stay. Rings (other): by another setting."
                 .into(),
-            "Dashed (floor): noise of the reference, in all together and split sum.".into(),
+            "Dashed (floor): noise of the reference, in all together, split sum and light.".into(),
             format!(
                 "{gpu}, {date}. References: radiance averaged, then the tone curve. FLIP as seen with {PIXELS_PER_DEGREE} \
                  pixels per degree."
@@ -100,10 +103,15 @@ impl Results {
     /// A line for each subject that names its largest cause.
     pub fn largest(&self) -> Vec<String> {
         let line = |whole: &Row| {
-            let causes = self.rows.iter().filter(|r| r.subject == whole.subject && r.ablation == Ablation::Exact);
+            let causes = self.rows.iter().filter(|r| r.kind == whole.kind && r.subject == whole.subject);
+            let causes = causes.filter(|r| r.ablation == Ablation::Exact);
             let most = causes.max_by(|a, b| a.change.total_cmp(&b.change));
             let most = most.map_or(String::new(), |most| format!("; most by {} ({:.4})", most.cause, most.change));
-            let unit = if whole.kind == Kind::Ball { "error in %" } else { "FLIP" };
+            let unit = match whole.kind {
+                Kind::Ball => "error in %",
+                Kind::Picture => "shading alone, FLIP",
+                Kind::Light => "all light, FLIP",
+            };
             format!("{}: {unit} {:.4}{most}", whole.subject, whole.change)
         };
         self.rows.iter().filter(|row| row.ablation == Ablation::Whole).map(line).collect()
@@ -113,7 +121,9 @@ impl Results {
     pub fn plot(&self) -> Plot {
         let [width, height] = self.size;
         let mut panels = vec![self.panel(Kind::Ball, "balls", "mean relative difference of radiance, %", 0)];
-        panels.push(self.panel(Kind::Picture, "pictures", &format!("mean FLIP, pictures of {width}×{height}"), 3));
+        let unit = format!("mean FLIP, pictures of {width}×{height}");
+        panels.push(self.panel(Kind::Picture, "shading alone", &unit, 3));
+        panels.push(self.panel(Kind::Light, "light between things", &unit, 3));
         panels.retain(|panel| !panel.series.is_empty());
         let title = "What each approximation changes".into();
         Plot { title, panels, caption: self.notes(), key: Vec::new() }

@@ -17,7 +17,12 @@ pub fn plot(ladder: &Ladder) -> Plot {
         series("dominated", 6, Mark::Ring),
         series("default", 0, Mark::Circle),
     ];
-    let mut key = vec![(String::new(), "Settings (× the default's time, FLIP); dominated ones last:".to_owned())];
+    let heading = if ladder.configs.iter().any(|config| config.bake.is_some()) {
+        "Settings (× the default's time, FLIP, processor time of the bake); dominated ones last:"
+    } else {
+        "Settings (× the default's time, FLIP); dominated ones last:"
+    };
+    let mut key = vec![(String::new(), heading.to_owned())];
     for (number, config) in (1..).zip(configs) {
         key.push((format!("{number}"), words(config)));
         let (ms, flip, noise) = (config.ms, config.error.flip, config.flip_noise);
@@ -52,10 +57,16 @@ pub fn plot(ladder: &Ladder) -> Plot {
 /// A configuration in few words, with its time and error.
 fn words(config: &Config) -> String {
     let flags = config.name().trim_start_matches("--").replace(" --", ", ");
-    let shorter = [("irradiance-size", "irradiance"), ("cube-size", "cube"), ("drop-levels", "drop")];
+    let shorter = [
+        ("irradiance-size", "irradiance"),
+        ("cube-size", "cube"),
+        ("drop-levels", "drop"),
+        ("light baked, ", "baked, "),
+    ];
     let flags = shorter.into_iter().fold(flags, |flags, (long, short)| flags.replace(long, short));
     let noise = if config.is_default() { String::new() } else { format!(" ± {:.5}", config.flip_noise) };
-    format!("{flags} ({:.2}×, {:.4}{noise})", config.ratio.median, config.error.flip)
+    let bake = config.bake.map_or_else(String::new, |bake| format!(", {:.0} s", bake.cpu_s.unwrap_or(bake.gpu_s)));
+    format!("{flags} ({:.2}×, {:.4}{noise}{bake})", config.ratio.median, config.error.flip)
 }
 
 /// Notes on the measurement, for chart and table.
@@ -68,7 +79,7 @@ pub fn notes(ladder: &Ladder) -> Vec<String> {
              uncertainty of FLIP's difference from the default's."
         ),
         format!(
-            "Reference picture: {frames} frames of {fineness}×{fineness} times the pixels, display light (after the tone curve) \
+            "Reference picture: all light along all paths, {frames} frames of {fineness}×{fineness} times the pixels, display light (after the tone curve) \
              averaged; dashed: its own error, FLIP {:.5}. FLIP as seen with {pixels_per_degree} pixels per degree.",
             floor.flip
         ),

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::super::bench::{Cost, Spread};
+use super::super::bench::{BakeCost, Cost, Spread};
 use super::super::machine::Machine;
 use super::super::noise::{Halves, paired};
 use super::super::pareto::{Limit, Score, dominated_by};
@@ -19,6 +19,8 @@ pub struct Config {
     pub flags: String,
     #[serde(flatten)]
     pub cost: Cost,
+    /// What its lightmap and probes took once, before any frame; `None` without any.
+    pub bake: Option<BakeCost>,
     /// Ratio to the default's time, both drawn interleaved.
     pub ratio: Spread,
     /// The default's GPU time in that run.
@@ -94,12 +96,13 @@ impl Ladder {
                 error: paired(&a.halves, &b.halves, a.error.flip - b.error.flip),
             }
         };
-        let worth = Score { ms: default.median * WORTH, error: self.configs[0].error.flip * WORTH };
+        let scores: Vec<Score> = self.configs.iter().map(Config::score).collect();
         let least = |a: usize, b: usize| {
             let noise = noise(a, b);
-            Score { ms: noise.ms.max(worth.ms), error: noise.error.max(worth.error) }
+            // Errors differ by a factor of ten where light does: of the smaller one.
+            let worth = scores[a].error.min(scores[b].error) * WORTH;
+            Score { ms: noise.ms.max(default.median * WORTH), error: noise.error.max(worth) }
         };
-        let scores: Vec<Score> = self.configs.iter().map(Config::score).collect();
         let flip_noise: Vec<f64> = (0..scores.len()).map(|index| noise(index, 0).error).collect();
         let dominated_by = dominated_by(&scores, least);
         let names: Vec<String> = self.configs.iter().map(|config| config.name().to_owned()).collect();

@@ -28,6 +28,7 @@ fn ladder(configs: &[(&str, f64, f64)]) -> Ladder {
             dimension: dimension.into(),
             flags: flags.into(),
             cost,
+            bake: None,
             ratio: spread(ms / default_ms),
             default_gpu_ms: default_ms,
             ms,
@@ -74,6 +75,11 @@ fn verdicts_say_how_the_default_stands_and_what_is_within_noise() {
     // Errors ten times as large: noise hides little of them, and a hundredth does not count.
     assert!(verdict(&[("", 8.0, 0.1), ("--a", 2.0, 0.1009)]).contains("dominated by --a:"));
     assert!(verdict(&[("", 8.0, 0.1), ("--a", 2.0, 0.1011)]).ends_with("is on the Pareto front"), "more than 1 %");
+    let far = ladder(&[("", 8.0, 0.7), ("--a", 9.0, 0.1), ("--b", 10.0, 0.097)]);
+    assert!(
+        far.configs.iter().all(|config| config.dominated_by.is_none()),
+        "little of the default's error, much of its own"
+    );
     assert!(ladder(&[("", 8.0, 0.001)]).verdict()[1].contains("own error"));
 }
 

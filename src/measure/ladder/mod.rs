@@ -1,5 +1,8 @@
 //! Speed against accuracy: every setting that trades one for the other, its time and its error against the reference picture.
 
+mod bakes;
+#[cfg(test)]
+mod bakes_gpu_tests;
 mod chart;
 mod config;
 mod reference;
@@ -34,7 +37,7 @@ pub fn run(request: &MeasureRequest, context: &Context) -> Result<()> {
             write(folder, context, &done.iter().chain([ladder]).collect::<Vec<_>>())
         })?;
         chart::plot(&ladder).write(folder, &format!("ladder-{}", ladder.scene))?;
-        if let Some(cache) = &context.cache {
+        if let Some(cache) = context.cache.as_ref().filter(|_| request.settings.is_empty()) {
             let stored = store::store(cache, &path, &context.gpu, &ladder);
             stored.unwrap_or_else(|error| {
                 context.report.warn(format!("{error}; --tolerance and --budget-ms cannot use this ladder"));
@@ -48,6 +51,11 @@ pub fn run(request: &MeasureRequest, context: &Context) -> Result<()> {
         done.push(ladder);
     }
     Ok(())
+}
+
+/// All kinds of settings.
+pub fn kinds() -> Vec<&'static str> {
+    settings::DIMENSIONS.iter().map(|(kind, _)| *kind).collect()
 }
 
 /// Measures one scene's settings: each alone, then combinations that are worth it.
@@ -70,7 +78,9 @@ fn measure(
     };
     let singles =
         settings::DIMENSIONS.iter().flat_map(|(dimension, all)| all.iter().map(move |flags| (*dimension, *flags)));
-    let all = [("default", "")].into_iter().chain(singles).chain(settings::KNOWN.iter().copied());
+    let all = singles.chain(settings::KNOWN.iter().copied());
+    let all = all.filter(|(kind, _)| request.settings.is_empty() || request.settings.iter().any(|name| name == kind));
+    let all = [("default", "")].into_iter().chain(all);
     let (unfit, alone): (Vec<_>, Vec<_>) =
         all.partition(|(_, flags)| software && settings::NOT_FOR_SOFTWARE.contains(flags));
     ladder.notes.extend(unfit.iter().map(|(_, flags)| format!("{flags}: not measured on a software renderer")));
@@ -87,7 +97,7 @@ fn measure(
     for (dimension, flags) in alone {
         add(&mut ladder, dimension, flags)?;
     }
-    let combined = ladder.combinations();
+    let combined = if request.settings.is_empty() { ladder.combinations() } else { Vec::new() };
     bar.inc_length(combined.len() as u64);
     for flags in combined {
         add(&mut ladder, "combined", &flags)?;
@@ -116,7 +126,7 @@ fn write(folder: &Path, context: &Context, ladders: &[&Ladder]) -> Result<()> {
         rows.extend(ladder.configs.iter().map(|config| Row { scene: &ladder.scene, config }));
     }
     let notes: Vec<String> = ladders.iter().flat_map(|ladder| chart::notes(ladder)).collect();
-    let columns = "scene dimension flags frames ms ratio_median ratio_low ratio_high gpu_ms_median cpu_ms_median flip flip_max \
+    let columns = "scene dimension flags frames ms ratio_median ratio_low ratio_high gpu_ms_median cpu_ms_median bake_cpu_s bake_gpu_s flip flip_max \
                    flip_over_default flip_noise relative_mse dominated_by";
     write_table(folder, "ladder", &notes, &rows, columns)?;
     write_json(folder, "ladder", &Results { machine: Machine::new(&context.gpu), ladders })

@@ -12,7 +12,7 @@ use crate::gpu::Gpu;
 use crate::reference::metrics::{Flip, flip, relative_mse};
 use crate::reference::mip::box_average;
 use crate::reference::tone::{display_light, srgb_bytes};
-use crate::render::{Eye, Output, RenderSettings, Shading, TextureSettings};
+use crate::render::{Eye, LightModel, Output, RenderSettings, Shading, TextureSettings};
 use crate::scene::Scene;
 
 /// The number of reference pixels along a pixel's side: edges are averaged over 16 places a frame, and textures are read
@@ -75,12 +75,12 @@ pub fn textures(gpu: &Gpu) -> TextureSettings {
 }
 
 impl Reference {
-    /// Draws twice `half` frames of `scene`, which has been loaded with [`textures`].
+    /// Draws twice `half` frames of all light in `scene`, along all paths; the scene has been loaded with [`textures`].
     pub fn new(context: &Context, shot: Shot, scene: &Scene, settings: &RenderSettings, half: u32) -> Result<Self> {
         let size = shot.size.map(|side| side * FINENESS);
         let (textures, output) = (textures(&context.gpu), Output::Linear);
-        let shading = Shading::Reference;
-        let settings = RenderSettings { shading, textures, output, viewpoint: None, ..settings.clone() };
+        let (shading, light) = (Shading::Reference, LightModel::Baked);
+        let settings = RenderSettings { shading, light, textures, output, viewpoint: None, ..settings.clone() };
         let mut bench = Bench::new(context, scene, settings, size, vec![shot.eye])?;
         let bar = context.report.progress("reference", 2 * u64::from(half));
         let MeanAndHalves { all, halves } = bench.integrated(half, || bar.inc(1), |pixels| shot.reduced(pixels))?;

@@ -11,6 +11,29 @@ use crate::{Error, Result};
 /// Irradiance comes from a map in all settings; spherical harmonics are only a way to fill it (`measure precompute`).
 pub const DIMENSIONS: &[(&str, &[&str])] = &[
     (SHADING, &["--shading phong"]),
+    // One dimension: none but baked light has a lightmap and probes.
+    (
+        "light",
+        &[
+            "--light open",
+            "--light direct",
+            "--light direct --shadow-size 512",
+            "--light direct --shadow-size 4096",
+            "--light baked",
+            "--light baked --shadow-size 512",
+            "--light baked --shadow-size 4096",
+            "--light baked --shadow-size 8192",
+            "--light baked --lightmap-size 256",
+            "--light baked --lightmap-size 512",
+            "--light baked --lightmap-size 1024",
+            "--light baked --lightmap-size 2048",
+            "--light baked --lightmap-samples 16",
+            "--light baked --lightmap-samples 256",
+            "--light baked --probe-size 0",
+            "--light baked --probe-size 64",
+            "--light baked --probe-size 256",
+        ],
+    ),
     ("masking", &["--geometry karis2013"]),
     ("scattering", &["--scattering single"]),
     ("split sum", &["--split-sum classic", "--split-sum slices"]),
@@ -27,14 +50,22 @@ pub const DIMENSIONS: &[(&str, &[&str])] = &[
 /// Combinations that others are known for.
 pub const KNOWN: &[(&str, &str)] = &[("Karis 2013", "--geometry karis2013 --split-sum classic")];
 
-/// Differences of time and error below this share of the default's do not count.
+/// Differences of time below this share of the default's do not count, nor of error below this share of the smaller one.
 pub const WORTH: f64 = 0.01;
 
 /// Other shading is combined last: most other settings do not affect it.
 pub const SHADING: &str = "shading";
 
-/// Not measured on a software renderer, which takes minutes for a frame.
-pub const NOT_FOR_SOFTWARE: &[&str] = &["--anisotropy 4", "--anisotropy 16"];
+/// Not measured on a software renderer, which takes minutes for a frame, or for the light before the first one.
+pub const NOT_FOR_SOFTWARE: &[&str] = &[
+    "--anisotropy 4",
+    "--anisotropy 16",
+    "--light baked --shadow-size 8192",
+    "--light baked --lightmap-size 1024",
+    "--light baked --lightmap-size 2048",
+    "--light baked --lightmap-samples 256",
+    "--light baked --probe-size 256",
+];
 
 /// A command line of render settings alone.
 #[derive(Parser)]
@@ -60,7 +91,9 @@ mod tests {
     #[test]
     fn every_flag_is_one_of_the_program_s() {
         for flags in DIMENSIONS.iter().flat_map(|(_, all)| *all).chain(KNOWN.iter().map(|(_, flags)| flags)) {
-            assert_ne!(options(flags).unwrap(), RenderSettings::default(), "{flags}");
+            let is_default = options(flags).unwrap() == RenderSettings::default();
+            // One model of light is the default, whichever.
+            assert!(!is_default || flags.strip_prefix("--light ").is_some_and(|model| !model.contains(' ')), "{flags}");
         }
         assert_eq!(options("").unwrap(), RenderSettings::default());
         assert!(matches!(options("--antialiasing 4"), Err(Error::Usage(_))));

@@ -4,6 +4,7 @@ use std::path::Path;
 
 use super::super::bench::{Bench, Budget, Cost, first_eye, interleaved, ratio};
 use super::super::request::MeasureRequest;
+use super::bakes::Bakes;
 use super::config::Config;
 use super::reference::{Pixels, Reference, Shot, textures};
 use super::settings;
@@ -12,6 +13,7 @@ use crate::asset::{Report, Storage};
 use crate::context::Context;
 use crate::render::{Output, RenderSettings};
 use crate::scene::Scene;
+use crate::scene::needs::lightmap::{LightmapNeed, lightmap_need};
 use crate::scene::needs::resolution::Viewpoint;
 use crate::view::load_scene;
 
@@ -24,7 +26,9 @@ pub struct SettingsBench<'a> {
     /// By how their textures are stored.
     scenes: Vec<(Storage, Scene)>,
     default: Bench,
-    default_settings: RenderSettings,
+    /// What has been measured.
+    known: Vec<RenderSettings>,
+    bakes: Bakes,
     pub reference: Reference,
 }
 
@@ -40,28 +44,32 @@ impl<'a> SettingsBench<'a> {
         let reference = Reference::new(context, shot, &raw, &settings, half)?;
         let mut scenes = vec![(Storage::Raw, raw)];
         let scene = stored(context, &mut scenes, path, &settings)?;
-        let default = Bench::new(context, scene, settings.clone(), size, vec![eye])?;
+        let mut bakes = Bakes::new(path);
+        let (default, _) = bakes.bench(context, scene, settings.clone(), shot)?;
         let budget = Budget { least: 5, seconds };
-        Ok(Self { context, path, shot, budget, scenes, default, default_settings: settings, reference })
+        let known = Vec::new();
+        Ok(Self { context, path, shot, budget, scenes, default, known, bakes, reference })
     }
 
-    /// Draws with these flags, interleaved with the default, and judges the picture; `None` for flags that are the default
-    /// here.
+    /// Draws with these flags, interleaved with the default, and judges the picture; `None` for flags that mean the same
+    /// here as some that have been measured.
     pub fn measure(&mut self, dimension: &str, flags: &str) -> Result<Option<Config>> {
         let shot = self.shot;
         let settings = settings_of(self.context, shot, settings::options(flags)?);
-        if !flags.is_empty() && settings == self.default_settings {
+        let scene = stored(self.context, &mut self.scenes, self.path, &settings)?;
+        let settings = without_what_is_chosen_anyway(scene, settings);
+        if self.known.contains(&settings) {
             return Ok(None);
         }
-        let scene = stored(self.context, &mut self.scenes, self.path, &settings)?;
-        let bench = |settings| Bench::new(self.context, scene, settings, shot.size, vec![shot.eye]);
-        let mut timed = bench(settings.clone())?;
+        self.known.push(settings.clone());
+        let mut bench = |settings| self.bakes.bench(self.context, scene, settings, shot);
+        let (mut timed, bake) = bench(settings.clone())?;
         let times = interleaved(&mut [&mut self.default, &mut timed], self.budget)?;
         let costs = Cost::of(&times[0]).zip(Cost::of(&times[1])).zip(ratio(&self.context.gpu, &times[0], &times[1]));
         let Some(((default, cost), ratio)) = costs else { return Ok(None) };
         let display = timed.display()?;
         drop(timed);
-        let mut linear = bench(RenderSettings { output: Output::Linear, ..settings })?;
+        let (mut linear, _) = bench(RenderSettings { output: Output::Linear, ..settings })?;
         linear.draw()?;
         let radiance = linear.radiance()?.into_iter().map(|pixel| pixel.to_array()).collect();
         let (error, halves) = self.reference.compare(shot, &Pixels { radiance, display })?;
@@ -69,6 +77,7 @@ impl<'a> SettingsBench<'a> {
             dimension: dimension.into(),
             flags: flags.into(),
             cost,
+            bake,
             ratio,
             default_gpu_ms: default.gpu_ms.median,
             ms: cost.gpu_ms.median,
@@ -104,4 +113,13 @@ fn stored<'a>(
         }
     };
     Ok(&scenes[index].1)
+}
+
+/// The same settings with nothing said of what is chosen for the scene anyway.
+fn without_what_is_chosen_anyway(scene: &Scene, settings: RenderSettings) -> RenderSettings {
+    let mut detail = settings.light_detail;
+    if detail.lightmap_size.map(LightmapNeed::Side) == Some(lightmap_need(scene, settings.model)) {
+        detail.lightmap_size = None;
+    }
+    RenderSettings { light_detail: detail, ..settings }
 }

@@ -49,7 +49,7 @@ pub fn choose(scene: &Path, limit: Limit, setup: &Setup<'_>) -> Result<RenderSet
 
 const FOLDER: &str = "ladders";
 /// Increased with every change of the format: ladders of other formats are not found.
-const FORMAT: &str = "3";
+const FORMAT: &str = "4";
 
 /// The file name: a hash of everything that a ladder depends on, except for files that the scene's file names.
 fn key(scene: &Path, gpu: &Gpu) -> Result<String> {
