@@ -5,7 +5,10 @@ How our conventions map onto Blender's (3.4), each of them checked by a picture 
 - Space: ours is +Y up, Blender's +Z up; everything is turned by +90 degrees about X: (x, y, z) becomes (x, -z, y).
 - Panorama: ours has u = atan2(d.z, d.x)/2pi + 0.5. Blender's u = -atan2(b.y, b.x)/2pi + 0.5 is the same under that turn.
 - rotation_degrees turns the panorama counter-clockwise seen from above, +Z in Blender; directions are looked up turned back.
-- Point light: intensity I in W/sr is a power of 4 pi I; no size.
+- Point light: intensity I in W/sr is a power of 4 pi I. A radius r > 0 is Blender's radius: a disc that faces what it lights, of
+  radiance I / (pi r^2), where ours is a sphere of the same; near by (r / distance)^2 of the light is between them. Seen by nothing.
+- Probes of a scene are ours alone: Cycles has no need of them.
+- Cutouts: transparent where map_d's red is below 0.5. Faces have two sides in both.
 - Camera: vertical field of view; box filter of one pixel, as our multisampling has.
 - Textures: bilinear; normal maps OpenGL (+Y up), MikkTSpace; colours sRGB, everything else as it is; v upwards in both; the
   factors multiply the maps.
@@ -16,7 +19,8 @@ How our conventions map onto Blender's (3.4), each of them checked by a picture 
   at the light's side too, which no node can know; under even light both are one.
 - `principled` instead of these two: Blender's own mixture (Specular 0.5, Burley's diffuse, which takes nothing for the specular).
 - Occlusion map: it dims what the panorama gives, not the point lights; only where nothing else shades. So these two lights are rendered
-  apart and added.
+  apart and added. Where things shade, ours ignores these maps, too.
+- Nothing is clamped, filtered or left out: caustics on, no denoiser, no least light, roulette unbiased.
 - Exposure: none; both write linear radiance."""
 
 import json
@@ -106,6 +110,16 @@ class Builder:
         self.link(image, normal.inputs["Color"])
         return normal.outputs[0]
 
+    def cut_out(self, closure):
+        """The closure where the mask is white, else nothing."""
+        node = self.node("ShaderNodeMixShader")
+        split = self.node("ShaderNodeSeparateColor")
+        self.link(self.image("map_d", "Non-Color"), split.inputs[0])
+        self.link(self.maths("GREATER_THAN", split.outputs[0], 0.5), node.inputs[0])
+        self.link(self.node("ShaderNodeBsdfTransparent").outputs[0], node.inputs[1])
+        self.link(closure, node.inputs[2])
+        return node.outputs[0]
+
     def occluded(self, closure):
         """The closure times the occlusion map."""
         image = self.scalar("ao", "map_ao", 1.0)
@@ -163,10 +177,11 @@ class Builder:
         else:
             self.closure = self.ours(job, table)
         self.output = self.node("ShaderNodeOutputMaterial")
-        self.link(self.closure, self.output.inputs["Surface"])
+        self.occlude(False)
 
     def occlude(self, by_map):
         closure = self.occluded(self.closure) if by_map and "map_ao" in self.keys else self.closure
+        closure = self.cut_out(closure) if "map_d" in self.keys else closure
         self.link(closure, self.output.inputs["Surface"])
 
 
@@ -191,6 +206,8 @@ def add_model(model, job):
     )
     for added in set(bpy.data.objects) - before:
         added.matrix_world = TURN @ world_from_local
+        # Shadows begin where triangles do, as ours.
+        added.cycles.shadow_terminator_geometry_offset = added.cycles.shadow_terminator_offset = 0.0
         if job["unoccluded"]:
             for ray in ("diffuse", "glossy", "transmission", "shadow"):
                 setattr(added, f"visible_{ray}", False)
@@ -212,7 +229,7 @@ def add_light(description):
     peak = max(point["intensity"])
     light.energy = 4 * math.pi * peak
     light.color = [channel / peak if peak else 0.0 for channel in point["intensity"]]
-    light.shadow_soft_size = 0.0
+    light.shadow_soft_size = point.get("radius", 0.0)
     placed = bpy.data.objects.new("point", light)
     placed.location = TURN @ Vector(point["position"])
     bpy.context.scene.collection.objects.link(placed)
@@ -277,6 +294,7 @@ def settle(job):
     cycles.caustics_reflective = cycles.caustics_refractive = True
     bounces = job["bounces"]
     cycles.max_bounces = cycles.diffuse_bounces = cycles.glossy_bounces = bounces
+    cycles.transparent_max_bounces = 64
 
 
 def render(output, samples):

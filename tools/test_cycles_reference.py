@@ -75,7 +75,14 @@ class Scenes(unittest.TestCase):
     def test_materials_keep_factors_and_maps_beside_their_file(self):
         read = self.materials("newmtl a\nKd 0.5 0.6 0.7\nPr 0.3\nmap_Kd maps\\a.png\nnewmtl b\nnorm n.png\n")
         a = {"kd": [0.5, 0.6, 0.7], "pr": [0.3], "map_kd": str(self.folder / "maps/a.png")}
-        self.assertEqual(read, {"a": a, "b": {"norm": str(self.folder / "n.png")}})
+        self.assertEqual(read, {"a": a, "b": {"norm": str(self.folder / "n.png"), "pr": [0.5]}})
+
+    def test_roughness_comes_from_phong_where_there_is_none_of_its_own(self):
+        cases = {"": 0.5, "Ks 0 0 0": 1.0, "Ks 1 1 1\nNs 30": 0.5, "Ks 0 0 0\nPr 0.2": 0.2}
+        for text, expected in cases.items():
+            with self.subTest(text):
+                self.assertEqual(self.materials(f"newmtl a\n{text}\n"), {"a": {"pr": [expected]}})
+        self.assertNotIn("pr", self.materials("newmtl a\nKs 0 0 0\nmap_Pr r.png\n")["a"])
 
     def test_an_ambient_map_is_occlusion_unless_it_repeats_the_colour(self):
         read = self.materials("newmtl a\nmap_Ka o.png\nmap_Kd c.png\nnewmtl b\nmap_Ka c.png\nmap_Kd c.png\n")
@@ -102,7 +109,8 @@ class Scenes(unittest.TestCase):
     def test_only_what_a_picture_names_differs_from_the_picture_before_it(self):
         self.assertEqual(tool.PICTURES["direct"], {"unoccluded": False})
         self.assertEqual(tool.PICTURES["noise"], {"seed": 1})
-        made = {"ours", "reference", "fine", *tool.PICTURES}
+        self.assertEqual(tool.PICTURES["full-noise"], {**tool.PICTURES["full"], "seed": 1})
+        made = {"exact-fine", *tool.OURS, *tool.PICTURES}
         self.assertLessEqual({name for pair in tool.PAIRS.values() for name in pair}, made)
 
 
