@@ -14,7 +14,9 @@ How our conventions map onto Blender's (3.4), each of them checked by a picture 
   factors multiply the maps.
 - Specular part: Principled, all metal, its base colour our F0 (0.04 mixed with the albedo by the metalness). So Fresnel is taken at
   the half vector, from F0 to 1 as in ours; in between it follows a dielectric of index 1.5, where ours is Schlick's. GGX, alpha =
-  roughness squared in both. Single scattering: Cycles masks towards light and eye separately, ours height-correlated.
+  roughness squared in both. Single scattering: Cycles masks towards light and eye separately, ours height-correlated. Multiple
+  scattering only where there is metal: a dielectric's is less than 0.5 %, and beside a diffuse part Blender's adds 1.6 % that it
+  has not when alone (its probability is an estimate).
 - Diffuse part: Lambert times what the specular part leaves towards the eye, from a table in the job. Ours takes the same share
   at the light's side too, which no node can know; under even light both are one.
 - `principled` instead of these two: Blender's own mixture (Specular 0.5, Burley's diffuse, which takes nothing for the specular).
@@ -148,8 +150,8 @@ class Builder:
         self.link(look.outputs["Color"], split.inputs[0])
         return split.outputs[0]
 
-    def principled(self, job, colour, metallic, roughness, normal):
-        node = self.node("ShaderNodeBsdfPrincipled", distribution=job["distribution"])
+    def principled(self, job, colour, metallic, roughness, normal, is_metal=True):
+        node = self.node("ShaderNodeBsdfPrincipled", distribution=job["distribution"] if is_metal else "GGX")
         node.inputs["Specular"].default_value = 0.5
         names = {"Base Color": colour, "Metallic": metallic, "Roughness": roughness, "Normal": normal}
         for name, value in names.items():
@@ -166,7 +168,7 @@ class Builder:
         self.link(self.mixed((0.0, 0.0, 0.0, 1.0), colour, share), diffuse.inputs["Color"])
         self.link(normal, diffuse.inputs["Normal"])
         sum_of_both = self.node("ShaderNodeAddShader")
-        self.link(self.principled(job, f0, 1.0, roughness, normal), sum_of_both.inputs[0])
+        self.link(self.principled(job, f0, 1.0, roughness, normal, metallic != 0.0), sum_of_both.inputs[0])
         self.link(diffuse.outputs[0], sum_of_both.inputs[1])
         return sum_of_both.outputs[0]
 

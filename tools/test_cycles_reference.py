@@ -24,14 +24,17 @@ def load_tool():
 tool = load_tool()
 
 
-def schlick(cosine):
-    return 0.04 + 0.96 * (1 - cosine) ** 5
+def fresnel(cosine):
+    """By the form without the angle of refraction: Cook and Torrance (1982), eq. 4."""
+    g = math.sqrt(1.5**2 + cosine**2 - 1)
+    a, b = (g - cosine) / (g + cosine), (cosine * (g + cosine) - 1) / (cosine * (g - cosine) + 1)
+    return 0.5 * a * a * (1 + b * b)
 
 
 class Table(unittest.TestCase):
-    def test_a_mirror_reflects_what_schlick_says(self):
+    def test_a_mirror_reflects_what_fresnel_says(self):
         for cosine in (1.0, 0.7, 0.3, 0.1):
-            self.assertAlmostEqual(tool.reflected_by_dielectric(cosine, 0.0), schlick(cosine), places=6)
+            self.assertAlmostEqual(tool.reflected_by_dielectric(cosine, 0.0), fresnel(cosine), places=6)
 
     def test_a_rough_surface_reflects_what_a_plain_sum_over_all_light_finds(self):
         for cosine, roughness in ((1.0, 1.0), (0.6, 0.7), (0.25, 1.0)):
@@ -51,7 +54,7 @@ class Table(unittest.TestCase):
                 nh, vh = h[2] / norm, norm / 2
                 d = a2 / (math.pi * (nh * nh * (a2 - 1) + 1) ** 2)
                 v_smith = 0.5 / (nl * math.sqrt(a2 + (1 - a2) * nv * nv) + nv * math.sqrt(a2 + (1 - a2) * nl * nl))
-                total += schlick(vh) * d * v_smith * nl
+                total += fresnel(vh) * d * v_smith * nl
         return total * 2 * math.pi / side**2
 
     def test_rows_go_from_smooth_to_rough_and_columns_from_grazing_to_head_on(self):
