@@ -12,11 +12,11 @@ How our conventions map onto Blender's (3.4), each of them checked by a picture 
 - Camera: vertical field of view; box filter of one pixel, as our multisampling has.
 - Textures: bilinear; normal maps OpenGL (+Y up), MikkTSpace; colours sRGB, everything else as it is; v upwards in both; the
   factors multiply the maps.
-- Specular part: Principled, all metal, its base colour our F0 (0.04 mixed with the albedo by the metalness). So Fresnel is taken at
-  the half vector, from F0 to 1 as in ours; in between it follows a dielectric of index 1.5, where ours is Schlick's. GGX, alpha =
-  roughness squared in both. Single scattering: Cycles masks towards light and eye separately, ours height-correlated. Multiple
-  scattering only where there is metal: a dielectric's is less than 0.5 %, and beside a diffuse part Blender's adds 1.6 % that it
-  has not when alone (its probability is an estimate).
+- Specular part: Principled, all metal, its base colour F0: one of 0.04 and one of the albedo, mixed by the metalness, which is ours
+  with F0 mixed. So Fresnel is taken at the half vector, from F0 to 1 as in ours; in between it follows a dielectric of index 1.5,
+  where ours is Schlick's. GGX, alpha = roughness squared in both. Single scattering: Cycles masks towards light and eye separately,
+  ours height-correlated. Multiple scattering of the metal's part only: a dielectric's is less than 0.5 %, and beside a diffuse part
+  Blender's adds 1.6 % that it has not when alone (its probability is an estimate).
 - Diffuse part: Lambert times what the specular part leaves towards the eye, from a table in the job. Ours takes the same share
   at the light's side too, which no node can know; under even light both are one.
 - `principled` instead of these two: Blender's own mixture (Specular 0.5, Burley's diffuse, which takes nothing for the specular).
@@ -150,8 +150,8 @@ class Builder:
         self.link(look.outputs["Color"], split.inputs[0])
         return split.outputs[0]
 
-    def principled(self, job, colour, metallic, roughness, normal, is_metal=True):
-        node = self.node("ShaderNodeBsdfPrincipled", distribution=job["distribution"] if is_metal else "GGX")
+    def principled(self, distribution, colour, metallic, roughness, normal):
+        node = self.node("ShaderNodeBsdfPrincipled", distribution=distribution)
         node.inputs["Specular"].default_value = 0.5
         names = {"Base Color": colour, "Metallic": metallic, "Roughness": roughness, "Normal": normal}
         for name, value in names.items():
@@ -162,20 +162,21 @@ class Builder:
         """Our specular and diffuse part, as near as nodes come."""
         colour, metallic, roughness = self.colour(), self.scalar("pm", "map_pm", 0.0), self.scalar("pr", "map_pr", 0.5)
         normal = self.normal()
-        f0 = self.mixed((0.04, 0.04, 0.04, 1.0), colour, metallic)
-        share = self.maths("MULTIPLY", self.left_by_specular(normal, roughness, table), self.maths("SUBTRACT", 1.0, metallic))
         diffuse = self.node("ShaderNodeBsdfDiffuse")
-        self.link(self.mixed((0.0, 0.0, 0.0, 1.0), colour, share), diffuse.inputs["Color"])
+        self.link(self.mixed((0.0, 0.0, 0.0, 1.0), colour, self.left_by_specular(normal, roughness, table)), diffuse.inputs["Color"])
         self.link(normal, diffuse.inputs["Normal"])
-        sum_of_both = self.node("ShaderNodeAddShader")
-        self.link(self.principled(job, f0, 1.0, roughness, normal, metallic != 0.0), sum_of_both.inputs[0])
-        self.link(diffuse.outputs[0], sum_of_both.inputs[1])
-        return sum_of_both.outputs[0]
+        dielectric, mix = self.node("ShaderNodeAddShader"), self.node("ShaderNodeMixShader")
+        self.link(self.principled("GGX", (0.04, 0.04, 0.04, 1.0), 1.0, roughness, normal), dielectric.inputs[0])
+        self.link(diffuse.outputs[0], dielectric.inputs[1])
+        self.feed(metallic, mix.inputs[0])
+        self.link(dielectric.outputs[0], mix.inputs[1])
+        self.link(self.principled(job["distribution"], colour, 1.0, roughness, normal), mix.inputs[2])
+        return mix.outputs[0]
 
     def build(self, job, table):
         if job["principled"]:
             roughness, metallic = self.scalar("pr", "map_pr", 0.5), self.scalar("pm", "map_pm", 0.0)
-            self.closure = self.principled(job, self.colour(), metallic, roughness, self.normal())
+            self.closure = self.principled(job["distribution"], self.colour(), metallic, roughness, self.normal())
         else:
             self.closure = self.ours(job, table)
         self.output = self.node("ShaderNodeOutputMaterial")
