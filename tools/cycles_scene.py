@@ -5,18 +5,24 @@ How our conventions map onto Blender's (3.4), each of them checked by a picture 
 - Space: ours is +Y up, Blender's +Z up; everything is turned by +90 degrees about X: (x, y, z) becomes (x, -z, y).
 - Panorama: ours has u = atan2(d.z, d.x)/2pi + 0.5. Blender's u = -atan2(b.y, b.x)/2pi + 0.5 is the same under that turn.
 - rotation_degrees turns the panorama counter-clockwise seen from above, +Z in Blender; directions are looked up turned back.
-- Point light: intensity I in W/sr is a power of 4 pi I; no size.
+- Point light: intensity I in W/sr is a power of 4 pi I. A radius r > 0 is Blender's radius: a disc that faces what it lights, of
+  radiance I / (pi r^2), where ours is a sphere of the same; near by (r / distance)^2 of the light is between them. Seen by nothing.
+- Probes of a scene are ours alone: Cycles has no need of them.
+- Cutouts: transparent where map_d's red is below 0.5. Faces have two sides in both.
 - Camera: vertical field of view; box filter of one pixel, as our multisampling has.
 - Textures: bilinear; normal maps OpenGL (+Y up), MikkTSpace; colours sRGB, everything else as it is; v upwards in both; the
   factors multiply the maps.
-- Specular part: Principled, all metal, its base colour our F0 (0.04 mixed with the albedo by the metalness). So Fresnel is taken at
-  the half vector, from F0 to 1 as in ours; in between it follows a dielectric of index 1.5, where ours is Schlick's. GGX, alpha =
-  roughness squared in both. Single scattering: Cycles masks towards light and eye separately, ours height-correlated.
+- Specular part: Principled, all metal, its base colour F0: one of 0.04 and one of the albedo, mixed by the metalness, which is ours
+  with F0 mixed. So Fresnel is taken at the half vector, from F0 to 1 as in ours; in between it follows a dielectric of index 1.5,
+  where ours is Schlick's. GGX, alpha = roughness squared in both. Single scattering: Cycles masks towards light and eye separately,
+  ours height-correlated. Multiple scattering of the metal's part only: a dielectric's is less than 0.5 %, and beside a diffuse part
+  Blender's adds 1.6 % that it has not when alone (its probability is an estimate).
 - Diffuse part: Lambert times what the specular part leaves towards the eye, from a table in the job. Ours takes the same share
   at the light's side too, which no node can know; under even light both are one.
 - `principled` instead of these two: Blender's own mixture (Specular 0.5, Burley's diffuse, which takes nothing for the specular).
 - Occlusion map: it dims what the panorama gives, not the point lights; only where nothing else shades. So these two lights are rendered
-  apart and added.
+  apart and added. Where things shade, ours ignores these maps, too.
+- Nothing is clamped, filtered or left out: caustics on, no denoiser, no least light, roulette unbiased.
 - Exposure: none; both write linear radiance."""
 
 import json
@@ -106,6 +112,16 @@ class Builder:
         self.link(image, normal.inputs["Color"])
         return normal.outputs[0]
 
+    def cut_out(self, closure):
+        """The closure where the mask is white, else nothing."""
+        node = self.node("ShaderNodeMixShader")
+        split = self.node("ShaderNodeSeparateColor")
+        self.link(self.image("map_d", "Non-Color"), split.inputs[0])
+        self.link(self.maths("GREATER_THAN", split.outputs[0], 0.5), node.inputs[0])
+        self.link(self.node("ShaderNodeBsdfTransparent").outputs[0], node.inputs[1])
+        self.link(closure, node.inputs[2])
+        return node.outputs[0]
+
     def occluded(self, closure):
         """The closure times the occlusion map."""
         image = self.scalar("ao", "map_ao", 1.0)
@@ -134,8 +150,8 @@ class Builder:
         self.link(look.outputs["Color"], split.inputs[0])
         return split.outputs[0]
 
-    def principled(self, job, colour, metallic, roughness, normal):
-        node = self.node("ShaderNodeBsdfPrincipled", distribution=job["distribution"])
+    def principled(self, distribution, colour, metallic, roughness, normal):
+        node = self.node("ShaderNodeBsdfPrincipled", distribution=distribution)
         node.inputs["Specular"].default_value = 0.5
         names = {"Base Color": colour, "Metallic": metallic, "Roughness": roughness, "Normal": normal}
         for name, value in names.items():
@@ -146,27 +162,29 @@ class Builder:
         """Our specular and diffuse part, as near as nodes come."""
         colour, metallic, roughness = self.colour(), self.scalar("pm", "map_pm", 0.0), self.scalar("pr", "map_pr", 0.5)
         normal = self.normal()
-        f0 = self.mixed((0.04, 0.04, 0.04, 1.0), colour, metallic)
-        share = self.maths("MULTIPLY", self.left_by_specular(normal, roughness, table), self.maths("SUBTRACT", 1.0, metallic))
         diffuse = self.node("ShaderNodeBsdfDiffuse")
-        self.link(self.mixed((0.0, 0.0, 0.0, 1.0), colour, share), diffuse.inputs["Color"])
+        self.link(self.mixed((0.0, 0.0, 0.0, 1.0), colour, self.left_by_specular(normal, roughness, table)), diffuse.inputs["Color"])
         self.link(normal, diffuse.inputs["Normal"])
-        sum_of_both = self.node("ShaderNodeAddShader")
-        self.link(self.principled(job, f0, 1.0, roughness, normal), sum_of_both.inputs[0])
-        self.link(diffuse.outputs[0], sum_of_both.inputs[1])
-        return sum_of_both.outputs[0]
+        dielectric, mix = self.node("ShaderNodeAddShader"), self.node("ShaderNodeMixShader")
+        self.link(self.principled("GGX", (0.04, 0.04, 0.04, 1.0), 1.0, roughness, normal), dielectric.inputs[0])
+        self.link(diffuse.outputs[0], dielectric.inputs[1])
+        self.feed(metallic, mix.inputs[0])
+        self.link(dielectric.outputs[0], mix.inputs[1])
+        self.link(self.principled(job["distribution"], colour, 1.0, roughness, normal), mix.inputs[2])
+        return mix.outputs[0]
 
     def build(self, job, table):
         if job["principled"]:
             roughness, metallic = self.scalar("pr", "map_pr", 0.5), self.scalar("pm", "map_pm", 0.0)
-            self.closure = self.principled(job, self.colour(), metallic, roughness, self.normal())
+            self.closure = self.principled(job["distribution"], self.colour(), metallic, roughness, self.normal())
         else:
             self.closure = self.ours(job, table)
         self.output = self.node("ShaderNodeOutputMaterial")
-        self.link(self.closure, self.output.inputs["Surface"])
+        self.occlude(False)
 
     def occlude(self, by_map):
         closure = self.occluded(self.closure) if by_map and "map_ao" in self.keys else self.closure
+        closure = self.cut_out(closure) if "map_d" in self.keys else closure
         self.link(closure, self.output.inputs["Surface"])
 
 
@@ -191,6 +209,8 @@ def add_model(model, job):
     )
     for added in set(bpy.data.objects) - before:
         added.matrix_world = TURN @ world_from_local
+        # Shadows begin where triangles do, as ours.
+        added.cycles.shadow_terminator_geometry_offset = added.cycles.shadow_terminator_offset = 0.0
         if job["unoccluded"]:
             for ray in ("diffuse", "glossy", "transmission", "shadow"):
                 setattr(added, f"visible_{ray}", False)
@@ -212,7 +232,7 @@ def add_light(description):
     peak = max(point["intensity"])
     light.energy = 4 * math.pi * peak
     light.color = [channel / peak if peak else 0.0 for channel in point["intensity"]]
-    light.shadow_soft_size = 0.0
+    light.shadow_soft_size = point.get("radius", 0.0)
     placed = bpy.data.objects.new("point", light)
     placed.location = TURN @ Vector(point["position"])
     bpy.context.scene.collection.objects.link(placed)
@@ -277,6 +297,7 @@ def settle(job):
     cycles.caustics_reflective = cycles.caustics_refractive = True
     bounces = job["bounces"]
     cycles.max_bounces = cycles.diffuse_bounces = cycles.glossy_bounces = bounces
+    cycles.transparent_max_bounces = 64
 
 
 def render(output, samples):

@@ -24,14 +24,17 @@ def load_tool():
 tool = load_tool()
 
 
-def schlick(cosine):
-    return 0.04 + 0.96 * (1 - cosine) ** 5
+def fresnel(cosine):
+    """By the form without the angle of refraction: Cook and Torrance (1982), eq. 4."""
+    g = math.sqrt(1.5**2 + cosine**2 - 1)
+    a, b = (g - cosine) / (g + cosine), (cosine * (g + cosine) - 1) / (cosine * (g - cosine) + 1)
+    return 0.5 * a * a * (1 + b * b)
 
 
 class Table(unittest.TestCase):
-    def test_a_mirror_reflects_what_schlick_says(self):
+    def test_a_mirror_reflects_what_fresnel_says(self):
         for cosine in (1.0, 0.7, 0.3, 0.1):
-            self.assertAlmostEqual(tool.reflected_by_dielectric(cosine, 0.0), schlick(cosine), places=6)
+            self.assertAlmostEqual(tool.reflected_by_dielectric(cosine, 0.0), fresnel(cosine), places=6)
 
     def test_a_rough_surface_reflects_what_a_plain_sum_over_all_light_finds(self):
         for cosine, roughness in ((1.0, 1.0), (0.6, 0.7), (0.25, 1.0)):
@@ -51,7 +54,7 @@ class Table(unittest.TestCase):
                 nh, vh = h[2] / norm, norm / 2
                 d = a2 / (math.pi * (nh * nh * (a2 - 1) + 1) ** 2)
                 v_smith = 0.5 / (nl * math.sqrt(a2 + (1 - a2) * nv * nv) + nv * math.sqrt(a2 + (1 - a2) * nl * nl))
-                total += schlick(vh) * d * v_smith * nl
+                total += fresnel(vh) * d * v_smith * nl
         return total * 2 * math.pi / side**2
 
     def test_rows_go_from_smooth_to_rough_and_columns_from_grazing_to_head_on(self):
@@ -75,7 +78,14 @@ class Scenes(unittest.TestCase):
     def test_materials_keep_factors_and_maps_beside_their_file(self):
         read = self.materials("newmtl a\nKd 0.5 0.6 0.7\nPr 0.3\nmap_Kd maps\\a.png\nnewmtl b\nnorm n.png\n")
         a = {"kd": [0.5, 0.6, 0.7], "pr": [0.3], "map_kd": str(self.folder / "maps/a.png")}
-        self.assertEqual(read, {"a": a, "b": {"norm": str(self.folder / "n.png")}})
+        self.assertEqual(read, {"a": a, "b": {"norm": str(self.folder / "n.png"), "pr": [0.5]}})
+
+    def test_roughness_comes_from_phong_where_there_is_none_of_its_own(self):
+        cases = {"": 0.5, "Ks 0 0 0": 1.0, "Ks 1 1 1\nNs 30": 0.5, "Ks 0 0 0\nPr 0.2": 0.2}
+        for text, expected in cases.items():
+            with self.subTest(text):
+                self.assertEqual(self.materials(f"newmtl a\n{text}\n"), {"a": {"pr": [expected]}})
+        self.assertNotIn("pr", self.materials("newmtl a\nKs 0 0 0\nmap_Pr r.png\n")["a"])
 
     def test_an_ambient_map_is_occlusion_unless_it_repeats_the_colour(self):
         read = self.materials("newmtl a\nmap_Ka o.png\nmap_Kd c.png\nnewmtl b\nmap_Ka c.png\nmap_Kd c.png\n")
@@ -102,7 +112,8 @@ class Scenes(unittest.TestCase):
     def test_only_what_a_picture_names_differs_from_the_picture_before_it(self):
         self.assertEqual(tool.PICTURES["direct"], {"unoccluded": False})
         self.assertEqual(tool.PICTURES["noise"], {"seed": 1})
-        made = {"ours", "reference", "fine", *tool.PICTURES}
+        self.assertEqual(tool.PICTURES["full-noise"], {**tool.PICTURES["full"], "seed": 1})
+        made = {"exact-fine", *tool.OURS, *tool.PICTURES}
         self.assertLessEqual({name for pair in tool.PAIRS.values() for name in pair}, made)
 
 
