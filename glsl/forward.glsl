@@ -39,13 +39,12 @@ SpecularLobe lobe_of(Surface s)
     return specular_lobe(s.n, s.v, s.nv, f0_from_metallic(s.base_color, s.metallic), s.roughness);
 }
 
-// What is mirrored where no probe reaches: as much of the open panorama's image as of its irradiance. Where that is next to
-// nothing, light comes from the room alone, as if from all around.
+// What is mirrored where no probe reaches: as much of the open panorama's image as of its irradiance arrives; where more does,
+// the rest as if it came from all around.
 vec3 distant_specular(SpecularLobe lobe, vec3 n, vec3 even)
 {
-    vec3 reach = even / max(environment_diffuse(n), vec3(1e-20));
-    vec3 of_room = clamp((reach - 4.0) / 12.0, 0.0, 1.0);
-    return mix(environment_specular(lobe) * min(reach, 16.0), lobe.reflectance * even, of_room);
+    vec3 open = environment_diffuse(n), reach = min(even / max(open, vec3(1e-20)), vec3(1.0));
+    return environment_specular(lobe) * reach + lobe.reflectance * max(even - open, vec3(0.0));
 }
 
 // Single scattering of light from all around; `even`: irradiance over pi.
