@@ -65,19 +65,16 @@ fn ground(boxes: impl Iterator<Item = Bounds> + Clone, towards: Vec3) -> Option<
     let shown = || boxes.clone().filter(|bounds| *bounds != Bounds::EMPTY);
     let of = |boxes: &mut dyn Iterator<Item = Bounds>| Bounds::of(boxes.flat_map(|bounds| [bounds.min, bounds.max]));
     let flat = FLAT_PART * of(&mut shown()).radius();
-    let is_ground = |bounds: &Bounds| {
-        let is_flat = |axis: &usize| bounds.max[*axis] - bounds.min[*axis] <= flat && towards[*axis] != 0.0;
-        let Some(axis) = (0..3).find(is_flat) else { return false };
-        let others = of(&mut shown().filter(|other| other != bounds));
-        let sunk = SUNK_PART * others.radius();
-        let sunny = if towards[axis] > 0.0 {
-            others.min[axis] >= bounds.min[axis] - sunk
-        } else {
-            others.max[axis] <= bounds.max[axis] + sunk
-        };
-        sunny && others != Bounds::EMPTY
+    let ground = shown().max_by(|a, b| a.radius().total_cmp(&b.radius()))?;
+    let axis = (0..3).find(|axis| ground.max[*axis] - ground.min[*axis] <= flat && towards[*axis] != 0.0)?;
+    let others = of(&mut shown().filter(|other| *other != ground));
+    let sunk = SUNK_PART * others.radius();
+    let sunny = if towards[axis] > 0.0 {
+        others.min[axis] >= ground.min[axis] - sunk
+    } else {
+        others.max[axis] <= ground.max[axis] + sunk
     };
-    shown().find(is_ground)
+    (sunny && others != Bounds::EMPTY).then_some(ground)
 }
 
 #[cfg(test)]

@@ -29,7 +29,8 @@ const NO_WALL: f32 = 10.0;
 /// Walls of a room, floor and ceiling counted, at least; its least mean side, in radii of the scene: a gap between things is none.
 const WALLS: u32 = 4;
 const NOOK: f32 = 0.2;
-/// Of that side, how far a probe is from what is nearest to it, at least: beside a surface it sees little else.
+/// Of that side, how far a probe is from what is nearest to it, at least, where an axis has no wall to find its middle by: it
+/// may lie at the very surface that it was found by, and see little else.
 const CLEAR: f32 = 0.05;
 /// Share of rays that meet backs from which on a place is inside of a thing.
 const BEHIND: f32 = 0.7;
@@ -142,9 +143,9 @@ fn room(bvh: &Bvh, start: Vec3) -> Option<Probe> {
     let walls = 6 - without.map(|sides| sides.bitmask().count_ones()).iter().sum::<u32>();
     // An axis without a wall says nothing of a room's size.
     let walled = !(without[0] | without[1]);
-    let axes = walled.bitmask().count_ones().max(1) as f32;
-    let side = Vec3::select(walled, bounds.max - bounds.min, Vec3::ZERO).element_sum() / axes;
-    let is_nook = side < NOOK * bvh.bounds().radius() || clearance < CLEAR * side;
+    let axes = walled.bitmask().count_ones().max(1);
+    let side = Vec3::select(walled, bounds.max - bounds.min, Vec3::ZERO).element_sum() / axes as f32;
+    let is_nook = side < NOOK * bvh.bounds().radius() || (axes < 3 && clearance < CLEAR * side);
     (!is_open && !is_nook && walls >= WALLS).then_some(Probe { position, bounds })
 }
 
