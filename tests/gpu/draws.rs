@@ -61,12 +61,13 @@ fn difference(a: &[[u8; 4]], b: &[[u8; 4]]) -> (u8, usize) {
 }
 
 /// With four samples a pixel of an edge depends a little on what was drawn before: on lavapipe `centroid` does. Without it in
-/// the shaders no pixel differs. Vulkan leaves open which of a pixel's covered places it takes.
+/// the shaders no pixel differs. Vulkan leaves open which of a pixel's covered places it takes, and at the edges of shadows, which
+/// are looked up there, it matters most.
 #[test]
 fn the_picture_does_not_depend_on_the_order_of_draws() {
     with_gpu(|gpu| {
         for (name, samples, allowed) in
-            [("demo.toml", 1, (0, 0)), ("tearoom.toml", 1, (0, 0)), ("tearoom.toml", 4, (12, 600))]
+            [("demo.toml", 1, (0, 0)), ("tearoom.toml", 1, (0, 0)), ("tearoom.toml", 4, (24, 600))]
         {
             let scene = load(&shipped(name));
             let mut renderer = renderer(gpu, &scene, 2, samples);
