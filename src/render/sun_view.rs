@@ -1,5 +1,4 @@
-//! The sun's view of a scene for its shadow map: in the sun's axes the smallest rectangle that holds all that casts a shadow,
-//! and the depths of all models.
+//! The sun's view of a scene for its shadow map: the smallest rectangle and depths, in the sun's axes, that hold all models.
 
 use glam::{Mat4, Vec2, Vec3, Vec4};
 
@@ -8,11 +7,6 @@ use crate::scene::Bounds;
 
 /// A part of the map's side, and of its depths, that is left free at each end.
 const MARGIN: f32 = 0.01;
-
-/// Parts of the radius of the scene, of which as thin a thing is flat, and of what stands on the ground, which may reach as
-/// far below it.
-const FLAT_PART: f32 = 1e-4;
-const SUNK_PART: f32 = 0.02;
 
 /// World space to places in the map.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -25,20 +19,14 @@ pub struct SunView {
 
 impl SunView {
     /// A view of boxes, which are given in models' space, from a unit direction in world space.
-    pub fn new(boxes: impl Iterator<Item = Bounds> + Clone, world_from_models: Mat4, towards: Vec3) -> Self {
+    pub fn new(boxes: impl Iterator<Item = Bounds>, world_from_models: Mat4, towards: Vec3) -> Self {
         let across = towards.any_orthonormal_vector();
         let axes = Mat4::from_cols(across.extend(0.0), towards.cross(across).extend(0.0), towards.extend(0.0), Vec4::W);
         let sun_from_world = axes.transpose();
         let sun_from_models = sun_from_world * world_from_models;
-        let of = |boxes: &mut dyn Iterator<Item = Bounds>| {
-            let placed = boxes.map(|bounds| bounds.placed(sun_from_models)).filter(|bounds| *bounds != Bounds::EMPTY);
-            let all = Bounds::of(placed.flat_map(|bounds| [bounds.min, bounds.max]));
-            if all == Bounds::EMPTY { Bounds { min: Vec3::ZERO, max: Vec3::ZERO } } else { all }
-        };
-        let ground = ground(boxes.clone(), world_from_models.inverse().transform_vector3(towards));
-        let (deep, casting) = (of(&mut boxes.clone()), of(&mut boxes.filter(|bounds| Some(*bounds) != ground)));
-        let all =
-            Bounds { min: casting.min.truncate().extend(deep.min.z), max: casting.max.truncate().extend(deep.max.z) };
+        let placed = boxes.map(|bounds| bounds.placed(sun_from_models)).filter(|bounds| *bounds != Bounds::EMPTY);
+        let all = Bounds::of(placed.flat_map(|bounds| [bounds.min, bounds.max]));
+        let all = if all == Bounds::EMPTY { Bounds { min: Vec3::ZERO, max: Vec3::ZERO } } else { all };
         // What has no extent at all gets one.
         let least = 1e-5 * all.min.abs().max(all.max.abs()).max_element().max(1e-6);
         let size = (all.max - all.min).max(Vec3::splat(least)) / (1.0 - 2.0 * MARGIN);
@@ -57,24 +45,6 @@ impl SunView {
         let spread = tangent * self.size.z / Vec2::new(self.size.x, self.size.y);
         SunShadowBlock { place_from_world: self.place_from_world.to_cols_array_2d(), spread: spread.into() }
     }
-}
-
-/// The flat box that all others stand on, on its sunny side, if there is one: it casts no shadow on anything, and may be so
-/// much larger than they are that a map of it has no texels left for them. What reaches through it a little is hidden there.
-fn ground(boxes: impl Iterator<Item = Bounds> + Clone, towards: Vec3) -> Option<Bounds> {
-    let shown = || boxes.clone().filter(|bounds| *bounds != Bounds::EMPTY);
-    let of = |boxes: &mut dyn Iterator<Item = Bounds>| Bounds::of(boxes.flat_map(|bounds| [bounds.min, bounds.max]));
-    let flat = FLAT_PART * of(&mut shown()).radius();
-    let ground = shown().max_by(|a, b| a.radius().total_cmp(&b.radius()))?;
-    let axis = (0..3).find(|axis| ground.max[*axis] - ground.min[*axis] <= flat && towards[*axis] != 0.0)?;
-    let others = of(&mut shown().filter(|other| *other != ground));
-    let sunk = SUNK_PART * others.radius();
-    let sunny = if towards[axis] > 0.0 {
-        others.min[axis] >= ground.min[axis] - sunk
-    } else {
-        others.max[axis] <= ground.max[axis] + sunk
-    };
-    (sunny && others != Bounds::EMPTY).then_some(ground)
 }
 
 #[cfg(test)]
@@ -102,15 +72,6 @@ mod tests {
             let want = view.place_from_world.transform_point3(p);
             assert!((0.5 * clip.truncate() + 0.5 - want.truncate()).length() < 1e-6 && (clip.z - want.z).abs() < 1e-6);
         }
-        let ground = Bounds { min: Vec3::new(-500.0, -0.1, -500.0), max: Vec3::new(500.0, -0.1, 500.0) };
-        let with_ground = [boxes[0], boxes[1], ground];
-        let across = |boxes: &[Bounds], towards| SunView::new(boxes.iter().copied(), moved, towards).size.truncate();
-        let high = Vec3::new(0.3, 0.8, 0.2).normalize();
-        assert_eq!(across(&with_ground, high), across(&boxes, high), "the ground casts nothing");
-        assert!(across(&with_ground, -high).min_element() > 500.0, "a roof does");
-        let sunk = [boxes[0], boxes[1], Bounds { min: ground.min + 60.0 * Vec3::Y, max: ground.max + 60.0 * Vec3::Y }];
-        assert!(across(&sunk, high).min_element() > 500.0, "what is under it is in its shade");
-        assert!(across(&[ground], high).min_element() > 500.0, "something has to be in the map");
         // No extent in one axis, or nothing at all.
         for none in [&boxes[2..], &[Bounds { min: Vec3::ONE, max: Vec3::ONE }][..]] {
             assert!(SunView::new(none.iter().copied(), Mat4::IDENTITY, Vec3::Y).place_from_world.is_finite());
