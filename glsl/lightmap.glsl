@@ -30,7 +30,7 @@ struct Relay {
 struct LightmapSurface {
     vec4 albedo; // with the share of places that are glossy
     uint places; // bit i: its place i is one that can be seen
-    uint open;   // samples of the bounces that met nothing
+    vec2 sky;    // squares of the open sky's luminance over the bounces' samples: of those that met nothing, and of all
 };
 
 layout(LIGHTMAP_TEXELS, scalar) readonly buffer LightmapTexels { LightmapTexel lightmap_texels[]; };
@@ -53,10 +53,9 @@ layout(push_constant, scalar) uniform Work {
     uint samples;
     uint flags;
     uint relay_count;  // 0: none are used
-    uint counted;      // samples among which `open` were counted
 } work;
 
-// `flags`: sums begin with these samples; their mean is shown from now on; those that meet nothing are counted.
+// `flags`: sums begin with these samples; their mean is shown from now on; their sky is counted.
 const uint WORK_BEGINS = 1;
 const uint WORK_IS_SHOWN = 2;
 const uint WORK_COUNTS = 4;

@@ -78,8 +78,9 @@ void main()
     uint places = lightmap_surfaces[index].places, count = uint(bitCount(places));
     BvhTriangle triangle = bvh_triangles[texel.triangle & ~LIGHTMAP_BACK];
     vec3 edge = mat3(frame.world_from_models) * (triangle.b - triangle.a);
-    float open = float(lightmap_surfaces[index].open) / float(max(work.counted, 1u));
-    uint misses = 0u;
+    // The share that leaves the least noise: by the squares of what is seen, so that a bright window counts that is hidden.
+    vec2 seen_sky = lightmap_surfaces[index].sky, met_sky = vec2(0.0);
+    float open = seen_sky.y > 0.0 ? seen_sky.x / seen_sky.y : 0.0;
     vec4 sum = vec4(0.0);
     for (uint i = work.first_sample; i < work.first_sample + work.samples && count > 0u; ++i) {
         float random = unit_from_bits(pcg4d(uvec4(index, i, 2u, 0u)).x);
@@ -92,7 +93,8 @@ void main()
         RayHit met = trace_ray(origin, d, 1e30, false);
         if (!gathered(p, met, d, sky, light))
             continue;
-        misses += met.t < 0.0 ? 1u : 0u;
+        float bright = dot(sky, vec3(1.0));
+        met_sky += bright * bright * vec2(met.t < 0.0 ? 1.0 : 0.0, 1.0);
         if (open > 0.0)
             light = beside_open_sky(p.s.n, light, sky, open);
         if (work.relay_count > 0u)
@@ -100,6 +102,6 @@ void main()
         sum += vec4(light, 1.0);
     }
     if ((work.flags & WORK_COUNTS) != 0u)
-        lightmap_surfaces[index].open += misses;
+        lightmap_surfaces[index].sky += met_sky;
     lightmap_sums[index] = (work.flags & WORK_BEGINS) != 0u ? sum : lightmap_sums[index] + sum;
 }

@@ -58,10 +58,9 @@ struct Work {
     samples: u32,
     flags: u32,
     relay_count: u32,
-    counted: u32,
 }
 
-/// [`Work::flags`]: sums begin with these samples; their mean is shown from now on; those that meet nothing are counted.
+/// [`Work::flags`]: sums begin with these samples; their mean is shown from now on; their sky is counted.
 const BEGINS: u32 = 1;
 const IS_SHOWN: u32 = 2;
 const COUNTS: u32 = 4;
@@ -120,15 +119,6 @@ impl Stage {
                 let is_shown = samples + AT_ONCE >= PRESENTABLE.min(most);
                 (if samples == 0 { BEGINS } else { 0 }) | (if is_shown { IS_SHOWN } else { 0 })
             }
-            Self::Open | Self::Direct | Self::Relays | Self::Done => 0,
-        }
-    }
-
-    /// Samples of the bounces before it.
-    fn counted(self) -> u32 {
-        match self {
-            Self::Bounce(bounce) => bounce * BOUNCE_SAMPLES,
-            Self::Last(_) => BOUNCES * BOUNCE_SAMPLES,
             Self::Open | Self::Direct | Self::Relays | Self::Done => 0,
         }
     }
@@ -237,7 +227,7 @@ impl LightmapBake {
         let list = if all.is_empty() { &[LightmapTexel::default()] } else { &all[..] };
         let list = Buffer::with_bytes(gpu, "lightmap texels", BufferKind::StorageFromCpu, bytemuck::cast_slice(list))?;
         let sums = storage("lightmap sums", count * size_of::<[f32; 4]>() as u64)?;
-        let surfaces = storage("lightmap surfaces", count * size_of::<[f32; 6]>() as u64)?;
+        let surfaces = storage("lightmap surfaces", count * size_of::<[f32; 7]>() as u64)?;
         let relays = storage("lightmap relays", u64::from(RELAYS) * size_of::<[f32; 14]>() as u64)?;
         let sampler = Sampler::new(gpu, "lightmap", AddressMode::Clamp, 1)?;
         let bindings = [
@@ -353,7 +343,6 @@ impl LightmapBake {
             samples,
             flags: self.stage.flags(self.samples),
             relay_count: self.relays,
-            counted: self.stage.counted(),
         };
         (work, all)
     }
