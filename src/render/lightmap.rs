@@ -194,8 +194,8 @@ fn is_back(texel: &LightmapTexel) -> bool {
 }
 
 impl LightmapBake {
-    /// Prepares a lightmap of `side` × `side` texels for a scene with these lamps; `constants` of shaders say how often light
-    /// bounces between microfacets.
+    /// Prepares a lightmap of `side` × `side` texels for a scene with these lamps; `constants` of shaders say by which
+    /// BRDF light is given back.
     ///
     /// # Errors
     /// No memory; a failed Vulkan call.

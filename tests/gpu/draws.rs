@@ -7,7 +7,9 @@ use crate::common::stage::draw_frame;
 use pbr_vr::asset::Report;
 use pbr_vr::context::Context;
 use pbr_vr::gpu::{Gpu, GpuOptions, Subresource, read_image};
-use pbr_vr::render::{CullOptions, DrawCounts, Eye, FrameInputs, IPD_METRES, Order, RenderSettings, Renderer};
+use pbr_vr::render::{
+    CullOptions, DrawCounts, Eye, FrameInputs, IPD_METRES, LightModel, Order, RenderSettings, Renderer,
+};
 use pbr_vr::scene::{self, LoadOptions, Scene};
 
 const SIZE: [u32; 2] = [320, 180];
@@ -54,23 +56,33 @@ fn views(scene: &Scene) -> Vec<[Eye; 2]> {
     scene.cameras.iter().map(|camera| Eye::of_camera(camera, aspect).stereo(IPD_METRES)).collect()
 }
 
-/// How far two pictures are apart at most, of 255, and in how many pixels they are.
-fn difference(a: &[[u8; 4]], b: &[[u8; 4]]) -> (u8, usize) {
-    let largest = a.as_flattened().iter().zip(b.as_flattened()).map(|(a, b)| a.abs_diff(*b)).max();
-    (largest.unwrap_or(0), differing(a, b))
+/// Steps of 255 that a pixel of an edge may change by with the order of draws.
+const AT_EDGES: u8 = 12;
+
+/// How far two pictures are apart at most, of 255, in how many pixels they are, and in how many by more than [`AT_EDGES`].
+fn difference(a: &[[u8; 4]], b: &[[u8; 4]]) -> (u8, usize, usize) {
+    let apart = |(a, b): (&[u8; 4], &[u8; 4])| (0..4).map(|i| a[i].abs_diff(b[i])).max().unwrap_or(0);
+    let apart: Vec<u8> = a.iter().zip(b).map(apart).collect();
+    let beyond = apart.iter().filter(|steps| **steps > AT_EDGES).count();
+    (apart.iter().copied().max().unwrap_or(0), differing(a, b), beyond)
 }
 
 /// With four samples a pixel of an edge depends a little on what was drawn before: on lavapipe `centroid` does. Without it in
-/// the shaders no pixel differs. Vulkan leaves open which of a pixel's covered places it takes, and at the edges of shadows, which
-/// are looked up there, it matters most.
+/// the shaders no pixel differs. Vulkan leaves open which of a pixel's covered places it takes; where the edge of a shadow runs
+/// through the pixel, too, a few may change by more.
 #[test]
 fn the_picture_does_not_depend_on_the_order_of_draws() {
+    let cases = [
+        ("demo.toml", LightModel::Direct, 1, (0, 0, 0)),
+        ("tearoom.toml", LightModel::Direct, 1, (0, 0, 0)),
+        ("tearoom.toml", LightModel::Open, 4, (8, 400, 0)),
+        ("tearoom.toml", LightModel::Direct, 4, (32, 500, 8)),
+    ];
     with_gpu(|gpu| {
-        for (name, samples, allowed) in
-            [("demo.toml", 1, (0, 0)), ("tearoom.toml", 1, (0, 0)), ("tearoom.toml", 4, (40, 600))]
-        {
+        for (name, light, samples, allowed) in cases {
             let scene = load(&shipped(name));
-            let mut renderer = renderer(gpu, &scene, 2, samples);
+            let settings = RenderSettings { light, samples, ..RenderSettings::default() };
+            let mut renderer = Renderer::new(&Context::silent(gpu), &scene, settings, SIZE, 2).expect("a renderer");
             for eyes in views(&scene) {
                 let inputs = FrameInputs::of(&scene, &eyes);
                 let one = draw(gpu, &mut renderer, &FrameInputs { culling: ALL, ..inputs });
@@ -78,9 +90,11 @@ fn the_picture_does_not_depend_on_the_order_of_draws() {
                 for order in [Order::Listed, Order::Shuffled(1), Order::Shuffled(2), Order::Shuffled(3)] {
                     let other =
                         draw(gpu, &mut renderer, &FrameInputs { culling: CullOptions { order, ..ALL }, ..inputs });
-                    let (largest, pixels) = difference(&one, &other);
-                    let told = format!("{name}, {order:?}, {samples} samples: {largest} in {pixels} pixels");
-                    assert!(largest <= allowed.0 && pixels <= allowed.1, "{told}");
+                    let (largest, pixels, beyond) = difference(&one, &other);
+                    let told =
+                        format!("{name}, {light:?}, {order:?}, {samples} samples: {largest} in {pixels}, {beyond}");
+                    println!("{told}");
+                    assert!(largest <= allowed.0 && pixels <= allowed.1 && beyond <= allowed.2, "{told}");
                 }
             }
         }
