@@ -1,7 +1,6 @@
 //! Light that surfaces give back: a scene's lightmap and probes, computed a piece with each frame and kept on disk.
 
 use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
 
 use glam::{Mat4, Vec3};
 
@@ -12,14 +11,12 @@ use super::light_detail::LightDetail;
 use super::lightmap::{self, LightmapBake};
 use super::probes::{self, LocalProbes};
 use super::ray_scene::{LazyRayScene, RaySet};
-use super::settings::{LightModel, RenderSettings};
+use super::settings::RenderSettings;
 use crate::Result;
 use crate::context::Context;
 use crate::gpu::{Commands, DescriptorSet, Image, PassTime};
 use crate::precompute::{CONVOLUTION_SHADERS, CacheKind, keep_cached, load_cached};
-use crate::scene::Scene;
-use crate::scene::atlas::{Flattened, Work, flatten};
-use crate::scene::needs::lightmap::{LightmapNeed, lightmap_need};
+use crate::scene::{GeometryView, Scene};
 
 /// In the cache: raise the version when samples, seeds, or the list of texels change.
 const CACHE_KIND: CacheKind = CacheKind {
@@ -34,6 +31,8 @@ const REST: u32 = 10;
 /// What light on a scene changes with while it is shown.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LightState {
+    /// Digest of the panorama.
+    pub panorama: blake3::Hash,
     /// Of the panorama about +Y, radians.
     pub rotation: f32,
     pub world_from_models: Mat4,
@@ -45,37 +44,27 @@ pub struct BakedLight {
     /// What smooth surfaces mirror of the rooms around them, where there are any.
     pub probes: Option<LocalProbes>,
     rays: RaySet,
-    /// What else it depends on: the BRDF that light is given back by, sizes and samples.
-    made_by: String,
+    /// A hash of what else it depends on but for the panorama: geometry, materials with their textures, lamps, the BRDF that
+    /// light is given back by, sizes and samples.
+    made_by: blake3::Hash,
     /// What it is computed for; `None` before the first frame.
     computed_for: Option<LightState>,
+    /// Whether the cache has it.
+    kept: bool,
     /// The last frame's state, and for how many frames it has been the same.
     last: Option<LightState>,
     still: u32,
 }
 
-/// The scene's geometry with lightmap coordinates, where its soft light is modelled and an atlas can be made.
-pub fn flattened(context: &Context, scene: &Scene, settings: &RenderSettings) -> Option<Flattened> {
-    if settings.light != LightModel::Baked {
-        return None;
-    }
-    let LightmapNeed::Side(side) = lightmap_need(scene, settings.model) else { return None };
-    let side = settings.light_detail.lightmap_size.unwrap_or(side);
-    let Context { cache, report, .. } = context;
-    let work = Work { cache: cache.as_ref(), report, stop: &AtomicBool::new(false) };
-    let made = report.time("atlas", || flatten(&scene.meshes, &scene.instances, side, work));
-    made.inspect_err(|why| report.warn(format!("no lightmap: {why}"))).ok()
-}
-
 impl BakedLight {
-    /// Prepares a lightmap of `side` × `side` texels and the probes that the scene needs.
+    /// Prepares a lightmap of `side` × `side` texels and the probes that the scene needs; `geometry` has lightmap coordinates.
     ///
     /// # Errors
     /// No memory; a failed Vulkan call.
     pub fn new(
         context: &Context,
         layouts: &Layouts,
-        (scene, ray_scene): (&Scene, &LazyRayScene),
+        (scene, geometry, ray_scene): (&Scene, GeometryView<'_>, &LazyRayScene),
         side: u32,
         settings: &RenderSettings,
     ) -> Result<Self> {
@@ -91,8 +80,9 @@ impl BakedLight {
             lightmap,
             probes,
             rays: RaySet::new(gpu, layouts, Some(ray_scene), None)?,
-            made_by: format!("{brdf:?} {side} {lightmap_samples} {probe_size}"),
+            made_by: made_by(scene, geometry, &format!("{brdf:?} {side} {lightmap_samples} {probe_size}")),
             computed_for: None,
+            kept: false,
             last: None,
             still: 0,
         })
@@ -106,6 +96,7 @@ impl BakedLight {
     /// Computes it again, for other light: until it is better, the old lightmap stays, and so do the old probes if maps keep
     /// their scale.
     pub fn restart(&mut self, scale: f32) {
+        self.kept = false;
         self.lightmap.restart();
         self.probes.iter_mut().for_each(|probes| probes.restart(scale));
     }
@@ -120,6 +111,14 @@ impl BakedLight {
             self.restart(scale);
         }
         self.computed_for == Some(now) && !self.is_done()
+    }
+
+    /// Takes a frame's state for what light is to be computed for, at once. Returns whether there is anything to compute.
+    pub fn demand(&mut self, now: LightState, scale: f32) -> bool {
+        if self.computed_for.replace(now).is_some_and(|before| before != now) {
+            self.restart(scale);
+        }
+        !self.is_done()
     }
 
     /// Makes the next pieces take about `target_ms`, from the times of a frame that one was part of.
@@ -139,30 +138,40 @@ impl BakedLight {
         }
     }
 
-    /// Takes it from the cache, where it was computed for the same `source`: everything that light depends on, but for what
-    /// this holds itself.
+    /// Takes it from the cache, if it was computed for this state; probes' maps then hold radiance / `scale`.
     ///
     /// # Errors
     /// A failed Vulkan call.
-    pub fn load(&mut self, context: &Context, source: &[&[u8]], scale: f32) -> Result<()> {
-        if load_cached(context, &CACHE_KIND, &self.source(source), &self.images())?.is_some() {
+    pub fn load(&mut self, context: &Context, state: LightState, scale: f32) -> Result<()> {
+        let source = self.source(state);
+        if load_cached(context, &CACHE_KIND, &[source.as_bytes()], &self.images())?.is_some() {
             self.lightmap.finish();
             self.probes.iter_mut().for_each(|probes| probes.finish(scale));
+            (self.computed_for, self.kept) = (Some(state), true);
         }
         Ok(())
     }
 
-    /// Stores it in the cache.
+    /// Stores it in the cache if it is done and not there yet.
     ///
     /// # Errors
     /// A failed Vulkan call.
-    pub fn keep(&self, context: &Context, source: &[&[u8]]) -> Result<()> {
-        keep_cached(context, &CACHE_KIND, &self.source(source), &self.images())
+    pub fn keep(&mut self, context: &Context) -> Result<()> {
+        if let Some(state) = self.computed_for.filter(|_| self.is_done() && !self.kept) {
+            let source = self.source(state);
+            keep_cached(context, &CACHE_KIND, &[source.as_bytes()], &self.images())?;
+            self.kept = true;
+        }
+        Ok(())
     }
 
-    fn source<'a>(&'a self, source: &[&'a [u8]]) -> Vec<&'a [u8]> {
-        let placed = self.probes.as_ref().map_or(&[][..], LocalProbes::placed);
-        source.iter().copied().chain([self.made_by.as_bytes(), placed]).collect()
+    fn source(&self, state: LightState) -> blake3::Hash {
+        let LightState { panorama, rotation, world_from_models } = state;
+        let mut hasher = blake3::Hasher::new();
+        hasher.update(self.made_by.as_bytes()).update(panorama.as_bytes()).update(&rotation.to_le_bytes());
+        hasher.update(bytemuck::bytes_of(&world_from_models));
+        hasher.update(self.probes.as_ref().map_or(&[][..], LocalProbes::placed));
+        hasher.finalize()
     }
 
     /// What the cache holds, by name.
@@ -171,6 +180,26 @@ impl BakedLight {
         let maps = self.probes.iter().flat_map(LocalProbes::named_maps);
         [("lightmap", &**image)].into_iter().chain(maps).collect()
     }
+}
+
+/// A hash of everything that light on a scene with this geometry depends on but for its panorama.
+fn made_by(scene: &Scene, geometry: GeometryView<'_>, settings: &str) -> blake3::Hash {
+    let mut hasher = blake3::Hasher::new();
+    let mut add = |bytes: &[u8]| {
+        hasher.update(&(bytes.len() as u64).to_le_bytes());
+        hasher.update_rayon(bytes);
+    };
+    for mesh in geometry.meshes {
+        add(bytemuck::cast_slice(&mesh.vertices));
+        add(bytemuck::cast_slice(&mesh.indices));
+        add(&mesh.material.to_le_bytes());
+    }
+    let cameras: Vec<[f32; 3]> = scene.cameras.iter().map(|camera| camera.position.into()).collect();
+    add(bytemuck::cast_slice(&cameras));
+    geometry.instances.iter().for_each(|i| add(bytemuck::bytes_of(&i.world_from_local)));
+    add(format!("{:?} {:?} {settings}", scene.materials, scene.lights).as_bytes());
+    scene.textures.iter().flat_map(|texture| &texture.levels).for_each(|level| add(level));
+    hasher.finalize()
 }
 
 #[cfg(test)]

@@ -7,6 +7,7 @@ use super::frame::{FRAME_BYTES, FrameInputs, SceneConstants, sun_block};
 use super::frame_set::FrameSet;
 use super::layouts::Layouts;
 use super::lighting::Lighting;
+use super::lightmapped::Lightmapped;
 use super::pipeline_request::PipelineRequest;
 use super::probes::LocalProbes;
 use super::scene_resources::SceneResources;
@@ -55,15 +56,23 @@ impl BoundScene {
     pub fn set_lighting(&mut self, gpu: &Arc<Gpu>, layouts: &Layouts, lighting: Lighting) -> Result<()> {
         let shadows = ShadowMaps::new(gpu, &self.resources.shadow_plan, lighting.sun.is_some())?;
         self.set = scene_set(gpu, layouts, (&self.resources, &shadows), &lighting, self.baked.as_ref())?;
-        self.baked.iter_mut().for_each(|baked| baked.restart(lighting.maps.scale));
         (self.lighting, self.shadows) = (lighting, shadows);
+        Ok(())
+    }
+
+    /// Draws the scene with a lightmap from now on.
+    pub fn set_lightmapped(&mut self, gpu: &Arc<Gpu>, layouts: &Layouts, lightmapped: Lightmapped) -> Result<()> {
+        let Lightmapped { resources, baked } = lightmapped;
+        self.set = scene_set(gpu, layouts, (&resources, &self.shadows), &self.lighting, Some(&baked))?;
+        (self.resources, self.baked) = (resources, Some(baked));
         Ok(())
     }
 
     /// Follows what light depends on in a frame; returns whether there is a piece of it to compute.
     pub fn follow_light(&mut self, inputs: &FrameInputs<'_>) -> bool {
-        let scale = self.lighting.maps.scale;
-        self.baked.as_mut().is_some_and(|baked| baked.follow(inputs.light_state(), scale))
+        let Lighting { maps, digest, .. } = &self.lighting;
+        let state = inputs.light_state(*digest);
+        self.baked.as_mut().is_some_and(|baked| baked.follow(state, maps.scale))
     }
 
     /// Records the next piece of light, of about `target_ms`.
@@ -78,7 +87,9 @@ impl BoundScene {
     /// Computes light to its end, and keeps it in the cache; returns the GPU time that it took, milliseconds, 0 where there
     /// is nothing to do.
     pub fn finish_light(&mut self, context: &Context, inputs: &FrameInputs<'_>) -> Result<f64> {
-        if !self.follow_light(inputs) {
+        let Lighting { maps, digest, .. } = &self.lighting;
+        let state = inputs.light_state(*digest);
+        if !self.baked.as_mut().is_some_and(|baked| baked.demand(state, maps.scale)) {
             return Ok(0.0);
         }
         let mut gpu_ms = 0.0;
@@ -93,7 +104,7 @@ impl BoundScene {
         }
         gpu_ms += ring.finish_all()?.iter().map(PassTimes::total_ms).sum::<f64>();
         progress.finish_and_clear();
-        self.keep_light(context, inputs.environment_rotation)?;
+        self.keep_light(context)?;
         Ok(gpu_ms)
     }
 
@@ -110,27 +121,9 @@ impl BoundScene {
         self.shadows.update(commands, pass, (&self.resources, &self.set), place);
     }
 
-    /// Takes lightmap and probes from the cache, if they are there for the scene as its file has it.
-    pub fn load_light(&mut self, context: &Context, rotation: f32) -> Result<()> {
-        let (source, scale) = (self.light_source(rotation), self.lighting.maps.scale);
-        let Some((source, baked)) = source.zip(self.baked.as_mut()) else { return Ok(()) };
-        baked.load(context, &[source.as_bytes()], scale)
-    }
-
-    /// Stores lightmap and probes in the cache.
-    fn keep_light(&self, context: &Context, rotation: f32) -> Result<()> {
-        let Some((source, baked)) = self.light_source(rotation).zip(self.baked.as_ref()) else { return Ok(()) };
-        baked.keep(context, &[source.as_bytes()])
-    }
-
-    /// A hash of everything outside of `baked` that soft light depends on, with the panorama turned by `rotation` radians and
-    /// models where the scene has them.
-    fn light_source(&self, rotation: f32) -> Option<blake3::Hash> {
-        let mut hasher = blake3::Hasher::new();
-        hasher.update(self.resources.digest?.as_bytes());
-        hasher.update(self.lighting.digest?.as_bytes());
-        hasher.update(&rotation.to_le_bytes());
-        Some(hasher.finalize())
+    /// Stores lightmap and probes in the cache, if they are done and not there yet.
+    pub fn keep_light(&mut self, context: &Context) -> Result<()> {
+        self.baked.as_mut().map_or(Ok(()), |baked| baked.keep(context))
     }
 
     fn probes(&self) -> Option<&LocalProbes> {

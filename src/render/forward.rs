@@ -144,7 +144,7 @@ impl ForwardPass {
                 commands.bind_pipeline(pipeline);
             }
             if changes(|call| call.textures) {
-                commands.bind_set(pipeline, 2, &resources.texture_sets[call.textures as usize], &[]);
+                commands.bind_set(pipeline, 2, &resources.textures.sets[call.textures as usize], &[]);
             }
             if changes(|call| call.instance) {
                 commands.push(pipeline, bytemuck::bytes_of(&call.instance));

@@ -49,8 +49,8 @@ impl<'a> FrameInputs<'a> {
     }
 
     /// What soft light changes with.
-    pub(super) fn light_state(&self) -> LightState {
-        LightState { rotation: self.environment_rotation, world_from_models: self.world_from_models }
+    pub(super) fn light_state(&self, panorama: blake3::Hash) -> LightState {
+        LightState { panorama, rotation: self.environment_rotation, world_from_models: self.world_from_models }
     }
 
     /// The uniform block, with the scene's constants added.

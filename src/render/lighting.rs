@@ -15,8 +15,8 @@ pub struct Lighting {
     /// Of the panorama without that sun.
     pub maps: LightMaps,
     pub table: BrdfTable,
-    /// Of the panorama, the sun taken out, where soft light is computed from it.
-    pub digest: Option<blake3::Hash>,
+    /// Of the panorama.
+    pub digest: blake3::Hash,
 }
 
 impl Lighting {
@@ -31,7 +31,7 @@ impl Lighting {
                 LightModel::Direct | LightModel::Baked => without_sun(panorama).unzip(),
             };
             Ok(Self {
-                digest: (settings.light == LightModel::Baked).then(|| digest(panorama)),
+                digest: digest(panorama),
                 sun,
                 maps: LightMaps::new(context, remainder.as_ref().unwrap_or(panorama), settings.precompute())?,
                 table: BrdfTable::new(context, settings.geometry, settings.split_sum)?,

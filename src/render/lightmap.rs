@@ -335,7 +335,9 @@ impl LightmapBake {
             _ => self.texels,
         };
         let samples = self.stage.samples();
-        let most = ((self.pace.size() / f64::from(samples)) as u32).max(1);
+        // An open sky's light takes hardly longer than to clear the image, which would be seen otherwise.
+        let most =
+            if self.stage == Stage::Open { all } else { ((self.pace.size() / f64::from(samples)) as u32).max(1) };
         let work = Work {
             first: self.cursor,
             count: most.min(all - self.cursor),

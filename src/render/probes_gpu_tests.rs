@@ -13,7 +13,7 @@ use super::layouts::Layouts;
 use super::light_detail::{FACE, LightDetail};
 use super::lighting::Lighting;
 use super::probes::LocalProbes;
-use super::scene_resources::SceneResources;
+use super::scene_resources::{SceneResources, SceneTextures};
 use super::settings::{LightModel, RenderSettings};
 use crate::asset::Panorama;
 use crate::context::Context;
@@ -49,10 +49,12 @@ fn baked(gpu: &Arc<Gpu>, scene: &Scene) -> BoundScene {
     let work = Work { cache: None, report: &context.report, stop: &AtomicBool::new(false) };
     let flat = flatten(&scene.meshes, &scene.instances, SIDE, work).unwrap();
     let geometry = GeometryView { meshes: &flat.meshes, instances: &flat.instances };
-    let resources = SceneResources::new(&context, &layouts, scene, geometry, &settings).unwrap();
+    let textures = SceneTextures::new(&context, &layouts, scene, &settings).unwrap();
+    let resources = SceneResources::new(&context, textures, scene, geometry, &settings).unwrap();
     let lighting = Lighting::new(&context, &scene.environment.panorama, &settings).unwrap();
     let side = flat.atlas.size[0];
-    let mut light = BakedLight::new(&context, &layouts, (scene, &resources.ray_scene), side, &settings).unwrap();
+    let of = (scene, geometry, &*resources.ray_scene);
+    let mut light = BakedLight::new(&context, &layouts, of, side, &settings).unwrap();
     // Whether the scene needs it or not.
     light.probes =
         Some(LocalProbes::new(gpu, &layouts, (scene.probes.clone(), FACE), light.lightmap.given_back()).unwrap());

@@ -166,7 +166,7 @@ fn shade(gpu: &Arc<Gpu>, renderer: &Renderer, inputs: &FrameInputs<'_>, case: Ca
         set.bind(commands, &pipeline, 0);
         commands.bind_set(&pipeline, 1, &renderer.scene.set, &[]);
         // All materials have the same maps.
-        commands.bind_set(&pipeline, 2, &renderer.scene.resources.texture_sets[0], &[]);
+        commands.bind_set(&pipeline, 2, &renderer.scene.resources.textures.sets[0], &[]);
         for instance in 0..MATERIALS {
             let Case { hostile, inside, .. } = case;
             let first = instance * count;
@@ -209,7 +209,7 @@ fn a_million_random_and_hostile_surfaces_send_light_that_is_finite_not_negative_
             ..RenderSettings::default()
         };
         let mut renderer = Renderer::new(&Context::silent(gpu), &scene, settings, [16, 16], 1).unwrap();
-        assert_eq!(renderer.scene.resources.texture_sets.len(), 1);
+        assert_eq!(renderer.scene.resources.textures.sets.len(), 1);
         assert!(renderer.scene.lighting.sun.is_some());
         let place = Mat4::from_translation(Vec3::new(0.5, -0.25, 2.0));
         let eyes = [Eye::symmetric(place, 60.0, 1.0, 1.0)];

@@ -1,8 +1,8 @@
 //! A scene on the GPU and everything that draws it, frame by frame.
 
 use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 
-use super::baked_light::{BakedLight, flattened};
 use super::bound_scene::{BAKE_MS, BoundScene};
 use super::draws::{DrawCounts, DrawList};
 use super::eye::Eye;
@@ -12,18 +12,20 @@ use super::hidden_area::HiddenArea;
 use super::kept_pipelines::KeptPipelines;
 use super::layouts::Layouts;
 use super::lighting::Lighting;
+use super::lightmapped::{LightmapRequest, Lightmapped};
 use super::overlay::Overlay;
 use super::pipeline_request::PipelineRequest;
 use super::pipelines::PassPipelines;
+use super::probes::LocalProbes;
 use super::reference_accumulator::{ReferenceAccumulator, StandardError, jittered};
-use super::scene_resources::{SceneResources, TextureFacts};
+use super::scene_resources::{SceneResources, SceneTextures, TextureFacts};
 use super::settings::RenderSettings;
 use super::shared::FrameBlock;
 use super::targets::{Detail, ViewTargets};
 use crate::Result;
 use crate::context::Context;
 use crate::gpu::{FrameContext, Image, PassTime};
-use crate::scene::{GeometryView, Scene};
+use crate::scene::Scene;
 
 /// A scene on the GPU and everything that draws it.
 pub struct Renderer {
@@ -44,22 +46,43 @@ impl Renderer {
     /// # Errors
     /// Sizes that the GPU cannot have, no memory, or a failed Vulkan call.
     pub fn new(context: &Context, scene: &Scene, settings: RenderSettings, size: [u32; 2], eyes: u32) -> Result<Self> {
+        let never = AtomicBool::new(false);
+        let prepare = |request: LightmapRequest| request.prepare(context, scene, &never);
+        Self::with_lightmap(context, scene, settings, (size, eyes), prepare)
+    }
+
+    /// The same without a lightmap, which [`Renderer::set_lightmapped`] may bring later.
+    ///
+    /// # Errors
+    /// Those of [`Renderer::new`].
+    pub fn without_lightmap(
+        context: &Context,
+        scene: &Scene,
+        settings: RenderSettings,
+        size: [u32; 2],
+        eyes: u32,
+    ) -> Result<Self> {
+        Self::with_lightmap(context, scene, settings, (size, eyes), |_| Ok(None))
+    }
+
+    fn with_lightmap(
+        context: &Context,
+        scene: &Scene,
+        settings: RenderSettings,
+        (size, eyes): ([u32; 2], u32),
+        prepare: impl FnOnce(LightmapRequest) -> Result<Option<Lightmapped>>,
+    ) -> Result<Self> {
         let gpu = &context.gpu;
         let mut kept = KeptPipelines::load(context);
         settings.textures.warn_if_raw(context);
         let layouts = Arc::new(Layouts::new(gpu)?);
-        let flattened = flattened(context, scene, &settings);
-        let geometry = flattened
-            .as_ref()
-            .map_or(scene.geometry(), |f| GeometryView { meshes: &f.meshes, instances: &f.instances });
-        let resources = SceneResources::new(context, &layouts, scene, geometry, &settings)?;
+        let textures = SceneTextures::new(context, &layouts, scene, &settings)?;
         let lighting = Lighting::new(context, &scene.environment.panorama, &settings)?;
-        let baked = flattened.as_ref().map(|flattened| {
-            BakedLight::new(context, &layouts, (scene, &resources.ray_scene), flattened.atlas.size[0], &settings)
-        });
-        let rotation = scene.environment.rotation_degrees.to_radians();
-        let mut scene = BoundScene::new(gpu, &layouts, resources, lighting, baked.transpose()?)?;
-        scene.load_light(context, rotation)?;
+        let (resources, baked) = match prepare(LightmapRequest::new(&layouts, &textures, &lighting, &settings))? {
+            Some(Lightmapped { resources, baked }) => (resources, Some(baked)),
+            None => (SceneResources::new(context, textures, scene, scene.geometry(), &settings)?, None),
+        };
+        let scene = BoundScene::new(gpu, &layouts, resources, lighting, baked)?;
         let request = scene.pipeline_request(gpu, &layouts, settings, eyes);
         let pipelines = PassPipelines::build(&request)?;
         kept.save();
@@ -159,6 +182,32 @@ impl Renderer {
         pipelines.map_or(Ok(()), |pipelines| self.set_pipelines(pipelines))
     }
 
+    /// What a lightmap for this scene is prepared from.
+    pub fn lightmap_request(&self) -> LightmapRequest {
+        let BoundScene { resources, lighting, .. } = &self.scene;
+        LightmapRequest::new(&self.layouts, &resources.textures, lighting, self.settings())
+    }
+
+    /// What pipelines for this scene with a lightmap are built from.
+    pub fn pipeline_request_lightmapped(&self, lightmapped: &Lightmapped) -> PipelineRequest {
+        let Lightmapped { resources, baked } = lightmapped;
+        PipelineRequest {
+            lightmap_layers: baked.lightmap.layers(),
+            probes: baked.probes.as_ref().map_or(0, LocalProbes::count),
+            ray_scene: Arc::clone(&resources.ray_scene),
+            ..self.pipeline_request(self.settings().clone(), self.eyes())
+        }
+    }
+
+    /// Draws the scene with a lightmap from now on, with the pipelines for that.
+    ///
+    /// # Errors
+    /// No memory.
+    pub fn set_lightmapped(&mut self, lightmapped: Lightmapped, pipelines: PassPipelines) -> Result<()> {
+        self.scene.set_lightmapped(&self.context.gpu, &self.layouts, lightmapped)?;
+        self.set_pipelines(pipelines)
+    }
+
     /// Builds pipelines on the calling thread and uses them from now on; on an error the old ones stay.
     ///
     /// # Errors
@@ -209,7 +258,7 @@ impl Renderer {
 
     /// The memory use of the scene's textures.
     pub fn texture_facts(&self) -> &TextureFacts {
-        &self.scene.resources.texture_facts
+        &self.scene.resources.textures.facts
     }
 
     /// GPU memory of shadow maps, bytes.
@@ -291,6 +340,14 @@ impl Renderer {
     /// A failed Vulkan call.
     pub fn finish_lightmap(&mut self, inputs: &FrameInputs<'_>) -> Result<f64> {
         self.scene.finish_light(&self.context, inputs)
+    }
+
+    /// Stores lightmap and probes in the cache, if they are done and not there yet. No frame may be in flight on another thread.
+    ///
+    /// # Errors
+    /// A failed Vulkan call.
+    pub fn keep_light(&mut self) -> Result<()> {
+        self.scene.keep_light(&self.context)
     }
 
     /// Records text over the finished picture.

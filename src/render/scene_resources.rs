@@ -8,19 +8,17 @@ use std::collections::HashMap;
 use std::sync::Arc;
 
 use super::draws::Draw;
-use super::layouts::Layouts;
 use super::ray_scene::LazyRayScene;
-use super::settings::{LightModel, RenderSettings};
+use super::settings::RenderSettings;
 use super::shadow_plan::ShadowPlan;
 use super::shared::{InstanceBlock, LightBlock, MaterialBlock};
 use crate::Result;
 use crate::context::Context;
-use crate::gpu::{Buffer, BufferKind, DescriptorSet, Gpu};
+use crate::gpu::{Buffer, BufferKind, Gpu};
 use crate::scene::cluster::{Cluster, clusters};
 use crate::scene::{GeometryView, Material, MaterialFeatures, PointLight, Scene, SceneFeatures};
 pub use geometry::Geometry;
-pub use textures::TextureFacts;
-use textures::TextureSets;
+pub use textures::{SceneTextures, TextureFacts};
 pub use vertex::{ATTRIBUTES, PackedVertex};
 
 /// The GPU resources of a scene without its environment.
@@ -36,44 +34,41 @@ pub struct SceneResources {
     pub variants: Vec<MaterialFeatures>,
     /// The number of point lights that shaders are made for; `None` for any.
     pub constant_lights: Option<u32>,
-    /// Different sets of textures; [`Draw::textures`] is an index.
-    pub texture_sets: Arc<[DescriptorSet]>,
+    /// [`Draw::textures`] is an index of one of its sets.
+    pub textures: SceneTextures,
     /// What rays meet, from when they are first traced.
     pub ray_scene: Arc<LazyRayScene>,
     pub draws: Vec<Draw>,
-    pub texture_facts: TextureFacts,
-    /// Of geometry, materials with their textures, and lamps, where soft light is computed from them.
-    pub digest: Option<blake3::Hash>,
 }
 
 impl SceneResources {
-    /// Uploads a scene with this geometry: its own, or the same with lightmap coordinates.
+    /// Uploads a scene whose textures are there with this geometry: its own, or the same with lightmap coordinates.
+    ///
+    /// # Errors
+    /// No memory; a failed Vulkan call.
     pub fn new(
         context: &Context,
-        layouts: &Layouts,
+        textures: SceneTextures,
         scene: &Scene,
         geometry: GeometryView<'_>,
         settings: &RenderSettings,
     ) -> Result<Self> {
         let gpu = &context.gpu;
         let features = SceneFeatures::of(scene, settings.model, settings.viewpoint);
-        let options = settings.textures.options(context);
         let clusters = clusters(geometry.meshes, geometry.instances);
         let buffers = Geometry::new(gpu, &clusters)?;
-        let (images, texture_facts) = textures::upload(context, &scene.textures, &features.first_levels, &options)?;
-        let mut sets = TextureSets::new(gpu, &layouts.textures, &images, options.anisotropy)?;
         let mut variants = Variants::default();
-        let mut drawn = Vec::new();
-        for (material, features) in scene.materials.iter().zip(&features.materials) {
-            let (variant, textures) = (variants.index(*features), sets.index(material)?);
-            drawn.push(DrawnMaterial { variant, textures, masked: features.alpha_mask });
-        }
+        let drawn = |(features, textures): (&MaterialFeatures, &u32)| DrawnMaterial {
+            variant: variants.index(*features),
+            textures: *textures,
+            masked: features.alpha_mask,
+        };
+        let drawn: Vec<DrawnMaterial> = features.materials.iter().zip(&*textures.of_materials).map(drawn).collect();
         let shadow_plan = ShadowPlan::new(context, scene, features.casts, &settings.light_detail);
         let lamp = |(i, light): (usize, &PointLight)| light_block(light, shadow_plan.of_lamp(i));
         let lights: Vec<LightBlock> = scene.lights.iter().enumerate().map(lamp).collect();
         let block = |(material, drawn): (&Material, &DrawnMaterial)| material_block(material, drawn.textures);
         let blocks: Vec<MaterialBlock> = scene.materials.iter().zip(&drawn).map(block).collect();
-        let texture_sets: Arc<[DescriptorSet]> = sets.all.into();
         let (draws, instances) = draws(&clusters, &buffers, &drawn);
         Ok(Self {
             geometry: buffers,
@@ -84,33 +79,11 @@ impl SceneResources {
             shadow_plan,
             variants: variants.all,
             constant_lights: features.lights,
-            ray_scene: Arc::new(LazyRayScene::new(scene, geometry, &texture_sets)),
-            texture_sets,
+            ray_scene: Arc::new(LazyRayScene::new(scene, geometry, &textures.sets)),
+            textures,
             draws,
-            texture_facts,
-            digest: (settings.light == LightModel::Baked).then(|| digest(scene, geometry)),
         })
     }
-}
-
-/// A hash of everything of a scene that soft light depends on, its panorama excepted.
-fn digest(scene: &Scene, geometry: GeometryView<'_>) -> blake3::Hash {
-    let mut hasher = blake3::Hasher::new();
-    let mut add = |bytes: &[u8]| {
-        hasher.update(&(bytes.len() as u64).to_le_bytes());
-        hasher.update_rayon(bytes);
-    };
-    for mesh in geometry.meshes {
-        add(bytemuck::cast_slice(&mesh.vertices));
-        add(bytemuck::cast_slice(&mesh.indices));
-        add(&mesh.material.to_le_bytes());
-    }
-    let cameras: Vec<[f32; 3]> = scene.cameras.iter().map(|camera| camera.position.into()).collect();
-    add(bytemuck::cast_slice(&cameras));
-    geometry.instances.iter().for_each(|i| add(bytemuck::bytes_of(&i.world_from_local)));
-    add(format!("{:?} {:?}", scene.materials, scene.lights).as_bytes());
-    scene.textures.iter().flat_map(|texture| &texture.levels).for_each(|level| add(level));
-    hasher.finalize()
 }
 
 /// The pipeline variant and texture set of a material, and whether it is alpha-tested: see [`Draw`].

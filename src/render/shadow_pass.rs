@@ -80,7 +80,7 @@ impl ShadowPass {
                 commands.bind_set(pipeline, 1, scene_set, &[]);
             }
             if cutout.is_some() {
-                commands.bind_set(pipeline, 2, &resources.texture_sets[call.textures as usize], &[]);
+                commands.bind_set(pipeline, 2, &resources.textures.sets[call.textures as usize], &[]);
             }
             if last.is_none_or(|(_, last)| last.instance != call.instance) {
                 commands.push(pipeline, bytemuck::bytes_of(&Push { clip_from_models, instance: call.instance }));

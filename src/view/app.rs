@@ -9,7 +9,9 @@ use glam::Mat4;
 use super::loader::{LoadRequest, LoadResult, LoadedScene, Loader, Target, file_name};
 use super::playlist::Playlist;
 use crate::context::Context;
-use crate::render::{Change, ControllerGizmos, CullOptions, Eye, FrameInputs, Lighting, PassPipelines, RenderSettings};
+use crate::render::{
+    Change, ControllerGizmos, CullOptions, Eye, FrameInputs, Lighting, Lightmapped, PassPipelines, RenderSettings,
+};
 use crate::{Error, Result};
 
 /// The current scene with the user's changes.
@@ -123,6 +125,10 @@ pub struct App {
     pipelines: u64,
     /// What the last request for pipelines is for, if not the light that is shown.
     new_light: Option<NewLight>,
+    /// Of the shown scene: shown as soon as its pipelines are there, after `new_light`.
+    new_lightmap: Option<Lightmapped>,
+    /// The number of the last request for a scene.
+    scenes: u64,
     /// Names of the files being loaded, in order.
     pub loading: VecDeque<String>,
     /// What each of these files is loaded for.
@@ -149,6 +155,8 @@ impl App {
             target,
             pipelines: 0,
             new_light: None,
+            new_lightmap: None,
+            scenes: 0,
             loading: VecDeque::new(),
             loading_settings: VecDeque::new(),
             context,
@@ -160,7 +168,8 @@ impl App {
         self.playlist.set_scene(path);
         self.begin_loading(path, Change::Scene);
         let (path, target) = (path.to_owned(), self.target.clone());
-        self.loader.start(LoadRequest::Scene { path, settings: self.settings.clone(), target });
+        self.scenes += 1;
+        self.loader.start(LoadRequest::Scene { number: self.scenes, path, settings: self.settings.clone(), target });
     }
 
     /// Starts loading a scene or a panorama, by its extension.
@@ -241,6 +250,7 @@ impl App {
                     Err(error) => Some(Update::Failed(error)),
                 }
             }
+            LoadResult::Lightmap(number, lightmap) => self.map_light(number, lightmap)?,
             LoadResult::Panorama { path, settings, lighting } => {
                 self.end_loading();
                 match lighting {
@@ -256,7 +266,7 @@ impl App {
             LoadResult::Pipelines(_, pipelines) => match pipelines {
                 Ok(pipelines) => self.draw_with(*pipelines)?,
                 Err(error) => {
-                    self.new_light = None;
+                    (self.new_light, self.new_lightmap) = (None, None);
                     Some(Update::Failed(error))
                 }
             },
@@ -280,6 +290,11 @@ impl App {
         let renderer = &mut scene.loaded.renderer;
         if let Some(NewLight { lighting, settings, .. }) = &self.new_light {
             let request = renderer.pipeline_request_under(lighting, settings);
+            self.loader.start(LoadRequest::Pipelines(self.pipelines, request));
+            return Ok(());
+        }
+        if let Some(lightmap) = &self.new_lightmap {
+            let request = renderer.pipeline_request_lightmapped(lightmap);
             self.loader.start(LoadRequest::Pipelines(self.pipelines, request));
             return Ok(());
         }
@@ -329,7 +344,7 @@ impl App {
     }
 
     /// Starts writing a screenshot: RGBA, 8 bits a channel.
-    pub fn write_screenshot(&self, pixels: Vec<u8>, size: [u32; 2]) {
+    pub fn write_screenshot(&mut self, pixels: Vec<u8>, size: [u32; 2]) {
         self.loader.start(LoadRequest::Screenshot { pixels, size });
     }
 
@@ -345,13 +360,38 @@ impl App {
         self.shine(new, None).map(Some)
     }
 
+    /// A lightmap was prepared; it is shown once its pipelines are there, if its scene still is.
+    fn map_light(&mut self, number: u64, lightmap: Result<Option<Box<Lightmapped>>>) -> Result<Option<Update>> {
+        let Some(scene) = self.scene.as_mut().filter(|scene| scene.loaded.number == number) else { return Ok(None) };
+        match lightmap {
+            Ok(lightmap) => {
+                scene.loaded.lightmap_follows = lightmap.is_some();
+                self.new_lightmap = lightmap.map(|lightmap| *lightmap);
+                self.follow_settings()?;
+                Ok(None)
+            }
+            Err(error) if error.is_device_lost() => Err(error),
+            Err(error) => {
+                scene.loaded.lightmap_follows = false;
+                Ok(Some(Update::Failed(error)))
+            }
+        }
+    }
+
     /// Draws with the pipelines that were asked for last.
     fn draw_with(&mut self, pipelines: PassPipelines) -> Result<Option<Update>> {
         if let Some(new) = self.new_light.take() {
             return self.shine(new, Some(pipelines)).map(Some);
         }
         let Some(scene) = &mut self.scene else { return Ok(None) };
-        scene.loaded.renderer.set_pipelines(pipelines)?;
+        match self.new_lightmap.take() {
+            Some(lightmap) => {
+                scene.loaded.renderer.set_lightmapped(lightmap, pipelines)?;
+                scene.loaded.lightmap_follows = false;
+                self.follow_settings()?;
+            }
+            None => scene.loaded.renderer.set_pipelines(pipelines)?,
+        }
         Ok(Some(Update::Settings))
     }
 
@@ -375,7 +415,7 @@ impl App {
         // The number of eyes and the settings may have changed while the scene was loading.
         draw_for(&mut scene, self.target.eyes)?;
         let old = self.scene.replace(scene);
-        self.new_light = None;
+        (self.new_light, self.new_lightmap) = (None, None);
         self.follow_settings()?;
         let replaced = old.is_some();
         if let Some(old) = old {

@@ -6,11 +6,11 @@ use std::sync::{Arc, Condvar, Mutex};
 use std::time::{Duration, Instant};
 
 use super::*;
-use crate::asset::Storage;
+use crate::asset::{Cache, Storage};
 use crate::gpu::{FrameRing, Gpu, Subresource, pipelines_of_this_thread, read_image, with_gpu};
 use crate::reference::brdf::Geometry;
 use crate::reference::table::SplitSum;
-use crate::render::{FRAME_BYTES, Shading, TextureSettings};
+use crate::render::{FRAME_BYTES, LightDetail, LightModel, Renderer, Shading, TextureSettings};
 use crate::scene::Model;
 
 const SIZE: [u32; 2] = [48, 32];
@@ -75,7 +75,8 @@ struct Desk {
 /// Small and quick.
 fn settings() -> RenderSettings {
     let textures = TextureSettings { storage: Some(Storage::Raw), anisotropy: Some(1), ..Default::default() };
-    RenderSettings { samples: 1, cube_size: 16, irradiance_size: 4, textures, ..Default::default() }
+    let light = LightModel::Direct;
+    RenderSettings { samples: 1, cube_size: 16, irradiance_size: 4, textures, light, ..Default::default() }
 }
 
 fn scene() -> PathBuf {
@@ -84,12 +85,17 @@ fn scene() -> PathBuf {
 
 impl Desk {
     fn new(gpu: &Arc<Gpu>, settings: RenderSettings) -> Self {
+        Self::open(Context::silent(gpu), settings, &scene())
+    }
+
+    fn open(context: Context, settings: RenderSettings, scene: &Path) -> Self {
         let gate = Gate::default();
         let wake = gate.clone();
         let target = Target { size: SIZE, eyes: 1, hidden: [Vec::new(), Vec::new()] };
-        let app = App::new(Context::silent(gpu), settings, target, move || wake.pass()).unwrap();
-        let mut desk = Self { gate, app, ring: FrameRing::new(gpu, FRAME_BYTES).unwrap(), made: 0 };
-        desk.app.open_scene(&scene());
+        let ring = FrameRing::new(&context.gpu, FRAME_BYTES).unwrap();
+        let app = App::new(context, settings, target, move || wake.pass()).unwrap();
+        let mut desk = Self { gate, app, ring, made: 0 };
+        desk.app.open_scene(scene);
         desk.gate.wait_for(1);
         assert!(matches!(desk.app.collect().unwrap(), Some(Update::Scene { replaced: false })));
         desk.made = pipelines_of_this_thread();
@@ -132,6 +138,27 @@ impl Desk {
         }
         self.assert_made_none();
         changes
+    }
+
+    fn shown(&self) -> &LoadedScene {
+        &self.app.scene.as_ref().unwrap().loaded
+    }
+
+    /// Draws until all light of the shown scene is computed; returns the last picture.
+    fn light_up(&mut self) -> Vec<u8> {
+        self.gate.open();
+        let started = Instant::now();
+        // Light is computed again once all has rested for some frames.
+        let mut rested = 0;
+        while rested < 20 {
+            assert!(started.elapsed() < PATIENCE, "light at {:?}", self.shown().light_progress());
+            assert!(!matches!(self.app.collect().unwrap(), Some(Update::Scene { .. } | Update::Failed(_))));
+            self.draw();
+            let waits = !self.app.loading.is_empty() || self.app.new_light.is_some();
+            rested = if waits || self.shown().light_progress().is_some() { 0 } else { rested + 1 };
+        }
+        self.assert_made_none();
+        self.draw()
     }
 
     fn assert_made_none(&self) {
@@ -264,5 +291,105 @@ fn a_panorama_that_does_not_load_is_not_asked_for_again() {
         assert!(matches!(desk.app.collect().unwrap(), Some(Update::Failed(_))));
         desk.app.set_settings(RenderSettings { cube_size: 32, ..settings() }).unwrap();
         assert_eq!(desk.settle(), [0, 1]);
+    });
+}
+
+/// A box on a floor.
+fn box_scene(folder: &Path) -> PathBuf {
+    let corner = |i: u32| format!("v {} {} {}\n", i & 1, (i >> 1) & 1, i >> 2);
+    let corners: String = (0..8).map(corner).collect();
+    let sides = "f 1 3 4 2\nf 5 6 8 7\nf 1 2 6 5\nf 3 7 8 4\nf 1 5 7 3\nf 2 4 8 6\n";
+    let floor = "v -3 0 -3\nv -3 0 3\nv 3 0 3\nv 3 0 -3\nf 9 10 11 12\n";
+    let path = folder.join("box.obj");
+    std::fs::write(&path, corners + sides + floor).unwrap();
+    path
+}
+
+/// With a small lightmap of few samples.
+fn baked() -> RenderSettings {
+    let light_detail = LightDetail { lightmap_size: Some(256), lightmap_samples: 16, ..LightDetail::default() };
+    RenderSettings { light: LightModel::Baked, light_detail, ..settings() }
+}
+
+#[test]
+fn light_between_things_comes_to_a_scene_that_is_shown_and_changes_nothing_else() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = box_scene(folder.path());
+    with_gpu(|gpu| {
+        let mut desk = Desk::open(Context::silent(gpu), baked(), &path);
+        assert!(desk.shown().renderer.lightmap().is_none());
+        assert_eq!(desk.shown().light_progress(), Some(0.0));
+        desk.app.scene.as_mut().unwrap().exposure_ev = -1.0;
+        let open = desk.draw();
+        // The shading follows while the lightmap is under way.
+        desk.app.set_settings(RenderSettings { shading: Shading::Normal, ..baked() }).unwrap();
+        desk.app.set_settings(baked()).unwrap();
+        let lit = desk.light_up();
+        assert!(lit != open && desk.shown().renderer.lightmap().is_some());
+        assert_eq!(desk.app.scene.as_ref().unwrap().exposure_ev, -1.0);
+        // The same as with a lightmap from the start.
+        let context = Context::silent(gpu);
+        let loaded =
+            crate::view::loader::load_scene(&path, &baked().textures.options(&context), &context.report).unwrap();
+        let mut renderer = Renderer::new(&context, &loaded, baked(), SIZE, 1).unwrap();
+        let eyes = [Eye::of_camera(&loaded.cameras[0], SIZE[0] as f32 / SIZE[1] as f32)];
+        let inputs = FrameInputs { exposure_ev: -1.0, ..FrameInputs::of(&loaded, &eyes) };
+        renderer.finish_lightmap(&inputs).unwrap();
+        let mut ring = FrameRing::new(gpu, FRAME_BYTES).unwrap();
+        let mut frame = ring.begin().unwrap();
+        renderer.record(&mut frame, &inputs).unwrap();
+        frame.submit(None).unwrap();
+        ring.finish_all().unwrap();
+        assert!(read_image(gpu, renderer.picture(), Subresource { mip: 0, layer: 0 }, 4).unwrap() == lit);
+    });
+}
+
+#[test]
+fn a_lightmap_of_a_scene_that_is_no_longer_shown_is_dropped() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = box_scene(folder.path());
+    with_gpu(|gpu| {
+        let mut desk = Desk::open(Context::silent(gpu), baked(), &path);
+        desk.app.open_scene(&scene());
+        assert_eq!(desk.settle(), [1, 0]);
+        // Whether it was made before or not.
+        std::thread::sleep(Duration::from_millis(500));
+        assert!(desk.app.collect().unwrap().is_none());
+        assert!(desk.shown().light_progress().is_none() && desk.shown().renderer.lightmap().is_none());
+    });
+}
+
+#[test]
+fn light_between_things_is_that_of_the_panorama_that_is_shown() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = box_scene(folder.path());
+    let forest = Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/panoramas/forest.exr");
+    with_gpu(|gpu| {
+        // Another panorama, asked for before the lightmap is there, and after.
+        let mut early = Desk::open(Context::silent(gpu), baked(), &path);
+        early.app.open(&forest).unwrap();
+        let lit_early = early.light_up();
+        let mut late = Desk::open(Context::silent(gpu), baked(), &path);
+        let before = late.light_up();
+        late.app.open(&forest).unwrap();
+        let lit_late = late.light_up();
+        assert!(lit_late != before && lit_early == lit_late);
+    });
+}
+
+#[test]
+fn light_that_was_computed_while_a_scene_was_shown_is_kept() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = box_scene(folder.path());
+    with_gpu(|gpu| {
+        let context = Context { cache: Some(Cache::in_folder(folder.path().join("cache"))), ..Context::silent(gpu) };
+        let lit = Desk::open(context.clone(), baked(), &path).light_up();
+        let mut again = Desk::open(context, baked(), &path);
+        again.gate.open();
+        while again.shown().lightmap_follows {
+            assert!(!matches!(again.app.collect().unwrap(), Some(Update::Failed(_))));
+        }
+        assert_eq!(again.shown().light_progress(), None, "computed again");
+        assert!(again.draw() == lit);
     });
 }

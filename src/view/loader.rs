@@ -1,5 +1,5 @@
-//! The loader: one thread that loads scenes and panoramas, builds pipelines, writes screenshots and frees old scenes, in
-//! the order of requests, so that no frame waits for any of it.
+//! The loader: a thread that loads scenes and panoramas, builds pipelines, writes screenshots and frees old scenes, in the
+//! order of requests, and one that prepares lightmaps, so that no frame waits for any of it.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -7,10 +7,15 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, Sender, TryRecvError, channel};
 use std::thread::JoinHandle;
 
+use glam::Vec3;
+
 use super::screenshot;
 use crate::asset::{Panorama, Report, TextureOptions, shipped};
 use crate::context::Context;
-use crate::render::{KeptPipelines, Lighting, PassPipelines, PipelineRequest, RenderSettings, Renderer};
+use crate::render::{
+    KeptPipelines, Lighting, LightmapRequest, Lightmapped, PassPipelines, PipelineRequest, RenderSettings, Renderer,
+    is_lightmapped,
+};
 use crate::scene::description::Description;
 use crate::scene::load::{LoadOptions, load};
 use crate::scene::{Bounds, Camera, Scene, floor_under};
@@ -33,6 +38,10 @@ fn panorama_file(scene: &Path) -> Option<PathBuf> {
 
 /// A scene that is ready to be drawn.
 pub struct LoadedScene {
+    /// Of the request that it was loaded for.
+    pub number: u64,
+    /// Whether a lightmap is being prepared for it.
+    pub lightmap_follows: bool,
     /// The file's name.
     pub name: String,
     pub path: PathBuf,
@@ -50,7 +59,21 @@ pub struct LoadedScene {
     pub environment_rotation: f32,
 }
 
+impl Drop for LoadedScene {
+    fn drop(&mut self) {
+        // The cache saves time only.
+        if let Err(error) = self.renderer.keep_light() {
+            tracing::debug!("light is not kept: {error}");
+        }
+    }
+}
+
 impl LoadedScene {
+    /// The part of its soft light that is computed, while it is; 0 to 1.
+    pub fn light_progress(&self) -> Option<f32> {
+        if self.lightmap_follows { Some(0.0) } else { self.renderer.light_progress() }
+    }
+
     /// Builds all pipelines again from the current shaders; on an error the old ones stay.
     ///
     /// # Errors
@@ -74,7 +97,9 @@ pub struct Target {
 
 /// Requests to the loader.
 pub enum LoadRequest {
+    /// The number identifies the request in its results.
     Scene {
+        number: u64,
         path: PathBuf,
         settings: RenderSettings,
         target: Target,
@@ -94,57 +119,69 @@ pub enum LoadRequest {
     Discard(Box<LoadedScene>),
 }
 
-/// Results in the order of requests; [`LoadRequest::Discard`] has none.
+/// Results in the order of requests, lightmaps excepted; [`LoadRequest::Discard`] has none.
 pub enum LoadResult {
+    /// A scene as it is drawn until its lightmap is there.
     Scene(Result<Box<LoadedScene>>),
-    Panorama { path: PathBuf, settings: RenderSettings, lighting: Result<Box<Lighting>> },
+    /// The lightmap of the scene of this request, where one can be made.
+    Lightmap(u64, Result<Option<Box<Lightmapped>>>),
+    Panorama {
+        path: PathBuf,
+        settings: RenderSettings,
+        lighting: Result<Box<Lighting>>,
+    },
     Pipelines(u64, Result<Box<PassPipelines>>),
     Screenshot(Result<PathBuf>),
 }
 
-/// The loader's thread. On drop it finishes the current request, writes the remaining screenshots, and ends.
+/// A lightmap to prepare for a scene that is shown without.
+struct LightmapJob {
+    number: u64,
+    request: LightmapRequest,
+    scene: Scene,
+    stop: Arc<AtomicBool>,
+}
+
+/// The loader's threads. On drop they finish the current request, write the remaining screenshots, and end.
 pub struct Loader {
-    requests: Option<Sender<LoadRequest>>,
+    requests: Option<Sender<(LoadRequest, Arc<AtomicBool>)>>,
     results: Receiver<LoadResult>,
     closing: Arc<AtomicBool>,
-    thread: Option<JoinHandle<()>>,
+    /// Stops the preparation of the lightmap of the last scene.
+    stop: Arc<AtomicBool>,
+    threads: Vec<JoinHandle<()>>,
 }
 
 impl Loader {
-    /// Starts the thread, which calls `wake` whenever there is a result to take.
+    /// Starts the threads, which call `wake` whenever there is a result to take.
     ///
     /// # Errors
     /// [`Error::Window`] where no thread can be started.
     pub fn new(context: &Context, wake: impl Fn() + Clone + Send + 'static) -> Result<Self> {
+        // Warnings have been printed; keeping them would only use memory.
+        let context = Context { report: Arc::new(Report::to_terminal()), ..context.clone() };
         let (requests, to_do) = channel();
+        let (jobs, jobs_to_do) = channel();
         let (sender, results) = channel();
         let closing = Arc::new(AtomicBool::new(false));
-        let (context, stop) = (context.clone(), Arc::clone(&closing));
-        let work = move || {
-            let _wake = WakeAtEnd(wake.clone());
-            for request in to_do {
-                if stop.load(Ordering::Relaxed) && !matches!(request, LoadRequest::Screenshot { .. }) {
-                    continue;
-                }
-                if let Some(result) = perform(&context, request) {
-                    // The receiver outlives this thread, because its owner joins the thread.
-                    let _ = sender.send(result);
-                    wake();
-                }
-            }
-        };
-        let thread = std::thread::Builder::new()
-            .name("loading".into())
-            .spawn(work)
-            .map_err(|e| Error::Window { problem: format!("no thread for loading can be started ({e})") })?;
-        Ok(Self { requests: Some(requests), results, closing, thread: Some(thread) })
+        let (first, second) = (Outbox { sender: sender.clone(), wake: wake.clone() }, Outbox { sender, wake });
+        let (its_context, is_closing) = (context.clone(), Arc::clone(&closing));
+        let threads = vec![
+            thread("loading", move || load_all(&its_context, &is_closing, to_do, &jobs, &first))?,
+            thread("lightmaps", move || prepare_all(&context, jobs_to_do, &second))?,
+        ];
+        Ok(Self { requests: Some(requests), results, closing, stop: Arc::default(), threads })
     }
 
-    /// Puts a request at the end of the queue.
-    pub fn start(&self, request: LoadRequest) {
+    /// Puts a request at the end of the queue. A scene stops the preparation of the lightmap of the one before.
+    pub fn start(&mut self, request: LoadRequest) {
+        if matches!(request, LoadRequest::Scene { .. }) {
+            self.stop.store(true, Ordering::Relaxed);
+            self.stop = Arc::default();
+        }
         // This fails only if the thread has panicked, which `take` reports.
         if let Some(requests) = &self.requests {
-            let _ = requests.send(request);
+            let _ = requests.send((request, Arc::clone(&self.stop)));
         }
     }
 
@@ -166,9 +203,10 @@ impl Loader {
 impl Drop for Loader {
     fn drop(&mut self) {
         self.closing.store(true, Ordering::Relaxed);
+        self.stop.store(true, Ordering::Relaxed);
         self.requests = None;
-        // If it panicked, that has been printed, and `take` has made an error of it.
-        let _ = self.thread.take().map(JoinHandle::join);
+        // A panic has been printed.
+        self.threads.drain(..).for_each(|thread| drop(thread.join()));
         for result in self.results.try_iter() {
             if let LoadResult::Screenshot(written) = result {
                 screenshot::report(&written);
@@ -177,60 +215,127 @@ impl Drop for Loader {
     }
 }
 
-/// Wakes the output even if the thread panics.
-struct WakeAtEnd<F: Fn()>(F);
+/// A thread's results. Wakes the output with each, and at its end even if the thread panics.
+struct Outbox<F: Fn()> {
+    sender: Sender<LoadResult>,
+    wake: F,
+}
 
-impl<F: Fn()> Drop for WakeAtEnd<F> {
-    fn drop(&mut self) {
-        (self.0)();
+impl<F: Fn()> Outbox<F> {
+    fn put(&self, result: LoadResult) {
+        // The receiver outlives the threads, because its owner joins them.
+        let _ = self.sender.send(result);
+        (self.wake)();
     }
 }
 
-fn perform(context: &Context, request: LoadRequest) -> Option<LoadResult> {
-    // Warnings have been printed; keeping them would only use memory.
-    let context = &Context { report: Arc::new(Report::to_terminal()), ..context.clone() };
+impl<F: Fn()> Drop for Outbox<F> {
+    fn drop(&mut self) {
+        (self.wake)();
+    }
+}
+
+fn thread(name: &str, work: impl FnOnce() + Send + 'static) -> Result<JoinHandle<()>> {
+    let started = std::thread::Builder::new().name(name.into()).spawn(work);
+    started.map_err(|e| Error::Window { problem: format!("no thread for {name} can be started ({e})") })
+}
+
+/// The work of the first thread.
+fn load_all(
+    context: &Context,
+    closing: &AtomicBool,
+    requests: Receiver<(LoadRequest, Arc<AtomicBool>)>,
+    jobs: &Sender<LightmapJob>,
+    outbox: &Outbox<impl Fn()>,
+) {
+    for (request, stop) in requests {
+        if closing.load(Ordering::Relaxed) && !matches!(request, LoadRequest::Screenshot { .. }) {
+            continue;
+        }
+        let (result, job) = perform(context, request, stop);
+        result.into_iter().for_each(|result| outbox.put(result));
+        // This fails only if the other thread has panicked, which has been printed.
+        job.into_iter().for_each(|job| drop(jobs.send(job)));
+    }
+}
+
+/// The work of the second thread.
+fn prepare_all(context: &Context, jobs: Receiver<LightmapJob>, outbox: &Outbox<impl Fn()>) {
+    for LightmapJob { number, request, scene, stop } in jobs {
+        if !stop.load(Ordering::Relaxed) {
+            let lightmap = request.prepare(context, &scene, &stop);
+            outbox.put(LoadResult::Lightmap(number, lightmap.map(|lightmap| lightmap.map(Box::new))));
+        }
+    }
+}
+/// Returns the request's result and what it leaves to be done.
+fn perform(
+    context: &Context,
+    request: LoadRequest,
+    stop: Arc<AtomicBool>,
+) -> (Option<LoadResult>, Option<LightmapJob>) {
     match request {
-        LoadRequest::Scene { path, settings, target } => {
-            Some(LoadResult::Scene(load_for(context, path, settings, &target)))
+        LoadRequest::Scene { number, path, settings, target } => {
+            let (loaded, scene) = match load_for(context, (number, path), settings, &target) {
+                Ok((loaded, scene)) => (Ok(loaded), scene),
+                Err(error) => (Err(error), None),
+            };
+            let request = loaded.as_ref().ok().map(|loaded| loaded.renderer.lightmap_request());
+            let job = request.zip(scene).map(|(request, scene)| LightmapJob { number, request, scene, stop });
+            (Some(LoadResult::Scene(loaded)), job)
         }
         LoadRequest::Panorama { path, settings } => {
             let lighting = Panorama::load(&path, &context.report)
                 .and_then(|panorama| Lighting::new(context, &panorama, &settings))
                 .map(Box::new);
-            Some(LoadResult::Panorama { path, settings, lighting })
+            (Some(LoadResult::Panorama { path, settings, lighting }), None)
         }
         LoadRequest::Pipelines(number, request) => {
             let mut kept = KeptPipelines::load(context);
             let pipelines = PassPipelines::build(&request).map(Box::new);
             kept.save();
-            Some(LoadResult::Pipelines(number, pipelines))
+            (Some(LoadResult::Pipelines(number, pipelines)), None)
         }
-        LoadRequest::Screenshot { pixels, size } => Some(LoadResult::Screenshot(screenshot::write(&pixels, size))),
+        LoadRequest::Screenshot { pixels, size } => {
+            (Some(LoadResult::Screenshot(screenshot::write(&pixels, size))), None)
+        }
         LoadRequest::Discard(scene) => {
             drop(scene);
-            None
+            (None, None)
         }
     }
 }
 
-fn load_for(context: &Context, path: PathBuf, settings: RenderSettings, target: &Target) -> Result<Box<LoadedScene>> {
-    let scene = load_scene(&path, &settings.textures.options(context), &context.report)?;
+/// Loads a scene without its lightmap; returns what that is prepared from, where there is to be one.
+fn load_for(
+    context: &Context,
+    (number, path): (u64, PathBuf),
+    settings: RenderSettings,
+    target: &Target,
+) -> Result<(Box<LoadedScene>, Option<Scene>)> {
+    let mut scene = load_scene(&path, &settings.textures.options(context), &context.report)?;
     let Target { size, eyes, hidden } = target;
-    let mut renderer = Renderer::new(context, &scene, settings, *size, *eyes)?;
+    let lightmap_follows = is_lightmapped(&scene, &settings);
+    let mut renderer = Renderer::without_lightmap(context, &scene, settings, *size, *eyes)?;
     renderer.set_hidden_area(hidden)?;
     let bounds = scene.bounds();
     let floors = scene.cameras.iter().map(|camera| floor_under(&scene, camera.position)).collect();
-    Ok(Box::new(LoadedScene {
+    let loaded = Box::new(LoadedScene {
+        number,
+        lightmap_follows,
         name: file_name(&path),
         panorama: panorama_file(&path),
         path,
         renderer,
-        cameras: scene.cameras,
+        cameras: scene.cameras.clone(),
         bounds,
         floors,
         exposure_ev: scene.exposure_ev,
         environment_rotation: scene.environment.rotation_degrees.to_radians(),
-    }))
+    });
+    // The atlas does not need it.
+    scene.environment.panorama = Panorama::uniform(Vec3::ZERO);
+    Ok((loaded, lightmap_follows.then_some(scene)))
 }
 
 /// A path's last part, for display.

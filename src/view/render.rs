@@ -157,12 +157,15 @@ pub fn render(request: &RenderRequest, setup: &Setup<'_>) -> Result<RenderFacts>
     let tangents = [eye.left, eye.right, eye.down, eye.up];
     let viewpoint = Some(Viewpoint::new(eye.position(), around_metres, tangents, request.size));
     let settings = RenderSettings { viewpoint, ..settings };
-    let mut renderer = Renderer::new(&context, &scene, settings, request.size, eyes.len() as u32)?;
+    // The reference traces rays instead of reading a lightmap.
+    let is_reference = settings.shading == Shading::Reference;
+    let new = if is_reference { Renderer::without_lightmap } else { Renderer::new };
+    let mut renderer = new(&context, &scene, settings, request.size, eyes.len() as u32)?;
     // The textures are on the GPU now.
     scene.textures = Vec::new();
     let prepare_ms = open_ms + ms_since(started);
     let started = Instant::now();
-    if renderer.settings().shading != Shading::Reference {
+    if !is_reference {
         renderer.finish_lightmap(&FrameInputs::of(&scene, &eyes))?;
     }
     let (gpu_frames, record_ms) = draw(&context, &mut renderer, &FrameInputs::of(&scene, &eyes), frames)?;

@@ -13,7 +13,9 @@ use crate::gpu::{
     AddressMode, Binding, DescriptorSet, DescriptorSetLayout, Format, Gpu, Image, ImageDesc, ImageUsageFlags, Sampler,
     Upload, upload_rows,
 };
-use crate::scene::Material;
+use crate::render::layouts::Layouts;
+use crate::render::settings::RenderSettings;
+use crate::scene::{Material, Scene, SceneFeatures};
 use crate::{Error, Result};
 
 /// GPU memory left free for pictures, light maps and other programs if no budget was given.
@@ -32,8 +34,33 @@ pub struct TextureFacts {
     pub dropped_levels: u32,
 }
 
+/// A scene's textures on the GPU, and the sets that bind them; copies share both.
+#[derive(Clone)]
+pub struct SceneTextures {
+    /// Different combinations of maps.
+    pub sets: Arc<[DescriptorSet]>,
+    /// For each of the scene's materials, the index of its set.
+    pub of_materials: Arc<[u32]>,
+    pub facts: TextureFacts,
+}
+
+impl SceneTextures {
+    /// Uploads what the settings need of a scene's textures.
+    ///
+    /// # Errors
+    /// Compressed textures on a GPU without them; no memory; a failed Vulkan call.
+    pub fn new(context: &Context, layouts: &Layouts, scene: &Scene, settings: &RenderSettings) -> Result<Self> {
+        let options = settings.textures.options(context);
+        let features = SceneFeatures::of(scene, settings.model, settings.viewpoint);
+        let (images, facts) = upload(context, &scene.textures, &features.first_levels, &options)?;
+        let mut sets = TextureSets::new(&context.gpu, &layouts.textures, &images, options.anisotropy)?;
+        let of_materials = scene.materials.iter().map(|material| sets.index(material)).collect::<Result<_>>()?;
+        Ok(Self { sets: sets.all.into(), of_materials, facts })
+    }
+}
+
 /// Uploads the levels of the scene's textures that are needed and fit; returns their memory use, too.
-pub fn upload(
+fn upload(
     context: &Context,
     textures: &[MipChain],
     first_levels: &[u32],
@@ -74,8 +101,8 @@ pub fn upload(
 }
 
 /// Descriptor sets of a base color, a normal and an ORM map, one for each combination in use.
-pub struct TextureSets<'a> {
-    pub all: Vec<DescriptorSet>,
+struct TextureSets<'a> {
+    all: Vec<DescriptorSet>,
     known: HashMap<[Option<usize>; 3], u32>,
     gpu: &'a Arc<Gpu>,
     layout: &'a DescriptorSetLayout,
@@ -89,7 +116,7 @@ pub struct TextureSets<'a> {
 
 impl<'a> TextureSets<'a> {
     /// No sets yet.
-    pub fn new(
+    fn new(
         gpu: &'a Arc<Gpu>,
         layout: &'a DescriptorSetLayout,
         images: &'a [Arc<Image>],
@@ -115,7 +142,7 @@ impl<'a> TextureSets<'a> {
     }
 
     /// The index of a material's set; creates it if there is none yet.
-    pub fn index(&mut self, material: &Material) -> Result<u32> {
+    fn index(&mut self, material: &Material) -> Result<u32> {
         let maps = [material.base_color_map, material.normal_map, material.orm_map];
         if let Some(index) = self.known.get(&maps) {
             return Ok(*index);

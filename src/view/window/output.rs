@@ -132,9 +132,9 @@ impl WindowOutput {
         let inputs = scene.inputs(&eyes, 0.0, None);
         let largest = (TEXT_SCALE * self.window.scale_factor()).round().max(1.0) as u32;
         let mut settings = settings(scene, control.mode(), self.presenter.mode().name()).to_vec();
+        settings.extend(scene.loaded.light_progress().map(|part| format!("light {:.0} %", 100.0 * part)));
         let renderer = &mut scene.loaded.renderer;
         settings.extend(renderer.standard_error(self.presenter.slot()).map(|error| error.to_string()));
-        settings.extend(renderer.light_progress().map(|part| format!("light {:.0} %", 100.0 * part)));
         let status = Status { rate: self.clock.rate(), settings: &settings, loading: &app.loading };
         let (lines, scale) = self.hud.fit(now, &status, largest, |scale| Overlay::grid(size, scale));
         self.overlay.set_text(&lines, size, scale);
@@ -168,7 +168,7 @@ impl WindowOutput {
         let largest = (TEXT_SCALE * self.window.scale_factor() * shrinks).floor().max(1.0) as u32;
         let mut settings = settings(scene, control.mode(), self.presenter.mode().name()).to_vec();
         settings.push(session.line());
-        settings.extend(scene.loaded.renderer.light_progress().map(|part| format!("light {:.0} %", 100.0 * part)));
+        settings.extend(scene.loaded.light_progress().map(|part| format!("light {:.0} %", 100.0 * part)));
         let status = Status { rate: self.clock.rate(), settings: &settings, loading: &app.loading };
         let (lines, scale) = self.hud.fit(now, &status, largest, |scale| Overlay::grid(picture, scale));
         self.overlay.set_text(&lines, picture, scale);
