@@ -31,6 +31,7 @@ struct LightmapSurface {
     vec4 albedo; // with the share of places that are glossy
     uint places; // bit i: its place i is one that can be seen
     vec2 sky;    // squares of the open sky's luminance over the bounces' samples: of those that met nothing, and of all
+    vec4 kept;   // sum of irradiance over bounces that is shown until the last one is there, and its samples
 };
 
 layout(LIGHTMAP_TEXELS, scalar) readonly buffer LightmapTexels { LightmapTexel lightmap_texels[]; };
@@ -55,10 +56,11 @@ layout(push_constant, scalar) uniform Work {
     uint relay_count;  // 0: none are used
 } work;
 
-// `flags`: sums begin with these samples; their mean is shown from now on; their sky is counted.
+// `flags`: sums begin with these samples; what is known is shown from now on; their sky is counted; their sums are kept.
 const uint WORK_BEGINS = 1;
 const uint WORK_IS_SHOWN = 2;
 const uint WORK_COUNTS = 4;
+const uint WORK_KEEPS = 8;
 
 const float HALF_MOST = 60000.0;
 // How far places are kept from edges, in roundings of a position.

@@ -16,7 +16,7 @@ use crate::context::Context;
 use crate::precompute::Cache;
 use crate::reference::energy::Scattering;
 use crate::reference::metrics::{PIXELS_PER_DEGREE, flip};
-use crate::render::{CullOptions, Eye, IPD_METRES, Order, RenderSettings, Shading, TextureSettings};
+use crate::render::{CullOptions, Eye, IPD_METRES, LightModel, Order, RenderSettings, Shading, TextureSettings};
 use crate::scene::{Model, Scene};
 use crate::view::load_scene;
 use crate::{Result, say};
@@ -151,7 +151,7 @@ fn start(context: &Context, thesis: ThesisScene, view: View) -> Result<Started> 
     let once = || -> Result<_> {
         let started = Instant::now();
         let scene = load_scene(&path, &textures, &Report::silent())?;
-        Bench::new(context, &scene, RenderSettings::default(), view.size, view.eyes(&scene))?;
+        Bench::new(context, &scene, settings(), view.size, view.eyes(&scene))?;
         Ok((scene, started.elapsed().as_secs_f64() * 1e3))
     };
     let both = once().and_then(|(_, cold_ms)| Ok((cold_ms, once()?)));
@@ -161,10 +161,15 @@ fn start(context: &Context, thesis: ThesisScene, view: View) -> Result<Started> 
     Ok(Started { thesis, scene, cold_ms, cached_ms })
 }
 
-/// A name, the way that it is compared with, and what is different from the default settings.
+/// The default settings, but without light between things: it is computed once for a scene, not in each start.
+fn settings() -> RenderSettings {
+    RenderSettings { light: LightModel::Direct, ..RenderSettings::default() }
+}
+
+/// A name, the way that it is compared with, and what is different from [`settings`].
 type Way = (&'static str, usize, fn(&mut RenderSettings, &mut CullOptions));
 
-const WAYS: [Way; 9] = [
+const WAYS: [Way; 11] = [
     ("physically based", 2, |_, _| ()),
     ("physically based, everything", 0, |settings, _| settings.model = Model::Everything),
     ("Phong", 2, |settings, _| settings.shading = Shading::Phong),
@@ -174,6 +179,8 @@ const WAYS: [Way; 9] = [
     ("no frustum culling", 0, |_, culling| culling.frusta = false),
     ("order as listed", 0, |_, culling| culling.order = Order::Listed),
     ("back faces drawn, order as listed", 0, |_, culling| (culling.backs, culling.order) = (false, Order::Listed)),
+    ("open light", 0, |settings, _| settings.light = LightModel::Open),
+    ("baked light", 9, |settings, _| settings.light = LightModel::Baked),
 ];
 /// The first of them, which the chart shows.
 const CHARTED: usize = 4;
@@ -184,7 +191,7 @@ impl Started {
         let Self { thesis, scene, cold_ms, cached_ms } = self;
         let mut benches = Vec::new();
         for (_, _, change) in WAYS {
-            let (mut settings, mut culling) = (RenderSettings::default(), CullOptions::default());
+            let (mut settings, mut culling) = (settings(), CullOptions::default());
             change(&mut settings, &mut culling);
             let mut bench = Bench::new(context, scene, settings, view.size, view.eyes(scene))?;
             bench.inputs.culling = culling;

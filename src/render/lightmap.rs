@@ -26,7 +26,9 @@ pub const PASS: &str = "lightmap";
 const BOUNCES: u32 = 40;
 /// Samples of a texel for each of these bounces: their noise is averaged by the gathering that follows.
 const BOUNCE_SAMPLES: u32 = 2;
-/// Of a texel's samples at last, as many as it takes until the lightmap is better than an open sky.
+/// Bounces before those whose mean is shown until the last is there, and samples of a texel that make it better than an
+/// open sky. What is missing after so few bounces is missing for some seconds only.
+const UNKEPT: u32 = 8;
 const PRESENTABLE: u32 = 16;
 /// Places of a texel, at most 31: of each it is found out whether it is seen, and which lamps and sun reach it.
 const DIRECT_SAMPLES: u32 = 16;
@@ -60,10 +62,12 @@ struct Work {
     relay_count: u32,
 }
 
-/// [`Work::flags`]: sums begin with these samples; their mean is shown from now on; their sky is counted.
+/// [`Work::flags`]: sums begin with these samples; what is known is shown from now on; their sky is counted; their sums are
+/// kept.
 const BEGINS: u32 = 1;
 const IS_SHOWN: u32 = 2;
 const COUNTS: u32 = 4;
+const KEEPS: u32 = 8;
 
 /// What is being computed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -114,10 +118,12 @@ impl Stage {
 
     fn flags(self, most: u32) -> u32 {
         match self {
-            Self::Bounce(_) => BEGINS | COUNTS,
+            Self::Bounce(bounce) if bounce < UNKEPT => BEGINS | COUNTS,
+            Self::Bounce(bounce) => BEGINS | COUNTS | KEEPS | shown_if(kept_by(bounce) >= PRESENTABLE),
             Self::Last(samples) => {
-                let is_shown = samples + AT_ONCE >= PRESENTABLE.min(most);
-                (if samples == 0 { BEGINS } else { 0 }) | (if is_shown { IS_SHOWN } else { 0 })
+                let begins = if samples == 0 { BEGINS } else { 0 };
+                // Not before it is better than what the bounces' mean shows.
+                begins | shown_if(samples + AT_ONCE >= kept_by(BOUNCES - 1).min(most))
             }
             Self::Open | Self::Direct | Self::Relays | Self::Done => 0,
         }
@@ -132,6 +138,15 @@ impl Stage {
             Self::Done => DIRECT_SAMPLES + BOUNCES * BOUNCE_SAMPLES + most,
         }
     }
+}
+
+/// Samples that are kept up to a bounce.
+fn kept_by(bounce: u32) -> u32 {
+    (bounce + 1 - UNKEPT) * BOUNCE_SAMPLES
+}
+
+fn shown_if(shown: bool) -> u32 {
+    if shown { IS_SHOWN } else { 0 }
 }
 
 /// A lightmap that is being computed.
@@ -227,7 +242,7 @@ impl LightmapBake {
         let list = if all.is_empty() { &[LightmapTexel::default()] } else { &all[..] };
         let list = Buffer::with_bytes(gpu, "lightmap texels", BufferKind::StorageFromCpu, bytemuck::cast_slice(list))?;
         let sums = storage("lightmap sums", count * size_of::<[f32; 4]>() as u64)?;
-        let surfaces = storage("lightmap surfaces", count * size_of::<[f32; 7]>() as u64)?;
+        let surfaces = storage("lightmap surfaces", count * size_of::<[f32; 11]>() as u64)?;
         let relays = storage("lightmap relays", u64::from(RELAYS) * size_of::<[f32; 14]>() as u64)?;
         let sampler = Sampler::new(gpu, "lightmap", AddressMode::Clamp, 1)?;
         let bindings = [
@@ -355,6 +370,7 @@ impl LightmapBake {
             commands.buffers_written();
             commands.prepare(&self.soft, ImageAccess::Storage);
             self.dispatch(commands, &self.pipelines.resolve, sets, all);
+            commands.buffers_written();
             commands.prepare(&self.light, ImageAccess::Storage);
             commands.prepare(&self.soft, ImageAccess::Storage);
             self.dispatch(commands, &self.pipelines.fill, sets, all);

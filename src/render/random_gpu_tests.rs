@@ -9,7 +9,7 @@ use super::eye::Eye;
 use super::frame::{FRAME_BYTES, FrameInputs};
 use super::frame_set::FrameSet;
 use super::renderer::Renderer;
-use super::settings::{RenderSettings, Shading, TextureSettings};
+use super::settings::{LightModel, RenderSettings, Shading, TextureSettings};
 use super::shared::constant;
 use crate::asset::ktx2::TexelFormat;
 use crate::asset::mips::{level_count, level_size};
@@ -206,6 +206,7 @@ fn a_million_random_and_hostile_surfaces_send_light_that_is_finite_not_negative_
             samples: 1,
             textures: TextureSettings { anisotropy: Some(1), ..TextureSettings::default() },
             cube_size: 64,
+            light: LightModel::Direct,
             ..RenderSettings::default()
         };
         let mut renderer = Renderer::new(&Context::silent(gpu), &scene, settings, [16, 16], 1).unwrap();

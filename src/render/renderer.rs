@@ -377,9 +377,10 @@ impl Renderer {
 }
 
 /// What a piece of a lightmap may take of each frame, milliseconds: little beside a headset's pictures, and on software
-/// renderers a part of what a frame takes there.
+/// renderers about as much as a window's frame takes there.
 fn piece_ms(context: &Context, eyes: usize) -> f64 {
     match (context.gpu.info().is_software(), eyes) {
+        (true, 1) => 2.0 * BAKE_MS,
         (true, _) => BAKE_MS,
         (false, 1) => 10.0,
         (false, _) => 3.0,

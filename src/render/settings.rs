@@ -79,9 +79,9 @@ pub enum LightModel {
     /// The panorama as a whole, its sun in it, and lamps: nothing blocks their light.
     Open,
     /// The panorama's sun is a light of its own, a disc; the rest of the panorama is open.
-    #[default]
     Direct,
     /// All light, that which surfaces give back included.
+    #[default]
     Baked,
 }
 
@@ -371,25 +371,31 @@ mod tests {
 
     #[test]
     fn a_change_is_as_large_as_its_largest_part() {
-        let default = RenderSettings::default;
+        let direct = || RenderSettings { light: LightModel::Direct, ..RenderSettings::default() };
+        let baked = RenderSettings::default;
         let no_shadows = LightDetail { shadow_size: Some(0), ..LightDetail::default() };
         let changes = [
-            (default(), Change::Nothing),
-            (RenderSettings { scale: 0.5, ..default() }, Change::Targets),
-            (RenderSettings { shading: Shading::Phong, ..default() }, Change::Pipelines),
-            (RenderSettings { samples: 1, scale: 0.5, ..default() }, Change::Pipelines),
-            (RenderSettings { output: Output::Linear, ..default() }, Change::Pipelines),
-            (RenderSettings { cube_size: 64, ..default() }, Change::Light),
-            (RenderSettings { light: LightModel::Open, ..default() }, Change::Light),
-            (RenderSettings { light: LightModel::Baked, ..default() }, Change::Scene),
-            (RenderSettings { light_detail: no_shadows, ..default() }, Change::Scene),
-            (RenderSettings { scattering: Scattering::Single, ..default() }, Change::Pipelines),
-            (RenderSettings { geometry: Geometry::Karis2013, shading: Shading::D, ..default() }, Change::Light),
-            (RenderSettings { model: Model::Everything, cube_size: 64, ..default() }, Change::Scene),
+            (direct(), Change::Nothing),
+            (RenderSettings { scale: 0.5, ..direct() }, Change::Targets),
+            (RenderSettings { shading: Shading::Phong, ..direct() }, Change::Pipelines),
+            (RenderSettings { samples: 1, scale: 0.5, ..direct() }, Change::Pipelines),
+            (RenderSettings { output: Output::Linear, ..direct() }, Change::Pipelines),
+            (RenderSettings { cube_size: 64, ..direct() }, Change::Light),
+            (RenderSettings { light: LightModel::Open, ..direct() }, Change::Light),
+            (RenderSettings { light_detail: no_shadows, ..direct() }, Change::Scene),
+            (RenderSettings { scattering: Scattering::Single, ..direct() }, Change::Pipelines),
+            (RenderSettings { geometry: Geometry::Karis2013, shading: Shading::D, ..direct() }, Change::Light),
+            (RenderSettings { model: Model::Everything, cube_size: 64, ..direct() }, Change::Scene),
         ];
         for (other, change) in changes {
-            assert_eq!(default().difference(&other), change, "{other:?}");
-            assert_eq!(other.difference(&default()), change, "{other:?}");
+            assert_eq!(direct().difference(&other), change, "{other:?}");
+            assert_eq!(other.difference(&direct()), change, "{other:?}");
+        }
+        // A lightmap is computed for one BRDF.
+        let single = RenderSettings { scattering: Scattering::Single, ..baked() };
+        for other in [direct(), single] {
+            assert_eq!(baked().difference(&other), Change::Scene, "{other:?}");
+            assert_eq!(other.difference(&baked()), Change::Scene, "{other:?}");
         }
     }
 }

@@ -9,7 +9,7 @@ use pbr_vr::asset::ktx2::Ktx2;
 use pbr_vr::precompute::Cache;
 use pbr_vr::reference::brdf::Geometry;
 use pbr_vr::reference::table::SplitSum;
-use pbr_vr::render::RenderSettings;
+use pbr_vr::render::{LightModel, RenderSettings};
 use pbr_vr::view::{BakeRequest, RenderFacts, RenderRequest, bake, render};
 
 /// A rough metal sphere under a coloured sky, and a cache.
@@ -41,7 +41,7 @@ impl Scene {
         let output = self.shop.path("out.exr");
         let request = RenderRequest {
             size: [64, 64],
-            settings: RenderSettings { geometry, split_sum, ..RenderSettings::default() },
+            settings: RenderSettings { geometry, split_sum, light: LightModel::Direct, ..RenderSettings::default() },
             ..RenderRequest::new(&self.scene, &output)
         };
         let facts = render(&request, &setup(cache)).expect("a render without validation messages");

@@ -7,7 +7,7 @@ use crate::common::{Workshop, json, program, setup, succeeds};
 use pbr_vr::asset::Storage;
 use pbr_vr::asset::picture::{Picture, compare};
 use pbr_vr::precompute::Cache;
-use pbr_vr::render::{RenderSettings, TextureSettings};
+use pbr_vr::render::{LightModel, RenderSettings, TextureSettings};
 use pbr_vr::scene::Model;
 use pbr_vr::view::{RenderFacts, RenderRequest, render};
 
@@ -55,7 +55,12 @@ impl Floor {
             size: [96, 64],
             camera: Some(camera.into()),
             // All levels, whatever this camera could do without.
-            settings: RenderSettings { model: Model::Everything, textures, ..RenderSettings::default() },
+            settings: RenderSettings {
+                model: Model::Everything,
+                light: LightModel::Direct,
+                textures,
+                ..RenderSettings::default()
+            },
             ..RenderRequest::new(&self.scene, &output)
         };
         let facts = render(&request, &setup(cache)).expect("a render without validation messages");

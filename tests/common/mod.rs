@@ -117,7 +117,7 @@ impl Default for PictureOptions<'_> {
             geometry: Geometry::Smith,
             scattering: Scattering::Multiple,
             split_sum: SplitSum::Moment,
-            light: LightModel::default(),
+            light: LightModel::Direct,
             model: Model::Needed,
         }
     }

@@ -6,7 +6,7 @@ use glam::{Affine3A, EulerRot, Mat4, Quat, Vec3};
 use headset_runtime::script::{EyeOptics, Script, Waypoint};
 use pbr_vr::asset::picture::{Picture, compare};
 use pbr_vr::gpu::{Subresource, read_image};
-use pbr_vr::render::{Eye, FrameInputs, NEAR_METRES, RenderSettings, Renderer};
+use pbr_vr::render::{Eye, FrameInputs, LightModel, NEAR_METRES, RenderSettings, Renderer};
 use pbr_vr::scene::load::{LoadOptions, load};
 use serde_json::Value;
 
@@ -75,7 +75,7 @@ impl Room {
     }
 
     pub fn view_with(&self, more: &[&str]) -> Ran {
-        let arguments = ["view", "scene.toml", "--on", "headset", "--report", "report.json"];
+        let arguments = ["view", "scene.toml", "--on", "headset", "--report", "report.json", "--light", "direct"];
         self.headset.run(self.workshop.0.path(), &[&arguments, more].concat())
     }
 
@@ -146,7 +146,7 @@ fn rigid(position: [f32; 3], rotation_degrees: [f32; 3]) -> Affine3A {
 fn draw(scene: &Path, eyes: &[Eye; 2], size: [u32; 2]) -> [Picture; 2] {
     let context = setup(None).open().expect("a GPU");
     let messages = context.gpu.messages();
-    let settings = RenderSettings::default();
+    let settings = RenderSettings { light: LightModel::Direct, ..RenderSettings::default() };
     let options = LoadOptions { default_panorama: None, textures: settings.textures.options(&context) };
     let scene = load(scene, &options, &context.report).expect("a scene");
     let mut renderer = Renderer::new(&context, &scene, settings, size, 2).expect("a renderer");

@@ -8,7 +8,9 @@ use pbr_vr::asset::picture::Picture;
 use pbr_vr::asset::{MipChain, Report, Storage, TextureOptions};
 use pbr_vr::context::Context;
 use pbr_vr::gpu::{FrameRing, Gpu, Subresource, read_image};
-use pbr_vr::render::{Eye, FRAME_BYTES, FrameInputs, Output, RenderSettings, Renderer, Shading, TextureSettings};
+use pbr_vr::render::{
+    Eye, FRAME_BYTES, FrameInputs, LightModel, Output, RenderSettings, Renderer, Shading, TextureSettings,
+};
 use pbr_vr::scene::{LoadOptions, Scene, load};
 
 use super::validated;
@@ -78,7 +80,9 @@ impl Stage {
     ) -> Self {
         // Small light maps, as dozens of scenes are lit.
         let textures = TextureSettings { storage: Some(Storage::Raw), anisotropy: Some(1), ..Default::default() };
-        let settings = RenderSettings { shading, samples, output, cube_size: 64, textures, ..Default::default() };
+        let light = LightModel::Direct;
+        let settings =
+            RenderSettings { shading, samples, output, cube_size: 64, textures, light, ..Default::default() };
         let renderer = Renderer::new(&Context::silent(gpu), scene, settings, size, 1).expect("a renderer");
         Self { gpu: Arc::clone(gpu), renderer, inputs: FrameInputs::of(scene, &[]), size }
     }

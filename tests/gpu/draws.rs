@@ -34,7 +34,7 @@ fn with_gpu(work: impl FnOnce(&Arc<Gpu>)) {
 }
 
 fn renderer(gpu: &Arc<Gpu>, scene: &Scene, eyes: usize, samples: u32) -> Renderer {
-    let settings = RenderSettings { samples, ..RenderSettings::default() };
+    let settings = RenderSettings { samples, light: LightModel::Direct, ..RenderSettings::default() };
     Renderer::new(&Context::silent(gpu), scene, settings, SIZE, eyes as u32).expect("a renderer")
 }
 

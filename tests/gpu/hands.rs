@@ -10,7 +10,9 @@ use crate::common::setup;
 use crate::common::stage::draw_frame;
 use pbr_vr::asset::{Report, Storage, TextureOptions};
 use pbr_vr::gpu::{Gpu, Subresource, read_image};
-use pbr_vr::render::{ControllerGizmos, Eye, FrameInputs, IPD_METRES, Output, RenderSettings, Renderer, Shading};
+use pbr_vr::render::{
+    ControllerGizmos, Eye, FrameInputs, IPD_METRES, LightModel, Output, RenderSettings, Renderer, Shading,
+};
 use pbr_vr::scene::{Scene, load};
 
 const SIZE: [u32; 2] = [480, 400];
@@ -97,6 +99,11 @@ fn srgb(linear: Vec3) -> [u8; 3] {
     linear.to_array().map(|c| (255.0 * encode(c)).round() as u8)
 }
 
+/// Without a lightmap, which controllers are not lit by.
+fn settings() -> RenderSettings {
+    RenderSettings { light: LightModel::Direct, ..RenderSettings::default() }
+}
+
 /// Middles of the ring's band: near, far, left and right.
 fn on_the_ring() -> [Vec3; 4] {
     [Vec3::X, Vec3::Z, -Vec3::X, -Vec3::Z].map(|way| LANDING + 0.225 * way + 0.004 * Vec3::Y)
@@ -104,7 +111,7 @@ fn on_the_ring() -> [Vec3; 4] {
 
 #[test]
 fn both_eyes_see_arc_and_ring_where_they_are_and_in_their_colours() {
-    with_drawing(RenderSettings::default(), |drawing, eyes| {
+    with_drawing(settings(), |drawing, eyes| {
         let (gizmos, _, arc) = pointing();
         let pictures = drawing.layers(&drawing.inputs(eyes, Some(&gizmos)));
         for (eye, bytes) in eyes.iter().zip(&pictures) {
@@ -121,7 +128,7 @@ fn both_eyes_see_arc_and_ring_where_they_are_and_in_their_colours() {
 
 #[test]
 fn linear_pictures_hold_what_the_exposure_turns_into_the_colour() {
-    with_drawing(RenderSettings { output: Output::Linear, ..RenderSettings::default() }, |drawing, eyes| {
+    with_drawing(RenderSettings { output: Output::Linear, ..settings() }, |drawing, eyes| {
         let (gizmos, ..) = pointing();
         let pictures = drawing.layers(&drawing.inputs(eyes, Some(&gizmos)));
         for (eye, bytes) in eyes.iter().zip(pictures) {
@@ -137,7 +144,7 @@ fn linear_pictures_hold_what_the_exposure_turns_into_the_colour() {
 
 #[test]
 fn what_stands_in_front_hides_them_and_each_frame_shows_its_own() {
-    with_drawing(RenderSettings::default(), |drawing, eyes| {
+    with_drawing(settings(), |drawing, eyes| {
         let plain = drawing.layers(&drawing.inputs(eyes, None));
         let (seen, ..) = pointing();
         // Under the floor.
@@ -150,7 +157,7 @@ fn what_stands_in_front_hides_them_and_each_frame_shows_its_own() {
         assert!(under == plain, "the floor does not hide what is under it");
         let none = drawing.layers(&drawing.inputs(eyes, Some(&ControllerGizmos::default())));
         assert!(none == plain, "an empty list shows something");
-        drawing.renderer.rebuild(RenderSettings::default(), 2).expect("pipelines");
+        drawing.renderer.rebuild(settings(), 2).expect("pipelines");
         let again = drawing.layers(&drawing.inputs(eyes, Some(&seen)));
         assert!(again == shown, "new pipelines draw something else");
     });
@@ -158,7 +165,7 @@ fn what_stands_in_front_hides_them_and_each_frame_shows_its_own() {
 
 #[test]
 fn models_that_move_look_as_from_eyes_that_move_the_other_way() {
-    with_drawing(RenderSettings { shading: Shading::BaseColor, ..RenderSettings::default() }, |drawing, eyes| {
+    with_drawing(RenderSettings { shading: Shading::BaseColor, ..settings() }, |drawing, eyes| {
         let by = Mat4::from_translation(Vec3::new(0.25, -0.125, 0.5));
         let before = drawing.layers(&drawing.inputs(eyes, None));
         let moved = drawing.layers(&FrameInputs { world_from_models: by, ..drawing.inputs(eyes, None) });

@@ -5,7 +5,9 @@ use std::path::Path;
 use pbr_vr::asset::Report;
 use pbr_vr::context::Context;
 use pbr_vr::gpu::{FrameRing, Gpu, GpuOptions};
-use pbr_vr::render::{ControllerGizmos, Eye, FRAME_BYTES, FrameInputs, IPD_METRES, RenderSettings, Renderer};
+use pbr_vr::render::{
+    ControllerGizmos, Eye, FRAME_BYTES, FrameInputs, IPD_METRES, LightModel, RenderSettings, Renderer,
+};
 use pbr_vr::scene::{self, LoadOptions};
 
 #[test]
@@ -14,7 +16,7 @@ fn fifty_frames_are_recorded_and_submitted_without_an_allocation() {
     let scene = scene::load(&scene, &LoadOptions::default(), &Report::silent()).expect("the demo scene");
     // The layer's own messages are not ours to count.
     let gpu = Gpu::open(GpuOptions::default()).expect("a GPU");
-    let settings = RenderSettings { samples: 1, ..RenderSettings::default() };
+    let settings = RenderSettings { samples: 1, light: LightModel::Direct, ..RenderSettings::default() };
     let mut renderer = Renderer::new(&Context::silent(&gpu), &scene, settings, [64, 64], 2).expect("a renderer");
     let mut ring = FrameRing::new(&gpu, FRAME_BYTES).expect("a ring");
     let mut gizmos = ControllerGizmos::default();

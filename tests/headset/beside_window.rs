@@ -7,7 +7,10 @@ use crate::common::room::{Room, SIZE, patient};
 use crate::desktop::{Display, ESCAPE, Hands, M, Program};
 
 fn start(display: &Display, room: &Room, arguments: &[&str]) -> Program {
-    let mut command = command(room.workshop.0.path(), &[&["view", "scene.toml", "--validate"], arguments].concat());
+    let mut command = command(
+        room.workshop.0.path(),
+        &[&["view", "scene.toml", "--light", "direct", "--validate"], arguments].concat(),
+    );
     command.envs(room.headset.environment());
     Program::spawn(display, command)
 }

@@ -27,7 +27,7 @@ fn both_eyes_are_shown_what_render_writes_for_a_camera_at_the_head() {
     let room = Room::with(Script { left: eye(-0.0315), right: eye(0.0315), show: vec![1, 3], ..patient() });
     room.view(3).assert_clean();
     let size = format!("{}x{}", SIZE[0], SIZE[1]);
-    let arguments = ["render", "scene.toml", "-o", "out.png", "--stereo", "--size", &size];
+    let arguments = ["render", "scene.toml", "-o", "out.png", "--stereo", "--size", &size, "--light", "direct"];
     let output = command(room.workshop.0.path(), &arguments).output().expect("the program");
     assert!(output.status.success());
     let written = ["left", "right"].map(|name| {
@@ -335,7 +335,7 @@ fn beyond_the_edge_of_a_smaller_picture_its_last_texels_are_repeated() {
 fn a_signal_ends_it_with_report_summary_and_shutdown() {
     for signal in ["INT", "TERM"] {
         let room = Room::with(patient());
-        let arguments = ["view", "scene.toml", "--on", "headset", "--report", "report.json"];
+        let arguments = ["view", "scene.toml", "--on", "headset", "--report", "report.json", "--light", "direct"];
         let child = room.headset.start(room.workshop.0.path(), &arguments);
         let started = std::time::Instant::now();
         while room.headset.frame() < 10 {

@@ -19,7 +19,7 @@ use crate::context::Context;
 use crate::reference::brdf::{DIELECTRIC_F0, Geometry};
 use crate::reference::energy::Scattering;
 use crate::reference::table::specular_albedo;
-use crate::render::{RenderSettings, Shading};
+use crate::render::{LightModel, RenderSettings, Shading};
 use crate::{Result, say};
 use scene::{Grid, bench, share};
 
@@ -91,7 +91,7 @@ fn drawn(context: &Context, scattering: Scattering) -> Result<Vec<Row>> {
     const METALNESSES: usize = 11;
     let lines = (0..METALNESSES).map(|line| [1.0, share(line, METALNESSES)]).collect();
     let grid = Grid { roughnesses: 21, views: 16, lines, patch: 4 };
-    let settings = RenderSettings { scattering, samples: 1, ..RenderSettings::default() };
+    let settings = RenderSettings { scattering, samples: 1, light: LightModel::Open, ..RenderSettings::default() };
     let mut bench = bench(context, &grid.scene(), grid.pixels(), settings)?;
     bench.draw()?;
     rows(&grid, &bench, "drawn", scattering)
@@ -105,7 +105,12 @@ fn integrated(context: &Context, scattering: Scattering, frames: usize) -> Resul
         Scattering::Multiple => vec![[1.0, 0.0], [1.0, 0.5], [1.0, 1.0]],
     };
     let grid = Grid { roughnesses: 11, views: 8, lines, patch: 16 };
-    let settings = RenderSettings { scattering, shading: Shading::Reference, ..RenderSettings::default() };
+    let settings = RenderSettings {
+        scattering,
+        shading: Shading::Reference,
+        light: LightModel::Open,
+        ..RenderSettings::default()
+    };
     let mut bench = bench(context, &grid.scene(), grid.pixels(), settings)?;
     for _ in 0..frames {
         bench.draw()?;

@@ -8,7 +8,7 @@ use crate::Result;
 use crate::asset::picture::{Kind, Picture};
 use crate::context::Context;
 use crate::reference::energy::Scattering;
-use crate::render::RenderSettings;
+use crate::render::{LightModel, RenderSettings};
 use crate::scene::{Instance, Material, Mesh, Scene};
 
 const COLUMNS: usize = 11;
@@ -24,7 +24,7 @@ pub fn draw(context: &Context) -> Result<Picture> {
     let [width, height] = [2 * WIDTH + GAP, LINES * CELL];
     let mut pixels = vec![[1.0; 3]; width * height];
     for (i, scattering) in [Scattering::Single, Scattering::Multiple].into_iter().enumerate() {
-        let settings = RenderSettings { scattering, ..RenderSettings::default() };
+        let settings = RenderSettings { scattering, light: LightModel::Open, ..RenderSettings::default() };
         let mut bench = bench(context, &balls(), [WIDTH as u32, height as u32], settings)?;
         bench.draw()?;
         for (j, radiance) in bench.radiance()?.iter().enumerate() {
