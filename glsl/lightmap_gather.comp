@@ -5,6 +5,8 @@
 
 // Texels across the panorama for light that samples of a hemisphere miss each other by.
 const float PANORAMA_TEXELS = 256.0;
+// Samples of the cosine for each one of the panorama: divides the samples of every pass.
+const uint PER_DRAWN = 2;
 
 // Irradiance by way of a relay, for a point that samples its hemisphere by the cosine: see path.glsl's `relayed_light`.
 vec3 relay_light(PathPoint p, vec3 origin, Relay relay)
@@ -22,17 +24,36 @@ vec3 relay_light(PathPoint p, vec3 origin, Relay relay)
 }
 
 // What is known without samples: an open sky's irradiance, as much of it as its light comes through; samples find the rest.
+// `sky`: the same sample's estimate of it.
 // A control variate: Owen, "Monte Carlo theory, methods and examples" (2013), section 8.9.
 vec3 beside_open_sky(vec3 n, vec3 light, vec3 sky, float open)
 {
     vec3 all = textureLod(irradiance_over_pi, panorama_from_world(n), 0.0).rgb * frame.environment_scale;
-    return light + open * PI * (all - sky);
+    return light + open * (PI * all - sky);
 }
 
-// Irradiance from one direction, over the density of cosine samples; false where no one sees it.
+// Irradiance of the open sky from one direction, over the density of all samples: of the cosine, and where `drawn` of the
+// panorama. Balance heuristic: Veach, "Robust Monte Carlo Methods for Light Transport Simulation" (1997), section 9.2.2.
+vec3 sky_light(vec3 n, vec3 d, bool drawn)
+{
+    float cosine = max(dot(n, d), 0.0);
+    float density = cosine * INV_PI + (drawn ? panorama_density(panorama_from_world(d)) / float(PER_DRAWN) : 0.0);
+    return sky_radiance(d, panorama_lod(PANORAMA_TEXELS)) * (cosine / max(density, TINY));
+}
+
+// The same from a direction drawn from the panorama, `seen` of it where nothing blocks it.
+vec3 drawn_sky_light(PathPoint p, vec3 origin, uvec4 bits, out vec3 seen)
+{
+    vec3 d = world_from_panorama(sample_panorama(bits)), light = sky_light(p.s.n, d, true);
+    bool blocked = light == vec3(0.0) || dot(p.side, d) <= 0.0 || trace_ray(origin, d, 1e30, true).t >= 0.0;
+    seen = blocked ? vec3(0.0) : light;
+    return light;
+}
+
+// Irradiance from one direction, over the density of cosine samples, or `sky`; false where no one sees it.
 bool gathered(PathPoint p, RayHit hit, vec3 d, vec3 sky, out vec3 light)
 {
-    light = PI * sky;
+    light = sky;
     if (hit.t < 0.0)
         return true;
     if (is_never_seen(hit, d))
@@ -81,6 +102,8 @@ void main()
     // The share that leaves the least noise: by the squares of what is seen, so that a bright window counts that is hidden.
     vec2 seen_sky = lightmap_surfaces[index].sky, met_sky = vec2(0.0);
     float open = seen_sky.y > 0.0 ? seen_sky.x / seen_sky.y : 0.0;
+    // Where no sample has met the sky, none is drawn from it.
+    bool sees_sky = seen_sky.x > 0.0 || seen_sky.y == 0.0;
     vec4 sum = vec4(0.0);
     for (uint i = work.first_sample; i < work.first_sample + work.samples && count > 0u; ++i) {
         float random = unit_from_bits(pcg4d(uvec4(index, i, 2u, 0u)).x);
@@ -89,16 +112,22 @@ void main()
         PathPoint p = texel_point(hit, (texel.triangle & LIGHTMAP_BACK) != 0u);
         vec3 origin = ray_origin(p);
         vec3 d = frame_along(p.s.n, edge) * cosine_direction(sobol(i, scramble.xy));
-        vec3 sky = sky_radiance(d, panorama_lod(PANORAMA_TEXELS)), light;
+        vec3 sky = sky_light(p.s.n, d, sees_sky), light;
         RayHit met = trace_ray(origin, d, 1e30, false);
         if (!gathered(p, met, d, sky, light))
             continue;
-        float bright = dot(sky, vec3(1.0));
+        float bright = dot(sky_radiance(d, panorama_lod(PANORAMA_TEXELS)), vec3(1.0));
         met_sky += bright * bright * vec2(met.t < 0.0 ? 1.0 : 0.0, 1.0);
+        if (sees_sky && i % PER_DRAWN == 0u) {
+            vec3 seen;
+            uvec4 bits = uvec4(sobol_bits(i / PER_DRAWN, scramble.zw), pcg4d(uvec4(index, i, 5u, 0u)).xy);
+            sky += drawn_sky_light(p, origin, bits.xzyw, seen);
+            light += seen;
+        }
         if (open > 0.0)
             light = beside_open_sky(p.s.n, light, sky, open);
         if (work.relay_count > 0u)
-            light += relay_light(p, origin, relays[(i ^ scramble.z) % work.relay_count]);
+            light += relay_light(p, origin, relays[(i ^ scramble.y) % work.relay_count]);
         sum += vec4(light, 1.0);
     }
     if ((work.flags & WORK_COUNTS) != 0u)

@@ -32,13 +32,19 @@ vec2 units_from_bits(uvec2 bits)
 
 // Point i of Sobol's sequence in two dimensions, a (0, 2)-sequence: each aligned run of 2^k points has one in every one of
 // the 2^k boxes that halving both sides makes. Scrambled by 32 bits for each dimension: Kollig and Keller, "Efficient
-// Multidimensional Sampling" (2002), section 2.2.
-vec2 sobol(uint i, uvec2 scramble)
+// Multidimensional Sampling" (2002), section 2.2. As fractions of 32 bits.
+uvec2 sobol_bits(uint i, uvec2 scramble)
 {
     uint second = 0u;
     for (uint rest = i, column = 0x80000000u; rest != 0u; rest >>= 1u, column ^= column >> 1u)
         second ^= (rest & 1u) != 0u ? column : 0u;
-    return units_from_bits(uvec2(bitfieldReverse(i), second) ^ scramble);
+    return uvec2(bitfieldReverse(i), second) ^ scramble;
+}
+
+// The same as fractions in [0, 1).
+vec2 sobol(uint i, uvec2 scramble)
+{
+    return units_from_bits(sobol_bits(i, scramble));
 }
 
 // A unit vector, evenly over the sphere.

@@ -8,13 +8,14 @@ use super::bake_sets::BakeSets;
 use super::frame_set::FrameSet;
 use super::layouts::Layouts;
 use super::light_detail::LightDetail;
+use super::lighting::Lighting;
 use super::lightmap::{self, LightmapBake};
 use super::probes::{self, LocalProbes};
 use super::ray_scene::{LazyRayScene, RaySet};
 use super::settings::RenderSettings;
 use crate::Result;
 use crate::context::Context;
-use crate::gpu::{Commands, DescriptorSet, Image, PassTime};
+use crate::gpu::{Buffer, Commands, DescriptorSet, Gpu, Image, PassTime};
 use crate::precompute::{CONVOLUTION_SHADERS, CacheKind, keep_cached, load_cached};
 use crate::scene::{GeometryView, Scene};
 
@@ -38,6 +39,16 @@ pub struct LightState {
     pub world_from_models: Mat4,
 }
 
+/// What light is computed from.
+pub struct LightSource<'a> {
+    pub scene: &'a Scene,
+    /// The scene's, with lightmap coordinates.
+    pub geometry: GeometryView<'a>,
+    pub ray_scene: &'a LazyRayScene,
+    /// Of the panorama: [`Lighting::importance`].
+    pub importance: Option<&'a Arc<Buffer>>,
+}
+
 /// A scene's lightmap and probes.
 pub struct BakedLight {
     pub lightmap: LightmapBake,
@@ -57,17 +68,18 @@ pub struct BakedLight {
 }
 
 impl BakedLight {
-    /// Prepares a lightmap of `side` × `side` texels and the probes that the scene needs; `geometry` has lightmap coordinates.
+    /// Prepares a lightmap of `side` × `side` texels and the probes that the scene needs
     ///
     /// # Errors
     /// No memory; a failed Vulkan call.
     pub fn new(
         context: &Context,
         layouts: &Layouts,
-        (scene, geometry, ray_scene): (&Scene, GeometryView<'_>, &LazyRayScene),
+        source: LightSource<'_>,
         side: u32,
         settings: &RenderSettings,
     ) -> Result<Self> {
+        let LightSource { scene, geometry, ray_scene, importance } = source;
         let gpu = &context.gpu;
         let lamps: Vec<Vec3> = scene.lights.iter().map(|light| light.position).collect();
         let brdf = settings.brdf_constants();
@@ -79,13 +91,28 @@ impl BakedLight {
         Ok(Self {
             lightmap,
             probes,
-            rays: RaySet::new(gpu, layouts, Some(ray_scene), None)?,
+            rays: RaySet::new(gpu, layouts, Some(ray_scene), importance)?,
             made_by: made_by(scene, geometry, &format!("{brdf:?} {side} {lightmap_samples} {probe_size}")),
             computed_for: None,
             kept: false,
             last: None,
             still: 0,
         })
+    }
+
+    /// Draws samples from another panorama from now on.
+    ///
+    /// # Errors
+    /// A failed Vulkan call.
+    pub fn set_panorama(
+        &mut self,
+        gpu: &Arc<Gpu>,
+        layouts: &Layouts,
+        source: (&LazyRayScene, &Lighting),
+    ) -> Result<()> {
+        let (ray_scene, lighting) = source;
+        self.rays = RaySet::new(gpu, layouts, Some(ray_scene), lighting.importance.as_ref())?;
+        Ok(())
     }
 
     /// Whether all is computed.

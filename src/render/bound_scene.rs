@@ -56,13 +56,17 @@ impl BoundScene {
     pub fn set_lighting(&mut self, gpu: &Arc<Gpu>, layouts: &Layouts, lighting: Lighting) -> Result<()> {
         let shadows = ShadowMaps::new(gpu, &self.resources.shadow_plan, lighting.sun.is_some())?;
         self.set = scene_set(gpu, layouts, (&self.resources, &shadows), &lighting, self.baked.as_ref())?;
+        if let Some(baked) = &mut self.baked {
+            baked.set_panorama(gpu, layouts, (&self.resources.ray_scene, &lighting))?;
+        }
         (self.lighting, self.shadows) = (lighting, shadows);
         Ok(())
     }
 
     /// Draws the scene with a lightmap from now on.
     pub fn set_lightmapped(&mut self, gpu: &Arc<Gpu>, layouts: &Layouts, lightmapped: Lightmapped) -> Result<()> {
-        let Lightmapped { resources, baked } = lightmapped;
+        let Lightmapped { resources, mut baked } = lightmapped;
+        baked.set_panorama(gpu, layouts, (&resources.ray_scene, &self.lighting))?;
         self.set = scene_set(gpu, layouts, (&resources, &self.shadows), &self.lighting, Some(&baked))?;
         (self.resources, self.baked) = (resources, Some(baked));
         Ok(())

@@ -14,14 +14,16 @@ use crate::reference::disc::sample_disc;
 use crate::reference::importance::{Cell, alias_table};
 use crate::reference::sun::{Sun, cone_solid_angle};
 
-/// The most cells across the table: 2^19 cells take 6 MiB.
-const MOST_CELLS: u32 = 1024;
+/// The most cells across the table that paths draw from: 2^19 cells take 6 MiB.
+pub const PATH_CELLS: u32 = 1024;
+/// And across that of lightmaps, whose samples read a mip of about as many texels (`glsl/lightmap_gather.comp`).
+pub const LIGHTMAP_CELLS: u32 = 256;
 
-/// Builds the table of a panorama from its first mip of at most [`MOST_CELLS`] across, with its sun, as
-/// `glsl/importance.glsl` reads it; waits for its readback from the GPU.
-pub fn importance(gpu: &Arc<Gpu>, panorama: &Image, sun: Option<&Sun>) -> Result<Arc<Buffer>> {
+/// Builds the table of a panorama from its first mip of at most `most_cells` across, with a sun, as `glsl/importance.glsl`
+/// reads it; waits for its readback from the GPU.
+pub fn importance(gpu: &Arc<Gpu>, panorama: &Image, sun: Option<&Sun>, most_cells: u32) -> Result<Arc<Buffer>> {
     let mips = panorama.desc().mips;
-    let mip = (0..mips).find(|mip| panorama.mip_size(*mip)[0] <= MOST_CELLS).unwrap_or(mips - 1);
+    let mip = (0..mips).find(|mip| panorama.mip_size(*mip)[0] <= most_cells).unwrap_or(mips - 1);
     let size = panorama.mip_size(mip);
     let texels = read_image(gpu, panorama, Subresource { mip, layer: 0 }, size_of::<[f32; 4]>() as u64)?;
     let mut texels: Vec<[f32; 4]> = bytemuck::pod_collect_to_vec(&texels);

@@ -1,10 +1,13 @@
 //! Precomputed lighting of a panorama: its sun, the light maps of the rest, and the BRDF table.
 
+use std::sync::Arc;
+
+use super::importance::{LIGHTMAP_CELLS, importance};
 use super::settings::{LightModel, RenderSettings};
 use crate::Result;
 use crate::asset::Panorama;
 use crate::context::Context;
-use crate::gpu::PassTime;
+use crate::gpu::{Buffer, PassTime};
 use crate::precompute::{BrdfTable, LightMaps};
 use crate::reference::sun::{Sun, find_sun};
 
@@ -17,6 +20,8 @@ pub struct Lighting {
     pub table: BrdfTable,
     /// Of the panorama.
     pub digest: blake3::Hash,
+    /// What lightmaps draw samples from, where there may be one: see [`importance`].
+    pub importance: Option<Arc<Buffer>>,
 }
 
 impl Lighting {
@@ -30,10 +35,13 @@ impl Lighting {
                 LightModel::Open => (None, None),
                 LightModel::Direct | LightModel::Baked => without_sun(panorama).unzip(),
             };
+            let maps = LightMaps::new(context, remainder.as_ref().unwrap_or(panorama), settings.precompute())?;
+            let table = || importance(&context.gpu, &maps.panorama, None, LIGHTMAP_CELLS);
             Ok(Self {
                 digest: digest(panorama),
+                importance: (settings.light == LightModel::Baked).then(table).transpose()?,
                 sun,
-                maps: LightMaps::new(context, remainder.as_ref().unwrap_or(panorama), settings.precompute())?,
+                maps,
                 table: BrdfTable::new(context, settings.geometry, settings.split_sum)?,
             })
         })

@@ -5,13 +5,14 @@ use std::sync::atomic::AtomicBool;
 
 use glam::Mat4;
 
-use super::baked_light::{BakedLight, LightState};
+use super::baked_light::{BakedLight, LightSource, LightState};
 use super::layouts::Layouts;
 use super::lighting::Lighting;
 use super::scene_resources::{SceneResources, SceneTextures};
 use super::settings::{LightModel, RenderSettings};
 use crate::Result;
 use crate::context::Context;
+use crate::gpu::Buffer;
 use crate::scene::atlas::{Flattened, NoAtlas, Work, flatten};
 use crate::scene::needs::lightmap::{LightmapNeed, lightmap_need};
 use crate::scene::{GeometryView, Scene};
@@ -28,9 +29,10 @@ pub struct LightmapRequest {
     layouts: Arc<Layouts>,
     textures: SceneTextures,
     settings: RenderSettings,
-    /// Digest of the panorama, and the scale of its maps.
+    /// Digest of the panorama, the scale of its maps, and what samples are drawn from.
     panorama: blake3::Hash,
     scale: f32,
+    importance: Option<Arc<Buffer>>,
 }
 
 /// Whether the scene has a lightmap with these settings, where an atlas can be made.
@@ -56,7 +58,8 @@ impl LightmapRequest {
         settings: &RenderSettings,
     ) -> Self {
         let (layouts, textures, settings) = (Arc::clone(layouts), textures.clone(), settings.clone());
-        Self { layouts, textures, settings, panorama: lighting.digest, scale: lighting.maps.scale }
+        let Lighting { digest, importance, maps, .. } = lighting;
+        Self { layouts, textures, settings, panorama: *digest, scale: maps.scale, importance: importance.clone() }
     }
 
     /// Makes the atlas and whatever light is computed with; takes light from the cache if it is there for the scene as its file
@@ -68,8 +71,9 @@ impl LightmapRequest {
         let Some(flattened) = self.flattened(context, scene, stop) else { return Ok(None) };
         let geometry = GeometryView { meshes: &flattened.meshes, instances: &flattened.instances };
         let resources = SceneResources::new(context, self.textures.clone(), scene, geometry, &self.settings)?;
-        let (rays, side) = (&resources.ray_scene, flattened.atlas.size[0]);
-        let mut baked = BakedLight::new(context, &self.layouts, (scene, geometry, rays), side, &self.settings)?;
+        let (ray_scene, importance) = (&*resources.ray_scene, self.importance.as_ref());
+        let source = LightSource { scene, geometry, ray_scene, importance };
+        let mut baked = BakedLight::new(context, &self.layouts, source, flattened.atlas.size[0], &self.settings)?;
         let rotation = scene.environment.rotation_degrees.to_radians();
         let state = LightState { panorama: self.panorama, rotation, world_from_models: Mat4::IDENTITY };
         baked.load(context, state, self.scale)?;

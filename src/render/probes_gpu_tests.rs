@@ -6,7 +6,7 @@ use std::sync::atomic::AtomicBool;
 
 use glam::{DVec3, Mat4, Vec3};
 
-use super::baked_light::BakedLight;
+use super::baked_light::{BakedLight, LightSource};
 use super::bound_scene::BoundScene;
 use super::frame::FrameInputs;
 use super::layouts::Layouts;
@@ -53,8 +53,9 @@ fn baked(gpu: &Arc<Gpu>, scene: &Scene) -> BoundScene {
     let resources = SceneResources::new(&context, textures, scene, geometry, &settings).unwrap();
     let lighting = Lighting::new(&context, &scene.environment.panorama, &settings).unwrap();
     let side = flat.atlas.size[0];
-    let of = (scene, geometry, &*resources.ray_scene);
-    let mut light = BakedLight::new(&context, &layouts, of, side, &settings).unwrap();
+    let source =
+        LightSource { scene, geometry, ray_scene: &resources.ray_scene, importance: lighting.importance.as_ref() };
+    let mut light = BakedLight::new(&context, &layouts, source, side, &settings).unwrap();
     // Whether the scene needs it or not.
     light.probes =
         Some(LocalProbes::new(gpu, &layouts, (scene.probes.clone(), FACE), light.lightmap.given_back()).unwrap());

@@ -5,7 +5,6 @@ use std::sync::{Arc, Mutex, PoisonError};
 use bytemuck::{Pod, Zeroable, bytes_of};
 use glam::{DVec4, Mat4, Vec3};
 
-use super::importance::importance;
 use super::layouts::Layouts;
 use crate::Result;
 use crate::gpu::{
@@ -13,7 +12,6 @@ use crate::gpu::{
     ImageUsageFlags, Pipeline, Sampler, Shape, Upload, submit_and_wait,
 };
 use crate::reference::octahedral::pack_frame;
-use crate::reference::sun::Sun;
 use crate::scene::atlas::steps;
 use crate::scene::bvh::{Bvh, BvhTriangle};
 use crate::scene::lightmap_texels::{LightmapTexels, Sides, sides};
@@ -246,18 +244,18 @@ impl RayTextures {
 }
 
 impl RaySet {
-    /// Binds what rays meet, nothing for `None`, and the importance table of a panorama where one is sampled.
+    /// Binds what rays meet, nothing for `None`, and the importance table of a panorama where one is sampled (`importance`).
     pub fn new(
         gpu: &Arc<Gpu>,
         layouts: &Layouts,
         ray_scene: Option<&LazyRayScene>,
-        panorama: Option<(&Image, Option<&Sun>)>,
+        importance: Option<&Arc<Buffer>>,
     ) -> Result<Self> {
         let empty = LazyRayScene::empty();
         let scene = ray_scene.unwrap_or(&empty).get(gpu, layouts)?;
         let sampler = Sampler::new(gpu, "rays", AddressMode::Repeat, 1)?;
-        let importance = match panorama {
-            Some((panorama, sun)) => importance(gpu, panorama, sun)?,
+        let importance = match importance {
+            Some(table) => Arc::clone(table),
             None => Buffer::new(gpu, "no importance", BufferKind::Storage, size_of::<[u32; 8]>() as u64)?,
         };
         let bindings = [
