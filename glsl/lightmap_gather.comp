@@ -102,8 +102,8 @@ void main()
     // The share that leaves the least noise: by the squares of what is seen, so that a bright window counts that is hidden.
     vec2 seen_sky = lightmap_surfaces[index].sky, met_sky = vec2(0.0);
     float open = seen_sky.y > 0.0 ? seen_sky.x / seen_sky.y : 0.0;
-    // Where no sample has met the sky, none is drawn from it.
-    bool sees_sky = seen_sky.x > 0.0 || seen_sky.y == 0.0;
+    // Where no sample has met the sky, none is drawn from it; without a table (0 cells) nowhere.
+    bool sees_sky = cells_size.x > 0u && (seen_sky.x > 0.0 || seen_sky.y == 0.0);
     vec4 sum = vec4(0.0);
     for (uint i = work.first_sample; i < work.first_sample + work.samples && count > 0u; ++i) {
         float random = unit_from_bits(pcg4d(uvec4(index, i, 2u, 0u)).x);

@@ -15,20 +15,55 @@ use crate::reference::importance::{Cell, alias_table};
 use crate::reference::sun::{Sun, cone_solid_angle};
 
 /// The most cells across the table that paths draw from: 2^19 cells take 6 MiB.
-pub const PATH_CELLS: u32 = 1024;
+const PATH_CELLS: u32 = 1024;
 /// And across that of lightmaps, whose samples read a mip of about as many texels (`glsl/lightmap_gather.comp`).
-pub const LIGHTMAP_CELLS: u32 = 256;
+const LIGHTMAP_CELLS: u32 = 256;
+/// Share of a panorama's light below which what is brighter than the mean is not worth samples of its own.
+const WORTH: f64 = 0.01;
 
-/// Builds the table of a panorama from its first mip of at most `most_cells` across, with a sun, as `glsl/importance.glsl`
-/// reads it; waits for its readback from the GPU.
-pub fn importance(gpu: &Arc<Gpu>, panorama: &Image, sun: Option<&Sun>, most_cells: u32) -> Result<Arc<Buffer>> {
+/// The table of a panorama with its sun, as `glsl/importance.glsl` reads it; waits for a readback from the GPU.
+pub fn importance(gpu: &Arc<Gpu>, panorama: &Image, sun: Option<&Sun>) -> Result<Arc<Buffer>> {
+    let (size, mut texels) = texels(gpu, panorama, PATH_CELLS)?;
+    sun.iter().for_each(|sun| add_sun(&mut texels, size, sun));
+    table(gpu, size, &texels)
+}
+
+/// The table of what a panorama without its sun has above its mean, for samples beside those of the cosine, which find the
+/// rest; `None` if that is next to nothing. Karlík et al., "MIS Compensation: Optimizing Sampling Techniques in Multiple
+/// Importance Sampling" (2019), section 5.
+pub fn excess_importance(gpu: &Arc<Gpu>, panorama: &Image) -> Result<Option<Arc<Buffer>>> {
+    let (size, mut texels) = texels(gpu, panorama, LIGHTMAP_CELLS)?;
+    keep_excess(size, &mut texels).then(|| table(gpu, size, &texels)).transpose()
+}
+
+/// Takes the mean away from each texel, or all that it has; returns whether what is left is worth anything.
+fn keep_excess(size: [u32; 2], texels: &mut [[f32; 4]]) -> bool {
+    let light = |texel: &[f32; 4]| texel[..3].iter().map(|c| f64::from(*c)).sum::<f64>();
+    let total = |texels: &[[f32; 4]]| {
+        let row =
+            |(y, row): (u32, &[[f32; 4]])| panorama_texel_solid_angle(y, size) * row.iter().map(light).sum::<f64>();
+        (0..).zip(texels.chunks_exact(size[0] as usize)).map(row).sum::<f64>()
+    };
+    let before = total(texels);
+    let mean = before / (4.0 * PI);
+    for texel in texels.iter_mut() {
+        let kept = (1.0 - mean / light(texel).max(f64::MIN_POSITIVE)).max(0.0);
+        *texel = texel.map(|c| (f64::from(c) * kept) as f32);
+    }
+    total(texels) > WORTH * before
+}
+
+/// The first mip of at most `most` texels across.
+fn texels(gpu: &Arc<Gpu>, panorama: &Image, most: u32) -> Result<([u32; 2], Vec<[f32; 4]>)> {
     let mips = panorama.desc().mips;
-    let mip = (0..mips).find(|mip| panorama.mip_size(*mip)[0] <= most_cells).unwrap_or(mips - 1);
+    let mip = (0..mips).find(|mip| panorama.mip_size(*mip)[0] <= most).unwrap_or(mips - 1);
     let size = panorama.mip_size(mip);
     let texels = read_image(gpu, panorama, Subresource { mip, layer: 0 }, size_of::<[f32; 4]>() as u64)?;
-    let mut texels: Vec<[f32; 4]> = bytemuck::pod_collect_to_vec(&texels);
-    sun.iter().for_each(|sun| add_sun(&mut texels, size, sun));
-    let cells: Vec<Cell> = alias_table(size, &texels);
+    Ok((size, bytemuck::pod_collect_to_vec(&texels)))
+}
+
+fn table(gpu: &Arc<Gpu>, size: [u32; 2], texels: &[[f32; 4]]) -> Result<Arc<Buffer>> {
+    let cells: Vec<Cell> = alias_table(size, texels);
     let bytes = [bytes_of(&size), bytemuck::cast_slice(&cells)].concat();
     Buffer::with_bytes(gpu, "importance", BufferKind::StorageFromCpu, &bytes)
 }
@@ -82,6 +117,24 @@ mod tests {
     use glam::DVec3;
 
     use super::*;
+
+    #[test]
+    fn what_is_above_the_mean_is_kept_if_there_is_enough_of_it() {
+        let size = [16, 8];
+        let grey = |v: f32| [v, v, v, 1.0];
+        let mut even = vec![grey(0.7); 128];
+        assert!(!keep_excess(size, &mut even));
+        assert!(!keep_excess(size, &mut vec![grey(0.0); 128]));
+        let mut bright = vec![grey(1.0); 128];
+        bright[70] = [9.0, 6.0, 0.0, 1.0];
+        assert!(keep_excess(size, &mut bright));
+        let mean = 1.0 + 4.0 * panorama_texel_solid_angle(70 / 16, size) / (4.0 * PI);
+        let kept = 1.0 - 3.0 * mean / 15.0;
+        let is = |got: f32, want: f64| assert!((f64::from(got) - want).abs() < 1e-5, "{got} is not {want}");
+        is(bright[70][0], 9.0 * kept);
+        is(bright[70][1], 6.0 * kept);
+        assert!(bright.iter().enumerate().all(|(i, texel)| i == 70 || texel[..3] == [0.0; 3]));
+    }
 
     /// The disc's cells, each whole one with about all of its light; also at a pole, where a row's cells are smaller than the
     /// distances of any points, and in cells that are larger than the disc.

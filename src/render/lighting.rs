@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::importance::{LIGHTMAP_CELLS, importance};
+use super::importance::excess_importance;
 use super::settings::{LightModel, RenderSettings};
 use crate::Result;
 use crate::asset::Panorama;
@@ -20,7 +20,7 @@ pub struct Lighting {
     pub table: BrdfTable,
     /// Of the panorama.
     pub digest: blake3::Hash,
-    /// What lightmaps draw samples from, where there may be one: see [`importance`].
+    /// What lightmaps draw samples from, where there may be one and it is worth it: see [`excess_importance`].
     pub importance: Option<Arc<Buffer>>,
 }
 
@@ -36,10 +36,11 @@ impl Lighting {
                 LightModel::Direct | LightModel::Baked => without_sun(panorama).unzip(),
             };
             let maps = LightMaps::new(context, remainder.as_ref().unwrap_or(panorama), settings.precompute())?;
-            let table = || importance(&context.gpu, &maps.panorama, None, LIGHTMAP_CELLS);
+            let is_baked = settings.light == LightModel::Baked;
+            let importance = is_baked.then(|| excess_importance(&context.gpu, &maps.panorama)).transpose()?.flatten();
             Ok(Self {
                 digest: digest(panorama),
-                importance: (settings.light == LightModel::Baked).then(table).transpose()?,
+                importance,
                 sun,
                 maps,
                 table: BrdfTable::new(context, settings.geometry, settings.split_sum)?,

@@ -256,7 +256,8 @@ impl RaySet {
         let sampler = Sampler::new(gpu, "rays", AddressMode::Repeat, 1)?;
         let importance = match importance {
             Some(table) => Arc::clone(table),
-            None => Buffer::new(gpu, "no importance", BufferKind::Storage, size_of::<[u32; 8]>() as u64)?,
+            // No cells.
+            None => Buffer::with_bytes(gpu, "no importance", BufferKind::StorageFromCpu, &[0; size_of::<[u32; 8]>()])?,
         };
         let bindings = [
             Binding::Storage(&scene.nodes),

@@ -9,7 +9,7 @@ use serde::Serialize;
 
 use super::eye::Eye;
 use super::frame_set::FrameSet;
-use super::importance::{PATH_CELLS, importance};
+use super::importance::importance;
 use super::output::Output;
 use super::pipeline_request::PipelineRequest;
 use super::ray_scene::RaySet;
@@ -99,7 +99,7 @@ impl ReferencePasses {
             ..GraphicsDesc::default()
         };
         let traced = (settings.transport() != Transport::None).then_some(&**ray_scene);
-        let table = importance(gpu, panorama, sun.as_ref(), PATH_CELLS)?;
+        let table = importance(gpu, panorama, sun.as_ref())?;
         let rays = RaySet::new(gpu, layouts, traced, Some(&table))?;
         Ok(Self { accumulate, show: Pipeline::graphics(gpu, &show)?, rays })
     }
