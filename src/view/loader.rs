@@ -164,7 +164,8 @@ impl Loader {
         let (jobs, jobs_to_do) = channel();
         let (sender, results) = channel();
         let closing = Arc::new(AtomicBool::new(false));
-        let (first, second) = (Outbox { sender: sender.clone(), wake: wake.clone() }, Outbox { sender, wake });
+        let outbox = |sender| Outbox { sender, wake: WakeAtEnd(wake.clone()) };
+        let (first, second) = (outbox(sender.clone()), outbox(sender));
         let (its_context, is_closing) = (context.clone(), Arc::clone(&closing));
         let threads = vec![
             thread("loading", move || load_all(&its_context, &is_closing, to_do, &jobs, &first))?,
@@ -215,23 +216,26 @@ impl Drop for Loader {
     }
 }
 
-/// A thread's results. Wakes the output with each, and at its end even if the thread panics.
+/// A thread's results. Wakes the output with each, and once it is closed, even by a panic.
 struct Outbox<F: Fn()> {
+    // Closed before the last wake: fields drop in order.
     sender: Sender<LoadResult>,
-    wake: F,
+    wake: WakeAtEnd<F>,
 }
+
+struct WakeAtEnd<F: Fn()>(F);
 
 impl<F: Fn()> Outbox<F> {
     fn put(&self, result: LoadResult) {
         // The receiver outlives the threads, because its owner joins them.
         let _ = self.sender.send(result);
-        (self.wake)();
+        (self.wake.0)();
     }
 }
 
-impl<F: Fn()> Drop for Outbox<F> {
+impl<F: Fn()> Drop for WakeAtEnd<F> {
     fn drop(&mut self) {
-        (self.wake)();
+        (self.0)();
     }
 }
 
@@ -268,6 +272,7 @@ fn prepare_all(context: &Context, jobs: Receiver<LightmapJob>, outbox: &Outbox<i
         }
     }
 }
+
 /// Returns the request's result and what it leaves to be done.
 fn perform(
     context: &Context,
