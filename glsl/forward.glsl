@@ -6,6 +6,7 @@
 #include "brdf.glsl"
 #include "energy.glsl"
 #include "environment.glsl"
+#include "openness.glsl"
 #include "output.glsl"
 #include "surface.glsl"
 #include "point_lights.glsl"
@@ -22,11 +23,16 @@ vec3 phong(Surface s)
     return s.base_color * environment_diffuse(s.n) * s.occlusion + sun_light_phong(s) + point_lights_phong(s, position_world);
 }
 
-// Soft light that the lightmap has of this fragment's side, as irradiance over pi.
+// The lightmap's layer of this fragment's side; that of its openness is LIGHTMAP layers above.
+float lightmap_layer()
+{
+    return LIGHTMAP == LIGHTMAP_BOTH && !gl_FrontFacing ? 1.0 : 0.0;
+}
+
+// Soft light as irradiance over pi.
 vec3 lightmap_diffuse()
 {
-    float layer = LIGHTMAP == LIGHTMAP_BOTH && !gl_FrontFacing ? 1.0 : 0.0;
-    return textureLod(lightmap, vec3(lightmap_uv, layer), 0.0).rgb * INV_PI;
+    return textureLod(lightmap, vec3(lightmap_uv, lightmap_layer()), 0.0).rgb * INV_PI;
 }
 
 struct Split {
@@ -39,12 +45,14 @@ SpecularLobe lobe_of(Surface s)
     return specular_lobe(s.n, s.v, s.nv, f0_from_metallic(s.base_color, s.metallic), s.roughness);
 }
 
-// What is mirrored where no probe reaches: as much of the open panorama's image as of its irradiance arrives; where more does,
-// the rest as if it came from all around.
-vec3 distant_specular(SpecularLobe lobe, vec3 n, vec3 even)
+// What is mirrored where no probe reaches: the panorama's image as far as the lightmap knows the lobe's direction to be open; in
+// the rest what surfaces give, as if it came from all of them evenly.
+vec3 distant_specular(SpecularLobe lobe, vec3 even)
 {
-    vec3 open = environment_diffuse(n), reach = min(even / max(open, vec3(1e-20)), vec3(1.0));
-    return environment_specular(lobe) * reach + lobe.reflectance * max(even - open, vec3(0.0));
+    vec4 texel = textureLod(lightmap, vec3(lightmap_uv, lightmap_layer() + float(LIGHTMAP)), 0.0);
+    vec3 n = normalize_or(normal_world, vec3(0.0, 1.0, 0.0)) * (gl_FrontFacing ? 1.0 : -1.0);
+    Openness open = openness_from_mean(n, mat3(frame.world_from_models) * texel.xyz);
+    return mix(lobe.reflectance * even * texel.a, environment_specular(lobe), visibility(open, normalize(lobe.first.towards)));
 }
 
 // Single scattering of light from all around; `even`: irradiance over pi.
@@ -59,7 +67,7 @@ vec3 mirrored(Surface s, SpecularLobe lobe, vec3 even)
     if (left <= 0.0)
         return light;
 #endif
-    return light + left * distant_specular(lobe, s.n, even);
+    return light + left * distant_specular(lobe, even);
 }
 
 // What the environment gives: the split sum, and with the irradiance what is diffuse or scattered more than once. That is

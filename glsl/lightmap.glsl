@@ -32,6 +32,10 @@ struct LightmapSurface {
     uint places; // bit i: its place i is one that can be seen
     vec2 sky;    // squares of the open sky's luminance over the bounces' samples: of those that met nothing, and of all
     vec4 kept;   // sum of irradiance over bounces that is shown until the last one is there, and its samples
+    // Once bounces are kept:
+    vec4 unblocked; // sum over rays that met nothing of the models' direction, and their number
+    float rays;     // all of them
+    vec2 settled;   // sums of the sky's and of all light
 };
 
 layout(LIGHTMAP_TEXELS, scalar) readonly buffer LightmapTexels { LightmapTexel lightmap_texels[]; };
@@ -40,7 +44,8 @@ layout(LIGHTMAP_SUMS, scalar) buffer LightmapSums { vec4 lightmap_sums[]; };
 layout(LIGHTMAP_SURFACES, scalar) buffer LightmapSurfaces { LightmapSurface lightmap_surfaces[]; };
 layout(LIGHTMAP_RELAYS, scalar) buffer LightmapRelays { Relay relays[]; };
 // Layer 0: fronts, layer 1: backs. Given back of the light that comes straight from lamps and sun, with the density of
-// relays; of soft light, with the share that is glossy; and soft light itself as irradiance, with 1 where it is known.
+// relays; of soft light, with the share that is glossy; and soft light itself as irradiance, with 1 where it is known, and in
+// as many layers more its openness.
 layout(LIGHTMAP_DIRECT) uniform sampler2DArray given_back_of_direct;
 layout(LIGHTMAP_SOFT) uniform sampler2DArray given_back_of_soft;
 layout(LIGHTMAP_DIRECT_IMAGE, rgba16f) uniform image2DArray direct_image;
@@ -65,6 +70,19 @@ const uint WORK_KEEPS = 8;
 const float HALF_MOST = 60000.0;
 // How far places are kept from edges, in roundings of a position.
 const float OFF_EDGE = 16.0;
+
+// Where its openness is.
+ivec3 openness_address(ivec3 at)
+{
+    return at + ivec3(0, 0, imageSize(light_image).z / 2);
+}
+
+// The mean over rays of directions that met nothing, and the radiance of what the others met over the mean of all.
+vec4 openness_texel(LightmapSurface s)
+{
+    float lit = 1.0 - s.settled.x / max(s.settled.y, TINY), blocked = 1.0 - s.unblocked.w / max(s.rays, 1.0);
+    return vec4(s.unblocked.xyz / max(s.rays, 1.0), clamp(lit / max(blocked, 0.02), 0.0, 4.0));
+}
 
 ivec3 texel_address(LightmapTexel texel)
 {

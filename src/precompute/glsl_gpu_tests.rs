@@ -1,4 +1,4 @@
-//! glsl/math.glsl, levels.glsl, tone.glsl, cube.glsl and probe_box.glsl on the GPU against their twins in f64.
+//! glsl/math.glsl, levels.glsl, tone.glsl, cube.glsl, openness.glsl and probe_box.glsl on the GPU against their twins in f64.
 
 use bytemuck::{Pod, Zeroable};
 use glam::{DVec2, DVec3, Vec3};
@@ -11,6 +11,7 @@ use crate::reference::cube::{
 use crate::reference::levels::level_from_spread;
 use crate::reference::lobe::{kernel, kernel_second_derivative};
 use crate::reference::math::{normalize_or, round_to_half};
+use crate::reference::openness::{openness_from_mean, visibility};
 use crate::reference::probe::{box_exit, probe_weight};
 use crate::reference::table::{table_arguments, table_place};
 use crate::reference::tone::{exposure_scale, luminance, srgb_decode, srgb_encode, tone_neutral};
@@ -329,4 +330,36 @@ fn rays_leave_boxes_and_weights_fall_as_in_f64() {
         between += usize::from(weight > 0.0 && weight < 1.0);
     }
     assert!(inside > 200 && between > 200, "{inside} inside, {between} on the border");
+}
+
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+struct OpennessInput {
+    n: [f32; 3],
+    mean: [f32; 3],
+    d: [f32; 3],
+}
+
+#[test]
+fn the_sky_is_seen_as_in_f64() {
+    let mut random = Random(22);
+    let mut inputs: Vec<_> = (0..4000)
+        .map(|i| {
+            let (n, tilt) = (random.direction(), random.direction());
+            // No mean is longer than an open sky's.
+            let mean = (n * random.unit() + 0.5 * tilt * f64::from(i % 2)).clamp_length_max(2.0 / 3.0);
+            OpennessInput { n: n.as_vec3().into(), mean: mean.as_vec3().into(), d: random.direction().as_vec3().into() }
+        })
+        .collect();
+    inputs.push(OpennessInput { n: [0.0, 1.0, 0.0], mean: [0.0; 3], d: [1.0, 0.0, 0.0] });
+    let outputs: Vec<f32> = with_gpu(|gpu| evaluate(gpu, "test_openness.comp", &inputs));
+    let mut judge = Judge::default();
+    let mut between = 0;
+    for (input, got) in inputs.iter().zip(&outputs) {
+        let [n, mean, d] = [input.n, input.mean, input.d].map(dvec3);
+        let want = visibility(openness_from_mean(n, mean), d);
+        judge.near("visibility", input, &[*got], &[want], [2e-5, 0.0]);
+        between += usize::from(want > 0.0 && want < 1.0);
+    }
+    assert!(between > 1000, "{between} between 0 and 1");
 }

@@ -1,7 +1,7 @@
 //! Reference implementations in f64, without Vulkan: BRDF terms, sampling, integrals, colour, picture metrics.
 //!
-//! `math`, `brdf`, `disc`, `energy`, `sampling`, `cube`, `octahedral`, `tone`, `probe` and `shadow` are the twins of the files of the same
-//! name in `glsl/` (`probe` of `probe_box.glsl`, `shadow` of `shadow_place.glsl`): same functions, same arguments, same constants.
+//! `math`, `brdf`, `disc`, `energy`, `sampling`, `cube`, `octahedral`, `openness`, `tone`, `probe` and `shadow` are the twins of the files
+//! of the same name in `glsl/` (`probe` of `probe_box.glsl`, `shadow` of `shadow_place.glsl`): same functions, same arguments, same constants.
 
 pub mod brdf;
 pub mod cube;
@@ -13,8 +13,9 @@ pub mod math;
 pub mod levels;
 pub mod lobe;
 pub mod metrics;
-pub mod octahedral;
 pub mod mip;
+pub mod octahedral;
+pub mod openness;
 pub mod panorama_sums;
 pub mod probe;
 pub mod quadrature;

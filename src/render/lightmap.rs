@@ -153,7 +153,7 @@ fn shown_if(shown: bool) -> u32 {
 pub struct LightmapBake {
     pipelines: Pipelines,
     set: DescriptorSet,
-    /// Irradiance of soft light, a layer for fronts and one for backs where there are any.
+    /// Irradiance of soft light, a layer for fronts and one for backs where there are any; then as many layers of openness.
     light: Arc<Image>,
     soft: Arc<Image>,
     direct: Arc<Image>,
@@ -226,12 +226,13 @@ impl LightmapBake {
         let LightmapTexels { all, seen } = texels;
         tracing::debug!("lightmap: {side}x{side}, {} texels, {seen} of them seen", all.len());
         let layers = if all.iter().any(is_back) { 2 } else { 1 };
-        let image = |name| {
+        let image = |name, layers| {
             let usage = ImageUsageFlags::SAMPLED | ImageUsageFlags::STORAGE | ImageUsageFlags::TRANSFER_SRC;
             let flat = ImageDesc::flat(Format::R16G16B16A16_SFLOAT, [side; 2], usage | ImageUsageFlags::TRANSFER_DST);
             Image::new(gpu, name, ImageDesc { shape: Shape::Layers(layers), ..flat })
         };
-        let (light, soft, direct) = (image("lightmap")?, image("lightmap soft")?, image("lightmap direct")?);
+        let light = image("lightmap", 2 * layers)?;
+        let (soft, direct) = (image("lightmap soft", layers)?, image("lightmap direct", layers)?);
         // Texels between charts are filled from, and read with no weight, which would keep NaN.
         submit_and_wait(gpu, |commands| {
             [&light, &soft, &direct].iter().for_each(|image| commands.clear(image));
@@ -242,7 +243,7 @@ impl LightmapBake {
         let list = if all.is_empty() { &[LightmapTexel::default()] } else { &all[..] };
         let list = Buffer::with_bytes(gpu, "lightmap texels", BufferKind::StorageFromCpu, bytemuck::cast_slice(list))?;
         let sums = storage("lightmap sums", count * size_of::<[f32; 4]>() as u64)?;
-        let surfaces = storage("lightmap surfaces", count * size_of::<[f32; 11]>() as u64)?;
+        let surfaces = storage("lightmap surfaces", count * size_of::<[f32; 18]>() as u64)?;
         let relays = storage("lightmap relays", u64::from(RELAYS) * size_of::<[f32; 14]>() as u64)?;
         let sampler = Sampler::new(gpu, "lightmap", AddressMode::Clamp, 1)?;
         let bindings = [
@@ -299,7 +300,7 @@ impl LightmapBake {
 
     /// Layers: fronts, and backs where some can be seen.
     pub fn layers(&self) -> u32 {
-        self.light.desc().shape.layers()
+        self.light.desc().shape.layers() / 2
     }
 
     /// Whether all is computed.

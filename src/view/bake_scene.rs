@@ -35,7 +35,9 @@ pub struct SceneBakeFacts {
 }
 
 /// Computes a scene's lightmap and writes it into `folder`: irradiance of soft light, W/m², by the coordinates of the
-/// program's own atlas; layer 0 for fronts, layer 1 for backs where some can be seen.
+/// program's own atlas; layer 0 for fronts, layer 1 for backs where some can be seen; then as many layers of openness: the
+/// mean of directions that meet nothing, in the models' space, and the mean radiance of what the others meet over that of
+/// all.
 ///
 /// # Errors
 /// A scene that needs no lightmap; whatever stops loading, the GPU or writing; a validation message where validation was
@@ -61,7 +63,9 @@ pub fn bake_scene(path: &Path, folder: &Path, setup: &Setup<'_>) -> Result<Scene
         return Err(Error::Usage(format!("{}: no atlas can be made of it", path.display())));
     };
     let mut texture = read_texture(&context.gpu, &[lightmap])?;
-    texture.set_text("pbrvrContent", "irradiance of soft light; layer 0: fronts, layer 1: backs");
+    let content =
+        "irradiance of soft light, of fronts and where there are any of backs; then as many layers of openness";
+    texture.set_text("pbrvrContent", content);
     let facts = SceneBakeFacts {
         scene: path.to_owned(),
         gpu: context.gpu.info().name.clone(),

@@ -190,7 +190,8 @@ pub fn take_all(gpu: &Arc<Gpu>, scene: &Scene, eyes: &[Eye], shot: Shot) -> Vec<
     }
     let lightmap = renderer.lightmap().filter(|_| is_baked).map_or_else(Vec::new, |image| {
         let layer = |layer| read_image(gpu, image, Subresource { mip: 0, layer }, 8).expect("a lightmap");
-        let layers = (0..image.desc().shape.layers()).flat_map(layer);
+        // The rest is openness.
+        let layers = (0..image.desc().shape.layers() / 2).flat_map(layer);
         layers.collect::<Vec<u8>>().chunks_exact(2).map(|b| u16::from_le_bytes([b[0], b[1]])).collect()
     });
     assert!(lightmap.iter().all(|bits| f16::from_bits(*bits).is_finite() && bits & 0x8000 == 0), "in the lightmap");

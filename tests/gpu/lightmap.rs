@@ -3,7 +3,7 @@
 
 use std::f64::consts::PI;
 
-use glam::{DVec3, Vec3};
+use glam::{DVec2, DVec3, Vec3};
 use pbr_vr::asset::Panorama;
 use pbr_vr::reference::brdf::{DIELECTRIC_F0, Geometry};
 use pbr_vr::reference::energy::{Curve, Energy, Scattering};
@@ -134,6 +134,31 @@ fn white_things_are_invisible_in_a_furnace() {
             println!("mean {mean:.5}, from {low:.4} to {high:.4}");
             assert!((mean - 1.0).abs() < 0.002 && low > 0.98 && high < 1.01, "{mean}, {low}, {high}");
         }
+    });
+}
+
+/// Under an even sky a metal ball mirrors the floor where that hides the sky, and all of the sky above.
+#[test]
+fn a_metal_ball_mirrors_the_floor_that_hides_the_sky() {
+    let floor = flat(0, &[level([-6.0, 6.0], -0.5, [-6.0, 6.0])]);
+    let materials = vec![grey(0.05, 0.0, 1.0), grey(1.0, 1.0, 0.25)];
+    let scene = world(vec![floor, ball(1, [0.0; 3], 0.5, 24, false), mote(FAR)], materials, vec![], uniform(1.0));
+    let from = eye([0.0, 0.3, 2.6], [0.0; 3], 26.0);
+    with_gpu(|gpu| {
+        let baked = take(gpu, &scene, &from, Shot::new(BAKED, 48));
+        let exact = take(gpu, &scene, &from, Shot::reference(BAKED, 48, 64));
+        let on_ball = |pixel| seen(&scene, &from, 48, pixel).filter(|(.., mesh)| *mesh == 1);
+        let pairs = |sees: &dyn Fn(DVec3) -> bool| -> Vec<(f64, f64)> {
+            let pixels = (0..48 * 48).filter(|pixel| on_ball(*pixel).is_some_and(|(_, n, _)| sees(n)));
+            pixels.map(|pixel| (baked.pixels[pixel], exact.pixels[pixel])).collect()
+        };
+        let mean =
+            |pairs: &[(f64, f64)]| pairs.iter().fold(DVec2::ZERO, |sum, p| sum + DVec2::from(*p)) / pairs.len() as f64;
+        let (upper, lower, all) = (pairs(&|n| n.y > 0.3), pairs(&|n| n.y < -0.3), pairs(&|_| true));
+        let error = all.iter().map(|(got, want)| (got - want).abs()).sum::<f64>() / all.len() as f64;
+        let (up, low) = (mean(&upper), mean(&lower));
+        println!("upper {up}, lower {low}, mean error {error:.4} of {} pixels", all.len());
+        assert!((up.x - up.y).abs() < 0.04 && (low.x - low.y).abs() < 0.02 && error < 0.09, "{up} {low} {error}");
     });
 }
 

@@ -1,0 +1,27 @@
+// How much of the sky a surface sees in a direction: a linear fit to its visibility from what a lightmap keeps of it.
+#ifndef OPENNESS_GLSL
+#define OPENNESS_GLSL
+
+// Visibility along a unit direction d before it is made steeper: even + dot(slope, d).
+struct Openness {
+    vec3 slope;
+    float even;
+};
+
+// `mean`: of directions drawn by the cosine around n, those that met nothing, with 0 for all others. Across n this is the
+// least-squares fit; along n the mean leaves one number open, and what blocks is taken to stand at the horizon first.
+Openness openness_from_mean(vec3 n, vec3 mean)
+{
+    float along = dot(mean, n), even = clamp(6.0 * along - 3.0, 0.0, 1.0);
+    float slope_along = along > 0.5 ? 1.0 - even : 2.0 * along;
+    return Openness(4.0 * mean + (slope_along - 4.0 * along) * n, even);
+}
+
+// A line through a step, as where a floor ends the sky, has a slope of 0.85: what comes near to that is taken for one.
+float visibility(Openness open, vec3 d)
+{
+    float steeper = 1.0 + 2.0 * smoothstep(0.4, 0.85, length(open.slope));
+    return clamp(0.5 + steeper * (open.even + dot(open.slope, d) - 0.5), 0.0, 1.0);
+}
+
+#endif

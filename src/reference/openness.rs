@@ -1,0 +1,87 @@
+//! A linear fit to how much of the sky a surface sees, in f64; twin of `glsl/openness.glsl`.
+
+use glam::DVec3;
+
+/// Visibility along a unit direction d before it is made steeper: `even` + `slope` · d.
+#[derive(Clone, Copy, Debug)]
+pub struct Openness {
+    pub slope: DVec3,
+    pub even: f64,
+}
+
+/// From the mean of directions drawn by the cosine around n, with 0 for all that met something.
+///
+/// Let b be that mean of v(d) d. For v = e + s·d the cosine's moments E\[d dᵀ\] are 1/4 across n and 1/2 along it, and
+/// E\[d\] = 2/3 n: s is 4b across n, and along it b·n = 2/3 e + 1/2 s·n. Of the two numbers, e + s·n = 1 as long as both
+/// are positive: what blocks stands at the horizon first.
+pub fn openness_from_mean(n: DVec3, mean: DVec3) -> Openness {
+    let along = mean.dot(n);
+    let even = (6.0 * along - 3.0).clamp(0.0, 1.0);
+    let slope_along = if along > 0.5 { 1.0 - even } else { 2.0 * along };
+    Openness { slope: 4.0 * mean + (slope_along - 4.0 * along) * n, even }
+}
+
+/// Share of the sky that is seen along a unit direction d, 0 to 1.
+pub fn visibility(open: Openness, d: DVec3) -> f64 {
+    let steeper = 1.0 + 2.0 * smoothstep(0.4, 0.85, open.slope.length());
+    (0.5 + steeper * (open.even + open.slope.dot(d) - 0.5)).clamp(0.0, 1.0)
+}
+
+fn smoothstep(low: f64, high: f64, x: f64) -> f64 {
+    let part = ((x - low) / (high - low)).clamp(0.0, 1.0);
+    part * part * (3.0 - 2.0 * part)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::reference::sampling::basis;
+
+    /// The mean that rays would find where `sees` says what they meet.
+    fn mean_of(n: DVec3, sees: impl Fn(DVec3) -> f64) -> DVec3 {
+        let frame = basis(n);
+        const SIDE: usize = 400;
+        let middle = |i: usize| (i as f64 + 0.5) / SIDE as f64;
+        let places = (0..SIDE * SIDE).map(|i| (middle(i % SIDE), std::f64::consts::TAU * middle(i / SIDE)));
+        let sum: DVec3 = places
+            .map(|(u, angle)| {
+                let across = u.sqrt();
+                let d = frame * DVec3::new(across * angle.cos(), across * angle.sin(), (1.0 - u).sqrt());
+                d * sees(d)
+            })
+            .sum();
+        sum / (SIDE * SIDE) as f64
+    }
+
+    #[test]
+    fn an_open_sky_is_seen_everywhere_and_a_closed_one_nowhere() {
+        let n = DVec3::new(0.48, 0.6, 0.64);
+        for d in [n, DVec3::X, DVec3::NEG_Y, -n] {
+            assert!((visibility(openness_from_mean(n, mean_of(n, |_| 1.0)), d) - 1.0).abs() < 1e-4, "{d}");
+            assert_eq!(visibility(openness_from_mean(n, DVec3::ZERO), d), 0.0, "{d}");
+        }
+    }
+
+    /// A wall above a floor that reaches to the horizon.
+    #[test]
+    fn a_floor_is_seen_below_and_the_sky_above() {
+        let n = DVec3::Z;
+        let open = openness_from_mean(n, mean_of(n, |d| if d.y > 0.0 { 1.0 } else { 0.0 }));
+        assert!((open.slope.y - 16.0 / (6.0 * std::f64::consts::PI)).abs() < 1e-3, "{open:?}");
+        for degrees in [-80, -40, -20, 20, 40, 80] {
+            let (sin, cos) = f64::from(degrees).to_radians().sin_cos();
+            let seen = visibility(open, DVec3::new(0.3 * cos, sin, (1.0 - 0.09_f64).sqrt() * cos));
+            assert!((seen - if degrees > 0 { 1.0 } else { 0.0 }).abs() < 0.15, "{degrees}: {seen}");
+        }
+    }
+
+    /// Houses around a square: the sky is open above and blocked at the horizon.
+    #[test]
+    fn what_blocks_stands_at_the_horizon_first() {
+        let n = DVec3::Y;
+        let open = openness_from_mean(n, mean_of(n, |d| if d.y > 0.4 { 1.0 } else { 0.0 }));
+        let [up, low] = [DVec3::Y, DVec3::X].map(|d| visibility(open, d));
+        // 6 · 2/3 (1 − 0.4³) − 3.
+        assert!((up - 1.0).abs() < 1e-3 && (low - 0.744).abs() < 1e-3, "{up} {low}");
+    }
+}

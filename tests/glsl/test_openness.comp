@@ -1,0 +1,21 @@
+// What openness.glsl computes, for src/precompute/glsl_gpu_tests.rs.
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#extension GL_EXT_scalar_block_layout : require
+#include "openness.glsl"
+
+struct Input {
+    vec3 n, mean, d;
+};
+layout(local_size_x = 64) in;
+layout(set = 0, binding = 0, scalar) readonly buffer Inputs { Input inputs[]; };
+layout(set = 0, binding = 1, scalar) writeonly buffer Outputs { float outputs[]; };
+
+void main()
+{
+    uint id = gl_GlobalInvocationID.x;
+    if (id >= inputs.length())
+        return;
+    Input i = inputs[id];
+    outputs[id] = visibility(openness_from_mean(i.n, i.mean), i.d);
+}
