@@ -12,6 +12,7 @@ use super::lighting::Lighting;
 use super::lightmap::{self, LightmapBake};
 use super::probes::{self, LocalProbes};
 use super::ray_scene::{LazyRayScene, RaySet};
+use super::rest::Rest;
 use super::settings::RenderSettings;
 use crate::Result;
 use crate::context::Context;
@@ -62,9 +63,7 @@ pub struct BakedLight {
     computed_for: Option<LightState>,
     /// Whether the cache has it.
     kept: bool,
-    /// The last frame's state, and for how many frames it has been the same.
-    last: Option<LightState>,
-    still: u32,
+    rest: Rest<LightState>,
 }
 
 impl BakedLight {
@@ -95,8 +94,7 @@ impl BakedLight {
             made_by: made_by(scene, geometry, &format!("{brdf:?} {side} {lightmap_samples} {probe_size}")),
             computed_for: None,
             kept: false,
-            last: None,
-            still: 0,
+            rest: Rest::default(),
         })
     }
 
@@ -131,9 +129,8 @@ impl BakedLight {
     /// Follows a frame's state: once that has rested, light is computed again for it. Returns whether there is a piece to
     /// record.
     pub fn follow(&mut self, now: LightState, scale: f32) -> bool {
-        self.still = if self.last == Some(now) { self.still + 1 } else { 0 };
-        self.last = Some(now);
-        if *self.computed_for.get_or_insert(now) != now && self.still >= REST {
+        let rested = self.rest.follow(now) >= REST;
+        if *self.computed_for.get_or_insert(now) != now && rested {
             self.computed_for = Some(now);
             self.restart(scale);
         }

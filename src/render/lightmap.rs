@@ -20,8 +20,10 @@ use crate::gpu::{
 };
 use crate::scene::lightmap_texels::{BACK, LightmapTexel, LightmapTexels};
 
-/// Name of the pass, for its times.
-pub const PASS: &str = "lightmap";
+/// Names of the passes, for their times: of light that is bounced, and of what comes before.
+const PASS: &str = "lightmap";
+const DIRECT_PASS: &str = "lightmap direct";
+const OPEN_PASS: &str = "lightmap open";
 /// Bounces before the last. In a room whose walls give back two thirds, what is missing then is below 1 %.
 const BOUNCES: u32 = 40;
 /// Samples of a texel for each of these bounces: their noise is averaged by the gathering that follows.
@@ -97,6 +99,19 @@ impl Stage {
         }
     }
 
+    /// Whether it gathers light that surfaces give back.
+    fn is_soft(self) -> bool {
+        matches!(self, Self::Bounce(_) | Self::Last(_))
+    }
+
+    fn pass(self) -> &'static str {
+        match self {
+            Self::Open => OPEN_PASS,
+            Self::Direct | Self::Relays => DIRECT_PASS,
+            Self::Bounce(_) | Self::Last(_) | Self::Done => PASS,
+        }
+    }
+
     /// Samples of a texel.
     fn samples(self) -> u32 {
         match self {
@@ -166,8 +181,9 @@ pub struct LightmapBake {
     stage: Stage,
     /// Texels of this stage that are done.
     cursor: u32,
-    /// Texels times samples of a piece.
+    /// Texels times samples of a piece of soft light, and of what comes before: a sample of the one takes much longer.
     pace: Pace,
+    direct_pace: Pace,
 }
 
 struct Pipelines {
@@ -221,8 +237,13 @@ impl LightmapBake {
         side: u32,
         constants: &[Constant],
     ) -> Result<Self> {
-        let scene = ray_scene.get(gpu, layouts)?;
-        let texels = ray_scene.lightmap_texels(&scene, side);
+        let list = || {
+            let scene = ray_scene.get(gpu, layouts)?;
+            let texels = ray_scene.lightmap_texels(&scene, side);
+            Ok((scene, texels))
+        };
+        let (pipelines, listed) = rayon::join(|| Pipelines::new(gpu, layouts, constants), list);
+        let (pipelines, (scene, texels)) = (pipelines?, listed?);
         let LightmapTexels { all, seen } = texels;
         tracing::debug!("lightmap: {side}x{side}, {} texels, {seen} of them seen", all.len());
         let layers = if all.iter().any(is_back) { 2 } else { 1 };
@@ -258,7 +279,7 @@ impl LightmapBake {
             Binding::StorageImage(&light, 0),
         ];
         Ok(Self {
-            pipelines: Pipelines::new(gpu, layouts, constants)?,
+            pipelines,
             set: DescriptorSet::new(gpu, "lightmap", &layouts.lightmap, &bindings)?,
             light,
             soft,
@@ -270,6 +291,7 @@ impl LightmapBake {
             stage: Stage::Open,
             cursor: 0,
             pace: Pace::new(PASS, PIECES),
+            direct_pace: Pace::new(DIRECT_PASS, PIECES),
         })
     }
 
@@ -318,6 +340,7 @@ impl LightmapBake {
     /// Makes the next piece take about `target_ms`, from the times of a frame that a piece was part of.
     pub fn pace(&mut self, times: &[PassTime], target_ms: f64) {
         self.pace.follow(times, target_ms);
+        self.direct_pace.follow(times, target_ms);
     }
 
     /// Records the next piece of work, if there is any.
@@ -325,7 +348,7 @@ impl LightmapBake {
         if self.is_done() {
             return;
         }
-        commands.pass(PASS, |commands| {
+        commands.pass(self.stage.pass(), |commands| {
             commands.buffers_written();
             commands.prepare(&self.light, ImageAccess::Storage);
             let access = match self.stage {
@@ -336,6 +359,9 @@ impl LightmapBake {
             let (work, all) = self.next_piece();
             self.dispatch(commands, self.pipelines.of(self.stage), sets, work);
             self.cursor += work.count;
+            if self.stage != Stage::Open {
+                self.paced().issue(f64::from(work.count) * f64::from(work.samples));
+            }
             if self.cursor >= all {
                 self.end_stage(commands, sets);
             }
@@ -344,7 +370,7 @@ impl LightmapBake {
     }
 
     /// The next piece of this stage, and the elements of the whole stage.
-    fn next_piece(&self) -> (Work, u32) {
+    fn next_piece(&mut self) -> (Work, u32) {
         let all = match self.stage {
             Stage::Open => self.all_texels,
             Stage::Relays => self.relays,
@@ -353,7 +379,7 @@ impl LightmapBake {
         let samples = self.stage.samples();
         // An open sky's light takes hardly longer than to clear the image, which would be seen otherwise.
         let most =
-            if self.stage == Stage::Open { all } else { ((self.pace.size() / f64::from(samples)) as u32).max(1) };
+            if self.stage == Stage::Open { all } else { ((self.paced().size() / f64::from(samples)) as u32).max(1) };
         let work = Work {
             first: self.cursor,
             count: most.min(all - self.cursor),
@@ -365,8 +391,13 @@ impl LightmapBake {
         (work, all)
     }
 
+    /// What the stage's pieces follow.
+    fn paced(&mut self) -> &mut Pace {
+        if self.stage.is_soft() { &mut self.pace } else { &mut self.direct_pace }
+    }
+
     fn end_stage(&mut self, commands: &mut Commands<'_>, sets: &BakeSets<'_>) {
-        if matches!(self.stage, Stage::Bounce(_) | Stage::Last(_)) {
+        if self.stage.is_soft() {
             let all = Work { count: self.texels, flags: self.stage.flags(self.samples), ..Work::default() };
             commands.buffers_written();
             commands.prepare(&self.soft, ImageAccess::Storage);

@@ -36,6 +36,7 @@ mod ray_scene;
 mod random_gpu_tests;
 mod reference_accumulator;
 mod renderer;
+mod rest;
 #[cfg(test)]
 mod scatter_gpu_tests;
 mod scene_resources;

@@ -201,6 +201,7 @@ impl LocalProbes {
             Stage::Capture(probe, first_row) => {
                 let [_, height] = self.captured.desc().size;
                 let rows = (self.pace.size() as u32 / GROUP * GROUP).clamp(GROUP, height - first_row);
+                self.pace.issue(f64::from(rows));
                 let work = Work { position: self.placed[probe].position, first_row, rows };
                 commands.pass(CAPTURE, |commands| self.capture(commands, sets, work));
                 let next = first_row + rows;

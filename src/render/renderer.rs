@@ -3,6 +3,8 @@
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
+use glam::Mat4;
+
 use super::bound_scene::{BAKE_MS, BoundScene};
 use super::draws::{DrawCounts, DrawList};
 use super::eye::Eye;
@@ -18,6 +20,7 @@ use super::pipeline_request::PipelineRequest;
 use super::pipelines::PassPipelines;
 use super::probes::LocalProbes;
 use super::reference_accumulator::{ReferenceAccumulator, StandardError, jittered};
+use super::rest::Rest;
 use super::scene_resources::{SceneResources, SceneTextures, TextureFacts};
 use super::settings::RenderSettings;
 use super::shared::FrameBlock;
@@ -38,6 +41,8 @@ pub struct Renderer {
     reference: Option<ReferenceAccumulator>,
     hidden_area: Option<HiddenArea>,
     draws: DrawList,
+    /// Of the first eye's place.
+    rest: Rest<Option<Mat4>>,
 }
 
 impl Renderer {
@@ -95,6 +100,7 @@ impl Renderer {
             pipelines,
             hidden_area: None,
             draws: DrawList::default(),
+            rest: Rest::default(),
         })
     }
 
@@ -288,11 +294,12 @@ impl Renderer {
     /// A ring with too few bytes.
     pub fn record(&mut self, frame: &mut FrameContext<'_>, inputs: &FrameInputs<'_>) -> Result<()> {
         self.list_draws(inputs);
+        let rests = self.eye_rests(inputs);
         self.scene.update_shadows(&mut frame.commands, self.pipelines.shadows.as_ref(), inputs);
         let Self { scene, pipelines, targets, reference, draws, .. } = self;
         let block = inputs.block(scene.constants());
         if reference.is_none() && scene.follow_light(inputs) {
-            scene.record_light(frame, &block, piece_ms(&self.context, inputs.eyes.len()))?;
+            scene.record_light(frame, &block, piece_ms(&self.context, inputs.eyes.len(), rests))?;
         }
         if let Some((reference, passes)) = reference.as_mut().zip(pipelines.reference.as_ref()) {
             let index = reference.next_index(block, targets.area);
@@ -371,15 +378,24 @@ impl Renderer {
         self.draws.fill(&self.scene.resources.draws, &moved[..inputs.eyes.len()], inputs.culling);
     }
 
+    /// Whether the first eye has been where it is for some frames.
+    fn eye_rests(&mut self, inputs: &FrameInputs<'_>) -> bool {
+        self.rest.follow(inputs.eyes.first().map(|eye| eye.world_from_view)) >= REST
+    }
+
     fn size(&self) -> [u32; 2] {
         self.targets.picture.desc().size
     }
 }
 
+/// Frames without a move after which a picture is taken to rest.
+const REST: u32 = 4;
+
 /// What a piece of a lightmap may take of each frame, milliseconds: little beside a headset's pictures, and on software
-/// renderers about as much as a window's frame takes there.
-fn piece_ms(context: &Context, eyes: usize) -> f64 {
+/// renderers, where a window's frame takes 100 to 200 ms, about as much; several times that where nothing moves.
+fn piece_ms(context: &Context, eyes: usize, rests: bool) -> f64 {
     match (context.gpu.info().is_software(), eyes) {
+        (true, 1) if rests => 8.0 * BAKE_MS,
         (true, 1) => 2.0 * BAKE_MS,
         (true, _) => BAKE_MS,
         (false, 1) => 10.0,
