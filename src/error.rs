@@ -94,6 +94,13 @@ impl Error {
         matches!(self, Self::Vulkan { result: ash::vk::Result::ERROR_DEVICE_LOST, .. })
     }
 
+    /// Whether memory is missing, so that less may do.
+    pub fn is_out_of_memory(&self) -> bool {
+        use ash::vk::Result as R;
+        let of = |result| matches!(result, R::ERROR_OUT_OF_DEVICE_MEMORY | R::ERROR_OUT_OF_HOST_MEMORY);
+        matches!(self, Self::GpuMemory { .. }) || matches!(self, Self::Vulkan { result, .. } if of(*result))
+    }
+
     /// The process's exit status: 2 for bad usage, else 1.
     pub fn exit_code(&self) -> u8 {
         match self {

@@ -11,6 +11,7 @@ use super::lighting::Lighting;
 use super::scene_resources::{SceneResources, SceneTextures};
 use super::settings::{LightModel, RenderSettings};
 use crate::Result;
+use crate::asset::Report;
 use crate::context::Context;
 use crate::gpu::Buffer;
 use crate::scene::atlas::{Flattened, NoAtlas, Work, flatten};
@@ -34,6 +35,9 @@ pub struct LightmapRequest {
     scale: f32,
     importance: Option<Arc<Buffer>>,
 }
+
+/// The least side of a lightmap that memory is tried for.
+const LEAST_SIDE: u32 = 64;
 
 /// Whether the scene has a lightmap with these settings, where an atlas can be made.
 pub fn is_lightmapped(scene: &Scene, settings: &RenderSettings) -> bool {
@@ -63,12 +67,24 @@ impl LightmapRequest {
     }
 
     /// Makes the atlas and whatever light is computed with; takes light from the cache if it is there for the scene as its file
-    /// has it. `None` if the scene needs no lightmap, if no atlas can be made, or once `stop` is set.
+    /// has it. The lightmap is coarser where memory is missing. `None` if the scene needs no lightmap, if there is no memory or
+    /// no atlas can be made, or once `stop` is set.
     ///
     /// # Errors
-    /// No memory; a failed Vulkan call.
+    /// A failed Vulkan call.
     pub fn prepare(&self, context: &Context, scene: &Scene, stop: &AtomicBool) -> Result<Option<Lightmapped>> {
-        let Some(flattened) = self.flattened(context, scene, stop) else { return Ok(None) };
+        let Some(side) = side(scene, &self.settings) else { return Ok(None) };
+        as_fine_as_fits(side, &context.report, |side| self.prepare_at(context, scene, side, stop))
+    }
+
+    fn prepare_at(
+        &self,
+        context: &Context,
+        scene: &Scene,
+        side: u32,
+        stop: &AtomicBool,
+    ) -> Result<Option<Lightmapped>> {
+        let Some(flattened) = flattened(context, scene, side, stop) else { return Ok(None) };
         let geometry = GeometryView { meshes: &flattened.meshes, instances: &flattened.instances };
         let resources = SceneResources::new(context, self.textures.clone(), scene, geometry, &self.settings)?;
         let (ray_scene, importance) = (&*resources.ray_scene, self.importance.as_ref());
@@ -79,18 +95,73 @@ impl LightmapRequest {
         baked.load(context, state, self.scale)?;
         Ok(Some(Lightmapped { resources, baked }))
     }
+}
 
-    fn flattened(&self, context: &Context, scene: &Scene, stop: &AtomicBool) -> Option<Flattened> {
-        let side = side(scene, &self.settings)?;
-        let Context { cache, report, .. } = context;
-        let work = Work { cache: cache.as_ref(), report, stop };
-        match report.time("atlas", || flatten(&scene.meshes, &scene.instances, side, work)) {
-            Ok(flattened) => Some(flattened),
-            Err(NoAtlas::Stopped) => None,
-            Err(why) => {
-                report.warn(format!("no lightmap: {why}"));
-                None
+fn flattened(context: &Context, scene: &Scene, side: u32, stop: &AtomicBool) -> Option<Flattened> {
+    let Context { cache, report, .. } = context;
+    let work = Work { cache: cache.as_ref(), report, stop };
+    match report.time("atlas", || flatten(&scene.meshes, &scene.instances, side, work)) {
+        Ok(flattened) => Some(flattened),
+        Err(NoAtlas::Stopped) => None,
+        Err(why) => {
+            report.warn(format!("no lightmap: {why}"));
+            None
+        }
+    }
+}
+
+/// What `make` makes of a lightmap of `side` × `side` texels, or of half as many along a side as long as memory is missing;
+/// `None` where even the least does not fit.
+fn as_fine_as_fits<T>(side: u32, report: &Report, make: impl Fn(u32) -> Result<Option<T>>) -> Result<Option<T>> {
+    let mut fits = side;
+    loop {
+        match make(fits) {
+            Err(error) if error.is_out_of_memory() && fits / 2 >= LEAST_SIDE => fits /= 2,
+            Err(error) if error.is_out_of_memory() => {
+                report.warn(format!("no lightmap: {error}"));
+                return Ok(None);
+            }
+            made => {
+                if fits < side && matches!(made, Ok(Some(_))) {
+                    report.warn(format!("GPU memory: a lightmap of {fits}x{fits} texels instead of {side}x{side}"));
+                }
+                return made;
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Error;
+
+    fn no_memory() -> Error {
+        Error::GpuMemory { what: "lightmap".into(), problem: "none left".into() }
+    }
+
+    #[test]
+    fn a_lightmap_is_coarser_where_memory_is_missing_and_one_line_says_so() {
+        let report = Report::silent();
+        let fits = |most| move |side| if side > most { Err(no_memory()) } else { Ok(Some(side)) };
+        assert_eq!(as_fine_as_fits(512, &report, fits(512)).unwrap(), Some(512));
+        assert_eq!(report.warnings(), [""; 0]);
+        assert_eq!(as_fine_as_fits(512, &report, fits(200)).unwrap(), Some(128));
+        assert_eq!(report.warnings(), ["GPU memory: a lightmap of 128x128 texels instead of 512x512"]);
+        assert_eq!(as_fine_as_fits(512, &report, fits(10)).unwrap(), None);
+        assert!(
+            report.warnings()[1].starts_with("no lightmap: GPU: no memory for lightmap"),
+            "{:?}",
+            report.warnings()
+        );
+    }
+
+    #[test]
+    fn other_errors_and_nothing_at_all_stay_what_they_are() {
+        let report = Report::silent();
+        let lost = |_| Err::<Option<()>, _>(Error::vulkan("submitting")(ash::vk::Result::ERROR_DEVICE_LOST));
+        assert!(as_fine_as_fits(512, &report, lost).is_err_and(|error| error.is_device_lost()));
+        assert!(as_fine_as_fits(512, &report, |_| Ok(None::<()>)).unwrap().is_none());
+        assert_eq!(report.warnings(), [""; 0]);
     }
 }
