@@ -11,6 +11,8 @@ pub struct Submesh {
     pub has_uvs: bool,
     /// Three per triangle, counter-clockwise seen from outside.
     pub corners: Vec<Corner>,
+    /// The smoothing group of each triangle, 0 for none; empty if all belong to one.
+    pub smoothing: Vec<u32>,
 }
 
 /// A corner of a triangle.

@@ -25,11 +25,13 @@ struct Place {
     face: Vec3,
     /// Angle at the corner, in radians.
     angle: f32,
+    /// Smoothing group; 0: none.
+    group: u32,
 }
 
 /// Fills in every zero normal: the mean of the triangles around its position, weighted by their angles there (Thürmer
-/// and Wüthrich, "Computing Vertex Normals from Polygonal Facets", 1998), leaving out those beyond a crease of 60°.
-/// Neighbours count across submeshes and texture seams.
+/// and Wüthrich, "Computing Vertex Normals from Polygonal Facets", 1998), leaving out those beyond a crease of 60° and those
+/// of other smoothing groups. Neighbours count across submeshes and texture seams.
 pub fn complete(submeshes: &mut [Submesh]) {
     if submeshes.iter().all(|submesh| submesh.corners.iter().all(|corner| corner.normal != Vec3::ZERO)) {
         return;
@@ -48,7 +50,7 @@ pub fn complete(submeshes: &mut [Submesh]) {
 }
 
 fn submesh_places(submeshes: &[Submesh], index: usize) -> impl Iterator<Item = Place> {
-    let corners = &submeshes[index].corners;
+    let Submesh { corners, smoothing, .. } = &submeshes[index];
     (0..corners.len()).map(move |corner| {
         let first = corner / 3 * 3;
         let at = |offset: usize| corners[first + offset % 3].position;
@@ -61,6 +63,7 @@ fn submesh_places(submeshes: &[Submesh], index: usize) -> impl Iterator<Item = P
             corner: corner as u32,
             face: unit(unit(at(1) - at(0)).cross(unit(at(2) - at(0)))),
             angle: next.dot(previous).clamp(-1.0, 1.0).acos(),
+            group: smoothing.get(corner / 3).copied().unwrap_or(u32::MAX),
         }
     })
 }
@@ -71,8 +74,14 @@ fn weighted_mean<'a>(places: impl Iterator<Item = &'a Place>) -> Vec3 {
 
 fn smooth_normal(own: &Place, around: &[Place], all: Vec3) -> Vec3 {
     let compare = own.face != Vec3::ZERO && around.len() <= MAX_COMPARED;
-    let joined = |other: &&Place| other.face.dot(own.face) >= CREASE_COSINE;
-    let mean = if compare { weighted_mean(around.iter().filter(joined)) } else { all };
+    let joined = |other: &&Place| other.group == own.group && other.face.dot(own.face) >= CREASE_COSINE;
+    let mean = if own.group == 0 {
+        own.face
+    } else if compare {
+        weighted_mean(around.iter().filter(joined))
+    } else {
+        all
+    };
     // Where only triangles without area meet, nothing is visible: any direction will do.
     [mean, own.face].into_iter().find(|normal| *normal != Vec3::ZERO).unwrap_or(Vec3::Y)
 }
@@ -87,7 +96,7 @@ mod tests {
     fn submesh(triangles: &[[Vec3; 3]]) -> Submesh {
         let corner = |position: Vec3| Corner { position, normal: Vec3::ZERO, uv: Vec2::ZERO };
         let corners = triangles.as_flattened().iter().map(|p| corner(*p)).collect();
-        Submesh { name: "p".into(), material: None, has_uvs: false, corners }
+        Submesh { name: "p".into(), material: None, has_uvs: false, corners, smoothing: Vec::new() }
     }
 
     /// Two triangles that meet at an edge along z, the second turned by some degrees out of the plane of the first.
@@ -130,6 +139,17 @@ mod tests {
         complete(&mut sharp);
         let (a, b) = (sharp[0].corners[0].normal, sharp[1].corners[0].normal);
         assert!((a - Vec3::Y).length() < 1e-6 && a.angle_between(b).to_degrees() > 79.0, "{a} {b}");
+    }
+
+    #[test]
+    fn smoothing_groups_part_what_a_crease_would_not() {
+        for (groups, smooth) in [([1, 1], true), ([1, 2], false), ([0, 0], false)] {
+            let mut parts = flip_up(fold(20.0));
+            parts.iter_mut().zip(groups).for_each(|(part, group)| part.smoothing = vec![group]);
+            complete(&mut parts);
+            let (a, b) = (parts[0].corners[0].normal, parts[1].corners[0].normal);
+            assert_eq!((a - b).length() < 1e-6, smooth, "{groups:?}: {a} {b}");
+        }
     }
 
     #[test]

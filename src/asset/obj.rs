@@ -1,8 +1,6 @@
-//! OBJ models: preprocesses the text for `tobj`, then checks positions and completes normals.
-//!
-//! The text is preprocessed because `tobj` reads lines like `l 1 2 3` as triangles, overflows on relative indices
-//! before the start of the file, and shifts the coordinates of meshes where only some corners have them.
+//! OBJ models: read by `tobj` from preprocessed text, then cut into triangles, checked, and completed with normals.
 
+use std::collections::HashSet;
 use std::io::Cursor;
 use std::path::Path;
 
@@ -10,13 +8,13 @@ use glam::{Vec2, Vec3};
 
 use super::mesh::{Corner, Submesh};
 use super::mtl::{self, Mtl};
+use super::obj_text::{ObjText, broken};
+use super::polygon::triangulate;
 use super::{Report, file, normals};
 use crate::error::{MAX_QUOTED, shortened};
 use crate::{Error, Result};
 
 const MAX_FILE_BYTES: u64 = 1 << 30;
-/// 1.5 GB of corners. The thesis's largest scene has 262,267.
-const MAX_TRIANGLES: usize = 16 << 20;
 /// Beyond this, or below its inverse, products of lengths leave the range of f32.
 pub const MAX_COORDINATE: f32 = 1e9;
 /// Beyond this, f32 cannot resolve texels.
@@ -31,8 +29,9 @@ pub struct Model {
 
 /// Reads a model and the material libraries it names.
 ///
-/// Polygons become fans. Missing, zero or non-finite normals are computed from the adjacent triangles. A missing
-/// library or material is a warning.
+/// Polygons are cut into triangles, which turn counter-clockwise about the file's normals where it has any. Missing, zero
+/// or non-finite normals are computed from the adjacent triangles of the same smoothing group. A model far from the origin
+/// is moved there with a warning; a missing library or material is one, too.
 ///
 /// # Errors
 /// The file cannot be read or is too large; a line cannot be parsed; an index is out of range; a position is not
@@ -48,131 +47,17 @@ pub fn load(path: &Path, report: &Report) -> Result<Model> {
     let materials = load_libraries(path, &source, report);
     let models = run_tobj(path, &source.text, &materials)?;
     warn_of_unknown_materials(path, &source, &materials, report);
+    warn_of_changes(path, &source, report);
     let mut submeshes = Vec::new();
+    let mut groups = source.smoothing.iter().copied();
     for model in models.into_iter().filter(|model| !model.mesh.indices.is_empty()) {
-        submeshes.push(submesh(path, &source, model, report)?);
+        submeshes.push(submesh(path, &source, model, &mut groups, report)?);
     }
     if submeshes.is_empty() {
         return Err(broken(path, "it has no triangles".into()));
     }
     normals::complete(&mut submeshes);
     Ok(Model { submeshes, materials })
-}
-
-/// The lines of a file that `tobj` needs, after one additional line: the others are empty, so that line numbers stay.
-struct ObjText {
-    text: String,
-    /// Line and file name of each `mtllib`.
-    libraries: Vec<(usize, String)>,
-    /// Line and name of each `usemtl`.
-    uses: Vec<(usize, String)>,
-}
-
-impl ObjText {
-    fn new(path: &Path, bytes: &[u8]) -> Result<Self> {
-        // `tobj` gets all materials with this line, so that libraries may be named anywhere.
-        let mut source = Self { text: "mtllib all\n".into(), libraries: Vec::new(), uses: Vec::new() };
-        source.text.reserve(bytes.len());
-        let mut counts = Counts::default();
-        let mut joined = String::new();
-        let mut last = 0;
-        for (index, line) in file::lines(bytes).enumerate() {
-            let line = line.trim();
-            last = index + 1;
-            if let Some(start) = line.strip_suffix('\\') {
-                joined.push_str(start);
-                joined.push(' ');
-                source.text.push('\n');
-                continue;
-            }
-            if joined.is_empty() {
-                source.add_line(path, index + 1, line, &mut counts)?;
-            } else {
-                joined.push_str(line);
-                source.add_line(path, index + 1, &std::mem::take(&mut joined), &mut counts)?;
-            }
-            source.text.push('\n');
-        }
-        // The last line may end in a continuation, too.
-        source.add_line(path, last, &joined, &mut counts)?;
-        Ok(source)
-    }
-
-    fn add_line(&mut self, path: &Path, number: usize, line: &str, counts: &mut Counts) -> Result<()> {
-        let (key, rest) = line.split_once(|c: char| c.is_ascii_whitespace()).unwrap_or((line, ""));
-        match key {
-            "v" | "vt" | "vn" | "f" => {
-                let data = line.split('#').next().unwrap_or(line);
-                counts.add(path, number, key, data)?;
-                self.text.push_str(data);
-            }
-            "o" | "g" => {
-                self.text.push_str("o ");
-                self.text.push_str(rest.trim());
-            }
-            "usemtl" => {
-                self.uses.push((number, rest.trim().to_owned()));
-                // `tobj` rejects an empty name; no material has this one.
-                self.text.push_str(if rest.trim().is_empty() { "usemtl \u{0}" } else { "usemtl " });
-                self.text.push_str(rest.trim());
-            }
-            "mtllib" => self.libraries.push((number, rest.trim().to_owned())),
-            _ => {}
-        }
-        Ok(())
-    }
-
-    /// Line number in the user's file, and words, of each line that starts with `key`.
-    fn lines<'a>(&'a self, key: &'a str) -> impl Iterator<Item = (usize, std::str::SplitWhitespace<'a>)> {
-        self.text.lines().enumerate().filter_map(move |(number, line)| {
-            let mut words = line.split_whitespace();
-            (words.next() == Some(key)).then_some((number, words))
-        })
-    }
-}
-
-/// What the lines so far have defined.
-#[derive(Default)]
-struct Counts {
-    /// Positions, texture coordinates, normals.
-    data: [usize; 3],
-    triangles: usize,
-}
-
-impl Counts {
-    fn add(&mut self, path: &Path, number: usize, key: &str, line: &str) -> Result<()> {
-        match key {
-            "v" => self.data[0] += 1,
-            "vt" => self.data[1] += 1,
-            "vn" => self.data[2] += 1,
-            _ => {
-                self.triangles += line.split_ascii_whitespace().count().saturating_sub(3);
-                if self.triangles > MAX_TRIANGLES {
-                    let (size, limit) =
-                        (format!("over {MAX_TRIANGLES} triangles"), format!("{MAX_TRIANGLES} triangles"));
-                    return Err(Error::TooLarge { path: path.into(), what: "model", size, limit });
-                }
-                self.check_face(path, number, line)?;
-            }
-        }
-        Ok(())
-    }
-
-    /// Rejects indices on which `tobj`'s sums would overflow; the others it checks itself.
-    fn check_face(&self, path: &Path, number: usize, line: &str) -> Result<()> {
-        for corner in line.split_ascii_whitespace().skip(1) {
-            for (index, count) in corner.split('/').zip(self.data) {
-                let safe = -(count as i64)..=i64::from(u32::MAX);
-                if index.parse().is_ok_and(|i: i64| !safe.contains(&i)) {
-                    return Err(broken(
-                        path,
-                        format!("line {number}: index {} of a face is not among {count}", shortened(index, MAX_QUOTED)),
-                    ));
-                }
-            }
-        }
-        Ok(())
-    }
 }
 
 fn load_libraries(path: &Path, source: &ObjText, report: &Report) -> Vec<Mtl> {
@@ -203,15 +88,26 @@ fn load_libraries(path: &Path, source: &ObjText, report: &Report) -> Vec<Mtl> {
     materials
 }
 
+fn warn_of_changes(path: &Path, source: &ObjText, report: &Report) {
+    let short = file::short_name(path);
+    if let Some(line) = source.coloured {
+        report.warn(format!("{short}:{line}: colours of positions are not supported; drawn without"));
+    }
+    if let Some(by) = source.moved {
+        let by = -by;
+        report.warn(format!("{short}: far from the origin for its size; moved by {} {} {}", by.x, by.y, by.z));
+    }
+}
+
 fn warn_of_unknown_materials(path: &Path, source: &ObjText, materials: &[Mtl], report: &Report) {
-    let mut warned = Vec::new();
+    let mut known: HashSet<&str> = materials.iter().map(|material| material.name.as_str()).collect();
     for (line, name) in &source.uses {
-        if !warned.contains(&name) && !materials.iter().any(|material| material.name == *name) {
+        // Each is warned of once.
+        if known.insert(name) {
             report.warn(format!(
                 "{}:{line}: usemtl {name}: no such material; using the default one",
                 file::short_name(path)
             ));
-            warned.push(name);
         }
     }
     if source.uses.is_empty() {
@@ -220,7 +116,7 @@ fn warn_of_unknown_materials(path: &Path, source: &ObjText, materials: &[Mtl], r
 }
 
 fn run_tobj(path: &Path, text: &str, materials: &[Mtl]) -> Result<Vec<tobj::Model>> {
-    let options = tobj::LoadOptions { single_index: true, triangulate: true, ignore_points: true, ignore_lines: true };
+    let options = tobj::LoadOptions { single_index: true, triangulate: false, ignore_points: true, ignore_lines: true };
     let mut reader = Cursor::new(text.as_bytes());
     let library = |_: &Path| {
         let named = materials.iter().map(|m| tobj::Material { name: m.name.clone(), ..Default::default() }).collect();
@@ -244,7 +140,6 @@ fn explain(error: tobj::LoadError, line: usize, text: &str) -> String {
         E::FaceVertexOutOfBounds | E::FaceTexCoordOutOfBounds | E::FaceNormalOutOfBounds => {
             index_out_of_range(text).unwrap_or_else(|| format!("{error} in the object that ends at line {line}"))
         }
-        E::InvalidPolygon => format!("a face without corners in the object that ends at line {line}"),
         _ => format!("line {line}: {error}"),
     }
 }
@@ -260,7 +155,14 @@ fn index_out_of_range(text: &str) -> Option<String> {
     })
 }
 
-fn submesh(path: &Path, source: &ObjText, model: tobj::Model, report: &Report) -> Result<Submesh> {
+/// `groups`: the smoothing groups of this model's faces and of those that follow.
+fn submesh(
+    path: &Path,
+    source: &ObjText,
+    model: tobj::Model,
+    groups: &mut impl Iterator<Item = u32>,
+    report: &Report,
+) -> Result<Submesh> {
     let (mesh, name) = (model.mesh, model.name);
     let positions: &[[f32; 3]] = mesh.positions.as_chunks().0;
     let within = |values: &[f32], limit: f32| values.iter().all(|v| v.abs() <= limit);
@@ -294,8 +196,37 @@ fn submesh(path: &Path, source: &ObjText, model: tobj::Model, report: &Report) -
             }),
         }
     };
-    let corners = mesh.indices.iter().map(corner).collect();
-    Ok(Submesh { name, material: mesh.material_id, has_uvs, corners })
+    let mut submesh = Submesh { name, material: mesh.material_id, has_uvs, corners: Vec::new(), smoothing: Vec::new() };
+    submesh.corners.reserve(mesh.indices.len());
+    let mut rest = &mesh.indices[..];
+    // `tobj` leaves the numbers of corners out where all are triangles.
+    let triangles = mesh.face_arities.is_empty().then_some(3).into_iter().cycle().take(mesh.indices.len() / 3);
+    for arity in triangles.chain(mesh.face_arities.iter().map(|arity| *arity as usize)) {
+        let (face, after) = rest.split_at(arity.min(rest.len()));
+        rest = after;
+        let group = groups.next();
+        let mut add = |triangle| {
+            submesh.corners.extend(facing_its_normals(triangle));
+            submesh.smoothing.extend(group);
+        };
+        if let [a, b, c] = face {
+            add([a, b, c].map(corner));
+            continue;
+        }
+        let face: Vec<Corner> = face.iter().map(corner).collect();
+        let positions: Vec<Vec3> = face.iter().map(|corner| corner.position).collect();
+        triangulate(&positions).into_iter().for_each(|triangle| add(triangle.map(|corner| face[corner])));
+    }
+    Ok(submesh)
+}
+
+/// The triangle turned round if it turns clockwise about its normals, as in mirrored objects: light comes from the side
+/// that normals point to.
+fn facing_its_normals([a, b, c]: [Corner; 3]) -> [Corner; 3] {
+    let area = (b.position - a.position).as_dvec3().cross((c.position - a.position).as_dvec3());
+    let has_all = [a, b, c].iter().all(|corner| corner.normal != Vec3::ZERO);
+    let behind = has_all && area.dot((a.normal + b.normal + c.normal).as_dvec3()) < 0.0;
+    if behind { [a, c, b] } else { [a, b, c] }
 }
 
 fn bad_position(source: &ObjText) -> String {
@@ -303,11 +234,6 @@ fn bad_position(source: &ObjText) -> String {
     let line = source.lines("v").find(|(_, words)| words.clone().take(3).any(bad)).map(|(number, _)| number);
     let place = line.map_or(String::new(), |number| format!("line {number}: "));
     format!("{place}a position is not a number, or beyond {MAX_COORDINATE:e}")
-}
-
-fn broken(path: &Path, problem: String) -> Error {
-    let remedy = "export it again as OBJ with triangles";
-    Error::Broken { path: path.into(), what: "OBJ model", problem, remedy }
 }
 
 #[cfg(test)]

@@ -125,7 +125,7 @@ fn errors_name_the_line() {
         ("v 0 0 0\nvt 0 0\nf 1/1 1/2 1/1\n", "line 3: index 2"),
         ("v 0 0 0\nf 1 -2 1\n", "line 2: index -2"),
         ("v 0 0 0\nvt 0 0\nvn 0 0 1\nf 1/1/9223372036854775807 1/1/1 1/1/1\n", "line 4: index 9223372036854775807"),
-        ("v 0 0 0\nf\no b\nf 1 1 1", "a face without corners"),
+        ("v 0 0 0\nf\n", "no triangles"),
         ("v 0 0 0 0\n", "line 1: scaling"),
     ] {
         let got = problem(text);
@@ -146,4 +146,73 @@ fn a_byte_order_mark_hides_no_line_and_the_last_may_end_in_a_continuation() {
         loaded(format!("\u{feff}mtllib My Lib.mtl\nusemtl red\n{TRIANGLE}f 1 2 3\nf 3 2 1\\"), "newmtl red\n");
     let model = model.unwrap();
     assert_eq!((warnings.len(), sizes(&model), model.submeshes[0].material), (0, vec![2], Some(0)), "{warnings:?}");
+}
+
+#[test]
+fn colours_of_some_positions_refuse_nothing_and_are_warned_of_once() {
+    let white = "v 0 0 0 1 1 1\nv 1 0 0 1.0 1 1\nv 0 1 0\nf 1 2 3\n";
+    assert_eq!(loaded(format!("usemtl\n{white}"), "").1, ["a.obj:1: usemtl : no such material; using the default one"]);
+    let (model, warnings) = loaded(format!("{white}v 0 0 1 0.5 1 0\nv 0 1 1 1 0 0 0\nv 1 1 1 0 0 0\nf 4 5 6"), "");
+    assert_eq!(sizes(&model.unwrap()), [2]);
+    let colour: Vec<_> = warnings.iter().filter(|w| w.contains("colours")).collect();
+    assert_eq!(colour, ["a.obj:5: colours of positions are not supported; drawn without"]);
+}
+
+#[test]
+fn faces_turn_about_their_normals() {
+    let model = good(format!("{TRIANGLE}vn 0 0 -1\nf 1//1 2//1 3//1\nf 1//2 2//2 3//2\nf 1 2 3\n"));
+    let turns: Vec<f32> = model.submeshes[0]
+        .corners
+        .chunks(3)
+        .map(|t| (t[1].position - t[0].position).cross(t[2].position - t[0].position).z)
+        .collect();
+    // Where some corners have none, all are computed.
+    assert_eq!(turns, [1.0, 1.0, 1.0]);
+    let model = good(format!("{TRIANGLE}vn 0 0 -1\nf 1//1 2//1 3//1\nf 1//2 2//2 3//2\n"));
+    for triangle in model.submeshes[0].corners.chunks(3) {
+        let area = (triangle[1].position - triangle[0].position).cross(triangle[2].position - triangle[0].position);
+        assert!(area.dot(triangle[0].normal) > 0.0, "{triangle:?}");
+    }
+    assert_eq!(model.submeshes[0].corners[3].normal, Vec3::NEG_Z);
+}
+
+#[test]
+fn concave_polygons_are_not_covered_twice() {
+    let model = good("v 0 0 0\nv 2 1 0\nv 0 2 0\nv 0.5 1 0\nf 1 2 3 4\n");
+    let area = |t: &[Corner]| 0.5 * (t[1].position - t[0].position).cross(t[2].position - t[0].position).length();
+    assert_eq!(model.submeshes[0].corners.chunks(3).map(area).sum::<f32>(), 1.5);
+}
+
+/// Coordinates of a national grid in millimetres.
+#[test]
+fn what_is_far_from_the_origin_is_moved_there_before_digits_are_lost() {
+    let far = |x: f64, y: f64| format!("v {} {} 0.25\n", 2_500_000_123.0 + x, 1_200_000_456.0 + y);
+    let faces = "f 1 2 3\n";
+    let (model, warnings) = loaded([far(0.0, 0.0), far(1000.25, 0.0), far(0.0, 1000.0), faces.into()].concat(), "");
+    let corners = &model.unwrap().submeshes[0].corners;
+    assert_eq!(corners[1].position - corners[0].position, Vec3::new(1000.25, 0.0, 0.0));
+    assert_eq!(warnings[1], "a.obj: far from the origin for its size; moved by -2500000623 -1200000956 -0");
+    // A cup in its room stays where it is.
+    let (model, warnings) = loaded("v 90 1 20\nv 90.1 1 20\nv 90 1.1 20\nf 1 2 3\n", "");
+    assert_eq!((model.unwrap().submeshes[0].corners[0].position, warnings.len()), (Vec3::new(90.0, 1.0, 20.0), 1));
+}
+
+#[test]
+fn smoothing_groups_are_heeded_where_the_file_has_some() {
+    let roof = "v 0 0 0\nv 0 0 1\nv 1 0.1 0\nv -1 0.1 0\n";
+    let normals = |faces: &str| {
+        let corners = good(format!("{roof}{faces}")).submeshes.into_iter().flat_map(|submesh| submesh.corners);
+        let at_origin: Vec<Vec3> = corners.filter(|c| c.position == Vec3::ZERO).map(|c| c.normal).collect();
+        (at_origin[0] - at_origin[1]).length()
+    };
+    assert!(normals("f 1 2 3\nf 1 4 2\n") < 1e-6, "without groups they are smooth");
+    assert!(normals("s 1\nf 1 2 3\no other\nf 1 4 2\n") < 1e-6);
+    assert!(normals("s off\nf 1 2 3\nf 1 4 2\n") > 0.1);
+    assert!(normals("s 1\nf 1 2 3\ns 2\nf 1 4 2\n") > 0.1);
+    assert!(normals("f 1 2 3\nf 3 1\ns 0\nf 1 4 2\n") > 0.1, "lines count for nothing");
+}
+
+#[test]
+fn a_comment_ends_with_its_line() {
+    assert_eq!(sizes(&good(format!("# C:\\models\\\n{TRIANGLE}f 1 2 3\n"))), [1]);
 }

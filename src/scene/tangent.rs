@@ -103,7 +103,13 @@ mod tests {
         let corner =
             |x: f32, y: f32| Corner { position: Vec3::new(x, y, 0.0), normal: Vec3::Z, uv: uv(Vec2::new(x, y)) };
         let [a, b, c, d] = [corner(0.0, 0.0), corner(1.0, 0.0), corner(1.0, 1.0), corner(0.0, 1.0)];
-        Submesh { name: "square".into(), material: None, has_uvs: true, corners: vec![a, b, c, a, c, d] }
+        Submesh {
+            name: "square".into(),
+            material: None,
+            has_uvs: true,
+            corners: vec![a, b, c, a, c, d],
+            smoothing: vec![],
+        }
     }
 
     fn bitangent(vertex: &Vertex) -> Vec3 {
