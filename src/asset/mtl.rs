@@ -2,13 +2,19 @@
 //!
 //! `tobj`'s own reader is not used: it takes `-bm 0.5 file` for a file name and panics on an incomplete colour.
 
+use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 
+use glam::Vec2;
+
+use super::texture::Pick;
 use super::{Report, file};
 use crate::error::{MAX_QUOTED, shortened};
 use crate::{Error, Result};
 
 const MAX_FILE_BYTES: u64 = 64 << 20;
+/// The largest number of `-s` and `-o`.
+const MAX_UV_TRANSFORM: f32 = 1e4;
 
 /// One `newmtl`. Absent keys are `None`; present numbers are finite.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -16,6 +22,12 @@ pub struct Mtl {
     pub name: String,
     /// Its file, for messages; maps are relative to its folder.
     pub path: PathBuf,
+    /// Whether Blender wrote the file, which keeps roughness and metalness in keys of the Phong model.
+    pub by_blender: bool,
+    /// Ambient colour.
+    pub ka: Option<[f32; 3]>,
+    /// The number of an illumination model.
+    pub illum: Option<u32>,
     /// Diffuse colour or base color.
     pub kd: Option<[f32; 3]>,
     /// Specular colour of the Phong model.
@@ -40,7 +52,7 @@ pub struct Mtl {
 }
 
 /// A texture as a material refers to it.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Map {
     /// Key and line as written, for messages.
     pub key: String,
@@ -49,9 +61,51 @@ pub struct Map {
     pub file: String,
     /// `-bm`, else 1.
     pub bump_strength: f32,
+    /// `-imfchan`: the channel of a scalar map.
+    pub pick: Option<Pick>,
+    /// `-s` and `-o`.
+    pub uv: UvTransform,
 }
 
-/// Reads every material of a library. Values that cannot be parsed are skipped with a warning that names line and key.
+/// Texture coordinates become `scale` · uv + `offset`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct UvTransform {
+    pub scale: [f32; 2],
+    pub offset: [f32; 2],
+}
+
+impl UvTransform {
+    /// Texture coordinates as the map takes them.
+    pub fn apply(&self, uv: Vec2) -> Vec2 {
+        uv * Vec2::from(self.scale) + Vec2::from(self.offset)
+    }
+}
+
+impl Mtl {
+    /// That of all its maps: of the first one, with a warning if others differ.
+    pub fn uv_transform(&self, report: &Report) -> UvTransform {
+        let colours = [&self.map_kd, &self.norm, &self.bump, &self.map_roughness, &self.map_metallic];
+        let maps = || colours.into_iter().chain([&self.map_ao, &self.map_ka, &self.map_d]).flatten();
+        let Some(first) = maps().next() else { return UvTransform::default() };
+        if let Some(other) = maps().find(|map| map.uv != first.uv) {
+            let short = file::short_name(&self.path);
+            let (line, key, own) = (other.line, &other.key, &first.key);
+            report.warn(format!(
+                "{short}:{line}: {key}: its -s and -o are not those of {own}, which are used for all maps"
+            ));
+        }
+        first.uv
+    }
+}
+
+impl Default for UvTransform {
+    fn default() -> Self {
+        Self { scale: [1.0; 2], offset: [0.0; 2] }
+    }
+}
+
+/// Reads every material of a library. Values that cannot be parsed are skipped with a warning that names line and key; a
+/// key or an option that is not honoured is warned of where it is met first.
 ///
 /// # Errors
 /// The file cannot be read, or is larger than 64 MiB.
@@ -66,29 +120,47 @@ pub fn load(path: &Path, report: &Report) -> Result<Vec<Mtl>> {
 
 fn parse(path: &Path, bytes: &[u8], report: &Report) -> Vec<Mtl> {
     let mut materials: Vec<Mtl> = Vec::new();
+    let by_blender = bytes.starts_with(b"# Blender");
+    let mut warned = HashSet::new();
     for (index, line) in file::lines(bytes).enumerate() {
         let line = line.trim();
         let (key, value) = line.split_once(char::is_whitespace).unwrap_or((line, ""));
         let value = value.trim();
         if key.eq_ignore_ascii_case("newmtl") {
-            materials.push(Mtl { name: value.to_owned(), path: path.into(), ..Mtl::default() });
-        } else if let Some(material) = materials.last_mut()
-            && let Err(problem) = read_key(material, key, value, index + 1)
-        {
-            let (key, value) = (shortened(key, MAX_QUOTED), shortened(value, MAX_QUOTED));
-            report.warn(format!("{}:{}: {key} {value}: {problem}; ignored", file::short_name(path), index + 1));
+            materials.push(Mtl { name: value.to_owned(), path: path.into(), by_blender, ..Mtl::default() });
+        } else if let Some(material) = materials.last_mut() {
+            let mut not_honoured = |what: &str, why: &str| {
+                if warned.insert(what.to_ascii_lowercase()) {
+                    let what = shortened(what, MAX_QUOTED);
+                    report.warn(format!("{}:{}: {what}: {why}", file::short_name(path), index + 1));
+                }
+            };
+            if let Err(problem) = read_key(material, key, value, index + 1, &mut not_honoured) {
+                let (key, value) = (shortened(key, MAX_QUOTED), shortened(value, MAX_QUOTED));
+                report.warn(format!("{}:{}: {key} {value}: {problem}; ignored", file::short_name(path), index + 1));
+            }
         }
     }
     materials
 }
 
-fn read_key(material: &mut Mtl, key: &str, value: &str, line: usize) -> std::result::Result<(), &'static str> {
-    let map = || read_map(key, value, line).map(Some);
-    match key.to_ascii_lowercase().as_str() {
+/// Reads a key into the material; `not_honoured` takes a key or an option, and what it would have done.
+fn read_key(
+    material: &mut Mtl,
+    key: &str,
+    value: &str,
+    line: usize,
+    not_honoured: &mut impl FnMut(&str, &str),
+) -> std::result::Result<(), &'static str> {
+    let mut map = || read_map(key, value, line, not_honoured).map(Some);
+    let lower = key.to_ascii_lowercase();
+    match lower.as_str() {
         "kd" => material.kd = Some(colour(value)?),
+        "ka" => material.ka = colour(value).ok(),
         "ks" => material.ks = Some(colour(value)?),
         "ke" => material.ke = Some(colour(value)?),
         "ns" => material.ns = Some(number(value)?),
+        "illum" => material.illum = number(value).ok().map(|model| model as u32),
         // `-halo` makes it depend on the view; the number comes last in either case.
         "d" => material.dissolve = Some(number(value.trim_start_matches("-halo"))?),
         // Some exporters write three numbers; `d` takes precedence.
@@ -98,14 +170,58 @@ fn read_key(material: &mut Mtl, key: &str, value: &str, line: usize) -> std::res
         "map_kd" => material.map_kd = map()?,
         "map_ka" => material.map_ka = map()?,
         "map_ao" => material.map_ao = map()?,
-        "map_d" => material.map_d = map()?,
-        "map_pm" => material.map_metallic = map()?,
-        "map_pr" => material.map_roughness = map()?,
-        "norm" | "map_norm" => material.norm = map()?,
+        "map_d" | "map_opacity" => material.map_d = map()?,
+        "map_pm" | "map_metallic" => material.map_metallic = map()?,
+        "map_pr" | "map_roughness" => material.map_roughness = map()?,
+        "norm" | "map_norm" | "map_normal" => material.norm = map()?,
         "bump" | "map_bump" => material.bump = map()?,
-        _ => {}
+        "map_orm" => set_packed(material, &map()?, [Pick::Red, Pick::Green, Pick::Blue]),
+        "map_rma" => set_packed(material, &map()?, [Pick::Blue, Pick::Red, Pick::Green]),
+        "map_ns" if material.by_blender => material.map_roughness = map()?,
+        "map_refl" if material.by_blender => material.map_metallic = map()?,
+        _ => {
+            if let Some(why) = unread(&lower, value) {
+                not_honoured(key, why);
+            }
+        }
     }
     Ok(())
+}
+
+/// Occlusion, roughness and metalness from the channels of one picture.
+fn set_packed(material: &mut Mtl, map: &Option<Map>, picks: [Pick; 3]) {
+    let [occlusion, roughness, metallic] =
+        picks.map(|pick| map.clone().map(|map| Map { pick: Some(map.pick.unwrap_or(pick)), ..map }));
+    (material.map_ao, material.map_roughness, material.map_metallic) = (occlusion, roughness, metallic);
+}
+
+/// What a key that is not read would have done; `None` where its value does nothing, and at the end of a file.
+fn unread(key: &str, value: &str) -> Option<&'static str> {
+    let differs_from = |nothing: f32| value.split_whitespace().any(|word| word.parse() != Ok(nothing));
+    let index = number(value).unwrap_or(1.5);
+    Some(match key {
+        "" | "newmtl" | "sharpness" | "pcr" | "anisor" => return None,
+        _ if key.starts_with('#') => return None,
+        // 1 stands for no refraction at all.
+        "ni" if index == 1.0 || (1.3..=1.7).contains(&index) => return None,
+        "ni" => "another index of refraction than 1.5 is not modelled; dielectrics mirror 4 %",
+        "tf" if !differs_from(1.0) => return None,
+        "tf" => "coloured transmission is not modelled",
+        "map_ks" => "a colour of highlights is not modelled; dielectrics mirror 4 %, metals their base colour",
+        "map_ns" => "exponents of highlights are not read from pictures; give roughness as map_Pr",
+        "map_refl" => "strengths of reflection are not read; give metalness as map_Pm",
+        "refl" => "its picture is not read; the scene's panorama is mirrored",
+        "map_ke" => "emission is not supported; ignored",
+        "disp" | "map_disp" => "displacement is not modelled; give heights as map_Bump",
+        "decal" => "decals are not modelled",
+        "map_tr" => "pictures of transparency are not read; give coverage as map_d",
+        "ps" | "pc" | "aniso" if !differs_from(0.0) => return None,
+        "ps" | "map_ps" => "sheen is not modelled",
+        "pc" | "map_pc" | "map_pcr" => "clear coats are not modelled",
+        "aniso" | "map_aniso" => "anisotropic highlights are not modelled; they are drawn round",
+        "map_aat" => return None,
+        _ => "unknown key; ignored",
+    })
 }
 
 fn number(text: &str) -> std::result::Result<f32, &'static str> {
@@ -123,23 +239,63 @@ fn colour(text: &str) -> std::result::Result<[f32; 3], &'static str> {
     }
 }
 
-fn read_map(key: &str, value: &str, line: usize) -> std::result::Result<Map, &'static str> {
+fn read_map(
+    key: &str,
+    value: &str,
+    line: usize,
+    not_honoured: &mut impl FnMut(&str, &str),
+) -> std::result::Result<Map, &'static str> {
+    let mut map = Map { key: key.to_owned(), line, bump_strength: 1.0, ..Map::default() };
     let mut rest = value;
-    let mut bump_strength = 1.0;
     while rest.starts_with('-') {
         let (option, after) = next_word(rest);
         let option = option.to_ascii_lowercase();
         let Some((least, most)) = option_arity(&option) else { break };
-        if option == "-bm" {
-            bump_strength = number(after)?;
-        }
         rest = skip_words(after, least, most);
+        let words = &after[..after.len() - rest.len()];
+        read_option(&mut map, &option, words)?;
+        if let Some(why) = unread_option(&option, words) {
+            not_honoured(&format!("{key} {option}"), why);
+        }
     }
     let file = rest.trim().trim_matches('"').trim();
     if file.is_empty() {
         return Err("no file name");
     }
-    Ok(Map { key: key.to_owned(), line, file: file.to_owned(), bump_strength })
+    file.clone_into(&mut map.file);
+    Ok(map)
+}
+
+fn read_option(map: &mut Map, option: &str, words: &str) -> std::result::Result<(), &'static str> {
+    // What is not given stays.
+    let pair = |mut values: [f32; 2]| -> std::result::Result<[f32; 2], &'static str> {
+        for (value, word) in values.iter_mut().zip(words.split_whitespace()) {
+            *value = number(word)?;
+        }
+        if values.iter().any(|value| value.abs() > MAX_UV_TRANSFORM) { Err("beyond 10000") } else { Ok(values) }
+    };
+    match option {
+        "-bm" => map.bump_strength = number(words)?,
+        "-s" => map.uv.scale = pair(map.uv.scale)?,
+        "-o" => map.uv.offset = pair(map.uv.offset)?,
+        "-imfchan" => map.pick = Some(Pick::from_letter(words.trim()).ok_or("no channel r, g, b, m or l")?),
+        _ => {}
+    }
+    Ok(())
+}
+
+/// What a map's option that is not read would have done; `None` where its value does nothing.
+fn unread_option(option: &str, words: &str) -> Option<&'static str> {
+    let numbers: Vec<f32> = words.split_whitespace().filter_map(|word| word.parse().ok()).collect();
+    Some(match option {
+        "-clamp" if words.trim().eq_ignore_ascii_case("on") => "the picture repeats; it is not clamped",
+        "-t" if numbers.iter().any(|v| *v != 0.0) => "turbulence is not modelled",
+        "-mm" if numbers != [0.0, 1.0] => "the picture's values are not changed by base and gain",
+        "-cc" if words.trim().eq_ignore_ascii_case("on") => "colours are not corrected",
+        "-boost" if numbers.iter().any(|v| *v != 0.0) => "smaller levels are not sharpened",
+        "-type" => "pictures around spheres and cubes are not read",
+        _ => return None,
+    })
 }
 
 /// Minimum and maximum number of words after a map option; beyond the minimum only numbers count.
@@ -187,6 +343,63 @@ mod tests {
     }
 
     #[test]
+    fn scale_offset_and_channel_of_maps() {
+        let (materials, warnings) = parsed(
+            b"newmtl a\nmap_Kd -o 0.1 0.2 0 -s 2 3 1 col.png\nmap_d -imfchan m -s 2 a.png\nmap_Pr -imfchan z r.png\nbump -o 1e9 b.png\n",
+        );
+        let (colour, mask) = (materials[0].map_kd.as_ref().unwrap(), materials[0].map_d.as_ref().unwrap());
+        assert_eq!(colour.uv, UvTransform { scale: [2.0, 3.0], offset: [0.1, 0.2] });
+        assert_eq!(colour.uv.apply(Vec2::new(0.5, 1.0)), Vec2::new(1.1, 3.2));
+        assert_eq!((mask.uv.scale, mask.pick, colour.pick), ([2.0, 1.0], Some(Pick::Alpha), None));
+        assert!(warnings[0].contains("a.mtl:4: map_Pr -imfchan z r.png: no channel r, g, b, m or l; ignored"));
+        assert!(warnings[1].contains("beyond 10000") && warnings.len() == 2, "{warnings:?}");
+        let report = Report::silent();
+        assert_eq!(materials[0].uv_transform(&report), colour.uv);
+        assert_eq!(
+            report.warnings(),
+            ["a.mtl:3: map_d: its -s and -o are not those of map_Kd, which are used for all maps"]
+        );
+    }
+
+    #[test]
+    fn one_warning_for_each_key_and_option_that_is_not_honoured() {
+        let silent = b"newmtl a\nKa 1 1 1\nillum 2\nNi 1.45\nTf 1 1 1\nPs 0\nPc 0.0\nPcr 0.03\naniso 0\nanisor 0\n# c\n\nmap_Kd -mm 0 1 -clamp off a.png";
+        assert_eq!(parsed(silent).1, [""; 0]);
+        let loud = b"newmtl a\nNi 2.4\nmap_Ns e.png\nmap_refl r.png\nrefl -type sphere s.png\nmap_Ks k.png\nmap_Ke e.png\ndisp d.png\n\
+            Pc 1\nshiny 3\nmap_Kd -clamp on -t 1 0 0 -mm 0 2 a.png\nnewmtl b\nmap_ks k.png\nPc 1\nshiny 4\nmap_Kd -clamp on a.png";
+        let (_, warnings) = parsed(loud);
+        let keys = ["Ni", "map_Ns", "map_refl", "refl", "map_Ks", "map_Ke", "disp", "Pc", "shiny", "map_Kd -clamp"];
+        assert_eq!(warnings.len(), keys.len() + 2, "{warnings:#?}");
+        for (number, key) in keys.iter().enumerate() {
+            assert!(warnings[number].starts_with(&format!("a.mtl:{}: {key}: ", number + 2)), "{}", warnings[number]);
+        }
+    }
+
+    #[test]
+    fn packed_pictures_and_other_names_of_keys() {
+        let (materials, warnings) = parsed(b"newmtl a\nmap_ORM orm.png\nmap_Normal n.png\nnewmtl b\nmap_RMA rma.png\nnewmtl c\nmap_Roughness r.png\nmap_Metallic m.png\nmap_opacity o.png");
+        assert_eq!(warnings, [""; 0]);
+        let picks =
+            |m: &Mtl| [&m.map_ao, &m.map_roughness, &m.map_metallic].map(|map| map.as_ref().and_then(|map| map.pick));
+        assert_eq!(picks(&materials[0]), [Pick::Red, Pick::Green, Pick::Blue].map(Some));
+        assert_eq!(picks(&materials[1]), [Pick::Blue, Pick::Red, Pick::Green].map(Some));
+        assert!(materials[0].norm.is_some() && materials[2].map_roughness.is_some());
+        assert!(materials[2].map_metallic.is_some() && materials[2].map_d.is_some());
+    }
+
+    /// As Blender 3.4 writes a material without its option for PBR keys.
+    #[test]
+    fn blender_names_roughness_and_metalness_by_keys_of_phong() {
+        let text = "# Blender 3.4.1 MTL File: 'None'\n# www.blender.org\n\nnewmtl tex\nKa 1.000000 1.000000 1.000000\nillum 2\n\
+            map_Kd -o 0.1 0.2 0 -s 2 3 1 col.png\nmap_Ns -o 0.1 0.2 0 -s 2 3 1 rou.png\nmap_refl -o 0.1 0.2 0 -s 2 3 1 met.png\n";
+        let (materials, warnings) = parsed(text.as_bytes());
+        assert_eq!(warnings, [""; 0]);
+        assert_eq!(materials[0].map_roughness.as_ref().unwrap().file, "rou.png");
+        assert_eq!(materials[0].map_metallic.as_ref().unwrap().file, "met.png");
+        assert!(materials[0].by_blender && materials[0].illum == Some(2));
+    }
+
+    #[test]
     fn keys() {
         let text = b"# comment\r\nKd 1 1 1\r\nnewmtl  first one\r\n\tKd 0.1 0.2 0.3\r\n Ks .5\r\nNs 50\r\nTr 0.25\r\nPm 1\r\nPr 0.5\r\n\
             map_Kd a b.png\r\nnorm n.png\r\nmap_Pm m.png\r\nmap_Pr r.png\r\nmap_Ka o.png\r\nmap_d d.png\r\nillum 2\r\nnewmtl second\r\nd -halo 0.5";
@@ -212,7 +425,7 @@ mod tests {
         for (line, file, strength) in [
             ("bump a.png", "a.png", 1.0),
             ("map_Bump -bm 0.5 a.png", "a.png", 0.5),
-            ("map_bump -s 2 -o 1 2 3 -t 0.1 0.2 -bm 2 my stone.png", "my stone.png", 2.0),
+            ("map_bump -s 2 -o 1 2 3 -t 0 0 -bm 2 my stone.png", "my stone.png", 2.0),
             ("bump -clamp on -blendu off -mm 0 1 -imfchan l -BM 3 x\\y.png", "x\\y.png", 3.0),
             ("bump \"quoted name.png\"", "quoted name.png", 1.0),
             ("bump -s 1 1 1 2.5", "2.5", 1.0),

@@ -78,6 +78,12 @@ impl Texture {
         Channel { width: self.width, height: self.height, values }
     }
 
+    fn luminance(&self) -> Channel {
+        let of = |[r, g, b, _]: &[u8; 4]| 0.2126 * f32::from(*r) + 0.7152 * f32::from(*g) + 0.0722 * f32::from(*b);
+        let values = self.texels().map(|texel| of(texel).round() as u8).collect();
+        Channel { width: self.width, height: self.height, values }
+    }
+
     /// Replaces alpha by `mask`, resized to this picture.
     pub fn set_alpha(&mut self, mask: &Channel) {
         let mask = mask.resized(self.width, self.height);
@@ -164,6 +170,35 @@ fn heights_row(heights: &[f32], width: usize, y: usize) -> &[f32] {
     &heights[y * width..(y + 1) * width]
 }
 
+/// What of a picture makes a single channel.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum Pick {
+    /// Or its grey.
+    Red,
+    Green,
+    Blue,
+    /// 255 where the picture has none.
+    Alpha,
+    /// Weighted as in Rec. 709, of the values as they are stored.
+    Luminance,
+    /// Alpha if that varies, else red.
+    Coverage,
+}
+
+impl Pick {
+    /// The channel that `-imfchan` of MTL means.
+    pub fn from_letter(letter: &str) -> Option<Self> {
+        Some(match letter.to_ascii_lowercase().as_str() {
+            "r" => Self::Red,
+            "g" => Self::Green,
+            "b" => Self::Blue,
+            "m" => Self::Alpha,
+            "l" => Self::Luminance,
+            _ => return None,
+        })
+    }
+}
+
 /// One channel of a picture, rows from the top.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Channel {
@@ -174,17 +209,20 @@ pub struct Channel {
 }
 
 impl Channel {
-    /// The red channel of a picture file, or its grey; errors as of [`Texture::load`].
-    pub fn load(path: &Path) -> Result<Self> {
-        Ok(Texture::load(path, Encoding::Linear)?.channel(0))
-    }
-
-    /// The coverage in a picture file: its alpha channel if that varies, else its red one; errors as of
-    /// [`Texture::load`].
-    pub fn load_mask(path: &Path) -> Result<Self> {
+    /// What is picked of a picture file; errors as of [`Texture::load`].
+    pub fn load(path: &Path, pick: Pick) -> Result<Self> {
         let texture = Texture::load(path, Encoding::Linear)?;
-        let alpha = texture.channel(3);
-        Ok(if alpha.constant().is_none() { alpha } else { texture.channel(0) })
+        Ok(match pick {
+            Pick::Red => texture.channel(0),
+            Pick::Green => texture.channel(1),
+            Pick::Blue => texture.channel(2),
+            Pick::Alpha => texture.channel(3),
+            Pick::Luminance => texture.luminance(),
+            Pick::Coverage => {
+                let alpha = texture.channel(3);
+                if alpha.constant().is_none() { alpha } else { texture.channel(0) }
+            }
+        })
     }
 
     /// The value of all texels, if it varies by no more than JPEG's rounding.

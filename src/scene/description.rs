@@ -1,5 +1,6 @@
 //! Scene descriptions: TOML files with the environment, models, lights and cameras of a scene.
 
+use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 
 use glam::{EulerRot, Mat4, Quat, Vec3};
@@ -302,9 +303,10 @@ impl Check<'_> {
     }
 
     fn cameras(&self, all: Vec<CameraKeys>) -> Result<Vec<Camera>> {
+        let mut names = HashSet::new();
         let mut cameras: Vec<Camera> = Vec::new();
         for keys in all {
-            if cameras.iter().any(|camera| camera.name == *keys.name.get_ref()) {
+            if !names.insert(keys.name.get_ref().clone()) {
                 return Err(self.error(
                     "name",
                     &keys.name,

@@ -11,7 +11,7 @@ use super::description::{Description, MAX_LENGTH, ModelFile};
 use super::mesh::{Bounds, Mesh};
 use super::{Camera, Environment, Instance, Scene, material, tangent};
 use crate::asset::mesh::Submesh;
-use crate::asset::mtl::Mtl;
+use crate::asset::mtl::{Mtl, UvTransform};
 use crate::asset::{Panorama, Report, TextureOptions, file, obj};
 use crate::{Error, Result};
 
@@ -143,9 +143,16 @@ impl Models {
             progress.inc(1);
         }
         let mtls = keep_used(&mut submeshes, all_mtls);
+        let uvs: Vec<UvTransform> = mtls.iter().map(|mtl| mtl.uv_transform(report)).collect();
         let meshes = submeshes
             .into_par_iter()
-            .map(|submesh| tangent::mesh(&submesh, submesh.material.unwrap_or(mtls.len())))
+            .map(|mut submesh| {
+                let material = submesh.material.unwrap_or(mtls.len());
+                if let Some(uv) = uvs.get(material).filter(|uv| **uv != UvTransform::default()) {
+                    submesh.corners.iter_mut().for_each(|corner| corner.uv = uv.apply(corner.uv));
+                }
+                tangent::mesh(&submesh, material)
+            })
             .collect();
         progress.finish_and_clear();
         Ok(Self { meshes, instances, mtls })

@@ -12,7 +12,7 @@ use rayon::prelude::*;
 use crate::asset::cache::Key;
 use crate::asset::ktx2::{Ktx2, TexelFormat};
 use crate::asset::mips::{NormalLoss, srgb_to_linear};
-use crate::asset::texture::{Channel, Encoding, MAX_FILE_BYTES};
+use crate::asset::texture::{Channel, Encoding, MAX_FILE_BYTES, Pick};
 use crate::asset::{Cache, MipChain, Report, Storage, Texture, TextureOptions, file};
 
 /// Version of the textures in the cache. Raise it whenever the same pictures give other texels or other facts: after a
@@ -42,12 +42,12 @@ pub enum Normals {
 pub enum TextureTask {
     BaseColor {
         colour: Option<PathBuf>,
-        mask: Option<PathBuf>,
+        mask: Option<OneChannel>,
     },
     Normal(Normals),
     /// Occlusion, roughness, metallic; the bits of the roughness factor with its map, and without it.
     Orm {
-        maps: [Option<PathBuf>; 3],
+        maps: [Option<OneChannel>; 3],
         normals: Option<Normals>,
         roughness: [u32; 2],
     },
@@ -83,11 +83,11 @@ impl TextureResult {
     }
 }
 
-/// What a single channel of a picture is used for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
-enum ChannelUse {
-    Red,
-    Mask,
+/// A picture of which one channel is used.
+#[derive(Clone, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct OneChannel {
+    pub path: PathBuf,
+    pub pick: Pick,
 }
 
 type Digest = Result<[u8; 32], String>;
@@ -100,7 +100,7 @@ pub struct Pictures<'a> {
     /// Only where there is a cache.
     digests: BTreeMap<PathBuf, Digest>,
     /// Channels that several tasks use, decoded once.
-    shared: BTreeMap<(PathBuf, ChannelUse), OnceLock<Result<Channel, String>>>,
+    shared: BTreeMap<OneChannel, OnceLock<Result<Channel, String>>>,
 }
 
 impl<'a> Pictures<'a> {
@@ -108,7 +108,7 @@ impl<'a> Pictures<'a> {
     pub fn new(tasks: &BTreeSet<TextureTask>, options: &'a TextureOptions, report: &'a Report) -> Self {
         // Uncompressed textures are made as fast as they are read from the cache.
         let cache = options.cache.as_ref().filter(|_| options.storage == Storage::Bc);
-        let mut uses: BTreeMap<(PathBuf, ChannelUse), u32> = BTreeMap::new();
+        let mut uses: BTreeMap<OneChannel, u32> = BTreeMap::new();
         for scalar in tasks.iter().flat_map(scalars) {
             *uses.entry(scalar).or_default() += 1;
         }
@@ -152,17 +152,18 @@ impl<'a> Pictures<'a> {
         let kind = match task {
             TextureTask::BaseColor { colour, mask } => {
                 add(colour.as_ref())?;
-                add(mask.as_ref())?;
-                "base color".into()
+                add(mask.as_ref().map(|mask| &mask.path))?;
+                format!("base color {:?}", mask.as_ref().map(|mask| mask.pick))
             }
             TextureTask::Normal(normals) => {
                 add(Some(normals.path()))?;
                 format!("normal {:?}", normals.strength())
             }
             TextureTask::Orm { maps, normals, roughness } => {
-                maps.iter().try_for_each(|map| add(map.as_ref()))?;
+                maps.iter().try_for_each(|map| add(map.as_ref().map(|map| &map.path)))?;
                 add(normals.as_ref().map(Normals::path))?;
-                format!("orm {:?} {roughness:?}", normals.as_ref().map(Normals::strength))
+                let picks = maps.each_ref().map(|map| map.as_ref().map(|map| map.pick));
+                format!("orm {picks:?} {:?} {roughness:?}", normals.as_ref().map(Normals::strength))
             }
         };
         key.add(kind.as_bytes());
@@ -171,7 +172,7 @@ impl<'a> Pictures<'a> {
 
     fn work(&self, task: &TextureTask) -> TextureResult {
         match task {
-            TextureTask::BaseColor { colour, mask } => self.base_color(colour.as_deref(), mask.as_deref()),
+            TextureTask::BaseColor { colour, mask } => self.base_color(colour.as_deref(), mask.as_ref()),
             TextureTask::Normal(normals) => match self.normal_map(normals) {
                 Ok(texture) => {
                     let texture = texture.map(|t| MipChain::normal(&t, self.options.storage, self.report));
@@ -187,9 +188,9 @@ impl<'a> Pictures<'a> {
         }
     }
 
-    fn base_color(&self, colour: Option<&Path>, mask: Option<&Path>) -> TextureResult {
+    fn base_color(&self, colour: Option<&Path>, mask: Option<&OneChannel>) -> TextureResult {
         let mut made = TextureResult::nothing();
-        let mask = mask.and_then(|path| self.channel(path, ChannelUse::Mask, &mut made.problems));
+        let mask = mask.and_then(|mask| self.channel(mask, &mut made.problems));
         let mask = mask.as_deref().filter(|mask| mask.cuts_out());
         let mut texture = None;
         if let Some(path) = colour {
@@ -246,19 +247,18 @@ impl<'a> Pictures<'a> {
     /// Packs the channels that vary. Constant roughness and metallic become factors; occlusion has no factor, so it
     /// stays in
     /// the texture if it is below 1. With a normal map roughness varies between levels, so the texture holds all of it.
-    fn orm(&self, maps: &[Option<PathBuf>; 3], normals: Option<&Normals>, roughness: [f32; 2]) -> TextureResult {
+    fn orm(&self, maps: &[Option<OneChannel>; 3], normals: Option<&Normals>, roughness: [f32; 2]) -> TextureResult {
         let mut made = TextureResult::nothing();
-        let channels: [Option<Cow<'_, Channel>>; 3] = maps
-            .each_ref()
-            .map(|path| path.as_ref().and_then(|path| self.channel(path, ChannelUse::Red, &mut made.problems)));
+        let channels: [Option<Cow<'_, Channel>>; 3] =
+            maps.each_ref().map(|map| map.as_ref().and_then(|map| self.channel(map, &mut made.problems)));
         let channels = channels.each_ref().map(Option::as_deref);
         made.read = channels.map(|channel| channel.is_some());
         let constants = channels.map(|channel| channel.and_then(Channel::constant));
         let darkens = constants[0].is_some_and(|occlusion| occlusion < 255);
         let varies = |i: usize| channels[i].filter(|_| constants[i].is_none() || (i == 0 && darkens));
         let varying = [varies(0), varies(1), varies(2)];
-        let names = maps.iter().zip(&varying).filter_map(|(path, varies)| path.as_ref().filter(|_| varies.is_some()));
-        let name = names.map(|path| file::short_name(path)).collect::<Vec<_>>().join("+");
+        let names = maps.iter().zip(&varying).filter_map(|(map, varies)| map.as_ref().filter(|_| varies.is_some()));
+        let name = names.map(|map| file::short_name(&map.path)).collect::<Vec<_>>().join("+");
         let factor = |i: usize| constants[i].map_or(1.0, |value| f32::from(value) / 255.0);
         made.factor = Vec3::new(1.0, factor(1), factor(2));
         // For a constant, the value of its factor.
@@ -282,21 +282,16 @@ impl<'a> Pictures<'a> {
         self.report.time("decode", || Texture::load(path, encoding)).map_err(|error| error.to_string())
     }
 
-    fn channel(
-        &self,
-        path: &Path,
-        kind: ChannelUse,
-        problems: &mut Vec<(PathBuf, String)>,
-    ) -> Option<Cow<'_, Channel>> {
+    fn channel(&self, map: &OneChannel, problems: &mut Vec<(PathBuf, String)>) -> Option<Cow<'_, Channel>> {
         let load = || {
-            let load = |path| if kind == ChannelUse::Mask { Channel::load_mask(path) } else { Channel::load(path) };
-            self.report.time("decode", || load(path)).map_err(|error| error.to_string())
+            let loaded = self.report.time("decode", || Channel::load(&map.path, map.pick));
+            loaded.map_err(|error| error.to_string())
         };
-        let loaded = match self.shared.get(&(path.to_owned(), kind)) {
+        let loaded = match self.shared.get(map) {
             Some(once) => once.get_or_init(load).as_ref().map(Cow::Borrowed).map_err(String::clone),
             None => load().map(Cow::Owned),
         };
-        loaded.map_err(|problem| problems.push((path.to_owned(), problem))).ok()
+        loaded.map_err(|problem| problems.push((map.path.clone(), problem))).ok()
     }
 }
 
@@ -329,19 +324,19 @@ fn plain(like: &Texture) -> Texture {
 
 fn files(task: &TextureTask) -> Vec<&PathBuf> {
     match task {
-        TextureTask::BaseColor { colour, mask } => colour.iter().chain(mask).collect(),
+        TextureTask::BaseColor { colour, mask } => colour.iter().chain(mask.iter().map(|mask| &mask.path)).collect(),
         TextureTask::Normal(normals) => vec![normals.path()],
         TextureTask::Orm { maps, normals, .. } => {
-            maps.iter().flatten().chain(normals.as_ref().map(Normals::path)).collect()
+            maps.iter().flatten().map(|map| &map.path).chain(normals.as_ref().map(Normals::path)).collect()
         }
     }
 }
 
-fn scalars(task: &TextureTask) -> Vec<(PathBuf, ChannelUse)> {
+fn scalars(task: &TextureTask) -> Vec<OneChannel> {
     match task {
-        TextureTask::BaseColor { mask, .. } => mask.iter().map(|path| (path.clone(), ChannelUse::Mask)).collect(),
+        TextureTask::BaseColor { mask, .. } => mask.iter().cloned().collect(),
         TextureTask::Normal(_) => Vec::new(),
-        TextureTask::Orm { maps, .. } => maps.iter().flatten().map(|path| (path.clone(), ChannelUse::Red)).collect(),
+        TextureTask::Orm { maps, .. } => maps.iter().flatten().cloned().collect(),
     }
 }
 

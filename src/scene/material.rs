@@ -7,8 +7,9 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use super::Material;
-use super::maps::{ALPHA_CUTOFF, Normals, Pictures, TextureResult, TextureTask};
+use super::maps::{ALPHA_CUTOFF, Normals, OneChannel, Pictures, TextureResult, TextureTask};
 use crate::asset::mtl::{Map, Mtl};
+use crate::asset::texture::Pick;
 use crate::asset::{MipChain, Report, TextureOptions, file};
 
 /// Roughness of materials without any key for it.
@@ -41,7 +42,8 @@ impl Material {
 ///
 /// Metallic and roughness are factor times map, the factor 1 where only the map is given. Where neither is, metallic is
 /// 0, and roughness comes from the Phong keys: 1 without a highlight (`Ks` 0), else from `Ns` by alpha² = 2/(Ns + 2)
-/// (Walter et al. 2007, section 5.2), else 0.5. Occlusion is `map_ao`, else `map_Ka`, unless that repeats `map_Kd`, as
+/// (Walter et al. 2007, section 5.2), else 0.5. In Blender's files `Ns` is 1000 (1 − roughness)², and `Ka` is metalness
+/// where `illum` is 3. Occlusion is `map_ao`, else `map_Ka`, unless that repeats `map_Kd`, as
 /// the Phong model's ambient colour did. Cutouts come from `map_d`, else from alpha of `map_Kd`. A texture that is
 /// absent or broken is left out with a warning that names file and key.
 pub fn build(mtls: &[Mtl], options: &TextureOptions, report: &Report) -> (Vec<Material>, Vec<MipChain>) {
@@ -118,7 +120,10 @@ impl<'a> Plan<'a> {
     }
 
     fn base_color_task(&self) -> Option<TextureTask> {
-        let (colour, mask) = (path(&self.base_color), path(&self.mask));
+        let colour = path(&self.base_color);
+        // A picture that is a mask, too, is so by its alpha alone.
+        let pick = if colour == path(&self.mask) { Pick::Alpha } else { Pick::Coverage };
+        let mask = one_channel(&self.mask, pick);
         (colour.is_some() || mask.is_some()).then_some(TextureTask::BaseColor { colour, mask })
     }
 
@@ -130,9 +135,10 @@ impl<'a> Plan<'a> {
 
     /// Includes the roughness factor with the map, and the one for when the map is absent or broken.
     fn orm_task(&self) -> Option<TextureTask> {
-        let maps = self.orm.each_ref().map(path);
+        let maps = self.orm.each_ref().map(|file| one_channel(file, Pick::Red));
         let normals = self.normals();
-        let roughness = [true, false].map(|has_map| roughness_factor(self.mtl, has_map).to_bits());
+        let unheard = Report::silent();
+        let roughness = [true, false].map(|has_map| roughness_factor(self.mtl, has_map, &unheard).to_bits());
         (maps.iter().any(Option::is_some) || normals.is_some()).then_some(TextureTask::Orm { maps, normals, roughness })
     }
 
@@ -155,9 +161,9 @@ impl<'a> Plan<'a> {
         let has_colour = base_color.is_some_and(|b| b.result.read[0]);
         let factor = |result: Option<&IndexedResult>| result.map_or(Vec3::ONE, |result| result.result.factor);
         let ranges = orm.map_or([[1.0; 2]; 3], |o| o.result.ranges.map(|r| r.map(|v| f32::from(v) / 255.0)));
-        let own_roughness = roughness_factor(self.mtl, is_read(1));
+        let own_roughness = roughness_factor(self.mtl, is_read(1), report);
         let roughness = own_roughness * factor(orm).y;
-        let metallic = metallic_factor(self.mtl, is_read(2));
+        let metallic = metallic_factor(self.mtl, is_read(2), report);
         Material {
             name: self.mtl.name.clone(),
             base_color_factor: base_color_factor(self.mtl, has_colour, report) * factor(base_color),
@@ -177,6 +183,11 @@ impl<'a> Plan<'a> {
 
 fn path(file: &Option<MapFile>) -> Option<PathBuf> {
     file.as_ref().map(|file| file.path.clone())
+}
+
+/// The channel that a map names, or else `pick`.
+fn one_channel(file: &Option<MapFile>, pick: Pick) -> Option<OneChannel> {
+    file.as_ref().map(|file| OneChannel { path: file.path.clone(), pick: file.map.pick.unwrap_or(pick) })
 }
 
 fn place(mtl: &Mtl, map: &Map) -> String {
@@ -213,12 +224,11 @@ fn warn_unusable(mtl: &Mtl, result: Option<&IndexedResult>, files: &[&Option<Map
 }
 
 fn warn_of_unsupported(mtl: &Mtl, report: &Report) {
-    let place = format!("{}: material {}", file::short_name(&mtl.path), mtl.name);
-    if mtl.dissolve.is_some_and(|d| d < 1.0) && mtl.map_d.is_none() {
-        report.warn(format!("{place}: d {}: transparency is not supported; drawn opaque", mtl.dissolve.unwrap_or(1.0)));
+    if let Some(dissolve) = mtl.dissolve.filter(|d| *d < 1.0 && mtl.map_d.is_none()) {
+        warn_of(mtl, &format!("d {dissolve}: transparency is not supported; drawn opaque"), report);
     }
     if mtl.ke.is_some_and(|ke| ke != [0.0; 3]) {
-        report.warn(format!("{place}: Ke: emission is not supported; ignored"));
+        warn_of(mtl, "Ke: emission is not supported; ignored", report);
     }
 }
 
@@ -226,30 +236,54 @@ fn base_color_factor(mtl: &Mtl, has_map: bool, report: &Report) -> Vec3 {
     let Some(kd) = mtl.kd.map(Vec3::from_array) else {
         return if has_map { Vec3::ONE } else { default_material().base_color_factor };
     };
-    let place = format!("{}: material {}", file::short_name(&mtl.path), mtl.name);
     // Some exporters write 0 with a map; the product would be black.
     if has_map && kd == Vec3::ZERO {
-        report.warn(format!("{place}: Kd 0 with map_Kd; taken as 1"));
+        warn_of(mtl, "Kd 0 with map_Kd; taken as 1", report);
         return Vec3::ONE;
     }
     let clamped = kd.clamp(Vec3::ZERO, Vec3::ONE);
     if clamped != kd {
-        report.warn(format!("{place}: Kd {} {} {} is not between 0 and 1; clamped", kd.x, kd.y, kd.z));
+        warn_of(mtl, &format!("Kd {} {} {} is not between 0 and 1; clamped", kd.x, kd.y, kd.z), report);
     }
     clamped
 }
 
-fn metallic_factor(mtl: &Mtl, has_map: bool) -> f32 {
-    mtl.metallic.unwrap_or(if has_map { 1.0 } else { 0.0 }).clamp(0.0, 1.0)
+fn metallic_factor(mtl: &Mtl, has_map: bool, report: &Report) -> f32 {
+    // Of Blender's illumination models this one mirrors.
+    let blenders = mtl.ka.filter(|_| mtl.by_blender && mtl.illum == Some(3)).map(|[r, ..]| r);
+    factor(mtl, ("Pm", mtl.metallic), has_map, blenders.unwrap_or(0.0), report)
 }
 
-fn roughness_factor(mtl: &Mtl, has_map: bool) -> f32 {
-    let phong = || match (mtl.ks, mtl.ns) {
+fn roughness_factor(mtl: &Mtl, has_map: bool, report: &Report) -> f32 {
+    let phong = match (mtl.ks, mtl.ns) {
+        (_, Some(ns)) if mtl.by_blender => 1.0 - (ns / 1000.0).max(0.0).sqrt(),
         (Some(ks), _) if ks == [0.0; 3] => 1.0,
         (_, Some(ns)) => (2.0 / (ns.max(0.0) + 2.0)).powf(0.25),
         _ => DEFAULT_ROUGHNESS,
     };
-    mtl.roughness.unwrap_or_else(|| if has_map { 1.0 } else { phong() }).clamp(0.0, 1.0)
+    factor(mtl, ("Pr", mtl.roughness), has_map, phong, report)
+}
+
+/// What a key says, in 0 to 1; where it is absent `otherwise`, or with a map 1.
+fn factor(mtl: &Mtl, (key, value): (&str, Option<f32>), has_map: bool, otherwise: f32, report: &Report) -> f32 {
+    match value {
+        // Some exporters write 0 with a map; the product would be 0 everywhere.
+        Some(0.0) if has_map => {
+            warn_of(mtl, &format!("{key} 0 with map_{key}; taken as 1"), report);
+            1.0
+        }
+        Some(value) if !(0.0..=1.0).contains(&value) => {
+            warn_of(mtl, &format!("{key} {value} is not between 0 and 1; clamped"), report);
+            value.clamp(0.0, 1.0)
+        }
+        Some(value) => value,
+        None if has_map => 1.0,
+        None => otherwise.clamp(0.0, 1.0),
+    }
+}
+
+fn warn_of(mtl: &Mtl, problem: &str, report: &Report) {
+    report.warn(format!("{}: material {}: {problem}", file::short_name(&mtl.path), mtl.name));
 }
 
 #[cfg(test)]

@@ -80,7 +80,7 @@ fn factors_and_their_defaults() {
     assert_eq!(material("Ks 0 0 0\nNs 50").roughness_factor, 1.0, "no highlight at all");
     assert!((material("Ks 1 1 1\nNs 30").roughness_factor - 0.5).abs() < 1e-6, "alpha² = 2/32");
     let clamped = only(&folder, "Kd 2 -1 0\nPr 7");
-    assert_eq!((clamped.0.base_color_factor, clamped.0.roughness_factor, clamped.2.len()), (Vec3::X, 1.0, 1));
+    assert_eq!((clamped.0.base_color_factor, clamped.0.roughness_factor, clamped.2.len()), (Vec3::X, 1.0, 2));
 }
 
 #[test]
@@ -323,4 +323,63 @@ fn broken_entries_of_the_cache_are_recreated() {
         assert!(again.2.times_ms().contains_key("decode"), "{name}: taken");
         assert!((&good.0, &good.1) == (&again.0, &again.1) && entries() == whole, "{name}: made otherwise");
     }
+}
+
+#[test]
+fn a_colour_picture_that_is_its_own_mask_cuts_by_alpha_alone() {
+    let folder = Folder::new();
+    let (material, textures, _) = only(&folder, "map_Kd coloured.png\nmap_d coloured.png");
+    assert_eq!((material.alpha_cutoff, first_texel(&textures[0])), (None, [255, 0, 0, 255]), "its red is no coverage");
+    assert!(only(&folder, "map_Kd leaf.png\nmap_d leaf.png").0.alpha_cutoff.is_some());
+    assert!(only(&folder, "map_Kd leaf.png\nmap_d vary.png").0.alpha_cutoff.is_some(), "another picture's grey is");
+    assert!(only(&folder, "map_Kd red.png\nmap_d -imfchan g coloured.png").0.alpha_cutoff.is_some());
+    assert!(only(&folder, "map_Kd red.png\nmap_d -imfchan m coloured.png").0.alpha_cutoff.is_none());
+}
+
+#[test]
+fn channels_are_picked_by_name() {
+    let folder = Folder::new();
+    RgbImage::from_fn(4, 4, |x, _| Rgb([255, if x < 2 { 0 } else { 200 }, 51])).save(folder.path("orm.png")).unwrap();
+    let (material, textures, _) = only(&folder, "map_ORM orm.png");
+    assert_eq!(first_texel(&textures[0]), [255, 0, 255, 255]);
+    assert_eq!((material.metallic_factor, material.occludes), (0.2, false));
+    assert_eq!(only(&folder, "map_Pm -imfchan b orm.png").0.metallic_factor, 0.2);
+    let luminance = only(&folder, "map_Pm -imfchan l red.png").0.metallic_factor;
+    assert!((luminance - 0.2126).abs() < 0.002, "{luminance}");
+}
+
+#[test]
+fn zeros_beside_maps_and_values_out_of_range_are_warned_of() {
+    let folder = Folder::new();
+    let (material, _, warnings) = only(&folder, "Pm 0\nmap_Pm grey255.png\nPr 0\nmap_Pr grey51.png");
+    assert_eq!((material.metallic_factor, material.roughness_factor), (1.0, 0.2));
+    assert_eq!(
+        warnings,
+        ["m.mtl: material a: Pr 0 with map_Pr; taken as 1", "m.mtl: material a: Pm 0 with map_Pm; taken as 1"]
+    );
+    let (material, _, warnings) = only(&folder, "Pm 1e30\nPr -5");
+    assert_eq!((material.metallic_factor, material.roughness_factor), (1.0, 0.0));
+    assert!(
+        warnings[0].contains("Pr -5 is not between 0 and 1; clamped") && warnings[1].contains("Pm 1"),
+        "{warnings:?}"
+    );
+    assert_eq!(only(&folder, "Pm 0\nPr 0").2, [""; 0]);
+}
+
+/// The values that Blender 3.4 writes for roughness 0.5 and for a metal of roughness 0.2.
+#[test]
+fn blenders_roughness_and_metalness_come_back() {
+    let folder = Folder::new();
+    let text = "# Blender 3.4.1 MTL File: 'None'\nnewmtl plain\nNs 250.000000\nKa 1 1 1\nKs 0.5 0.5 0.5\nillum 2\n\
+        newmtl metal\nNs 640.000000\nKa 1 1 1\nKs 0.5 0.5 0.5\nillum 3\n";
+    let values = |text: &str| {
+        let (materials, _, warnings) = folder.build(text);
+        assert_eq!(warnings, [""; 0]);
+        materials.iter().map(|m| (m.roughness_factor, m.metallic_factor)).collect::<Vec<_>>()
+    };
+    let got = values(text);
+    assert!((got[0].0 - 0.5).abs() < 1e-6 && (got[1].0 - 0.2).abs() < 1e-6, "{got:?}");
+    assert_eq!([got[0].1, got[1].1], [0.0, 1.0]);
+    let foreign = values(&text.replace("# Blender", "# Maya"));
+    assert!(foreign[0].0 < 0.35 && foreign[1].1 == 0.0, "{foreign:?}");
 }

@@ -34,6 +34,8 @@ const NOOK: f32 = 0.2;
 const CLEAR: f32 = 0.05;
 /// Share of rays that meet backs from which on a place is inside of a thing.
 const BEHIND: f32 = 0.7;
+/// Cameras that paths begin at, spread evenly over all.
+const MOST_CAMERAS: usize = 64;
 /// Paths that look for smooth surfaces from each camera, and how often each is reflected.
 const PATHS: u32 = 1024;
 const REFLECTIONS: u32 = 3;
@@ -67,8 +69,10 @@ impl Probe {
 /// Places probes by rays: for each camera, then for smooth surfaces that paths from cameras meet in other rooms.
 /// `smooth` says of a triangle of the hierarchy whether its surface is.
 pub fn place(bvh: &Bvh, cameras: &[Vec3], smooth: impl Fn(usize) -> bool + Sync) -> Placement {
+    let every = cameras.len().div_ceil(MOST_CAMERAS).max(1);
+    let cameras: Vec<Vec3> = cameras.iter().copied().step_by(every).collect();
     let seen: Vec<Vec3> = (0u32..)
-        .zip(cameras)
+        .zip(&cameras)
         .flat_map(|(i, camera)| {
             let walk = |path| smooth_met(bvh, *camera, i * PATHS + path, &smooth);
             (0..PATHS).into_par_iter().flat_map_iter(walk).collect::<Vec<Vec3>>()
@@ -78,7 +82,7 @@ pub fn place(bvh: &Bvh, cameras: &[Vec3], smooth: impl Fn(usize) -> bool + Sync)
         return Placement::default();
     }
     let mut placed = Placement { sees_smooth: true, ..Placement::default() };
-    for camera in cameras {
+    for camera in &cameras {
         placed.add(bvh, *camera, &seen, 1);
     }
     let mut others: Vec<Vec3> = seen.iter().copied().filter(|p| !placed.reach(*p)).collect();
