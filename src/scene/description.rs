@@ -23,7 +23,7 @@ pub const MAX_LENGTH: f32 = obj::MAX_COORDINATE;
 /// Limit of a lamp's radius in metres.
 const MAX_RADIUS: f32 = 100.0;
 /// Limit of the exposure in stops, in both directions; the range of f32 is 127.
-const MAX_EXPOSURE: f32 = 100.0;
+pub const MAX_EXPOSURE: f32 = 100.0;
 const BACKSLASH: &str = "in \"…\" a backslash begins an escape: write / instead, or put the name between '…'";
 /// Characters of messages of `toml`, which may quote a value.
 const MAX_MESSAGE: usize = 300;

@@ -43,8 +43,7 @@ mod tests {
     #[test]
     fn the_floor_is_the_nearest_surface_below_the_camera() {
         let assets = Path::new(env!("CARGO_MANIFEST_DIR")).join("assets");
-        let options =
-            LoadOptions { default_panorama: Some(assets.join(shipped::PANORAMA)), textures: Default::default() };
+        let options = LoadOptions { default_panorama: Some(assets.join(shipped::PANORAMA)), ..LoadOptions::default() };
         let scene = |name: &str| load(&assets.join("scenes").join(name), &options, &Report::silent()).unwrap();
         let room = scene("tearoom.toml");
         let floor = floor_under(&room, room.cameras[0].position);

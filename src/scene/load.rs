@@ -9,6 +9,7 @@ use rayon::prelude::*;
 
 use super::description::{Description, MAX_LENGTH, ModelFile};
 use super::mesh::{Bounds, Mesh};
+use super::staging::Staging;
 use super::{Camera, Environment, Instance, Scene, material, tangent};
 use crate::asset::mesh::Submesh;
 use crate::asset::mtl::{Mtl, UvTransform};
@@ -24,6 +25,8 @@ pub struct LoadOptions {
     pub default_panorama: Option<PathBuf>,
     /// How textures are made.
     pub textures: TextureOptions,
+    /// What takes the place of the description's keys.
+    pub staging: Staging,
 }
 
 /// Loads a scene description (.toml) or a model (.obj) with all it names.
@@ -69,6 +72,7 @@ pub fn load(path: &Path, options: &LoadOptions, report: &Report) -> Result<Scene
     if scene.cameras.is_empty() {
         scene.cameras.push(auto_camera(scene.bounds()));
     }
+    options.staging.apply(&mut scene)?;
     Ok(scene)
 }
 
@@ -95,7 +99,8 @@ fn only_model(path: &Path) -> Description {
 }
 
 fn environment(path: &Path, description: &Description, options: &LoadOptions, report: &Report) -> Result<Environment> {
-    let file = description.environment.as_ref().map(|e| &e.panorama).or(options.default_panorama.as_ref());
+    let own = description.environment.as_ref().map(|e| &e.panorama);
+    let file = options.staging.panorama.as_ref().or(own).or(options.default_panorama.as_ref());
     let panorama = match file {
         Some(file) => Panorama::load(file, report)?,
         None => {

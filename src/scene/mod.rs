@@ -14,6 +14,7 @@ pub mod material;
 pub mod mesh;
 pub mod needs;
 pub mod probes;
+pub mod staging;
 pub mod tangent;
 
 pub use contents::{Camera, Environment, GeometryView, Instance, Material, PointLight, Probe, Scene};

@@ -6,12 +6,13 @@ use std::path::{Path, PathBuf};
 
 use glam::Mat4;
 
-use super::loader::{LoadRequest, LoadResult, LoadedScene, Loader, Target, file_name};
+use super::loader::{LoadRequest, LoadResult, LoadedScene, Loader, Target, file_name, own_panorama};
 use super::playlist::Playlist;
 use crate::context::Context;
 use crate::render::{
     Change, ControllerGizmos, CullOptions, Eye, FrameInputs, Lighting, Lightmapped, PassPipelines, RenderSettings,
 };
+use crate::scene::staging::Staging;
 use crate::{Error, Result};
 
 /// The current scene with the user's changes.
@@ -129,6 +130,10 @@ pub struct App {
     new_lightmap: Option<Lightmapped>,
     /// The number of the last request for a scene.
     scenes: u64,
+    /// The scene of the command line, and what that says of it.
+    first: Option<(PathBuf, Staging)>,
+    /// The panorama that was chosen for the scene that is shown, and stays with the next ones that name none.
+    chosen: Option<PathBuf>,
     /// Names of the files being loaded, in order.
     pub loading: VecDeque<String>,
     /// What each of these files is loaded for.
@@ -157,6 +162,8 @@ impl App {
             new_light: None,
             new_lightmap: None,
             scenes: 0,
+            first: None,
+            chosen: None,
             loading: VecDeque::new(),
             loading_settings: VecDeque::new(),
             context,
@@ -165,11 +172,34 @@ impl App {
 
     /// Starts loading a scene, whatever its file extension.
     pub fn open_scene(&mut self, path: &Path) {
+        let staging = self.staging_of(path);
         self.playlist.set_scene(path);
+        staging.panorama.iter().for_each(|panorama| self.playlist.set_panorama(panorama));
         self.begin_loading(path, Change::Scene);
-        let (path, target) = (path.to_owned(), self.target.clone());
+        let (path, target, settings) = (path.to_owned(), self.target.clone(), self.settings.clone());
         self.scenes += 1;
-        self.loader.start(LoadRequest::Scene { number: self.scenes, path, settings: self.settings.clone(), target });
+        self.loader.start(LoadRequest::Scene { number: self.scenes, path, staging, settings, target });
+    }
+
+    /// Starts loading the scene of the command line, which keeps its stage whenever it is loaded again.
+    pub fn open_first(&mut self, path: &Path, staging: Staging) {
+        self.first = Some((path.to_owned(), staging));
+        self.open_scene(path);
+    }
+
+    /// What the command line says of a scene. One that names no panorama keeps that which was chosen for the one before.
+    fn staging_of(&mut self, path: &Path) -> Staging {
+        if let Some(scene) = &self.scene {
+            let (asked, loaded) = (&scene.last_panorama, &scene.loaded.panorama);
+            self.chosen =
+                if asked == loaded { self.chosen.take().filter(|c| Some(c) == loaded.as_ref()) } else { asked.clone() };
+        }
+        let first = self.first.iter().find(|(first, _)| first == path).map(|(_, staging)| staging.clone());
+        let mut staging = first.unwrap_or_default();
+        if self.chosen.is_some() && own_panorama(path).is_none() {
+            staging.panorama.clone_from(&self.chosen);
+        }
+        staging
     }
 
     /// Starts loading a scene or a panorama, by its extension.

@@ -345,6 +345,36 @@ fn light_between_things_comes_to_a_scene_that_is_shown_and_changes_nothing_else(
 }
 
 #[test]
+fn panoramas_stay_with_models_that_name_none_and_the_first_scene_keeps_its_stage() {
+    let folder = tempfile::tempdir().unwrap();
+    let (path, assets) = (box_scene(folder.path()), Path::new(env!("CARGO_MANIFEST_DIR")).join("assets"));
+    let [forest, sunset] = ["forest.exr", "sunset.exr"].map(|name| assets.join("panoramas").join(name));
+    with_gpu(|gpu| {
+        let mut desk = Desk::new(gpu, settings());
+        let staging = Staging { panorama: Some(forest.clone()), exposure: Some(2.0), ..Staging::default() };
+        desk.app.open_first(&path, staging);
+        assert_eq!(desk.settle(), [1, 0]);
+        assert_eq!((desk.shown().panorama.as_ref(), desk.shown().exposure_ev), (Some(&forest), 2.0));
+        // Loaded again for other settings.
+        desk.app.set_settings(RenderSettings { model: Model::Everything, ..settings() }).unwrap();
+        assert_eq!(desk.settle(), [1, 0]);
+        assert_eq!((desk.shown().panorama.as_ref(), desk.shown().exposure_ev), (Some(&forest), 2.0));
+        desk.app.open(&sunset).unwrap();
+        assert_eq!(desk.settle(), [0, 1]);
+        std::fs::copy(&path, folder.path().join("other.obj")).unwrap();
+        desk.app.open(&folder.path().join("other.obj")).unwrap();
+        assert_eq!(desk.settle(), [1, 0]);
+        assert_eq!((desk.shown().panorama.as_ref(), desk.shown().exposure_ev), (Some(&sunset), 0.0));
+        // A scene with a panorama of its own is lit by that.
+        let described = folder.path().join("own.toml");
+        std::fs::write(&described, format!("environment = {{ panorama = '{}' }}\n", forest.display())).unwrap();
+        desk.app.open(&described).unwrap();
+        assert_eq!(desk.settle(), [1, 0]);
+        assert_eq!(desk.shown().panorama.as_ref(), Some(&forest));
+    });
+}
+
+#[test]
 fn a_lightmap_of_a_scene_that_is_no_longer_shown_is_dropped() {
     let folder = tempfile::tempdir().unwrap();
     let path = box_scene(folder.path());

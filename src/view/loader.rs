@@ -18,6 +18,7 @@ use crate::render::{
 };
 use crate::scene::description::Description;
 use crate::scene::load::{LoadOptions, load};
+use crate::scene::staging::Staging;
 use crate::scene::{Bounds, Camera, Scene, floor_under};
 use crate::{Error, Result};
 
@@ -26,14 +27,27 @@ use crate::{Error, Result};
 /// # Errors
 /// Those of [`load`].
 pub fn load_scene(path: &Path, textures: &TextureOptions, report: &Report) -> Result<Scene> {
-    let default_panorama = shipped::folder().ok().map(|folder| folder.join(shipped::PANORAMA));
-    load(path, &LoadOptions { default_panorama, textures: textures.clone() }, report)
+    load_staged(path, Staging::default(), textures, report)
 }
 
-/// The panorama that [`load_scene`] uses.
-fn panorama_file(scene: &Path) -> Option<PathBuf> {
-    let own = Description::load(scene).ok().and_then(|description| description.environment);
-    own.map(|environment| environment.panorama).or_else(|| Some(shipped::folder().ok()?.join(shipped::PANORAMA)))
+/// The same on the stage that a command line asks for.
+///
+/// # Errors
+/// Those of [`load`].
+pub fn load_staged(path: &Path, staging: Staging, textures: &TextureOptions, report: &Report) -> Result<Scene> {
+    let default_panorama = shipped::folder().ok().map(|folder| folder.join(shipped::PANORAMA));
+    load(path, &LoadOptions { default_panorama, textures: textures.clone(), staging }, report)
+}
+
+/// The panorama that a scene names itself.
+pub fn own_panorama(scene: &Path) -> Option<PathBuf> {
+    Description::load(scene).ok()?.environment.map(|environment| environment.panorama)
+}
+
+/// The panorama that [`load_staged`] uses.
+fn panorama_file(scene: &Path, staging: &Staging) -> Option<PathBuf> {
+    let named = staging.panorama.clone().or_else(|| own_panorama(scene));
+    named.or_else(|| Some(shipped::folder().ok()?.join(shipped::PANORAMA)))
 }
 
 /// A scene that is ready to be drawn.
@@ -101,6 +115,7 @@ pub enum LoadRequest {
     Scene {
         number: u64,
         path: PathBuf,
+        staging: Staging,
         settings: RenderSettings,
         target: Target,
     },
@@ -280,8 +295,8 @@ fn perform(
     stop: Arc<AtomicBool>,
 ) -> (Option<LoadResult>, Option<LightmapJob>) {
     match request {
-        LoadRequest::Scene { number, path, settings, target } => {
-            let (loaded, scene) = match load_for(context, (number, path), settings, &target) {
+        LoadRequest::Scene { number, path, staging, settings, target } => {
+            let (loaded, scene) = match load_for(context, (number, path, staging), settings, &target) {
                 Ok((loaded, scene)) => (Ok(loaded), scene),
                 Err(error) => (Err(error), None),
             };
@@ -314,11 +329,12 @@ fn perform(
 /// Loads a scene without its lightmap; returns what that is prepared from, where there is to be one.
 fn load_for(
     context: &Context,
-    (number, path): (u64, PathBuf),
+    (number, path, staging): (u64, PathBuf, Staging),
     settings: RenderSettings,
     target: &Target,
 ) -> Result<(Box<LoadedScene>, Option<Scene>)> {
-    let mut scene = load_scene(&path, &settings.textures.options(context), &context.report)?;
+    let panorama = panorama_file(&path, &staging);
+    let mut scene = load_staged(&path, staging, &settings.textures.options(context), &context.report)?;
     let Target { size, eyes, hidden } = target;
     let lightmap_follows = is_lightmapped(&scene, &settings);
     let mut renderer = Renderer::without_lightmap(context, &scene, settings, *size, *eyes)?;
@@ -329,7 +345,7 @@ fn load_for(
         number,
         lightmap_follows,
         name: file_name(&path),
-        panorama: panorama_file(&path),
+        panorama,
         path,
         renderer,
         cameras: scene.cameras.clone(),

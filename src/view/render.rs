@@ -11,7 +11,7 @@ use serde::Serialize;
 use super::args::Choice;
 use super::frame_clock::ms_since;
 use super::interrupt;
-use super::loader::load_scene;
+use super::loader::load_staged;
 use crate::args::{parse_size, write_json};
 use crate::asset::Outputs;
 use crate::asset::picture::Picture;
@@ -23,7 +23,7 @@ use crate::render::{
 };
 use crate::scene::load::files as scene_files;
 use crate::scene::needs::resolution::Viewpoint;
-use crate::scene::{Camera, Scene};
+use crate::scene::staging::Staging;
 use crate::{Error, Result, say};
 
 /// A picture of a scene and its output file.
@@ -37,9 +37,6 @@ pub struct RenderRequest {
     /// Pixels.
     #[arg(long, value_name = "WxH", default_value = "1280x720", value_parser = parse_size)]
     pub size: [u32; 2],
-    /// One of the scene's cameras; the first if left out.
-    #[arg(long, value_name = "NAME")]
-    pub camera: Option<String>,
     /// Write FILE-left and FILE-right, an eye each.
     #[arg(long)]
     pub stereo: bool,
@@ -50,6 +47,8 @@ pub struct RenderRequest {
     /// Write times and facts.
     #[arg(long, value_name = "FILE")]
     pub json: Option<PathBuf>,
+    #[command(flatten)]
+    pub staging: Staging,
     #[command(flatten)]
     pub settings: RenderSettings,
     #[command(flatten)]
@@ -63,10 +62,10 @@ impl RenderRequest {
             scene: scene.into(),
             output: output.into(),
             size: [1280, 720],
-            camera: None,
             stereo: false,
             frames: None,
             json: None,
+            staging: Staging::default(),
             settings: RenderSettings::default(),
             choice: Choice::default(),
         }
@@ -77,7 +76,8 @@ impl RenderRequest {
     /// # Errors
     /// The first output that cannot be used.
     pub fn check(&self) -> Result<()> {
-        let mut outputs = Outputs::of(scene_files(&self.scene));
+        let files = scene_files(&self.scene).into_iter().chain(self.staging.panorama.clone());
+        let mut outputs = Outputs::of(files);
         picture_files(&self.output, self.stereo).iter().try_for_each(|file| outputs.file(file))?;
         outputs.file_if(self.json.as_deref())
     }
@@ -145,11 +145,11 @@ pub fn render(request: &RenderRequest, setup: &Setup<'_>) -> Result<RenderFacts>
     // Errors are better found before loading.
     check_size(&context, request.size, if request.stereo { 2 } else { 1 }, &settings)?;
     let started = Instant::now();
-    let mut scene = load_scene(&request.scene, &settings.textures.options(&context), &context.report)?;
+    let textures = settings.textures.options(&context);
+    let mut scene = load_staged(&request.scene, request.staging.clone(), &textures, &context.report)?;
     let load_ms = ms_since(started);
-    let camera = find_camera(&scene, request.camera.as_deref())?;
     let aspect = request.size[0] as f32 / request.size[1] as f32;
-    let eye = Eye::of_camera(camera, aspect);
+    let eye = Eye::of_camera(&scene.cameras[0], aspect);
     let eyes = if request.stereo { eye.stereo(IPD_METRES).to_vec() } else { vec![eye] };
 
     let started = Instant::now();
@@ -195,16 +195,6 @@ pub fn render(request: &RenderRequest, setup: &Setup<'_>) -> Result<RenderFacts>
     drop((renderer, context));
     messages.check()?;
     Ok(facts)
-}
-
-/// A scene's camera by name; its first for `None`.
-pub fn find_camera<'a>(scene: &'a Scene, name: Option<&str>) -> Result<&'a Camera> {
-    let wanted = |camera: &&Camera| name.is_none_or(|name| camera.name == name);
-    scene.cameras.iter().find(wanted).ok_or_else(|| Error::UnknownName {
-        what: "camera",
-        name: name.unwrap_or_default().into(),
-        known: scene.cameras.iter().map(|c| c.name.clone()).collect(),
-    })
 }
 
 /// Draws frames; returns the GPU times and the recording time of each. An interrupt ends the averaging of a reference

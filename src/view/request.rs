@@ -10,6 +10,7 @@ use crate::asset::file::write_atomically;
 use crate::asset::{Outputs, shipped};
 use crate::render::RenderSettings;
 use crate::scene::load::files as scene_files;
+use crate::scene::staging::Staging;
 use crate::{Error, Result};
 
 /// A scene and how to show it.
@@ -32,6 +33,8 @@ pub struct ViewRequest {
     /// Write times and facts of the run, as JSON.
     #[arg(long, value_name = "FILE")]
     pub report: Option<PathBuf>,
+    #[command(flatten)]
+    pub staging: Staging,
     #[command(flatten)]
     pub settings: RenderSettings,
     #[command(flatten)]
@@ -81,7 +84,8 @@ impl ViewRequest {
     /// # Errors
     /// [`Error::Usage`], [`Error::Write`]; the demo is not found.
     pub fn check(&self) -> Result<()> {
-        Outputs::of(scene_files(&self.scene()?)).file_if(self.report.as_deref())
+        let files = scene_files(&self.scene()?).into_iter().chain(self.staging.panorama.clone());
+        Outputs::of(files).file_if(self.report.as_deref())
     }
 
     pub(super) fn write_report(&self, report: impl FnOnce() -> RunReport) -> Result<()> {

@@ -68,8 +68,8 @@ fn show_in_headset(request: &ViewRequest, setup: &Setup<'_>) -> Result<()> {
 fn write_picture(view: &ViewRequest, setup: &Setup<'_>, no_headset: &str, no_window: &str) -> Result<()> {
     interrupt::stop_listening();
     let output = reserve_fallback()?;
-    let (frames, settings) = (view.frames, view.settings.clone());
-    let request = RenderRequest { frames, settings, ..RenderRequest::new(view.scene()?, &output) };
+    let (frames, settings, staging) = (view.frames, view.settings.clone(), view.staging.clone());
+    let request = RenderRequest { frames, settings, staging, ..RenderRequest::new(view.scene()?, &output) };
     let facts = render(&request, setup).inspect_err(|_| {
         // Removes only the reserved name; the error says what went wrong.
         let _ = std::fs::remove_file(&output);

@@ -130,7 +130,7 @@ impl EventHandler<'_> {
             unsafe { Viewer::new(self.setup.with(&gpu), window, self.request, self.proxy.clone(), session) }?;
         self.opened = true;
         self.no_headset.iter().for_each(|why| say!("pbr-vr: in a window, because {why}"));
-        viewer.open_first(&scene);
+        viewer.open_first(&scene, self.request.staging.clone());
         Ok(viewer)
     }
 

@@ -106,6 +106,33 @@ fn a_bare_model_is_framed_and_lit() {
     assert!(folder.path().join("m.png").is_file());
 }
 
+/// The command line says of a bare model what a description would.
+#[test]
+fn a_bare_model_is_staged_by_flags() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let assets = Path::new(env!("CARGO_MANIFEST_DIR")).join("assets");
+    let model = assets.join("scenes/sphere.obj").display().to_string();
+    let panorama = assets.join("panoramas/forest.exr").display().to_string();
+    let scene = format!(
+        "exposure_ev = -1.5\nenvironment = {{ panorama = '{panorama}', rotation_degrees = -40 }}\n[[model]]\nfile = '{model}'\n\
+        [[camera]]\nname = 'side'\nposition = [3, 0, 0]\ntarget = [0, 0, 0]\nvertical_fov_degrees = 45\n"
+    );
+    std::fs::write(folder.path().join("s.toml"), scene).expect("a description");
+    let common = ["--size", "64x64", "--light", "open", "-o"];
+    let light = ["--panorama", &panorama, "--rotation", "-40", "--exposure", "-1.5"];
+    let by = |file: &str, scene: &str, flags: &[&str]| {
+        succeeds(folder.path(), &[&["render", scene], &common[..], &[file], flags].concat());
+        std::fs::read(folder.path().join(file)).expect("the picture")
+    };
+    let described = by("a.png", "s.toml", &[]);
+    let orbit = [&light[..], &["--camera", "90,0,3"]].concat();
+    assert!(by("b.png", &model, &orbit) == described, "the same by flags");
+    assert!(by("c.png", "s.toml", &["--exposure", "0"]) != described);
+    assert!(by("d.png", &model, &[&orbit[..], &["--floor"]].concat()) != described);
+    fails(folder.path(), &["render", &model, "-o", "e.png", "--camera", "left"], 2, &["auto, YAW,PITCH[,DISTANCE]"]);
+    fails(folder.path(), &["render", &model, "-o", "e.png", "--panorama", "no.hdr"], 1, &["no.hdr"]);
+}
+
 #[test]
 fn bad_usage_is_status_2() {
     let folder = tempfile::tempdir().expect("a folder");

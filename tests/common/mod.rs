@@ -22,6 +22,7 @@ use pbr_vr::reference::energy::Scattering;
 use pbr_vr::reference::table::SplitSum;
 use pbr_vr::render::{LightModel, RenderSettings, Shading};
 use pbr_vr::scene::Model;
+use pbr_vr::scene::staging::Staging;
 use pbr_vr::view::{RenderRequest, render};
 
 /// A folder for one test's files.
@@ -70,7 +71,7 @@ impl Workshop {
         let output = self.path(options.file);
         let request = RenderRequest {
             size: options.size,
-            camera: options.camera.map(str::to_owned),
+            staging: Staging { camera: options.camera.map(str::to_owned), ..Staging::default() },
             stereo: options.stereo,
             frames: Some(options.frames),
             settings: RenderSettings {

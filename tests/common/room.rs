@@ -147,7 +147,7 @@ fn draw(scene: &Path, eyes: &[Eye; 2], size: [u32; 2]) -> [Picture; 2] {
     let context = setup(None).open().expect("a GPU");
     let messages = context.gpu.messages();
     let settings = RenderSettings { light: LightModel::Direct, ..RenderSettings::default() };
-    let options = LoadOptions { default_panorama: None, textures: settings.textures.options(&context) };
+    let options = LoadOptions { textures: settings.textures.options(&context), ..LoadOptions::default() };
     let scene = load(scene, &options, &context.report).expect("a scene");
     let mut renderer = Renderer::new(&context, &scene, settings, size, 2).expect("a renderer");
     draw_frame(&context.gpu, &mut renderer, &FrameInputs::of(&scene, eyes));

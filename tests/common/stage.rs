@@ -37,7 +37,7 @@ pub fn shipped(name: &str) -> PathBuf {
 
 /// Loads a scene.
 pub fn scene(path: &Path) -> Scene {
-    load(path, &LoadOptions { default_panorama: None, textures: textures() }, &Report::silent()).expect("a scene")
+    load(path, &LoadOptions { textures: textures(), ..LoadOptions::default() }, &Report::silent()).expect("a scene")
 }
 
 /// The naive form of a scene's textures: the finest level only, so that what is far away is picked from it at random.

@@ -24,8 +24,8 @@ const LANDING: Vec3 = Vec3::new(-0.9, 0.0, 0.0);
 fn room() -> Scene {
     let assets = Path::new(env!("CARGO_MANIFEST_DIR")).join("assets");
     let options = load::LoadOptions {
-        default_panorama: None,
         textures: TextureOptions { storage: Storage::Raw, ..TextureOptions::default() },
+        ..load::LoadOptions::default()
     };
     load::load(&assets.join("scenes/tearoom.toml"), &options, &Report::silent()).expect("the shipped room")
 }

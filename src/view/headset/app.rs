@@ -24,7 +24,7 @@ pub fn run(request: &ViewRequest, connected: Connected, setup: &Setup<'_>) -> Re
     let app = App::new(context, request.settings.clone(), session.target(), || {})?;
     let mut headset = HeadsetApp { session, app };
     interrupt::listen(|| {});
-    headset.app.open_scene(&scene);
+    headset.app.open_first(&scene, request.staging.clone());
     let end = headset.play(request.frames);
     let reported = request.write_report(|| headset.report());
     // Destroying the device may add validation messages, for example about leaks.

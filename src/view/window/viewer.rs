@@ -11,6 +11,7 @@ use super::hot_reload::ShaderWatch;
 use super::hud::title;
 use super::output::WindowOutput;
 use crate::context::Context;
+use crate::scene::staging::Staging;
 use crate::view::app::{App, Update};
 use crate::view::frame_clock::ms_since;
 use crate::view::headset::{End, FrameResult, HeadsetReport, RunReport, Session};
@@ -132,9 +133,9 @@ impl Viewer {
     }
 
     /// Starts loading the scene that the window was opened for; failing is final.
-    pub fn open_first(&mut self, path: &Path) {
+    pub fn open_first(&mut self, path: &Path, staging: Staging) {
         self.output.window.set_title(&title(&file_name(path), None));
-        self.app.open_scene(path);
+        self.app.open_first(path, staging);
     }
 
     /// Takes what the loader has finished.
