@@ -24,6 +24,7 @@ struct Relay {
     float density;   // of such places per area
     uint glossy_triangle; // where it is not matt, one more than its triangle, else 0
     vec3 weights;
+    vec3 address;    // in the lightmap
 };
 
 // What a texel is like.
@@ -133,23 +134,35 @@ bool is_glossy(Surface s)
     return s.metallic > 0.5 && s.roughness < 0.6;
 }
 
-// What a place that is met along d gives back of lamps and the sun, by its BRDF.
-vec3 glossy_radiance(RayHit hit, vec3 d)
+// Roughness of glossy surfaces as texels see them, at least: few rays meet what a sharper lobe shows of a lamp, and single texels
+// would sparkle. Widening lobes keeps the light's mean: Kaplanyan and Dachsbacher, "Path Space Regularization for Holistic and
+// Robust Light Transport" (2013).
+const float CAUSTIC_ROUGHNESS = 0.5;
+
+// What a place that is met along d gives back of lamps and the sun, by its BRDF; `density`: of relays there. Both at the very place:
+// near a lamp they vary within a texel.
+vec3 glossy_radiance(RayHit hit, vec3 d, out float density)
 {
     PathPoint p = ray_point(hit, d);
+    p.s.roughness = max(p.s.roughness, CAUSTIC_ROUGHNESS);
     Energy energy = Energy(table_mean(brdf_table, p.s.roughness), MULTI_SCATTER);
     vec2 at_v = table_entry(brdf_table, p.s.nv, p.s.roughness);
     vec3 sum = vec3(0.0);
+    density = 0.0;
     for (uint i = 0u; i <= frame.light_count; ++i) {
+        bool is_lamp = i < frame.light_count;
         vec3 l = frame.sun.towards, irradiance = frame.sun.irradiance;
         float far = 1e30;
-        if (i < frame.light_count) {
+        if (is_lamp) {
             irradiance = light_irradiance(lights[i], p.position, l);
             far = distance(lights[i].position, p.position);
         }
-        float cosine = dot(p.s.n, l);
-        if (cosine > 0.0 && irradiance != vec3(0.0) && trace_ray(ray_origin(p), l, far, true).t < 0.0)
-            sum += irradiance * cosine * brdf(p.s, l, energy, at_v);
+        bool faces = dot(p.side, l) > 0.0 && irradiance != vec3(0.0);
+        if (!faces || trace_ray(ray_origin(p), l, far, true).t >= 0.0)
+            continue;
+        if (is_lamp)
+            density += lamp_density(dot(p.side, l), far) / float(frame.light_count);
+        sum += irradiance * max(dot(p.s.n, l), 0.0) * brdf(p.s, l, energy, at_v);
     }
     return sum;
 }

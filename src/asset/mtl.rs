@@ -426,7 +426,7 @@ mod tests {
             ("bump a.png", "a.png", 1.0),
             ("map_Bump -bm 0.5 a.png", "a.png", 0.5),
             ("map_bump -s 2 -o 1 2 3 -t 0 0 -bm 2 my stone.png", "my stone.png", 2.0),
-            ("bump -clamp on -blendu off -mm 0 1 -imfchan l -BM 3 x\\y.png", "x\\y.png", 3.0),
+            ("bump -clamp off -blendu off -mm 0 1 -imfchan l -BM 3 x\\y.png", "x\\y.png", 3.0),
             ("bump \"quoted name.png\"", "quoted name.png", 1.0),
             ("bump -s 1 1 1 2.5", "2.5", 1.0),
             ("bump -o 1 2", "2", 1.0),

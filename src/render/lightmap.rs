@@ -265,7 +265,7 @@ impl LightmapBake {
         let list = Buffer::with_bytes(gpu, "lightmap texels", BufferKind::StorageFromCpu, bytemuck::cast_slice(list))?;
         let sums = storage("lightmap sums", count * size_of::<[f32; 4]>() as u64)?;
         let surfaces = storage("lightmap surfaces", count * size_of::<[f32; 18]>() as u64)?;
-        let relays = storage("lightmap relays", u64::from(RELAYS) * size_of::<[f32; 14]>() as u64)?;
+        let relays = storage("lightmap relays", u64::from(RELAYS) * size_of::<[f32; 17]>() as u64)?;
         let sampler = Sampler::new(gpu, "lightmap", AddressMode::Clamp, 1)?;
         let bindings = [
             Binding::Storage(&list),
