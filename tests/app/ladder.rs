@@ -222,17 +222,15 @@ fn each_setting_changes_the_picture_and_keeps_its_size() {
     let plain = draw("plain.png", &[]);
     let same = draw("same.png", &["--samples", "4", "--scale", "1", "--cube-size", "256", "--irradiance-size", "32"]);
     assert!(same == plain, "these are the defaults");
-    for flags in [
-        ["--samples", "1"],
-        ["--scale", "0.5"],
-        ["--cube-size", "16"],
-        ["--irradiance-size", "4"],
-        ["--drop-levels", "16"],
-    ] {
+    for flags in [["--samples", "1"], ["--scale", "0.5"], ["--cube-size", "16"], ["--drop-levels", "16"]] {
         let picture = draw("other.png", &flags);
         assert_eq!(picture.dimensions(), (97, 65), "{flags:?}");
         assert!(picture != plain, "{flags:?} did nothing");
     }
+    // Where there is a lightmap, nothing else is diffuse.
+    let direct = ["--light", "direct"];
+    let small = [&direct[..], &["--irradiance-size", "4"]].concat();
+    assert!(draw("direct.png", &direct) != draw("small.png", &small), "the irradiance map did nothing");
     let reference = ["--shading", "reference", "--frames", "2"];
     assert!(
         draw("a.png", &reference) == draw("b.png", &[&reference[..], &["--scale", "0.5"]].concat()),
