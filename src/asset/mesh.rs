@@ -1,6 +1,6 @@
 //! Triangles as model files give them: unindexed corners, before vertices are shared and tangents computed.
 
-use glam::{Vec2, Vec3};
+use glam::{Vec2, Vec3, Vec4};
 
 /// Triangles of one object with one material.
 #[derive(Clone, Debug)]
@@ -13,6 +13,8 @@ pub struct Submesh {
     pub corners: Vec<Corner>,
     /// The smoothing group of each triangle, 0 for none; empty if all belong to one.
     pub smoothing: Vec<u32>,
+    /// What some files say beyond that of each corner; empty if this one does not.
+    pub extras: Vec<CornerExtra>,
 }
 
 /// A corner of a triangle.
@@ -23,4 +25,21 @@ pub struct Corner {
     pub normal: Vec3,
     /// v upwards, as OBJ has it.
     pub uv: Vec2,
+}
+
+/// More of a corner.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CornerExtra {
+    /// Second texture coordinates, v upwards.
+    pub uv1: Vec2,
+    /// Multiplies base color, linear, and alpha; 0 to 1.
+    pub colour: Vec4,
+    /// Towards +u, with the sign of the bitangent (towards the picture's top): `scene::mesh::Vertex`. Zero: not given.
+    pub tangent: Vec4,
+}
+
+impl Default for CornerExtra {
+    fn default() -> Self {
+        Self { uv1: Vec2::ZERO, colour: Vec4::ONE, tangent: Vec4::ZERO }
+    }
 }

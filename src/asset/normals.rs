@@ -96,7 +96,7 @@ mod tests {
     fn submesh(triangles: &[[Vec3; 3]]) -> Submesh {
         let corner = |position: Vec3| Corner { position, normal: Vec3::ZERO, uv: Vec2::ZERO };
         let corners = triangles.as_flattened().iter().map(|p| corner(*p)).collect();
-        Submesh { name: "p".into(), material: None, has_uvs: false, corners, smoothing: Vec::new() }
+        Submesh { name: "p".into(), material: None, has_uvs: false, corners, smoothing: Vec::new(), extras: Vec::new() }
     }
 
     /// Two triangles that meet at an edge along z, the second turned by some degrees out of the plane of the first.

@@ -196,7 +196,14 @@ fn submesh(
             }),
         }
     };
-    let mut submesh = Submesh { name, material: mesh.material_id, has_uvs, corners: Vec::new(), smoothing: Vec::new() };
+    let mut submesh = Submesh {
+        name,
+        material: mesh.material_id,
+        has_uvs,
+        corners: Vec::new(),
+        smoothing: Vec::new(),
+        extras: Vec::new(),
+    };
     submesh.corners.reserve(mesh.indices.len());
     let mut rest = &mesh.indices[..];
     // `tobj` leaves the numbers of corners out where all are triangles.

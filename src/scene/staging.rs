@@ -122,7 +122,14 @@ fn add_floor(scene: &mut Scene) {
     };
     let [a, b, c, d] = [corner(-1.0, 1.0), corner(1.0, 1.0), corner(1.0, -1.0), corner(-1.0, -1.0)];
     let corners = vec![a, b, c, a, c, d];
-    let submesh = Submesh { name: "floor".into(), material: None, has_uvs: false, corners, smoothing: Vec::new() };
+    let submesh = Submesh {
+        name: "floor".into(),
+        material: None,
+        has_uvs: false,
+        corners,
+        smoothing: Vec::new(),
+        extras: Vec::new(),
+    };
     let (grey, roughness) = FLOOR_MATERIAL;
     scene.instances.push(Instance { mesh: scene.meshes.len(), world_from_local: glam::Mat4::IDENTITY });
     scene.meshes.push(tangent::mesh(&submesh, scene.materials.len()));

@@ -109,6 +109,7 @@ mod tests {
             has_uvs: true,
             corners: vec![a, b, c, a, c, d],
             smoothing: vec![],
+            extras: vec![],
         }
     }
 

@@ -1,0 +1,137 @@
+//! Materials as model files describe them, checked: factors and maps of the metallic–roughness model.
+
+use glam::Vec3;
+
+use super::image_source::ImageSource;
+use super::texture::Pick;
+
+/// A material of a model. Factors are in their range; each map, where it can be read, is multiplied by its factor.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MaterialDesc {
+    pub name: String,
+    /// Linear RGB, 0 to 1.
+    pub base_color: Factor<Vec3>,
+    /// Multiplies alpha.
+    pub opacity: f32,
+    pub metallic: Factor<f32>,
+    /// Perceptual roughness.
+    pub roughness: Factor<f32>,
+    /// Radiance, W/(m² sr).
+    pub emissive: Factor<Vec3>,
+    /// sRGB; alpha as `alpha` says.
+    pub base_color_map: Option<MapDesc>,
+    /// Replaces the base color map's alpha.
+    pub mask_map: Option<MapDesc>,
+    pub normals: Option<NormalsDesc>,
+    pub occlusion_map: Option<MapDesc>,
+    /// 0: the occlusion map has no effect; 1: its full effect.
+    pub occlusion_strength: f32,
+    pub roughness_map: Option<MapDesc>,
+    pub metallic_map: Option<MapDesc>,
+    /// sRGB.
+    pub emissive_map: Option<MapDesc>,
+    pub alpha: AlphaUse,
+    /// Whether it is not seen from behind.
+    pub culls_backs: bool,
+}
+
+/// A factor's value where its map is read, and where there is none or it is broken.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Factor<T> {
+    pub with_map: T,
+    pub alone: T,
+}
+
+impl<T: Copy> Factor<T> {
+    /// The same with and without a map.
+    pub fn same(value: T) -> Self {
+        Self { with_map: value, alone: value }
+    }
+
+    /// Its value.
+    pub fn of(&self, has_map: bool) -> T {
+        if has_map { self.with_map } else { self.alone }
+    }
+}
+
+/// What alpha means.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum AlphaUse {
+    /// The file does not say: a mask with a cutoff of one half if some texels are below it and some above, else nothing.
+    Guessed,
+    Opaque,
+    /// Surfaces with less alpha are holes.
+    Mask(f32),
+    /// Coverage: the share of what is behind that is hidden.
+    Blend,
+}
+
+/// A map of a material.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MapDesc {
+    pub image: ImageSource,
+    /// Of a map of one number, the channel.
+    pub pick: Pick,
+    /// Whether it takes the second texture coordinates of its vertices.
+    pub second_uv: bool,
+    pub sampling: Sampling,
+    /// File, key and name as a message begins: `stone.mtl:3: map_Kd stone.png`.
+    pub origin: String,
+}
+
+/// A map that turns the normal.
+#[derive(Clone, Debug, PartialEq)]
+pub struct NormalsDesc {
+    pub map: MapDesc,
+    pub kind: NormalsKind,
+}
+
+/// What such a map holds.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum NormalsKind {
+    /// Unit vectors, +Y up, whose x and y are multiplied by a factor.
+    Vectors(f32),
+    /// Heights in hundredths of the picture's width times this, or vectors: the picture shows which.
+    Bump(f32),
+}
+
+/// How texels are looked up: glTF's samplers. Minification is always trilinear.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct Sampling {
+    pub wrap: [Wrap; 2],
+    /// Whether magnified texels are squares.
+    pub nearest: bool,
+}
+
+/// Coordinates outside of 0 to 1.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum Wrap {
+    #[default]
+    Repeat,
+    Mirror,
+    Clamp,
+}
+
+impl MaterialDesc {
+    /// A material without maps.
+    pub fn plain(name: &str, base_color: Vec3, metallic: f32, roughness: f32) -> Self {
+        Self {
+            name: name.into(),
+            base_color: Factor::same(base_color),
+            opacity: 1.0,
+            metallic: Factor::same(metallic),
+            roughness: Factor::same(roughness),
+            emissive: Factor::same(Vec3::ZERO),
+            base_color_map: None,
+            mask_map: None,
+            normals: None,
+            occlusion_map: None,
+            occlusion_strength: 1.0,
+            roughness_map: None,
+            metallic_map: None,
+            emissive_map: None,
+            alpha: AlphaUse::Opaque,
+            culls_backs: false,
+        }
+    }
+}
