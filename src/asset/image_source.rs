@@ -7,8 +7,10 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use super::file;
-use super::texture::MAX_FILE_BYTES;
 use crate::Result;
+
+/// Largest picture file, in bytes.
+const MAX_FILE_BYTES: u64 = 1 << 30;
 
 /// A PNG, JPEG or TGA picture, not decoded yet.
 #[derive(Clone, Debug)]
@@ -37,7 +39,7 @@ impl ImageSource {
     /// Its bytes, not decoded.
     ///
     /// # Errors
-    /// The file cannot be read, or is larger than [`MAX_FILE_BYTES`].
+    /// The file cannot be read, or is larger than 1 GiB.
     pub fn read(&self) -> Result<Cow<'_, [u8]>> {
         match &self.bytes {
             Some(bytes) => Ok(Cow::Borrowed(bytes)),

@@ -37,6 +37,17 @@ impl Default for TextureOptions {
     }
 }
 
+/// What alpha of a base color map is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Coverage {
+    /// 1.
+    Whole,
+    /// A mask with a cutoff, whose share of texels above it each level keeps.
+    Tested(f32),
+    /// The share of what is behind that is hidden.
+    Blended,
+}
+
 /// A texture with all its levels, down to 1×1.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MipChain {
@@ -51,10 +62,14 @@ pub struct MipChain {
 }
 
 impl MipChain {
-    /// A base color map; alpha is a mask where there is a cutoff, else 1.
-    pub fn base_color(texture: Texture, cutoff: Option<f32>, storage: Storage, report: &Report) -> Self {
+    /// A base color map.
+    pub fn base_color(texture: Texture, coverage: Coverage, storage: Storage, report: &Report) -> Self {
         let plain = Self::without_levels(&texture, TexelFormat::Rgba8Srgb);
-        let block = if cutoff.is_some() { Block::Alpha } else { Block::Opaque };
+        let (block, cutoff) = match coverage {
+            Coverage::Whole => (Block::Opaque, None),
+            Coverage::Tested(cutoff) => (Block::Alpha, Some(cutoff)),
+            Coverage::Blended => (Block::Alpha, None),
+        };
         let levels = report.time("mips", || mips::base_color_levels(texture, cutoff));
         Self { levels, ..plain }.stored(storage, block, report)
     }
@@ -160,7 +175,7 @@ mod tests {
             let chains = [Storage::Raw, Storage::Bc].map(|storage| {
                 let report = Report::silent();
                 [
-                    MipChain::base_color(texture(width, height), None, storage, &report),
+                    MipChain::base_color(texture(width, height), Coverage::Whole, storage, &report),
                     MipChain::normal(&texture(width, height), storage, &report),
                     MipChain::orm(texture(width, height), None, storage, &report),
                 ]
@@ -189,7 +204,8 @@ mod tests {
 
     #[test]
     fn a_chain_that_lacks_levels_is_rejected() {
-        let mut ktx2 = MipChain::base_color(texture(8, 8), None, Storage::Raw, &Report::silent()).into_ktx2();
+        let mut ktx2 =
+            MipChain::base_color(texture(8, 8), Coverage::Whole, Storage::Raw, &Report::silent()).into_ktx2();
         ktx2.levels.pop();
         assert_eq!(MipChain::from_ktx2(ktx2), None);
     }

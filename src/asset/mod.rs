@@ -14,6 +14,7 @@ pub mod mip_chain;
 pub mod mips;
 pub mod model;
 pub mod mtl;
+pub mod mtl_material;
 pub mod normals;
 pub mod obj;
 mod obj_text;

@@ -63,6 +63,21 @@ pub struct Cone {
     pub outer: f32,
 }
 
+impl ModelLight {
+    /// The light after a rotation, a uniform scale, which leaves its intensity, and a translation.
+    pub fn placed(&self, transform: Mat4) -> Self {
+        let turned = |v: Vec3| transform.transform_vector3(v).normalize_or(v);
+        match *self {
+            Self::Point { position, intensity, cone } => Self::Point {
+                position: transform.transform_point3(position),
+                intensity,
+                cone: cone.map(|cone| Cone { along: turned(cone.along), ..cone }),
+            },
+            Self::Directional { towards, irradiance } => Self::Directional { towards: turned(towards), irradiance },
+        }
+    }
+}
+
 impl Model {
     /// Submeshes that stand where they are.
     pub fn in_place(submeshes: Vec<Submesh>, materials: Vec<MaterialDesc>) -> Self {

@@ -40,6 +40,7 @@ pub struct Mtl {
     pub metallic: Option<f32>,
     pub roughness: Option<f32>,
     pub map_kd: Option<Map>,
+    pub map_ke: Option<Map>,
     pub map_ka: Option<Map>,
     pub map_ao: Option<Map>,
     pub map_d: Option<Map>,
@@ -65,6 +66,8 @@ pub struct Map {
     pub pick: Option<Pick>,
     /// `-s` and `-o`.
     pub uv: UvTransform,
+    /// `-clamp`: not repeated beyond its edges.
+    pub clamp: bool,
 }
 
 /// Texture coordinates become `scale` · uv + `offset`.
@@ -168,6 +171,7 @@ fn read_key(
         "pm" => material.metallic = Some(number(value)?),
         "pr" => material.roughness = Some(number(value)?),
         "map_kd" => material.map_kd = map()?,
+        "map_ke" => material.map_ke = map()?,
         "map_ka" => material.map_ka = map()?,
         "map_ao" => material.map_ao = map()?,
         "map_d" | "map_opacity" => material.map_d = map()?,
@@ -211,7 +215,6 @@ fn unread(key: &str, value: &str) -> Option<&'static str> {
         "map_ns" => "exponents of highlights are not read from pictures; give roughness as map_Pr",
         "map_refl" => "strengths of reflection are not read; give metalness as map_Pm",
         "refl" => "its picture is not read; the scene's panorama is mirrored",
-        "map_ke" => "emission is not supported; ignored",
         "disp" | "map_disp" => "displacement is not modelled; give heights as map_Bump",
         "decal" => "decals are not modelled",
         "map_tr" => "pictures of transparency are not read; give coverage as map_d",
@@ -276,6 +279,7 @@ fn read_option(map: &mut Map, option: &str, words: &str) -> std::result::Result<
     };
     match option {
         "-bm" => map.bump_strength = number(words)?,
+        "-clamp" => map.clamp = words.trim().eq_ignore_ascii_case("on"),
         "-s" => map.uv.scale = pair(map.uv.scale)?,
         "-o" => map.uv.offset = pair(map.uv.offset)?,
         "-imfchan" => map.pick = Some(Pick::from_letter(words.trim()).ok_or("no channel r, g, b, m or l")?),
@@ -288,7 +292,6 @@ fn read_option(map: &mut Map, option: &str, words: &str) -> std::result::Result<
 fn unread_option(option: &str, words: &str) -> Option<&'static str> {
     let numbers: Vec<f32> = words.split_whitespace().filter_map(|word| word.parse().ok()).collect();
     Some(match option {
-        "-clamp" if words.trim().eq_ignore_ascii_case("on") => "the picture repeats; it is not clamped",
         "-t" if numbers.iter().any(|v| *v != 0.0) => "turbulence is not modelled",
         "-mm" if numbers != [0.0, 1.0] => "the picture's values are not changed by base and gain",
         "-cc" if words.trim().eq_ignore_ascii_case("on") => "colours are not corrected",
@@ -365,11 +368,11 @@ mod tests {
     fn one_warning_for_each_key_and_option_that_is_not_honoured() {
         let silent = b"newmtl a\nKa 1 1 1\nillum 2\nNi 1.45\nTf 1 1 1\nPs 0\nPc 0.0\nPcr 0.03\naniso 0\nanisor 0\n# c\n\nmap_Kd -mm 0 1 -clamp off a.png";
         assert_eq!(parsed(silent).1, [""; 0]);
-        let loud = b"newmtl a\nNi 2.4\nmap_Ns e.png\nmap_refl r.png\nrefl -type sphere s.png\nmap_Ks k.png\nmap_Ke e.png\ndisp d.png\n\
+        let loud = b"newmtl a\nNi 2.4\nmap_Ns e.png\nmap_refl r.png\nrefl -type sphere s.png\nmap_Ks k.png\ndisp d.png\n\
             Pc 1\nshiny 3\nmap_Kd -clamp on -t 1 0 0 -mm 0 2 a.png\nnewmtl b\nmap_ks k.png\nPc 1\nshiny 4\nmap_Kd -clamp on a.png";
         let (_, warnings) = parsed(loud);
-        let keys = ["Ni", "map_Ns", "map_refl", "refl", "map_Ks", "map_Ke", "disp", "Pc", "shiny", "map_Kd -clamp"];
-        assert_eq!(warnings.len(), keys.len() + 2, "{warnings:#?}");
+        let keys = ["Ni", "map_Ns", "map_refl", "refl", "map_Ks", "disp", "Pc", "shiny", "map_Kd -t"];
+        assert_eq!(warnings.len(), keys.len() + 1, "{warnings:#?}");
         for (number, key) in keys.iter().enumerate() {
             assert!(warnings[number].starts_with(&format!("a.mtl:{}: {key}: ", number + 2)), "{}", warnings[number]);
         }
@@ -385,6 +388,9 @@ mod tests {
         assert_eq!(picks(&materials[1]), [Pick::Blue, Pick::Red, Pick::Green].map(Some));
         assert!(materials[0].norm.is_some() && materials[2].map_roughness.is_some());
         assert!(materials[2].map_metallic.is_some() && materials[2].map_d.is_some());
+        let (materials, _) = parsed(b"newmtl a\nmap_Kd -clamp on a.png\nmap_Ke -clamp off b.png");
+        assert!(materials[0].map_kd.as_ref().is_some_and(|map| map.clamp));
+        assert!(materials[0].map_ke.as_ref().is_some_and(|map| !map.clamp));
     }
 
     /// As Blender 3.4 writes a material without its option for PBR keys.

@@ -1,16 +1,17 @@
 //! OBJ models: read by `tobj` from preprocessed text, then cut into triangles, checked, and completed with normals.
 
-use std::collections::HashSet;
+use std::collections::{BTreeSet, HashMap, HashSet};
 use std::io::Cursor;
 use std::path::Path;
 
 use glam::{Vec2, Vec3};
 
 use super::mesh::{Corner, Submesh};
-use super::mtl::{self, Mtl};
+use super::model::Model;
+use super::mtl::{self, Mtl, UvTransform};
 use super::obj_text::{ObjText, broken};
 use super::polygon::triangulate;
-use super::{Report, file, normals};
+use super::{Report, file, mtl_material, normals};
 use crate::error::{MAX_QUOTED, shortened};
 use crate::{Error, Result};
 
@@ -19,13 +20,6 @@ const MAX_FILE_BYTES: u64 = 1 << 30;
 pub const MAX_COORDINATE: f32 = 1e9;
 /// Beyond this, f32 cannot resolve texels.
 const MAX_UV: f32 = 1e6;
-
-/// The triangles and materials of one file.
-#[derive(Clone, Debug)]
-pub struct Model {
-    pub submeshes: Vec<Submesh>,
-    pub materials: Vec<Mtl>,
-}
 
 /// Reads a model and the material libraries it names.
 ///
@@ -44,9 +38,9 @@ pub fn load(path: &Path, report: &Report) -> Result<Model> {
     }
     let source = ObjText::new(path, &bytes)?;
     drop(bytes);
-    let materials = load_libraries(path, &source, report);
-    let models = run_tobj(path, &source.text, &materials)?;
-    warn_of_unknown_materials(path, &source, &materials, report);
+    let all = load_libraries(path, &source, report);
+    let models = run_tobj(path, &source.text, &all)?;
+    warn_of_unknown_materials(path, &source, &all, report);
     warn_of_changes(path, &source, report);
     let mut submeshes = Vec::new();
     let mut groups = source.smoothing.iter().copied();
@@ -57,7 +51,30 @@ pub fn load(path: &Path, report: &Report) -> Result<Model> {
         return Err(broken(path, "it has no triangles".into()));
     }
     normals::complete(&mut submeshes);
-    Ok(Model { submeshes, materials })
+    let used = keep_used(&mut submeshes, all);
+    place_textures(&mut submeshes, &used, report);
+    Ok(Model::in_place(submeshes, mtl_material::materials(&used, report)))
+}
+
+/// Drops materials that no submesh uses, so that their textures are not loaded.
+fn keep_used(submeshes: &mut [Submesh], all: Vec<Mtl>) -> Vec<Mtl> {
+    let used: BTreeSet<usize> = submeshes.iter().filter_map(|submesh| submesh.material).collect();
+    let new_index: HashMap<usize, usize> = used.iter().enumerate().map(|(new, old)| (*old, new)).collect();
+    for submesh in submeshes {
+        submesh.material = submesh.material.and_then(|old| new_index.get(&old).copied());
+    }
+    all.into_iter().enumerate().filter(|(index, _)| used.contains(index)).map(|(_, mtl)| mtl).collect()
+}
+
+/// Applies `-s` and `-o` of the materials' maps.
+fn place_textures(submeshes: &mut [Submesh], materials: &[Mtl], report: &Report) {
+    let transforms: Vec<UvTransform> = materials.iter().map(|mtl| mtl.uv_transform(report)).collect();
+    for submesh in submeshes {
+        let own = submesh.material.map(|material| transforms[material]);
+        if let Some(own) = own.filter(|own| *own != UvTransform::default()) {
+            submesh.corners.iter_mut().for_each(|corner| corner.uv = own.apply(corner.uv));
+        }
+    }
 }
 
 fn load_libraries(path: &Path, source: &ObjText, report: &Report) -> Vec<Mtl> {

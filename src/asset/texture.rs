@@ -6,13 +6,12 @@ use std::path::Path;
 use image::imageops::{self, FilterType};
 use image::{DynamicImage, GrayImage, ImageError, ImageFormat, ImageReader, Limits};
 
+use super::image_source::ImageSource;
 use super::{file, jpeg};
 use crate::{Error, Result};
 
 /// Largest accepted side, in texels: what every Vulkan 1.3 desktop GPU supports.
 pub const MAX_SIDE: u32 = 16384;
-/// Largest picture file, in bytes.
-pub const MAX_FILE_BYTES: u64 = 1 << 30;
 /// Limit of the decoder's own buffers: the largest picture at 16 bits per channel.
 const MAX_DECODER_BYTES: u64 = 2 << 30;
 
@@ -46,15 +45,14 @@ pub struct Texture {
 }
 
 impl Texture {
-    /// Decodes a PNG, JPEG or TGA file (recognised by content) of any bit depth, grey or colour, palette or not.
+    /// Decodes a PNG, JPEG or TGA picture (recognised by content) of any bit depth, grey or colour, palette or not.
     ///
     /// # Errors
     /// The file cannot be read, is broken or of another format, or is larger than [`MAX_SIDE`] on a side.
-    pub fn load(path: &Path, encoding: Encoding) -> Result<Self> {
-        let bytes = file::read(path, "texture", MAX_FILE_BYTES)?;
-        let picture = decode(path, &bytes)?.into_rgba8();
+    pub fn load(image: &ImageSource, encoding: Encoding) -> Result<Self> {
+        let picture = decode(image.place(), &image.read()?)?.into_rgba8();
         let (width, height) = picture.dimensions();
-        Ok(Self { name: file::short_name(path), width, height, encoding, pixels: picture.into_raw() })
+        Ok(Self { name: file::short_name(image.place()), width, height, encoding, pixels: picture.into_raw() })
     }
 
     /// The value of all texels, if no channel varies by more than JPEG's rounding.
@@ -96,6 +94,15 @@ impl Texture {
     pub fn scale_channel(&mut self, index: usize, factor: f32) {
         for texel in self.pixels.chunks_exact_mut(4).filter(|_| factor < 1.0) {
             texel[index] = (f32::from(texel[index]) * factor).round() as u8;
+        }
+    }
+
+    /// Multiplies x and y of a normal map's vectors by a factor, and makes them unit vectors again.
+    pub fn scale_slopes(&mut self, factor: f32) {
+        for texel in self.pixels.chunks_exact_mut(4).filter(|_| factor != 1.0) {
+            let n = glam::Vec3::from_array([texel[0], texel[1], texel[2]].map(|v| f32::from(v) / 127.5 - 1.0));
+            let scaled = glam::Vec3::new(n.x * factor, n.y * factor, n.z).normalize_or(glam::Vec3::Z);
+            texel[..3].copy_from_slice(&scaled.to_array().map(|n| (n * 127.5 + 127.5).round() as u8));
         }
     }
 
@@ -209,9 +216,9 @@ pub struct Channel {
 }
 
 impl Channel {
-    /// What is picked of a picture file; errors as of [`Texture::load`].
-    pub fn load(path: &Path, pick: Pick) -> Result<Self> {
-        let texture = Texture::load(path, Encoding::Linear)?;
+    /// What is picked of a picture; errors as of [`Texture::load`].
+    pub fn load(image: &ImageSource, pick: Pick) -> Result<Self> {
+        let texture = Texture::load(image, Encoding::Linear)?;
         Ok(match pick {
             Pick::Red => texture.channel(0),
             Pick::Green => texture.channel(1),
@@ -229,6 +236,13 @@ impl Channel {
     pub fn constant(&self) -> Option<u8> {
         let (min, max) = self.range()?;
         (max - min <= CONSTANT_SPREAD).then_some(max)
+    }
+
+    /// Moves all values towards 255: with a strength of 0 all the way.
+    pub fn weaken(&mut self, strength: f32) {
+        for value in &mut self.values {
+            *value = (255.0 - strength.clamp(0.0, 1.0) * f32::from(255 - *value)).round() as u8;
+        }
     }
 
     /// Its minimum and maximum.
@@ -318,7 +332,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join(name);
         picture.save(&path).unwrap();
-        Texture::load(&path, Encoding::Srgb).unwrap()
+        Texture::load(&ImageSource::file(path.clone()), Encoding::Srgb).unwrap()
     }
 
     #[test]
@@ -342,7 +356,10 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("palette.tga");
         std::fs::write(&path, bytes).unwrap();
-        assert_eq!(Texture::load(&path, Encoding::Srgb).unwrap().pixels, [0, 0, 255, 255, 255, 0, 0, 255]);
+        assert_eq!(
+            Texture::load(&ImageSource::file(path.clone()), Encoding::Srgb).unwrap().pixels,
+            [0, 0, 255, 255, 255, 0, 0, 255]
+        );
     }
 
     #[test]
@@ -351,14 +368,14 @@ mod tests {
         let path = folder.path().join("really-png.jpg");
         let picture = DynamicImage::new_rgb8(2, 2);
         picture.save_with_format(&path, ImageFormat::Png).unwrap();
-        assert_eq!(Texture::load(&path, Encoding::Srgb).unwrap().width, 2);
+        assert_eq!(Texture::load(&ImageSource::file(path.clone()), Encoding::Srgb).unwrap().width, 2);
         std::fs::write(&path, b"no picture at all, but long enough for a header").unwrap();
-        let error = Texture::load(&path, Encoding::Srgb).unwrap_err();
+        let error = Texture::load(&ImageSource::file(path.clone()), Encoding::Srgb).unwrap_err();
         assert!(matches!(error, Error::Broken { .. }) && error.to_string().contains("neither PNG nor JPEG"), "{error}");
         picture.save_with_format(&path, ImageFormat::Png).unwrap();
         let whole = std::fs::read(&path).unwrap();
         std::fs::write(&path, &whole[..20]).unwrap();
-        let error = Texture::load(&path, Encoding::Srgb).unwrap_err();
+        let error = Texture::load(&ImageSource::file(path.clone()), Encoding::Srgb).unwrap_err();
         assert!(error.to_string().contains("it ends too early"), "{error}");
     }
 
@@ -369,10 +386,10 @@ mod tests {
         let noise = |x: u32, y: u32| Rgb([(x * 97 + y * 31) as u8, (x * y) as u8, (x ^ y) as u8]);
         DynamicImage::ImageRgb8(ImageBuffer::from_fn(64, 64, noise)).save(&path).unwrap();
         let whole = std::fs::read(&path).unwrap();
-        assert!(Texture::load(&path, Encoding::Srgb).is_ok());
+        assert!(Texture::load(&ImageSource::file(path.clone()), Encoding::Srgb).is_ok());
         for length in [whole.len() / 2, whole.len() * 9 / 10, whole.len() - 2] {
             std::fs::write(&path, &whole[..length]).unwrap();
-            let error = Texture::load(&path, Encoding::Srgb).unwrap_err();
+            let error = Texture::load(&ImageSource::file(path.clone()), Encoding::Srgb).unwrap_err();
             assert!(matches!(error, Error::Broken { .. }), "{length}: {error}");
         }
     }
@@ -382,7 +399,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("huge.tga");
         std::fs::write(&path, [0, 0, 2, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0xff, 0xff, 0xff, 0xff, 24, 0]).unwrap();
-        assert!(matches!(Texture::load(&path, Encoding::Srgb), Err(Error::TooLarge { .. })));
+        assert!(matches!(Texture::load(&ImageSource::file(path.clone()), Encoding::Srgb), Err(Error::TooLarge { .. })));
     }
 
     #[test]

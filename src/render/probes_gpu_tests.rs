@@ -34,7 +34,7 @@ fn scene(mesh: Mesh, base_color: f32, intensity: f32, sky: f32) -> Scene {
         instances: vec![Instance { mesh: 0, world_from_local: Mat4::IDENTITY }],
         materials: vec![Material::plain("matt", Vec3::splat(base_color), 0.0, 1.0)],
         textures: vec![],
-        lights: vec![PointLight { position: Vec3::ZERO, intensity: Vec3::splat(intensity), radius: 0.0 }],
+        lights: vec![PointLight { position: Vec3::ZERO, intensity: Vec3::splat(intensity), radius: 0.0, cone: None }],
         cameras: vec![Camera { name: "c".into(), position: Vec3::ZERO, target: Vec3::Z, vertical_fov_degrees: 40.0 }],
         environment: Environment { panorama: Panorama::uniform(Vec3::splat(sky)), rotation_degrees: 0.0 },
         probes: vec![Probe { position: Vec3::new(0.4, 0.2, -0.1), bounds }],

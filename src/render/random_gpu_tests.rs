@@ -64,7 +64,6 @@ fn scene() -> Scene {
     let mut random = Random(22);
     let factors = [0.0, 1e-30, 0.04, 0.5, 1.0];
     let materials = (0..MATERIALS).map(|i| Material {
-        name: format!("material {i}"),
         base_color_factor: Vec3::from_array([(); 3].map(|()| factors[random.below(5) as usize])),
         metallic_factor: factors[(i % 5) as usize],
         roughness_factor: factors[(i / 3) as usize % 5],
@@ -74,12 +73,12 @@ fn scene() -> Scene {
         metallic_range: [0.0, 1.0],
         roughness_range: [0.0, 1.0],
         occludes: true,
-        alpha_cutoff: None,
+        ..Material::plain(&format!("material {i}"), Vec3::ONE, 0.0, 0.5)
     });
     let materials: Vec<Material> = materials.collect();
     let corner = |x, y| {
         let (normal, tangent) = ([0.0, 0.0, 1.0], [1.0, 0.0, 0.0, 1.0]);
-        Vertex { position: [x, y, 0.0], normal, uv: [x, y], tangent, lightmap_uv: [0.0; 2] }
+        Vertex { position: [x, y, 0.0], normal, uv: [x, y], tangent, ..Vertex::default() }
     };
     let vertices = vec![corner(0.0, 0.0), corner(1.0, 0.0), corner(0.0, 1.0)];
     let bounds = Bounds { min: Vec3::ZERO, max: Vec3::new(1.0, 1.0, 0.0) };
@@ -91,7 +90,8 @@ fn scene() -> Scene {
         bounds,
     };
     let all = 0..MATERIALS as usize;
-    let light = |position, intensity| PointLight { position, intensity: Vec3::splat(intensity), radius: 0.0 };
+    let light =
+        |position, intensity| PointLight { position, intensity: Vec3::splat(intensity), radius: 0.0, cone: None };
     let glow = Vec3::new(0.3, 0.8, 0.5).normalize();
     let sky = |d: Vec3| if d.dot(glow) > 0.99 { Vec3::splat(SKY) } else { Vec3::splat(1.0) + 0.5 * d };
     let mut panorama = Panorama::from_fn(256, 128, sky);

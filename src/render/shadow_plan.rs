@@ -155,6 +155,7 @@ mod tests {
             position: Vec3::Y * (1.0 + i as f32),
             intensity: Vec3::splat(if i.is_multiple_of(2) { 1.0 } else { 0.01 }),
             radius: 0.0,
+            cone: None,
         };
         (0..count).map(lamp).collect()
     }

@@ -27,7 +27,7 @@ fn flattened(meshes: &[Mesh], instances: &[Instance], side: u32) -> Flattened {
 fn soup(corners: &[Vec3]) -> Mesh {
     let vertex = |p: &Vec3| {
         let (normal, tangent) = ([0.0, 1.0, 0.0], [1.0, 0.0, 0.0, 1.0]);
-        Vertex { position: p.to_array(), normal, uv: [0.0; 2], tangent, lightmap_uv: [0.0; 2] }
+        Vertex { position: p.to_array(), normal, uv: [0.0; 2], tangent, ..Vertex::default() }
     };
     let (vertices, indices) = (corners.iter().map(vertex).collect(), (0..corners.len() as u32).collect());
     Mesh { name: "soup".into(), vertices, indices, material: 0, bounds: Bounds::of(corners.iter().copied()) }

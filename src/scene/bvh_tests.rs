@@ -35,7 +35,7 @@ pub fn mesh(positions: &[Vec3], indices: Vec<u32>) -> Mesh {
         normal: [0.0, 1.0, 0.0],
         uv: [p.x, p.y],
         tangent: [1.0, 0.0, 0.0, 1.0],
-        ..bytemuck::Zeroable::zeroed()
+        ..Vertex::default()
     };
     let bounds = Bounds::of(positions.iter().copied());
     Mesh { name: "m".into(), vertices: positions.iter().map(vertex).collect(), indices, material: 0, bounds }

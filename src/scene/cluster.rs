@@ -183,12 +183,12 @@ mod tests {
     }
 
     /// Corners of all triangles with area, each turned so that its least corner comes first.
-    fn triangles<'a>(of: impl Iterator<Item = (&'a [Vertex], Vec<u32>)>) -> Vec<[[u32; 14]; 3]> {
-        let mut all: Vec<[[u32; 14]; 3]> = Vec::new();
+    fn triangles<'a>(of: impl Iterator<Item = (&'a [Vertex], Vec<u32>)>) -> Vec<[[u32; 18]; 3]> {
+        let mut all: Vec<[[u32; 18]; 3]> = Vec::new();
         for (vertices, indices) in of {
             for t in indices.chunks_exact(3) {
-                let mut corners = [t[0], t[1], t[2]].map(|i| bytemuck::cast::<Vertex, [u32; 14]>(vertices[i as usize]));
-                let place = |c: &[u32; 14]| [c[0], c[1], c[2]].map(|bits| f32::from_bits(bits) + 0.0);
+                let mut corners = [t[0], t[1], t[2]].map(|i| bytemuck::cast::<Vertex, [u32; 18]>(vertices[i as usize]));
+                let place = |c: &[u32; 18]| [c[0], c[1], c[2]].map(|bits| f32::from_bits(bits) + 0.0);
                 if place(&corners[0]) == place(&corners[1])
                     || place(&corners[1]) == place(&corners[2])
                     || place(&corners[2]) == place(&corners[0])

@@ -3,6 +3,8 @@
 use glam::{Mat4, Vec3};
 
 use super::mesh::{Bounds, Mesh};
+use crate::asset::material::Sampling;
+use crate::asset::model::Cone;
 use crate::asset::{MipChain, Panorama};
 
 /// A loaded scene. World space is right-handed, +Y up, in metres.
@@ -61,14 +63,21 @@ pub struct Material {
     pub name: String,
     /// Linear RGB.
     pub base_color_factor: Vec3,
+    /// Multiplies alpha where the material blends.
+    pub opacity: f32,
     pub metallic_factor: f32,
     /// Perceptual roughness: alpha = roughness².
     pub roughness_factor: f32,
+    /// Radiance, W/(m² sr).
+    pub emissive_factor: Vec3,
     /// Indices into [`Scene::textures`].
     pub base_color_map: Option<usize>,
     pub normal_map: Option<usize>,
     /// Occlusion, roughness, metallic in R, G, B.
     pub orm_map: Option<usize>,
+    pub emissive_map: Option<usize>,
+    /// How base color, normal, ORM and emissive map are looked up.
+    pub lookups: [Lookup; 4],
     /// Minimum and maximum of factor times map; coarser levels of a map may be rougher, where normals vary.
     pub metallic_range: [f32; 2],
     pub roughness_range: [f32; 2],
@@ -76,6 +85,20 @@ pub struct Material {
     pub occludes: bool,
     /// With `Some(a)`, fragments whose base color map has alpha < a are discarded.
     pub alpha_cutoff: Option<f32>,
+    /// Whether alpha is coverage: the share of what is behind that is hidden.
+    pub blends: bool,
+    /// Whether it is not seen from behind.
+    pub culls_backs: bool,
+    /// Whether colours of vertices multiply base color and alpha.
+    pub vertex_colours: bool,
+}
+
+/// How a map is looked up.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub struct Lookup {
+    pub sampling: Sampling,
+    /// Whether by a vertex's second texture coordinates.
+    pub second_uv: bool,
 }
 
 /// A point light.
@@ -86,6 +109,8 @@ pub struct PointLight {
     pub intensity: Vec3,
     /// Metres; 0 for a point. The size of its shadows' penumbrae; it shines as a point does.
     pub radius: f32,
+    /// Where a spot light shines; `None`: to all sides.
+    pub cone: Option<Cone>,
 }
 
 /// A place to capture light, and the box that what is seen from there is taken to lie on. World space, metres.

@@ -280,7 +280,7 @@ impl Check<'_> {
         if let Some(value) = keys.radius.filter(|_| radius < 0.0) {
             return Err(self.error("radius", &value, "a radius cannot be negative"));
         }
-        Ok(PointLight { position: self.place("position", keys.position)?, intensity, radius })
+        Ok(PointLight { position: self.place("position", keys.position)?, intensity, radius, cone: None })
     }
 
     fn probes(&self, all: Vec<ProbeKeys>) -> Result<Vec<Probe>> {

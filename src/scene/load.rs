@@ -1,7 +1,6 @@
 //! Loading a scene description or a single model with all files that it names.
 
-use std::collections::{BTreeSet, HashMap};
-use std::ops::Range;
+use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
 
 use glam::{Mat4, Vec3};
@@ -10,9 +9,10 @@ use rayon::prelude::*;
 use super::description::{Description, MAX_LENGTH, ModelFile};
 use super::mesh::{Bounds, Mesh};
 use super::staging::Staging;
-use super::{Camera, Environment, Instance, Scene, material, tangent};
+use super::{Camera, Environment, Instance, Scene, material, model_lights, tangent};
+use crate::asset::material::MaterialDesc;
 use crate::asset::mesh::Submesh;
-use crate::asset::mtl::{Mtl, UvTransform};
+use crate::asset::model::{Model, ModelCamera, ModelLight};
 use crate::asset::{Panorama, Report, TextureOptions, file, obj};
 use crate::{Error, Result};
 
@@ -21,7 +21,7 @@ const AUTO_FOV_DEGREES: f32 = 45.0;
 /// Defaults for a scene, and options of loading.
 #[derive(Clone, Debug, Default)]
 pub struct LoadOptions {
-    /// For an .obj, or a description without `environment`; with `None` such a scene is lit by uniform radiance 1.
+    /// For a model, or a description without `environment`; with `None` such a scene is lit by uniform radiance 1.
     pub default_panorama: Option<PathBuf>,
     /// How textures are made.
     pub textures: TextureOptions,
@@ -29,7 +29,7 @@ pub struct LoadOptions {
     pub staging: Staging,
 }
 
-/// Loads a scene description (.toml) or a model (.obj) with all it names.
+/// Loads a scene description (.toml) or a model (.gltf, .glb, .obj) with all it names.
 ///
 /// A scene without cameras gets one named `auto` that sees all of it.
 ///
@@ -39,22 +39,30 @@ pub fn load(path: &Path, options: &LoadOptions, report: &Report) -> Result<Scene
     let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase());
     let description = match extension.as_deref() {
         Some("toml") => Description::load(path)?,
-        Some("obj") => only_model(path),
-        _ => return Err(Error::Usage(format!("{}: a scene is a .toml or an .obj file", path.display()))),
+        Some("obj" | "gltf" | "glb") => only_model(path),
+        _ => return Err(Error::Usage(format!("{}: a scene is a .toml, .gltf, .glb or .obj file", path.display()))),
     };
-    let environment = environment(path, &description, options, report)?;
+    let mut environment = environment(path, &description, options, report)?;
     let models = Models::load(&description.models, report)?;
-    let (mut materials, textures) = material::build(&models.mtls, &options.textures, report);
+    let (mut materials, textures) = material::build(&models.materials, &options.textures, report);
     if models.meshes.iter().any(|mesh| mesh.material == materials.len()) {
         materials.push(material::default_material());
     }
+    for mesh in models.meshes.iter().filter(|mesh| mesh.has_colours()) {
+        materials[mesh.material].vertex_colours = true;
+    }
+    let mut lights = description.lights;
+    lights.extend(model_lights::point_lights(&models.lights));
+    model_lights::add_directional(&mut environment, &models.lights);
+    let mut cameras = description.cameras;
+    add_cameras(&mut cameras, &models.cameras);
     let mut scene = Scene {
         meshes: models.meshes,
         instances: models.instances,
         materials,
         textures,
-        lights: description.lights,
-        cameras: description.cameras,
+        lights,
+        cameras,
         environment,
         probes: description.probes,
         exposure_ev: description.exposure_ev,
@@ -86,6 +94,11 @@ pub fn files(path: &Path) -> Vec<PathBuf> {
     std::iter::once(path.to_owned()).chain(named.into_iter().flatten()).collect()
 }
 
+/// Reads a model by the kind of its file.
+fn load_model(path: &Path, report: &Report) -> Result<Model> {
+    obj::load(path, report)
+}
+
 fn only_model(path: &Path) -> Description {
     let model = ModelFile { file: path.into(), world_from_local: Mat4::IDENTITY };
     Description {
@@ -111,67 +124,75 @@ fn environment(path: &Path, description: &Description, options: &LoadOptions, re
     Ok(Environment { panorama, rotation_degrees: description.environment.as_ref().map_or(0.0, |e| e.rotation_degrees) })
 }
 
-/// The geometry of a scene, each file read once.
+/// The models of a scene, each file read once.
+#[derive(Default)]
 struct Models {
-    /// Their materials are indices into `mtls`; `mtls.len()` is the default material.
+    /// Their materials are indices into `materials`; `materials.len()` is the default material.
     meshes: Vec<Mesh>,
     instances: Vec<Instance>,
-    /// Only those that are used.
-    mtls: Vec<Mtl>,
+    materials: Vec<MaterialDesc>,
+    /// In world space.
+    cameras: Vec<ModelCamera>,
+    lights: Vec<ModelLight>,
 }
 
 impl Models {
     fn load(files: &[ModelFile], report: &Report) -> Result<Self> {
         let progress = report.progress("models", files.len() as u64);
-        let mut all_mtls = Vec::new();
+        let mut models = Self::default();
         let mut submeshes: Vec<Submesh> = Vec::new();
-        let mut known: HashMap<&Path, Range<usize>> = HashMap::new();
-        let mut instances = Vec::new();
-        for model in files {
-            let meshes = match known.get(model.file.as_path()) {
-                Some(meshes) => meshes.clone(),
-                None => {
-                    let (loaded, first) = (report.time("parse", || obj::load(&model.file, report))?, all_mtls.len());
-                    let start = submeshes.len();
-                    submeshes.extend(
-                        loaded
-                            .submeshes
-                            .into_iter()
-                            .map(|submesh| Submesh { material: submesh.material.map(|m| m + first), ..submesh }),
-                    );
-                    all_mtls.extend(loaded.materials);
-                    known.insert(&model.file, start..submeshes.len());
-                    start..submeshes.len()
-                }
-            };
-            instances.extend(meshes.map(|mesh| Instance { mesh, world_from_local: model.world_from_local }));
+        let mut known: HashMap<&Path, (usize, Model)> = HashMap::new();
+        for file in files {
+            if !known.contains_key(file.file.as_path()) {
+                let mut model = report.time("parse", || load_model(&file.file, report))?;
+                let (first, first_material) = (submeshes.len(), models.materials.len());
+                let renumbered = model.submeshes.drain(..).map(|submesh| {
+                    let material = submesh.material.map(|material| material + first_material);
+                    Submesh { material, ..submesh }
+                });
+                submeshes.extend(renumbered);
+                models.materials.append(&mut model.materials);
+                known.insert(&file.file, (first, model));
+            }
+            if let Some((first, model)) = known.get(file.file.as_path()) {
+                models.place(model, *first, file.world_from_local);
+            }
             progress.inc(1);
         }
-        let mtls = keep_used(&mut submeshes, all_mtls);
-        let uvs: Vec<UvTransform> = mtls.iter().map(|mtl| mtl.uv_transform(report)).collect();
-        let meshes = submeshes
-            .into_par_iter()
-            .map(|mut submesh| {
-                let material = submesh.material.unwrap_or(mtls.len());
-                if let Some(uv) = uvs.get(material).filter(|uv| **uv != UvTransform::default()) {
-                    submesh.corners.iter_mut().for_each(|corner| corner.uv = uv.apply(corner.uv));
-                }
-                tangent::mesh(&submesh, material)
-            })
-            .collect();
+        let default = models.materials.len();
+        let mesh = |submesh: Submesh| tangent::mesh(&submesh, submesh.material.unwrap_or(default));
+        models.meshes = submeshes.into_par_iter().map(mesh).collect();
         progress.finish_and_clear();
-        Ok(Self { meshes, instances, mtls })
+        Ok(models)
+    }
+
+    /// Adds what a model has to the world, with its first mesh's index.
+    fn place(&mut self, model: &Model, first_mesh: usize, world_from_model: Mat4) {
+        self.instances.extend(model.placements.iter().map(|placement| Instance {
+            mesh: first_mesh + placement.submesh,
+            world_from_local: world_from_model * placement.model_from_local,
+        }));
+        self.cameras.extend(model.cameras.iter().map(|camera| ModelCamera {
+            model_from_camera: world_from_model * camera.model_from_camera,
+            ..camera.clone()
+        }));
+        self.lights.extend(model.lights.iter().map(|light| light.placed(world_from_model)));
     }
 }
 
-/// Drops materials that no submesh uses, so that their textures are not loaded.
-fn keep_used(submeshes: &mut [Submesh], mtls: Vec<Mtl>) -> Vec<Mtl> {
-    let used: BTreeSet<usize> = submeshes.iter().filter_map(|submesh| submesh.material).collect();
-    let new_index: HashMap<usize, usize> = used.iter().enumerate().map(|(new, old)| (*old, new)).collect();
-    for submesh in submeshes {
-        submesh.material = submesh.material.and_then(|old| new_index.get(&old).copied());
+/// Adds cameras of models behind those of the description, with numbers behind names that are there already.
+fn add_cameras(cameras: &mut Vec<Camera>, more: &[ModelCamera]) {
+    let mut names: HashSet<String> = cameras.iter().map(|camera| camera.name.clone()).collect();
+    for camera in more {
+        let numbered = (2..).map(|number| format!("{} {number}", camera.name));
+        let mut candidates = std::iter::once(camera.name.clone()).chain(numbered);
+        let Some(name) = candidates.find(|name| !names.contains(name)) else { continue };
+        names.insert(name.clone());
+        let (position, ahead) =
+            (camera.model_from_camera.w_axis.truncate(), -camera.model_from_camera.z_axis.truncate());
+        let target = position + ahead.normalize_or(Vec3::NEG_Z);
+        cameras.push(Camera { name, position, target, vertical_fov_degrees: camera.vertical_fov_degrees });
     }
-    mtls.into_iter().enumerate().filter(|(index, _)| used.contains(index)).map(|(_, mtl)| mtl).collect()
 }
 
 /// A camera that sees all of a box: from +Z, slightly from above and from the right.

@@ -3,53 +3,68 @@
 
 use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};
-use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
 use glam::Vec3;
 use rayon::prelude::*;
 
 use crate::asset::cache::Key;
+use crate::asset::image_source::ImageSource;
 use crate::asset::ktx2::{Ktx2, TexelFormat};
+use crate::asset::mip_chain::Coverage;
 use crate::asset::mips::{NormalLoss, srgb_to_linear};
-use crate::asset::texture::{Channel, Encoding, MAX_FILE_BYTES, Pick};
+use crate::asset::texture::{Channel, Encoding, Pick};
 use crate::asset::{Cache, MipChain, Report, Storage, Texture, TextureOptions, file};
 
 /// Version of the textures in the cache. Raise it whenever the same pictures give other texels or other facts: after a
 /// change of decoding, packing, mips or compression, or of a crate that does one of them.
 pub const TEXTURES_VERSION: u32 = 1;
-/// Fragments with less alpha than this are discarded.
+/// The cutoff where a file names none.
 pub const ALPHA_CUTOFF: f32 = 0.5;
 /// A normal map with all x and y within one step of 128 is flat.
 const FLAT_NORMAL: std::ops::RangeInclusive<u8> = 127..=129;
 /// The largest texture, compressed, is smaller.
 const MAX_ENTRY_BYTES: u64 = 512 << 20;
-/// Metadata key of the result's other values: 12 bytes of factor, a byte for each of `cutout`, `holds_roughness` and
+/// Metadata key of the result's other values: 12 bytes of factor, a byte for each of `uses_alpha`, `holds_roughness` and
 /// whether there is a texture, and 6 bytes of ranges.
 const FACTS: &str = "pbrvrFacts";
 
 /// Source of a normal map.
 #[derive(Clone, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Normals {
-    /// A file that is a normal map.
-    Map(PathBuf),
-    /// A file that is a height map or a normal map, and the bits of the strength (`f32` has no `Ord`).
-    Bump(PathBuf, u32),
+    /// A normal map, and the bits of the factor of its x and y (`f32` has no `Ord`).
+    Map(ImageSource, u32),
+    /// A height map or a normal map, and the bits of the strength.
+    Bump(ImageSource, u32),
+}
+
+/// What alpha of a base color map is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum Alpha {
+    /// A mask with a cutoff of one half if some texels are below it and some above, else nothing.
+    Guessed,
+    Opaque,
+    /// A mask, with the bits of its cutoff.
+    Mask(u32),
+    Blend,
 }
 
 /// A texture to be made; equal tasks are done once.
 #[derive(Clone, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum TextureTask {
     BaseColor {
-        colour: Option<PathBuf>,
+        colour: Option<ImageSource>,
         mask: Option<OneChannel>,
+        alpha: Alpha,
     },
     Normal(Normals),
-    /// Occlusion, roughness, metallic; the bits of the roughness factor with its map, and without it.
+    /// Occlusion, roughness, metallic; the bits of the roughness factor with its map, and without it, and of the
+    /// occlusion's strength.
     Orm {
         maps: [Option<OneChannel>; 3],
         normals: Option<Normals>,
         roughness: [u32; 2],
+        strength: u32,
     },
 }
 
@@ -60,13 +75,14 @@ pub struct TextureResult {
     pub factor: Vec3,
     /// Minimum and maximum of the occlusion, roughness and metallic maps; 255 where there is none.
     pub ranges: [[u8; 2]; 3],
-    pub cutout: bool,
+    /// Whether alpha of the texture means anything.
+    pub uses_alpha: bool,
     /// Whether the texture's roughness includes the material's factor.
     pub holds_roughness: bool,
     /// Which of the task's pictures could be read: the colour, or occlusion, roughness, metallic.
     pub read: [bool; 3],
-    /// Files that could not be read, with the error.
-    pub problems: Vec<(PathBuf, String)>,
+    /// Those that could not be read, with the error.
+    pub problems: Vec<(ImageSource, String)>,
 }
 
 impl TextureResult {
@@ -75,7 +91,7 @@ impl TextureResult {
             texture: None,
             factor: Vec3::ONE,
             ranges: [[255; 2]; 3],
-            cutout: false,
+            uses_alpha: false,
             holds_roughness: false,
             read: [false; 3],
             problems: Vec::new(),
@@ -86,7 +102,7 @@ impl TextureResult {
 /// A picture of which one channel is used.
 #[derive(Clone, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct OneChannel {
-    pub path: PathBuf,
+    pub image: ImageSource,
     pub pick: Pick,
 }
 
@@ -98,7 +114,7 @@ pub struct Pictures<'a> {
     report: &'a Report,
     cache: Option<&'a Cache>,
     /// Only where there is a cache.
-    digests: BTreeMap<PathBuf, Digest>,
+    digests: BTreeMap<ImageSource, Digest>,
     /// Channels that several tasks use, decoded once.
     shared: BTreeMap<OneChannel, OnceLock<Result<Channel, String>>>,
 }
@@ -113,14 +129,14 @@ impl<'a> Pictures<'a> {
             *uses.entry(scalar).or_default() += 1;
         }
         let shared = uses.into_iter().filter(|(_, uses)| *uses > 1).map(|(key, _)| (key, OnceLock::new())).collect();
-        let files: BTreeSet<PathBuf> = tasks.iter().filter(|_| cache.is_some()).flat_map(files).cloned().collect();
-        let digest = |path: PathBuf| {
-            let digest = report.time("hash", || {
-                file::read(&path, "texture", MAX_FILE_BYTES).map(|bytes| *blake3::hash(&bytes).as_bytes())
-            });
-            (path, digest.map_err(|error| error.to_string()))
+        let images: BTreeSet<ImageSource> =
+            tasks.iter().filter(|_| cache.is_some()).flat_map(images).cloned().collect();
+        let digest = |image: ImageSource| {
+            let digest = report.time("hash", || image.read().map(|bytes| *blake3::hash(&bytes).as_bytes()));
+            let digest = digest.map_err(|error| error.to_string());
+            (image, digest)
         };
-        Self { options, report, cache, digests: files.into_par_iter().map(digest).collect(), shared }
+        Self { options, report, cache, digests: images.into_par_iter().map(digest).collect(), shared }
     }
 
     /// Does a task, or takes its result from the cache.
@@ -142,28 +158,28 @@ impl<'a> Pictures<'a> {
     /// The hash of everything that a task depends on; `None` if a file cannot be read.
     fn key(&self, task: &TextureTask) -> Option<String> {
         let mut key = Key::new("texture", TEXTURES_VERSION);
-        let mut add = |path: Option<&PathBuf>| -> Option<()> {
-            match path {
+        let mut add = |image: Option<&ImageSource>| -> Option<()> {
+            match image {
                 None => key.add(b""),
-                Some(path) => key.add(self.digests.get(path)?.as_ref().ok()?),
+                Some(image) => key.add(self.digests.get(image)?.as_ref().ok()?),
             }
             Some(())
         };
         let kind = match task {
-            TextureTask::BaseColor { colour, mask } => {
+            TextureTask::BaseColor { colour, mask, alpha } => {
                 add(colour.as_ref())?;
-                add(mask.as_ref().map(|mask| &mask.path))?;
-                format!("base color {:?}", mask.as_ref().map(|mask| mask.pick))
+                add(mask.as_ref().map(|mask| &mask.image))?;
+                format!("base color {:?} {alpha:?}", mask.as_ref().map(|mask| mask.pick))
             }
             TextureTask::Normal(normals) => {
-                add(Some(normals.path()))?;
-                format!("normal {:?}", normals.strength())
+                add(Some(normals.image()))?;
+                format!("normal {:?}", normals.numbers())
             }
-            TextureTask::Orm { maps, normals, roughness } => {
-                maps.iter().try_for_each(|map| add(map.as_ref().map(|map| &map.path)))?;
-                add(normals.as_ref().map(Normals::path))?;
+            TextureTask::Orm { maps, normals, roughness, strength } => {
+                maps.iter().try_for_each(|map| add(map.as_ref().map(|map| &map.image)))?;
+                add(normals.as_ref().map(Normals::image))?;
                 let picks = maps.each_ref().map(|map| map.as_ref().map(|map| map.pick));
-                format!("orm {picks:?} {:?} {roughness:?}", normals.as_ref().map(Normals::strength))
+                format!("orm {picks:?} {:?} {roughness:?} {strength}", normals.as_ref().map(Normals::numbers))
             }
         };
         key.add(kind.as_bytes());
@@ -172,71 +188,76 @@ impl<'a> Pictures<'a> {
 
     fn work(&self, task: &TextureTask) -> TextureResult {
         match task {
-            TextureTask::BaseColor { colour, mask } => self.base_color(colour.as_deref(), mask.as_ref()),
+            TextureTask::BaseColor { colour, mask, alpha } => self.base_color(colour.as_ref(), mask.as_ref(), *alpha),
             TextureTask::Normal(normals) => match self.normal_map(normals) {
                 Ok(texture) => {
                     let texture = texture.map(|t| MipChain::normal(&t, self.options.storage, self.report));
                     TextureResult { texture, read: [true; 3], ..TextureResult::nothing() }
                 }
                 Err(problem) => {
-                    TextureResult { problems: vec![(normals.path().clone(), problem)], ..TextureResult::nothing() }
+                    TextureResult { problems: vec![(normals.image().clone(), problem)], ..TextureResult::nothing() }
                 }
             },
-            TextureTask::Orm { maps, normals, roughness } => {
-                self.orm(maps, normals.as_ref(), roughness.map(f32::from_bits))
+            TextureTask::Orm { maps, normals, roughness, strength } => {
+                let strength = f32::from_bits(*strength);
+                self.orm(maps, normals.as_ref(), roughness.map(f32::from_bits), strength)
             }
         }
     }
 
-    fn base_color(&self, colour: Option<&Path>, mask: Option<&OneChannel>) -> TextureResult {
+    fn base_color(&self, colour: Option<&ImageSource>, mask: Option<&OneChannel>, alpha: Alpha) -> TextureResult {
         let mut made = TextureResult::nothing();
         let mask = mask.and_then(|mask| self.channel(mask, &mut made.problems));
-        let mask = mask.as_deref().filter(|mask| mask.cuts_out());
+        let mask = mask.as_deref().filter(|mask| alpha.is_used(mask));
         let mut texture = None;
-        if let Some(path) = colour {
-            match self.load(path, Encoding::Srgb) {
+        if let Some(image) = colour {
+            match self.load(image, Encoding::Srgb) {
                 Ok(loaded) => texture = Some(loaded),
                 Err(problem) => {
-                    made.problems.push((path.to_owned(), problem));
+                    made.problems.push((image.clone(), problem));
                     return made;
                 }
             }
             made.read[0] = true;
         }
         let Some(mut texture) = texture else {
-            made.cutout = mask.is_some();
-            made.texture = mask.map(|mask| self.masked(white(mask)));
+            made.uses_alpha = mask.is_some();
+            made.texture = mask.map(|mask| self.masked(white(mask), alpha));
             return made;
         };
         let own_alpha = texture.channel(3);
-        made.cutout = mask.is_some() || own_alpha.cuts_out();
-        if !made.cutout {
+        made.uses_alpha = mask.is_some() || alpha.is_used(&own_alpha);
+        if !made.uses_alpha {
             texture.clear_alpha();
         }
         if let Some(colour) = texture.constant_colour() {
             made.factor = Vec3::from_array(colour.map(|v| srgb_to_linear(f32::from(v) / 255.0)));
-            let mask = mask.or(made.cutout.then_some(&own_alpha));
-            made.texture = mask.map(|mask| self.masked(white(mask)));
+            let mask = mask.or(made.uses_alpha.then_some(&own_alpha));
+            made.texture = mask.map(|mask| self.masked(white(mask), alpha));
             return made;
         }
         if let Some(mask) = mask {
             texture.set_alpha(mask);
         }
-        let cutoff = made.cutout.then_some(ALPHA_CUTOFF);
-        made.texture = Some(MipChain::base_color(texture, cutoff, self.options.storage, self.report));
+        let coverage = if made.uses_alpha { alpha.coverage() } else { Coverage::Whole };
+        made.texture = Some(MipChain::base_color(texture, coverage, self.options.storage, self.report));
         made
     }
 
-    fn masked(&self, texture: Texture) -> MipChain {
-        MipChain::base_color(texture, Some(ALPHA_CUTOFF), self.options.storage, self.report)
+    fn masked(&self, texture: Texture, alpha: Alpha) -> MipChain {
+        MipChain::base_color(texture, alpha.coverage(), self.options.storage, self.report)
     }
 
     /// The decoded normal map; `None` if it is flat.
     fn normal_map(&self, normals: &Normals) -> Result<Option<Texture>, String> {
         let mut texture = match normals {
-            Normals::Map(path) => self.load(path, Encoding::Normal)?,
-            Normals::Bump(path, strength) => {
-                self.load(path, Encoding::Linear)?.into_normal_map(f32::from_bits(*strength))
+            Normals::Map(image, scale) => {
+                let mut texture = self.load(image, Encoding::Normal)?;
+                texture.scale_slopes(f32::from_bits(*scale));
+                texture
+            }
+            Normals::Bump(image, strength) => {
+                self.load(image, Encoding::Linear)?.into_normal_map(f32::from_bits(*strength))
             }
         };
         texture.clear_alpha();
@@ -244,13 +265,21 @@ impl<'a> Pictures<'a> {
         Ok((!flat).then_some(texture))
     }
 
-    /// Packs the channels that vary. Constant roughness and metallic become factors; occlusion has no factor, so it
-    /// stays in
+    /// Packs the channels that vary. Constant roughness and metallic become factors; occlusion has no factor, so it stays in
     /// the texture if it is below 1. With a normal map roughness varies between levels, so the texture holds all of it.
-    fn orm(&self, maps: &[Option<OneChannel>; 3], normals: Option<&Normals>, roughness: [f32; 2]) -> TextureResult {
+    fn orm(
+        &self,
+        maps: &[Option<OneChannel>; 3],
+        normals: Option<&Normals>,
+        roughness: [f32; 2],
+        strength: f32,
+    ) -> TextureResult {
         let mut made = TextureResult::nothing();
-        let channels: [Option<Cow<'_, Channel>>; 3] =
+        let mut channels: [Option<Cow<'_, Channel>>; 3] =
             maps.each_ref().map(|map| map.as_ref().and_then(|map| self.channel(map, &mut made.problems)));
+        if let Some(occlusion) = channels[0].as_mut().filter(|_| strength < 1.0) {
+            occlusion.to_mut().weaken(strength);
+        }
         let channels = channels.each_ref().map(Option::as_deref);
         made.read = channels.map(|channel| channel.is_some());
         let constants = channels.map(|channel| channel.and_then(Channel::constant));
@@ -258,7 +287,7 @@ impl<'a> Pictures<'a> {
         let varies = |i: usize| channels[i].filter(|_| constants[i].is_none() || (i == 0 && darkens));
         let varying = [varies(0), varies(1), varies(2)];
         let names = maps.iter().zip(&varying).filter_map(|(map, varies)| map.as_ref().filter(|_| varies.is_some()));
-        let name = names.map(|map| file::short_name(&map.path)).collect::<Vec<_>>().join("+");
+        let name = names.map(|map| file::short_name(map.image.place())).collect::<Vec<_>>().join("+");
         let factor = |i: usize| constants[i].map_or(1.0, |value| f32::from(value) / 255.0);
         made.factor = Vec3::new(1.0, factor(1), factor(2));
         // For a constant, the value of its factor.
@@ -278,34 +307,56 @@ impl<'a> Pictures<'a> {
         made
     }
 
-    fn load(&self, path: &Path, encoding: Encoding) -> Result<Texture, String> {
-        self.report.time("decode", || Texture::load(path, encoding)).map_err(|error| error.to_string())
+    fn load(&self, image: &ImageSource, encoding: Encoding) -> Result<Texture, String> {
+        self.report.time("decode", || Texture::load(image, encoding)).map_err(|error| error.to_string())
     }
 
-    fn channel(&self, map: &OneChannel, problems: &mut Vec<(PathBuf, String)>) -> Option<Cow<'_, Channel>> {
+    fn channel(&self, map: &OneChannel, problems: &mut Vec<(ImageSource, String)>) -> Option<Cow<'_, Channel>> {
         let load = || {
-            let loaded = self.report.time("decode", || Channel::load(&map.path, map.pick));
+            let loaded = self.report.time("decode", || Channel::load(&map.image, map.pick));
             loaded.map_err(|error| error.to_string())
         };
         let loaded = match self.shared.get(map) {
             Some(once) => once.get_or_init(load).as_ref().map(Cow::Borrowed).map_err(String::clone),
             None => load().map(Cow::Owned),
         };
-        loaded.map_err(|problem| problems.push((map.path.clone(), problem))).ok()
+        loaded.map_err(|problem| problems.push((map.image.clone(), problem))).ok()
+    }
+}
+
+impl Alpha {
+    /// Whether it makes any texel other than opaque.
+    fn is_used(self, alpha: &Channel) -> bool {
+        match self {
+            Self::Guessed => alpha.cuts_out(),
+            Self::Opaque => false,
+            Self::Mask(cutoff) => alpha.values.iter().any(|v| f32::from(*v) / 255.0 < f32::from_bits(cutoff)),
+            Self::Blend => alpha.values.iter().any(|v| *v < 255),
+        }
+    }
+
+    fn coverage(self) -> Coverage {
+        match self {
+            Self::Guessed => Coverage::Tested(ALPHA_CUTOFF),
+            Self::Opaque => Coverage::Whole,
+            Self::Mask(cutoff) => Coverage::Tested(f32::from_bits(cutoff).min(1.0)),
+            Self::Blend => Coverage::Blended,
+        }
     }
 }
 
 impl Normals {
-    fn path(&self) -> &PathBuf {
+    fn image(&self) -> &ImageSource {
         match self {
-            Self::Map(path) | Self::Bump(path, _) => path,
+            Self::Map(image, _) | Self::Bump(image, _) => image,
         }
     }
 
-    fn strength(&self) -> Option<u32> {
+    /// The bits of the vectors' factor and of heights' strength.
+    fn numbers(&self) -> [Option<u32>; 2] {
         match self {
-            Self::Map(_) => None,
-            Self::Bump(_, strength) => Some(*strength),
+            Self::Map(_, scale) => [Some(*scale), None],
+            Self::Bump(_, strength) => [None, Some(*strength)],
         }
     }
 }
@@ -322,12 +373,14 @@ fn plain(like: &Texture) -> Texture {
     Texture { name: "roughness".into(), encoding: Encoding::Linear, pixels, ..*like }
 }
 
-fn files(task: &TextureTask) -> Vec<&PathBuf> {
+fn images(task: &TextureTask) -> Vec<&ImageSource> {
     match task {
-        TextureTask::BaseColor { colour, mask } => colour.iter().chain(mask.iter().map(|mask| &mask.path)).collect(),
-        TextureTask::Normal(normals) => vec![normals.path()],
+        TextureTask::BaseColor { colour, mask, .. } => {
+            colour.iter().chain(mask.iter().map(|mask| &mask.image)).collect()
+        }
+        TextureTask::Normal(normals) => vec![normals.image()],
         TextureTask::Orm { maps, normals, .. } => {
-            maps.iter().flatten().map(|map| &map.path).chain(normals.as_ref().map(Normals::path)).collect()
+            maps.iter().flatten().map(|map| &map.image).chain(normals.as_ref().map(Normals::image)).collect()
         }
     }
 }
@@ -349,13 +402,13 @@ fn to_entry(made: &TextureResult) -> Ktx2 {
         }
     };
     let mut facts: Vec<u8> = made.factor.to_array().into_iter().flat_map(f32::to_le_bytes).collect();
-    facts.extend([made.cutout, made.holds_roughness, made.texture.is_some()].map(u8::from));
+    facts.extend([made.uses_alpha, made.holds_roughness, made.texture.is_some()].map(u8::from));
     facts.extend(made.ranges.as_flattened());
     entry.key_values.insert(FACTS.into(), facts);
     entry
 }
 
-/// Factor; cutout, holds roughness, has a texture; ranges.
+/// Factor; uses alpha, holds roughness, has a texture; ranges.
 type Facts = ([f32; 3], [bool; 3], [[u8; 2]; 3]);
 
 fn facts(entry: &Ktx2) -> Option<Facts> {
@@ -367,12 +420,20 @@ fn facts(entry: &Ktx2) -> Option<Facts> {
 
 /// The result that [`to_entry`] stored; only tasks without problems are stored.
 fn from_entry(entry: Ktx2, task: &TextureTask) -> Option<TextureResult> {
-    let (factor, [cutout, holds_roughness, has_texture], ranges) = facts(&entry)?;
+    let (factor, [uses_alpha, holds_roughness, has_texture], ranges) = facts(&entry)?;
     let texture = if has_texture { Some(MipChain::from_ktx2(entry)?) } else { None };
     let read = match task {
         TextureTask::BaseColor { colour, .. } => [colour.is_some(); 3],
         TextureTask::Normal(_) => [true; 3],
         TextureTask::Orm { maps, .. } => maps.each_ref().map(Option::is_some),
     };
-    Some(TextureResult { texture, factor: factor.into(), ranges, cutout, holds_roughness, read, problems: Vec::new() })
+    Some(TextureResult {
+        texture,
+        factor: factor.into(),
+        ranges,
+        uses_alpha,
+        holds_roughness,
+        read,
+        problems: Vec::new(),
+    })
 }

@@ -1,11 +1,13 @@
 //! Tests of the materials and textures that MTL keys and maps give.
 
+use std::path::PathBuf;
+
 use image::{GrayImage, Luma, Rgb, RgbImage, Rgba, RgbaImage};
 
 use super::*;
 use crate::asset::cache::Key;
 use crate::asset::ktx2::TexelFormat;
-use crate::asset::{Cache, Storage, mtl};
+use crate::asset::{Cache, Storage, mtl, mtl_material};
 use crate::scene::maps::TEXTURES_VERSION;
 
 struct Folder(tempfile::TempDir);
@@ -48,7 +50,8 @@ impl Folder {
         let path = self.path("m.mtl");
         std::fs::write(&path, mtl).unwrap();
         let report = Report::silent();
-        let (materials, textures) = build(&mtl::load(&path, &report).unwrap(), options, &report);
+        let descs = mtl_material::materials(&mtl::load(&path, &report).unwrap(), &report);
+        let (materials, textures) = build(&descs, options, &report);
         (materials, textures, report)
     }
 }
@@ -211,9 +214,17 @@ fn other_letter_case_is_found_with_a_warning() {
 }
 
 #[test]
-fn unsupported_keys_are_warned_of() {
-    let (_, _, warnings) = only(&Folder::new(), "d 0.5\nKe 1 1 1");
+fn transparency_and_emission_are_read() {
+    let folder = Folder::new();
+    let (material, _, warnings) = only(&folder, "d 0.25\nKe 1 2 3");
+    assert_eq!((material.opacity, material.blends, material.alpha_cutoff), (0.25, true, None));
+    assert_eq!((material.emissive_factor, material.emissive_map), (Vec3::new(1.0, 2.0, 3.0), None));
+    assert_eq!(warnings, [""; 0]);
+    let (material, textures, warnings) = only(&folder, "Ke 0 0 0\nmap_Ke coloured.png\nd 0");
+    assert_eq!((material.emissive_factor, first_texel(&textures[0])), (Vec3::ONE, [255, 0, 0, 255]));
+    assert_eq!((material.opacity, material.blends), (1.0, false));
     assert_eq!(warnings.len(), 2, "{warnings:?}");
+    assert_eq!(only(&folder, "Ke 2 1 1\nmap_Ke red.png").0.emissive_factor, Vec3::new(2.0, 0.0, 0.0));
 }
 
 #[test]
@@ -355,12 +366,12 @@ fn zeros_beside_maps_and_values_out_of_range_are_warned_of() {
     assert_eq!((material.metallic_factor, material.roughness_factor), (1.0, 0.2));
     assert_eq!(
         warnings,
-        ["m.mtl: material a: Pr 0 with map_Pr; taken as 1", "m.mtl: material a: Pm 0 with map_Pm; taken as 1"]
+        ["m.mtl: material a: Pm 0 with map_Pm; taken as 1", "m.mtl: material a: Pr 0 with map_Pr; taken as 1"]
     );
     let (material, _, warnings) = only(&folder, "Pm 1e30\nPr -5");
     assert_eq!((material.metallic_factor, material.roughness_factor), (1.0, 0.0));
     assert!(
-        warnings[0].contains("Pr -5 is not between 0 and 1; clamped") && warnings[1].contains("Pm 1"),
+        warnings[1].contains("Pr -5 is not between 0 and 1; clamped") && warnings[0].contains("Pm 1"),
         "{warnings:?}"
     );
     assert_eq!(only(&folder, "Pm 0\nPr 0").2, [""; 0]);

@@ -4,7 +4,7 @@ use std::f32::consts::{PI, TAU};
 
 use glam::{BVec3, Mat4, Vec3};
 
-/// One vertex: 56 bytes. `render` packs it for the GPU.
+/// One vertex: 72 bytes. `render` packs it for the GPU.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
 pub struct Vertex {
@@ -19,6 +19,20 @@ pub struct Vertex {
     pub tangent: [f32; 4],
     /// Place in the lightmap, 0 to 1, a multiple of 1 / 65536, v downwards; 0 without one: `scene::atlas`.
     pub lightmap_uv: [f32; 2],
+    /// Second texture coordinates, v downwards; 0 where none are needed.
+    pub uv1: [f32; 2],
+    /// Multiplies base color, linear, and alpha, in 65535ths.
+    pub colour: [u16; 4],
+}
+
+/// The colour of vertices without one.
+pub const WHITE: [u16; 4] = [u16::MAX; 4];
+
+impl Default for Vertex {
+    /// White, and 0 in everything else.
+    fn default() -> Self {
+        Self { colour: WHITE, ..bytemuck::Zeroable::zeroed() }
+    }
 }
 
 /// Triangles that share one material, counter-clockwise seen from outside.
@@ -34,6 +48,11 @@ pub struct Mesh {
 }
 
 impl Mesh {
+    /// Whether some vertex has another colour than white.
+    pub fn has_colours(&self) -> bool {
+        self.vertices.iter().any(|vertex| vertex.colour != WHITE)
+    }
+
     /// A ball of `rows` by `2 rows` quadrilaterals about the origin; rounding separates the two sides of its seam.
     pub fn ball(rows: u32, radius: f32) -> Self {
         let columns = 2 * rows;
@@ -45,7 +64,7 @@ impl Mesh {
                 let n = Vec3::new(across * cos, y, -across * sin);
                 let tangent = [-sin, 0.0, -cos, 1.0];
                 let (position, normal) = ((radius * n).into(), n.into());
-                vertices.push(Vertex { position, normal, uv: [u, v], tangent, lightmap_uv: [0.0; 2] });
+                vertices.push(Vertex { position, normal, uv: [u, v], tangent, ..Vertex::default() });
                 if row < rows && column < columns {
                     let a = row * (columns + 1) + column;
                     let (b, c, d) = (a + columns + 1, a + columns + 2, a + 1);

@@ -12,12 +12,13 @@ pub mod load;
 mod maps;
 pub mod material;
 pub mod mesh;
+mod model_lights;
 pub mod needs;
 pub mod probes;
 pub mod staging;
 pub mod tangent;
 
-pub use contents::{Camera, Environment, GeometryView, Instance, Material, PointLight, Probe, Scene};
+pub use contents::{Camera, Environment, GeometryView, Instance, Lookup, Material, PointLight, Probe, Scene};
 pub use floor::floor_under;
 pub use load::{LoadOptions, load};
 pub use mesh::{Bounds, Mesh, Vertex};

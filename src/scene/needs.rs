@@ -130,7 +130,7 @@ pub mod tests {
     use crate::scene::{Environment, PointLight};
 
     pub fn scene(materials: Vec<Material>, lights: usize) -> Scene {
-        let light = PointLight { position: Vec3::Y, intensity: Vec3::ONE, radius: 0.0 };
+        let light = PointLight { position: Vec3::Y, intensity: Vec3::ONE, radius: 0.0, cone: None };
         Scene {
             meshes: vec![],
             instances: vec![],

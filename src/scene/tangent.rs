@@ -6,18 +6,21 @@ use bevy_mikktspace::{Geometry, TangentSpace};
 use glam::{Vec3, Vec4};
 
 use super::mesh::{Bounds, Mesh, Vertex};
-use crate::asset::mesh::{Corner, Submesh};
+use crate::asset::mesh::{Corner, CornerExtra, Submesh};
 
 /// A mesh of `submesh`'s triangles, in their order; equal corners share a vertex.
 ///
 /// Tangents are MikkTSpace's, computed with v upwards, so that w · cross(normal, tangent) points to the picture's top;
-/// where there are no texture coordinates, or none of any area, any tangent perpendicular to the normal.
+/// where there are no texture coordinates, or none of any area, any tangent perpendicular to the normal. Those that the file
+/// gives are kept.
 pub fn mesh(submesh: &Submesh, material: usize) -> Mesh {
     let tangents = tangents(submesh);
     let mut vertices: Vec<Vertex> = Vec::new();
-    let mut known: HashMap<[u32; 14], u32> = HashMap::with_capacity(submesh.corners.len() / 3);
-    let indices = submesh.corners.iter().zip(tangents).map(|(corner, tangent)| {
-        let vertex = vertex(corner, tangent);
+    let mut known: HashMap<[u32; 18], u32> = HashMap::with_capacity(submesh.corners.len() / 3);
+    let plain = CornerExtra::default();
+    let extras = submesh.extras.iter().chain(std::iter::repeat(&plain));
+    let indices = submesh.corners.iter().zip(tangents).zip(extras).map(|((corner, tangent), extra)| {
+        let vertex = vertex(corner, tangent, extra);
         *known.entry(bytemuck::cast(vertex)).or_insert_with(|| {
             vertices.push(vertex);
             vertices.len() as u32 - 1
@@ -28,22 +31,29 @@ pub fn mesh(submesh: &Submesh, material: usize) -> Mesh {
     Mesh { name: submesh.name.clone(), vertices, indices, material, bounds }
 }
 
-fn vertex(corner: &Corner, tangent: Vec4) -> Vertex {
+fn vertex(corner: &Corner, tangent: Vec4, extra: &CornerExtra) -> Vertex {
     Vertex {
         position: corner.position.to_array(),
         normal: corner.normal.to_array(),
         uv: [corner.uv.x, 1.0 - corner.uv.y],
         tangent: tangent.to_array(),
         lightmap_uv: [0.0; 2],
+        uv1: if *extra == CornerExtra::default() { [0.0; 2] } else { [extra.uv1.x, 1.0 - extra.uv1.y] },
+        colour: extra.colour.to_array().map(|c| (c.clamp(0.0, 1.0) * 65535.0).round() as u16),
     }
 }
 
 fn tangents(submesh: &Submesh) -> Vec<Vec4> {
     let mut corners = Corners { corners: &submesh.corners, tangents: vec![Vec4::ZERO; submesh.corners.len()] };
-    if submesh.has_uvs {
+    let given = |extra: &CornerExtra| extra.tangent != Vec4::ZERO;
+    let all_given = !submesh.extras.is_empty() && submesh.extras.iter().all(given);
+    if submesh.has_uvs && !all_given {
         let done = bevy_mikktspace::generate_tangents(&mut corners);
         // Its error type has no variants; unusable tangents are replaced below anyway.
         debug_assert!(done.is_ok());
+    }
+    for (tangent, extra) in corners.tangents.iter_mut().zip(&submesh.extras).filter(|(_, extra)| given(extra)) {
+        *tangent = extra.tangent;
     }
     let usable = corners.tangents.iter().zip(corners.corners);
     usable.map(|(tangent, corner)| usable_tangent(*tangent, corner.normal)).collect()

@@ -4,6 +4,7 @@ use std::io::Cursor;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
+use pbr_vr::asset::image_source::ImageSource;
 use pbr_vr::asset::picture::Picture;
 use pbr_vr::asset::texture::Encoding;
 use pbr_vr::asset::{Panorama, Report, Texture};
@@ -99,7 +100,7 @@ fn load_panorama(path: &Path) -> Result<()> {
 }
 
 fn load_texture(path: &Path) -> Result<()> {
-    let texture = Texture::load(path, Encoding::Srgb)?;
+    let texture = Texture::load(&ImageSource::file(path.to_owned()), Encoding::Srgb)?;
     assert_eq!(texture.pixels.len(), texture.width as usize * texture.height as usize * 4);
     Ok(())
 }

@@ -54,7 +54,7 @@ pub fn flat(material: usize, quads: &[Quad]) -> Mesh {
         let first = vertices.len() as u32;
         for (corner, uv) in [a, b, c, d].into_iter().zip([[0.0, 1.0], [1.0, 1.0], [1.0, 0.0], [0.0, 0.0]]) {
             let (position, normal) = (corner.as_vec3().into(), n.into());
-            vertices.push(Vertex { position, normal, uv, tangent: tangent.into(), lightmap_uv: [0.0; 2] });
+            vertices.push(Vertex { position, normal, uv, tangent: tangent.into(), ..Vertex::default() });
         }
         indices.extend([0, 1, 2, 0, 2, 3].map(|i| first + i));
     }
@@ -93,7 +93,7 @@ pub fn grey(base_color: f32, metallic: f32, roughness: f32) -> Material {
 }
 
 pub fn lamp(position: [f64; 3], intensity: f32) -> PointLight {
-    PointLight { position: DVec3::from(position).as_vec3(), intensity: Vec3::splat(intensity), radius: 0.0 }
+    PointLight { position: DVec3::from(position).as_vec3(), intensity: Vec3::splat(intensity), radius: 0.0, cone: None }
 }
 
 /// A scene of meshes under lamps and a panorama, with a camera where the pictures' eye is.

@@ -104,7 +104,12 @@ fn mean_of(context: &Context, light: LightModel, part: LightPart) -> Vec3 {
         instances: vec![placed(0.0), placed(1.1)],
         materials: vec![Material::plain("half metal", Vec3::new(0.8, 0.6, 0.5), 0.5, 0.4)],
         textures: vec![],
-        lights: vec![PointLight { position: Vec3::new(-1.0, 2.0, 1.5), intensity: Vec3::splat(8.0), radius: 0.0 }],
+        lights: vec![PointLight {
+            position: Vec3::new(-1.0, 2.0, 1.5),
+            intensity: Vec3::splat(8.0),
+            radius: 0.0,
+            cone: None,
+        }],
         cameras: vec![Camera { name: "c".into(), position, target: Vec3::ZERO, vertical_fov_degrees: 15.0 }],
         environment: Environment { panorama: synthetic_panorama(64, true), rotation_degrees: 0.0 },
         probes: vec![],

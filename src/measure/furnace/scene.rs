@@ -61,8 +61,8 @@ impl Grid {
                     let corner = vertices.len() as u32;
                     for [x, y] in [[0.0, 1.0], [1.0, 1.0], [1.0, 0.0], [0.0, 0.0]] {
                         let position = [column as f32 + x, -(line as f32 + y), 0.0];
-                        let (uv, lightmap_uv, tangent) = ([0.0; 2], [0.0; 2], [1.0, 0.0, 0.0, 1.0]);
-                        vertices.push(Vertex { position, normal, uv, tangent, lightmap_uv });
+                        let tangent = [1.0, 0.0, 0.0, 1.0];
+                        vertices.push(Vertex { position, normal, tangent, ..Vertex::default() });
                     }
                     indices.extend([0, 1, 2, 0, 2, 3].map(|i| corner + i));
                 }

@@ -75,6 +75,7 @@ mod gpu_tests {
             uv: [0.5, 7.0],
             tangent: [1.0, 0.0, 0.0, -1.0],
             lightmap_uv: [0.25, 65535.0 / 65536.0],
+            ..Vertex::default()
         };
         let packed = PackedVertex::from(&v);
         assert_eq!((packed.position, packed.uv, packed.frame), (v.position, v.uv, [0, 32767, 32767, packed.frame[3]]));

@@ -81,8 +81,8 @@ mod tests {
             position: [x, y, 0.0],
             normal: [0.0, 0.0, 1.0],
             uv: [x, y],
-            lightmap_uv: [0.0; 2],
             tangent: [1.0, 0.0, 0.0, 1.0],
+            ..Vertex::default()
         };
         let vertices = vec![vertex(0.0, 0.0), vertex(1.0, 0.0), vertex(1.0, 1.0), vertex(0.0, 1.0)];
         let bounds = Bounds { min: Vec3::ZERO, max: Vec3::new(1.0, 1.0, 0.0) };
