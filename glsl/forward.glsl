@@ -135,14 +135,14 @@ vec3 term(Surface s)
 vec3 light_of(Surface s)
 {
     if (SHADING == SHADING_PHONG)
-        return phong(s);
+        return phong(s) + s.emission;
     if (SHADING == SHADING_DIFFUSE)
         return environment(s, lobe_of(s)).diffuse;
     if (SHADING == SHADING_SPECULAR)
         return environment(s, lobe_of(s)).specular;
     if (SHADING == SHADING_IRRADIANCE)
         return environment_diffuse(s.n);
-    return physically_based(s);
+    return physically_based(s) + s.emission;
 }
 
 // A number in [0, 1] where the mode shows one.
@@ -173,6 +173,7 @@ void main()
         colour = display_radiance(light_of(s));
     else
         colour = display_value(value_of(s));
+    colour.a = s.alpha;
 }
 
 #endif

@@ -27,6 +27,9 @@ layout(location = 6) flat out vec2 roughness_alpha_cutoff;
 layout(location = 8) centroid out vec2 covered_lightmap_uv;
 // At the pixel's centre, whose neighbours span the triangle's plane.
 layout(location = 7) out vec3 position_centre;
+layout(location = 9) centroid out vec4 vertex_colour;
+layout(location = 10) out vec2 uv1;
+layout(location = 11) flat out vec4 emission_opacity;
 
 vec3 world_direction(mat4 models_from_local, vec3 local)
 {
@@ -39,6 +42,9 @@ void main()
     Material material = materials[instances[draw.instance].material];
     base_color_metallic = vec4(material.base_color, material.metallic);
     roughness_alpha_cutoff = vec2(material.roughness, material.alpha_cutoff);
+    emission_opacity = vec4(material.emission, material.opacity);
+    vertex_colour = VERTEX_COLOURS ? unpacked_colour(vertex_extras[gl_VertexIndex]) : vec4(1.0);
+    uv1 = SECOND_UV != 0u ? vertex_extras[gl_VertexIndex].uv1 : vec2(0.0);
     mat4 models_from_local = instances[draw.instance].world_from_local;
     // One after the other: models that were not moved stay where they are to the last bit.
     vec4 world = frame.world_from_models * (models_from_local * vec4(position_local, 1.0));

@@ -5,6 +5,7 @@
 #include "panorama.glsl"
 #include "sampling.glsl"
 #include "sun.glsl"
+#include "random.glsl"
 
 // What of a surface's light is shown, the order of render::LightPart.
 layout(constant_id = 18) const uint PART = 0;
@@ -23,21 +24,6 @@ layout(RAY_IMPORTANCE, scalar) readonly buffer Importance {
     uvec2 cells_size;
     Cell cells[];
 };
-
-// Four numbers of 32 random bits each from four counters: Jarzynski and Olano, "Hash Functions for GPU Rendering" (2020),
-// section on PCG in four dimensions. Integers throughout, so no sample repeats however many frames there are.
-uvec4 pcg4d(uvec4 v)
-{
-    v = v * 1664525u + 1013904223u;
-    for (int round = 0; round < 2; ++round) {
-        v.x += v.y * v.w;
-        v.y += v.z * v.x;
-        v.z += v.x * v.y;
-        v.w += v.y * v.z;
-        v ^= round == 0 ? v >> 16u : uvec4(0u);
-    }
-    return v;
-}
 
 // The panorama with its sun. Bilinear between texel centres, round the seam, clamped at the poles, in f32: samplers round the
 // weights to 8 bits.

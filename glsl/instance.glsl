@@ -15,9 +15,41 @@ struct Material {
     float roughness;
     float alpha_cutoff;
     uint textures; // the set they are drawn with
+    float opacity;
+    vec3 emission; // radiance, W/(m^2 sr)
+    uint flags;
 };
+
+// What few vertices have, parallel to them.
+struct VertexExtra {
+    vec2 uv1;     // second texture coordinates
+    uvec2 colour; // four fractions of 65535
+};
+
+// `flags`: colours of vertices count; alpha is coverage; bit i from the third on: map i is looked up by the second texture
+// coordinates. Maps are base color, normal, ORM and emission.
+const uint MATERIAL_VERTEX_COLOURS = 1;
+const uint MATERIAL_BLENDS = 2;
+const uint MATERIAL_SECOND_UV = 4;
+// From this bit on for each map how coordinates beyond 0 to 1 are meant, two bits for u and two for v: the order of
+// asset::material::Wrap.
+const uint MATERIAL_WRAPS = 8;
+const uint WRAP_MIRROR = 1;
+const uint WRAP_CLAMP = 2;
+
+const uint MAP_BASE_COLOR = 0;
+const uint MAP_NORMAL = 1;
+const uint MAP_ORM = 2;
+const uint MAP_EMISSION = 3;
+
+vec4 unpacked_colour(VertexExtra extra)
+{
+    return vec4(unpackUnorm2x16(extra.colour.x), unpackUnorm2x16(extra.colour.y));
+}
 
 layout(SCENE_INSTANCES, scalar) readonly buffer Instances { Instance instances[]; };
 layout(SCENE_MATERIALS, scalar) readonly buffer Materials { Material materials[]; };
+// One for each vertex, or a single one where no vertex needs any.
+layout(SCENE_VERTEX_EXTRAS, scalar) readonly buffer VertexExtras { VertexExtra vertex_extras[]; };
 
 #endif

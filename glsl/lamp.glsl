@@ -7,12 +7,14 @@
 #include "shading_point.glsl"
 
 // Irradiance of a point light on a surface that faces it, W/m^2, and its direction, a unit vector even where the light itself is.
+// Spot lights fall off as KHR_lights_punctual says.
 vec3 light_irradiance(PointLight light, vec3 position, out vec3 l)
 {
     vec3 to_light = light.position - position;
     l = normalize_or(to_light, vec3(0.0, 1.0, 0.0));
     float squared = dot(to_light, to_light);
-    return squared < 1e38 ? light.intensity / max(squared, max(light.radius * light.radius, 1e-8)) : vec3(0.0); // too far, or NaN
+    float inside = clamp(light.cone.x * dot(-l, light.along) + light.cone.y, 0.0, 1.0);
+    return squared < 1e38 ? light.intensity * (inside * inside) / max(squared, max(light.radius * light.radius, 1e-8)) : vec3(0.0); // too far, or NaN
 }
 
 // Density per area of the points that light leaving a lamp evenly meets; `cosine` to the surface's normal.

@@ -163,6 +163,8 @@ vec3 transported_light(PathPoint p, uvec4 seed)
         mat3 world_from_surface = basis(p.s.n);
         Scatter m = make_scatter(p.s, world_from_surface);
         bool first = bounce == 0u;
+        if (!first || is_shown(true))
+            sum += throughput * p.s.emission;
         sum += throughput * direct_light(p, m, world_from_surface, first, arrival, seed);
         seed.w += 1u;
         if (TRANSPORT == TRANSPORT_ALL && has_lamps && !(first && !is_shown(false)))

@@ -6,6 +6,8 @@
 #include "bvh.glsl"
 #include "math.glsl"
 #include "octahedral.glsl"
+#include "random.glsl"
+#include "sampling.glsl"
 #include "shading_point.glsl"
 
 // As models stand in the scene, before `frame.world_from_models`.
@@ -20,6 +22,9 @@ layout(RAY_CORNERS, scalar) readonly buffer RayCorners { RayCorner ray_corners[]
 layout(RAY_BASE_COLOR) uniform sampler2DArray ray_base_color;
 layout(RAY_NORMAL) uniform sampler2DArray ray_normal;
 layout(RAY_ORM) uniform sampler2DArray ray_orm;
+layout(RAY_EMISSION) uniform sampler2DArray ray_emission;
+// As RAY_CORNERS, or a single one where no corner needs any.
+layout(RAY_CORNER_EXTRAS, scalar) readonly buffer RayCornerExtras { VertexExtra ray_corner_extras[]; };
 
 // A point that light scatters at.
 struct PathPoint {
@@ -46,10 +51,56 @@ vec2 ray_uv(RayHit hit)
         + hit.weights.z * ray_corners[first + 2u].uv;
 }
 
+vec2 ray_uv1(RayHit hit)
+{
+    uint first = 3u * hit.triangle;
+    return hit.weights.x * ray_corner_extras[first].uv1 + hit.weights.y * ray_corner_extras[first + 1u].uv1
+        + hit.weights.z * ray_corner_extras[first + 2u].uv1;
+}
+
+vec4 ray_colour(RayHit hit)
+{
+    uint first = 3u * hit.triangle;
+    return hit.weights.x * unpacked_colour(ray_corner_extras[first])
+        + hit.weights.y * unpacked_colour(ray_corner_extras[first + 1u])
+        + hit.weights.z * unpacked_colour(ray_corner_extras[first + 2u]);
+}
+
+// A coordinate beyond 0 to 1 as its map means it, for a sampler that repeats; `margin`: half a texel.
+float wrapped(float u, uint wrap, float margin)
+{
+    if (wrap == 0u)
+        return u;
+    return clamp(wrap == WRAP_MIRROR ? 1.0 - abs(mod(u, 2.0) - 1.0) : u, margin, 1.0 - margin);
+}
+
+// Where a map has its texel for a hit, of texture coordinates `uv` and of a picture of `side` texels.
+vec3 ray_map_at(RayHit hit, Material material, vec2 uv, uint map, int side)
+{
+    if ((material.flags & MATERIAL_SECOND_UV << map) != 0u)
+        uv = ray_uv1(hit);
+    uint wraps = material.flags >> (MATERIAL_WRAPS + 4u * map);
+    float margin = 0.5 / float(side);
+    return vec3(wrapped(uv.x, wraps & 3u, margin), wrapped(uv.y, wraps >> 2u & 3u, margin), material.textures);
+}
+
+// Base color and alpha of a hit.
+vec4 ray_base(RayHit hit, Material material, vec2 uv)
+{
+    vec3 at = ray_map_at(hit, material, uv, MAP_BASE_COLOR, textureSize(ray_base_color, 0).x);
+    vec4 base = vec4(material.base_color, material.opacity) * textureLod(ray_base_color, at, 0.0);
+    return (material.flags & MATERIAL_VERTEX_COLOURS) != 0u ? base * ray_colour(hit) : base;
+}
+
 bool is_hole(RayHit hit)
 {
     Material material = materials[bvh_triangles[hit.triangle].material_and_flags & BVH_MATERIAL];
-    return textureLod(ray_base_color, vec3(ray_uv(hit), material.textures), 0.0).a < material.alpha_cutoff;
+    float alpha = ray_base(hit, material, ray_uv(hit)).a;
+    if ((material.flags & MATERIAL_BLENDS) == 0u)
+        return alpha < material.alpha_cutoff;
+    // As many rays are stopped as the surface covers of what is behind. No two rays meet it in the same place.
+    uvec4 place = uvec4(floatBitsToUint(hit.weights.xy), floatBitsToUint(hit.t), hit.triangle);
+    return unit_from_bits(pcg4d(place).x) >= alpha;
 }
 
 vec4 ray_frame(RayCorner corner)
@@ -93,20 +144,25 @@ PathPoint ray_point(RayHit hit, vec3 d)
 {
     BvhTriangle triangle = bvh_triangles[hit.triangle];
     Material material = materials[triangle.material_and_flags & BVH_MATERIAL];
-    vec3 at = vec3(ray_uv(hit), material.textures);
+    vec2 uv = ray_uv(hit);
+    int side = textureSize(ray_base_color, 0).x;
     mat3 turn = mat3(frame.world_from_models);
     vec3 place = hit.weights.x * triangle.a + hit.weights.y * triangle.b + hit.weights.z * triangle.c;
     vec3 g = turn * normalize_or(bvh_normal(hit.triangle), vec3(0.0, 1.0, 0.0));
     float front = dot(g, d) <= 0.0 ? 1.0 : -1.0;
-    vec3 maps = textureLod(ray_orm, at, 0.0).rgb;
+    vec3 maps = textureLod(ray_orm, ray_map_at(hit, material, uv, MAP_ORM, side), 0.0).rgb;
     PathPoint p;
     p.position = (frame.world_from_models * vec4(place, 1.0)).xyz;
     p.side = front * g;
     p.rounding = position_rounding(p.position, hit.t);
-    p.s.n = front * (turn * ray_normal_of(hit, at));
+    p.s.n = front * (turn * ray_normal_of(hit, ray_map_at(hit, material, uv, MAP_NORMAL, side)));
     p.s.v = -d;
     p.s.nv = clamp(dot(p.s.n, p.s.v), MIN_COS, 1.0);
-    p.s.base_color = material.base_color * textureLod(ray_base_color, at, 0.0).rgb;
+    p.s.base_color = ray_base(hit, material, uv).rgb;
+    p.s.alpha = 1.0; // rays pass through what is not covered
+    p.s.emission = material.emission;
+    if (material.emission != vec3(0.0))
+        p.s.emission *= textureLod(ray_emission, ray_map_at(hit, material, uv, MAP_EMISSION, side), 0.0).rgb;
     p.s.metallic = material.metallic * maps.b;
     p.s.roughness = material.roughness * maps.g;
     p.s.occlusion = 1.0; // rays find out themselves what light reaches

@@ -7,9 +7,11 @@ layout(local_size_x = 8, local_size_y = 8) in;
 layout(BASE_COLOR_MAP) uniform sampler2D base_color_map;
 layout(NORMAL_MAP) uniform sampler2D normal_map;
 layout(ORM_MAP) uniform sampler2D orm_map;
+layout(EMISSION_MAP) uniform sampler2D emission_map;
 layout(RAY_TEXTURES_BASE_COLOR, rgba16f) uniform writeonly image2DArray base_color;
 layout(RAY_TEXTURES_NORMAL, rgba8) uniform writeonly image2DArray normal;
 layout(RAY_TEXTURES_ORM, rgba8) uniform writeonly image2DArray orm;
+layout(RAY_TEXTURES_EMISSION, rgba16f) uniform writeonly image2DArray emission; // one texel where there are no maps
 layout(push_constant) uniform Target { uint layer; } target;
 
 // The mean over a texel of the layer, or nearly.
@@ -29,4 +31,6 @@ void main()
     imageStore(base_color, texel, reduced(base_color_map, at, size));
     imageStore(normal, texel, reduced(normal_map, at, size));
     imageStore(orm, texel, reduced(orm_map, at, size));
+    if (all(lessThan(texel.xy, imageSize(emission).xy)))
+        imageStore(emission, texel, reduced(emission_map, at, size));
 }

@@ -3,7 +3,7 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "path.glsl"
-#define SURFACE_TEXEL(map) textureLod(map, uv, 0.0)
+#define SURFACE_TEXEL(map, at) textureLod(map, at, 0.0)
 #include "surface.glsl"
 
 layout(location = 0) out vec4 radiance;
@@ -28,6 +28,10 @@ void main()
 {
     PathPoint p;
     p.s = read_surface();
+    // Coverage by chance: of all frames as many show the surface as it covers of what is behind.
+    uvec3 layer = floatBitsToUint(position_world);
+    if (BLENDS && unit_from_bits(pcg4d(uvec4(layer, frame.sample_index)).x) >= p.s.alpha)
+        discard;
     p.position = position_world;
     p.side = eye_side(p.s.v, p.s.n);
     p.rounding = position_rounding(p.position, distance(p.position, frame.eyes[eye].world_from_view[3].xyz));

@@ -10,6 +10,8 @@ struct Surface {
     float metallic;
     float roughness;
     float occlusion;
+    vec3 emission; // radiance, W/(m^2 sr)
+    float alpha;   // coverage
 };
 
 #endif

@@ -12,11 +12,16 @@ layout(location = 0) in vec3 position_local;
 layout(location = 1) in vec2 uv_in;
 
 layout(location = 0) out vec2 uv;
-layout(location = 1) flat out float alpha_cutoff;
+layout(location = 1) flat out float alpha_cutoff; // below 0: alpha is coverage
+layout(location = 2) out float opacity;
 
 void main()
 {
-    uv = uv_in;
-    alpha_cutoff = materials[instances[draw.instance].material].alpha_cutoff;
+    Material material = materials[instances[draw.instance].material];
+    bool is_second = (material.flags & MATERIAL_SECOND_UV << MAP_BASE_COLOR) != 0u;
+    uv = is_second ? vertex_extras[gl_VertexIndex].uv1 : uv_in;
+    alpha_cutoff = (material.flags & MATERIAL_BLENDS) != 0u ? -1.0 : material.alpha_cutoff;
+    bool is_coloured = (material.flags & MATERIAL_VERTEX_COLOURS) != 0u;
+    opacity = material.opacity * (is_coloured ? unpacked_colour(vertex_extras[gl_VertexIndex]).a : 1.0);
     gl_Position = draw.clip_from_models * (instances[draw.instance].world_from_local * vec4(position_local, 1.0));
 }

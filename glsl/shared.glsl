@@ -18,6 +18,8 @@ struct PointLight {
     vec3 intensity;    // W/sr
     float shadow_near; // metres
     int shadow_layer;  // the first of six, below 0 without a shadow map
+    vec3 along;        // unit vector along a spot light's axis
+    vec2 cone;         // factor and summand of the cosine to it; 0, 1 for light to all sides
 };
 
 // A disc far away, in world space; irradiance 0 where there is none.
@@ -49,6 +51,10 @@ layout(constant_id = 11) const bool SLICES = false; // the table's layers beyond
 layout(constant_id = 12) const bool SUN = false; // the sun is a light of its own
 layout(constant_id = 13) const uint LAMP_SHADOWS = 0;
 layout(constant_id = 14) const bool SUN_SHADOW = false; // the sun has a shadow map
+layout(constant_id = 19) const bool EMITS = true;
+layout(constant_id = 20) const bool VERTEX_COLOURS = false;
+layout(constant_id = 21) const uint SECOND_UV = 0; // bit i: map i is looked up by the second texture coordinates
+layout(constant_id = 22) const bool BLENDS = false;  // alpha is coverage
 
 // LAMP_SHADOWS: the order of render::shadow_plan::LampShadows.
 const uint LAMP_SHADOWS_NONE = 0;

@@ -2,18 +2,19 @@
 #ifndef SURFACE_GLSL
 #define SURFACE_GLSL
 
-#include "shared.glsl"
+#include "instance.glsl"
 #include "math.glsl"
 #include "shading_point.glsl"
 
 // Stages that draw many places of each pixel read the texels themselves.
 #ifndef SURFACE_TEXEL
-#define SURFACE_TEXEL(map) texture(map, uv)
+#define SURFACE_TEXEL(map, at) texture(map, at)
 #endif
 
 layout(BASE_COLOR_MAP) uniform sampler2D base_color_map;
 layout(NORMAL_MAP) uniform sampler2D normal_map;
 layout(ORM_MAP) uniform sampler2D orm_map; // occlusion, roughness, metallic
+layout(EMISSION_MAP) uniform sampler2D emission_map;
 
 layout(location = 0) centroid in vec4 covered_position;
 layout(location = 1) centroid in vec3 normal_world;
@@ -24,10 +25,18 @@ layout(location = 5) flat in vec4 base_color_metallic;
 layout(location = 6) flat in vec2 roughness_alpha_cutoff;
 layout(location = 8) centroid in vec2 covered_lightmap_uv;
 layout(location = 7) in vec3 position_centre;
+layout(location = 9) centroid in vec4 vertex_colour;
+layout(location = 10) in vec2 uv1;
+layout(location = 11) flat in vec4 emission_opacity;
 
 // Where the fragment covers its triangle. Divided by an interpolated 1: lavapipe divides centroids by their pixel's w.
 vec3 position_world = covered_position.xyz / covered_position.w;
 vec2 lightmap_uv = covered_lightmap_uv / covered_position.w;
+
+vec2 map_uv(uint map)
+{
+    return (SECOND_UV >> map & 1u) != 0u ? uv1 : uv;
+}
 
 // The normal map's vector in world space. MikkTSpace: the bitangent is made per fragment, and n and t enter as
 // interpolated, not renormalised, because that is how the map was baked (Mikkelsen 2008, "Simulation of Wrinkled
@@ -38,7 +47,7 @@ vec3 mapped_normal()
     if (!HAS_NORMAL_MAP)
         return n;
     // Two channels hold a unit vector on the surface's own side.
-    vec2 m_xy = 2.0 * SURFACE_TEXEL(normal_map).xy - 1.0;
+    vec2 m_xy = 2.0 * SURFACE_TEXEL(normal_map, map_uv(MAP_NORMAL)).xy - 1.0;
     vec3 m = vec3(m_xy, sqrt(max(1.0 - dot(m_xy, m_xy), 0.0)));
     vec3 b = tangent_world.w * cross(normal_world, tangent_world.xyz);
     return normalize_or(m.x * tangent_world.xyz + m.y * b + m.z * normal_world, n);
@@ -58,14 +67,17 @@ void cut_out(float above);
 Surface read_surface()
 {
     Surface s;
-    s.base_color = base_color_metallic.rgb;
-    if (HAS_BASE_COLOR_MAP) {
-        vec4 texel = SURFACE_TEXEL(base_color_map);
-        if (ALPHA_MASK)
-            cut_out(texel.a - roughness_alpha_cutoff.y);
-        s.base_color *= texel.rgb;
-    }
-    vec3 maps = HAS_ORM_MAP ? SURFACE_TEXEL(orm_map).rgb : vec3(1.0);
+    vec4 base = vec4(base_color_metallic.rgb, emission_opacity.w);
+    if (VERTEX_COLOURS)
+        base *= vertex_colour;
+    if (HAS_BASE_COLOR_MAP)
+        base *= SURFACE_TEXEL(base_color_map, map_uv(MAP_BASE_COLOR));
+    if (ALPHA_MASK)
+        cut_out(base.a - roughness_alpha_cutoff.y);
+    s.base_color = base.rgb;
+    s.alpha = BLENDS ? base.a : 1.0;
+    s.emission = EMITS ? emission_opacity.rgb * SURFACE_TEXEL(emission_map, map_uv(MAP_EMISSION)).rgb : vec3(0.0);
+    vec3 maps = HAS_ORM_MAP ? SURFACE_TEXEL(orm_map, map_uv(MAP_ORM)).rgb : vec3(1.0);
     s.occlusion = maps.r;
     s.roughness = maps.g * roughness_alpha_cutoff.x;
     s.metallic = METALNESS == METALNESS_MIXED ? maps.b * base_color_metallic.a : float(METALNESS == METALNESS_METAL);

@@ -10,6 +10,16 @@ use super::descriptor::DescriptorSet;
 use super::image::{Image, ImageAccess};
 use super::pipeline::Pipeline;
 
+/// Triangles that are left out.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Cull {
+    #[default]
+    Nothing,
+    /// Those whose back is seen.
+    Back,
+    Front,
+}
+
 /// A command buffer that is being recorded.
 pub struct Commands<'a> {
     pub(super) buffer: &'a mut CommandBuffer,
@@ -99,9 +109,13 @@ impl Commands<'_> {
         unsafe { self.device().cmd_draw(self.buffer.raw, vertices, instances, 0, 0) };
     }
 
-    /// Culls back-facing triangles, or none.
-    pub fn cull_back(&mut self, on: bool) {
-        let mode = if on { vk::CullModeFlags::BACK } else { vk::CullModeFlags::NONE };
+    /// Leaves out triangles that face away or that face the eye, or none.
+    pub fn cull(&mut self, cull: Cull) {
+        let mode = match cull {
+            Cull::Nothing => vk::CullModeFlags::NONE,
+            Cull::Back => vk::CullModeFlags::BACK,
+            Cull::Front => vk::CullModeFlags::FRONT,
+        };
         // SAFETY: the command buffer is being recorded; every graphics pipeline has this state dynamic.
         unsafe { self.device().cmd_set_cull_mode(self.buffer.raw, mode) };
     }

@@ -39,7 +39,7 @@ pub use binding_type::BindingType;
 pub use buffer::{Buffer, BufferKind};
 pub use choice::{GpuInfo, survey};
 pub use command_buffer::{CommandBuffer, PassTime, PassTimes};
-pub use commands::Commands;
+pub use commands::{Commands, Cull};
 pub use copies::Rect;
 pub use descriptor::{Binding, DescriptorSet, DescriptorSetLayout};
 pub use device::{Gpu, GpuOptions, Handles};

@@ -2,7 +2,7 @@
 
 use ash::vk;
 
-use super::commands::Commands;
+use super::commands::{Commands, Cull};
 use super::image::{AttachmentView, ImageAccess};
 
 /// Colour attachments: every GPU allows four.
@@ -161,7 +161,7 @@ impl Commands<'_> {
             self.device().cmd_set_viewport(self.buffer.raw, 0, &[viewport]);
             self.device().cmd_set_scissor(self.buffer.raw, 0, &[area]);
         }
-        self.cull_back(false);
+        self.cull(Cull::Nothing);
         record(self);
         // SAFETY: rendering was begun above.
         unsafe { self.device().cmd_end_rendering(self.buffer.raw) };

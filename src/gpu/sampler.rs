@@ -12,6 +12,8 @@ use crate::{Error, Result};
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum AddressMode {
     Repeat,
+    /// Repeats, every other time mirrored.
+    Mirror,
     Clamp,
     /// Repeats along u, clamps along v: panoramas.
     Panorama,
@@ -26,6 +28,7 @@ impl AddressMode {
         use vk::SamplerAddressMode as M;
         match self {
             Self::Repeat => [M::REPEAT; 2],
+            Self::Mirror => [M::MIRRORED_REPEAT; 2],
             Self::Clamp => [M::CLAMP_TO_EDGE; 2],
             Self::Panorama => [M::REPEAT, M::CLAMP_TO_EDGE],
             Self::BlackBorder | Self::WhiteBorder => [M::CLAMP_TO_BORDER; 2],
@@ -78,6 +81,16 @@ impl Sampler {
         let info =
             info(vk::Filter::LINEAR, address).anisotropy_enable(most.is_some()).max_anisotropy(most.unwrap_or(1.0));
         Self::create(gpu, name, &info)
+    }
+
+    /// Creates a sampler for a material's map, with its own address mode along u and along v; `nearest`: magnified texels are
+    /// squares.
+    pub fn of_material(gpu: &Arc<Gpu>, [u, v]: [AddressMode; 2], nearest: bool, anisotropy: u32) -> Result<Arc<Self>> {
+        let most = gpu.max_anisotropy.filter(|_| anisotropy > 1).map(|most| most.min(anisotropy as f32));
+        let magnified = if nearest { vk::Filter::NEAREST } else { vk::Filter::LINEAR };
+        let info = info(vk::Filter::LINEAR, u).address_mode_v(v.raw()[1]).mag_filter(magnified);
+        let info = info.anisotropy_enable(most.is_some()).max_anisotropy(most.unwrap_or(1.0));
+        Self::create(gpu, "material", &info)
     }
 
     /// Creates a sampler that returns the nearest texel of the nearest mip: for depth images, which not every GPU filters.

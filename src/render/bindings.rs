@@ -35,12 +35,15 @@ pub const SCENE: SetBindings = SetBindings {
         ("SCENE_PROBE_EVEN", Sampled),
         ("SCENE_PROBE_ODD", Sampled),
         ("SCENE_PROBE_IRRADIANCE", Sampled),
+        ("SCENE_VERTEX_EXTRAS", Storage),
     ],
 };
 
 /// The textures of one material.
-pub const TEXTURES: SetBindings =
-    SetBindings { set: 2, bindings: &[("BASE_COLOR_MAP", Sampled), ("NORMAL_MAP", Sampled), ("ORM_MAP", Sampled)] };
+pub const TEXTURES: SetBindings = SetBindings {
+    set: 2,
+    bindings: &[("BASE_COLOR_MAP", Sampled), ("NORMAL_MAP", Sampled), ("ORM_MAP", Sampled), ("EMISSION_MAP", Sampled)],
+};
 
 /// What rays meet: the scene's triangles under a hierarchy, small copies of its textures, and the importance table of the
 /// panorama.
@@ -54,6 +57,8 @@ pub const RAYS: SetBindings = SetBindings {
         ("RAY_NORMAL", Sampled),
         ("RAY_ORM", Sampled),
         ("RAY_IMPORTANCE", Storage),
+        ("RAY_EMISSION", Sampled),
+        ("RAY_CORNER_EXTRAS", Storage),
     ],
 };
 
@@ -64,6 +69,7 @@ pub const RAY_TEXTURES: SetBindings = SetBindings {
         ("RAY_TEXTURES_BASE_COLOR", StorageImage),
         ("RAY_TEXTURES_NORMAL", StorageImage),
         ("RAY_TEXTURES_ORM", StorageImage),
+        ("RAY_TEXTURES_EMISSION", StorageImage),
     ],
 };
 

@@ -216,6 +216,7 @@ fn scene_set(
         Binding::Sampled(even, &clamped),
         Binding::Sampled(odd, &clamped),
         Binding::Sampled(irradiance, &clamped),
+        Binding::Storage(&resources.geometry.extras),
     ];
     DescriptorSet::new(gpu, "scene", &layouts.scene, &bindings)
 }

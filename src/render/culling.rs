@@ -52,6 +52,16 @@ impl Frusta {
     pub fn distance(&self, bounds: &Bounds) -> f32 {
         self.eyes[..self.count].iter().map(|eye| distance(bounds, eye.position)).fold(f32::INFINITY, f32::min)
     }
+
+    /// Metres from the nearest eye to the farthest corner of a box.
+    pub fn reach(&self, bounds: &Bounds) -> f32 {
+        self.eyes[..self.count].iter().map(|eye| reach(bounds, eye.position)).fold(f32::INFINITY, f32::min)
+    }
+}
+
+/// Metres from a point to the farthest corner of a box.
+fn reach(bounds: &Bounds, position: Vec3) -> f32 {
+    (position - bounds.min).abs().max((position - bounds.max).abs()).length()
 }
 
 impl Frustum {

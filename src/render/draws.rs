@@ -6,6 +6,7 @@ use glam::Mat4;
 
 use super::culling::Frusta;
 use super::eye::Eye;
+use crate::gpu::Cull;
 use crate::scene::Bounds;
 use crate::scene::cluster::Cluster;
 
@@ -19,26 +20,38 @@ pub struct Draw {
     pub variant: u32,
     /// Index into the scene's sets of textures.
     pub textures: u32,
-    /// Alpha-tested: drawn after opaque surfaces, which hide many of its fragments.
-    masked: bool,
+    /// Whether it is not seen from behind.
+    pub single_sided: bool,
+    layer: Layer,
     /// World space, before the common movement of all models.
     bounds: Bounds,
     /// No back face is visible from outside of this box.
     culling_bounds: Option<Bounds>,
 }
 
+/// What is drawn before what.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Layer {
+    Opaque,
+    /// Alpha-tested: after opaque surfaces, which hide many of its fragments.
+    Masked,
+    /// After all else and the sky, far before near.
+    Blended,
+}
+
 impl Draw {
-    /// A cluster at one of its placements, with variant and texture indices of 0.
-    pub fn new(cluster: &Cluster, indices: Range<u32>, instance: u32, world_from_local: Mat4, masked: bool) -> Self {
+    /// A cluster at one of its placements, seen from both sides, with variant and texture indices of 0.
+    pub fn new(cluster: &Cluster, indices: Range<u32>, instance: u32, world_from_local: Mat4, layer: Layer) -> Self {
         // Back faces show through holes; mirrored placements swap fronts and backs.
-        let keeps_sides = !masked && world_from_local.determinant() > 0.0;
+        let keeps_sides = layer == Layer::Opaque && world_from_local.determinant() > 0.0;
         let culling_bounds = cluster.culling_bounds.filter(|_| keeps_sides);
         Self {
             indices,
             instance,
             variant: 0,
             textures: 0,
-            masked,
+            single_sided: false,
+            layer,
             bounds: cluster.bounds.placed(world_from_local),
             culling_bounds: culling_bounds.map(|bounds| bounds.placed(world_from_local)),
         }
@@ -81,6 +94,8 @@ impl Default for CullOptions {
 pub struct DrawList {
     visible: Vec<Visible>,
     calls: Vec<DrawCall>,
+    /// The number of calls before the first blended one.
+    solid: usize,
 }
 
 /// Ranges of one instance that lie next to each other in the index buffer, drawn together.
@@ -90,14 +105,18 @@ pub struct DrawCall {
     pub instance: u32,
     pub variant: u32,
     pub textures: u32,
-    pub cull_back: bool,
+    /// What no eye sees, or what is drawn at another time.
+    pub cull: Cull,
+    /// Whether backs are not to be seen.
+    pub single_sided: bool,
 }
 
 /// A range that some eye may see.
 struct Visible {
-    masked: bool,
-    /// Metres to the nearest eye, as the bits of an f32; of numbers that are not negative, these sort alike.
-    distance_bits: u32,
+    layer: Layer,
+    /// Metres to the nearest eye, as the bits of an f32, which sort as numbers that are not negative do; of blended ones the
+    /// complement.
+    order: u32,
     /// Index in the scene's draws.
     draw: u32,
     call: DrawCall,
@@ -116,31 +135,53 @@ pub struct DrawCounts {
 
 impl DrawList {
     /// Collects the draw calls that some eye may see. Allocates only if there are more draws than ever before.
+    ///
+    /// Blended surfaces are always drawn far before near: backs by the far end of their box, fronts by its near end, so that
+    /// what is inside of another thing comes between its backs and its fronts.
     pub fn fill(&mut self, draws: &[Draw], eyes: &[Eye], culling: CullOptions) {
         let frusta = Frusta::of(eyes);
         self.visible.clear();
-        self.visible.reserve(draws.len());
-        let seen = (0u32..).zip(draws).filter(|(_, draw)| !culling.frusta || frusta.may_see(&draw.bounds));
-        self.visible.extend(seen.map(|(index, draw)| Visible::new(index, draw, &frusta, culling.backs)));
-        match culling.order {
-            Order::FrontToBack => self.visible.sort_unstable_by_key(Visible::key),
-            Order::Listed => {}
-            // Odd, so that no two draws share a key (Knuth, "The Art of Computer Programming" 3, section 6.4).
-            Order::Shuffled(seed) => self.visible.sort_unstable_by_key(|v| (v.draw ^ seed).wrapping_mul(0x9e37_79b1)),
+        self.visible.reserve(2 * draws.len());
+        for (index, draw) in (0u32..).zip(draws).filter(|(_, draw)| !culling.frusta || frusta.may_see(&draw.bounds)) {
+            if draw.layer == Layer::Blended {
+                let shown = if draw.single_sided { &[Cull::Back][..] } else { &[Cull::Front, Cull::Back] };
+                self.visible.extend(shown.iter().map(|cull| Visible::blended(index, draw, &frusta, *cull)));
+            } else {
+                self.visible.push(Visible::solid(index, draw, &frusta, culling.backs));
+            }
         }
+        // Odd, so that no two draws share a key (Knuth, "The Art of Computer Programming" 3, section 6.4).
+        let shuffled = |draw: u32, seed: u32| (draw ^ seed).wrapping_mul(0x9e37_79b1);
+        self.visible.sort_unstable_by_key(|v| match (culling.order, v.layer) {
+            (Order::FrontToBack, _) | (_, Layer::Blended) => (v.layer, v.order, v.draw),
+            (Order::Listed, _) => (Layer::Opaque, 0, v.draw),
+            (Order::Shuffled(seed), _) => (Layer::Opaque, shuffled(v.draw, seed), v.draw),
+        });
         self.calls.clear();
-        self.calls.reserve(draws.len());
-        for Visible { call, .. } in &self.visible {
+        self.calls.reserve(2 * draws.len());
+        self.solid = 0;
+        for Visible { call, layer, .. } in &self.visible {
             match self.calls.last_mut() {
                 Some(last) if last.continues_with(call) => last.indices.end = call.indices.end,
                 _ => self.calls.push(call.clone()),
             }
+            self.solid = if *layer == Layer::Blended { self.solid } else { self.calls.len() };
         }
     }
 
-    /// The draw calls, in order.
+    /// All draw calls, in order.
     pub fn calls(&self) -> &[DrawCall] {
         &self.calls
+    }
+
+    /// Those that hide all that is behind.
+    pub fn solid(&self) -> &[DrawCall] {
+        &self.calls[..self.solid]
+    }
+
+    /// Those that are blended with what is behind, far before near.
+    pub fn blended(&self) -> &[DrawCall] {
+        &self.calls[self.solid..]
     }
 
     /// Their counts, for a scene with `all_ranges` ranges.
@@ -150,33 +191,39 @@ impl DrawList {
 }
 
 impl Visible {
-    fn new(index: u32, draw: &Draw, frusta: &Frusta, cull_backs: bool) -> Self {
-        let Draw { indices, instance, variant, textures, .. } = draw;
-        let cull_back = cull_backs && draw.culling_bounds.is_some_and(|bounds| frusta.all_outside(&bounds));
-        Self {
-            masked: draw.masked,
-            distance_bits: frusta.distance(&draw.bounds).to_bits(),
-            draw: index,
-            call: DrawCall {
-                indices: indices.clone(),
-                instance: *instance,
-                variant: *variant,
-                textures: *textures,
-                cull_back,
-            },
-        }
+    fn solid(index: u32, draw: &Draw, frusta: &Frusta, cull_backs: bool) -> Self {
+        let hides_backs = cull_backs && draw.culling_bounds.is_some_and(|bounds| frusta.all_outside(&bounds));
+        let call = DrawCall::of(draw, if hides_backs { Cull::Back } else { Cull::Nothing });
+        Self { layer: draw.layer, order: frusta.distance(&draw.bounds).to_bits(), draw: index, call }
     }
 
-    /// Opaque before alpha-tested, near before far. Ties are broken by the index, so that the order is deterministic and
-    /// neighbours stay together.
-    fn key(&self) -> (bool, u32, u32) {
-        (self.masked, self.distance_bits, self.draw)
+    /// The fronts of a blended surface, or its backs.
+    fn blended(index: u32, draw: &Draw, frusta: &Frusta, cull: Cull) -> Self {
+        let metres = if cull == Cull::Back { frusta.distance(&draw.bounds) } else { frusta.reach(&draw.bounds) };
+        Self { layer: draw.layer, order: !metres.to_bits(), draw: index, call: DrawCall::of(draw, cull) }
     }
 }
 
 impl DrawCall {
+    fn of(draw: &Draw, cull: Cull) -> Self {
+        let Draw { indices, instance, variant, textures, single_sided, .. } = draw;
+        Self {
+            indices: indices.clone(),
+            instance: *instance,
+            variant: *variant,
+            textures: *textures,
+            cull,
+            single_sided: *single_sided,
+        }
+    }
+
+    /// What is left out of a picture: surfaces without a back are not seen from there, though they cast shadows.
+    pub fn seen_faces(&self) -> Cull {
+        if self.single_sided { Cull::Back } else { self.cull }
+    }
+
     fn continues_with(&self, next: &Self) -> bool {
-        self.indices.end == next.indices.start && self.instance == next.instance && self.cull_back == next.cull_back
+        self.indices.end == next.indices.start && self.instance == next.instance && self.cull == next.cull
     }
 }
 
@@ -187,6 +234,10 @@ mod tests {
     use super::*;
 
     fn draw(x: f32, z: f32, masked: bool, closed: bool) -> Draw {
+        layered(x, z, if masked { Layer::Masked } else { Layer::Opaque }, closed)
+    }
+
+    fn layered(x: f32, z: f32, layer: Layer, closed: bool) -> Draw {
         let bounds = Bounds { min: Vec3::new(x - 0.5, -0.5, z - 0.5), max: Vec3::new(x + 0.5, 0.5, z + 0.5) };
         let cluster = Cluster {
             vertices: Vec::new(),
@@ -196,14 +247,14 @@ mod tests {
             culling_bounds: closed.then_some(bounds),
             placements: Vec::new(),
         };
-        Draw::new(&cluster, 0..3, 0, Mat4::IDENTITY, masked)
+        Draw::new(&cluster, 0..3, 0, Mat4::IDENTITY, layer)
     }
 
     fn listed(draws: &[Draw], culling: CullOptions) -> Vec<(u32, bool)> {
         let mut list = DrawList::default();
         let eyes = Eye::symmetric(Mat4::IDENTITY, 60.0, 1.0, 1.0).stereo(0.06);
         list.fill(draws, &eyes, culling);
-        list.visible.iter().map(|v| (v.draw, v.call.cull_back)).collect()
+        list.visible.iter().map(|v| (v.draw, v.call.cull == Cull::Back)).collect()
     }
 
     #[test]
@@ -223,6 +274,25 @@ mod tests {
         assert_ne!(order, [4, 2, 0, 1]);
         order.sort_unstable();
         assert_eq!(order, [0, 1, 2, 4]);
+    }
+
+    #[test]
+    fn blended_surfaces_come_last_and_far_before_near() {
+        let mut outer = layered(0.0, -4.0, Layer::Blended, true);
+        outer.bounds = Bounds { min: Vec3::new(-2.0, -2.0, -6.0), max: Vec3::new(2.0, 2.0, -2.0) };
+        let mut pane = layered(0.0, -9.0, Layer::Blended, false);
+        pane.single_sided = true;
+        let draws = [outer, layered(0.0, -4.0, Layer::Blended, true), draw(0.0, -20.0, false, false), pane];
+        for order in [Order::FrontToBack, Order::Listed, Order::Shuffled(7)] {
+            let mut list = DrawList::default();
+            let eye = Eye::symmetric(Mat4::IDENTITY, 60.0, 1.0, 1.0);
+            list.fill(&draws, &[eye], CullOptions { order, ..CullOptions::default() });
+            let seen: Vec<_> = list.visible.iter().map(|v| (v.draw, v.call.cull)).collect();
+            // What is inside comes between the backs and the fronts of what is around it.
+            let (back, front) = (Cull::Front, Cull::Back);
+            assert_eq!(seen[1..], [(3, front), (0, back), (1, back), (1, front), (0, front)], "{order:?}");
+            assert_eq!((list.solid().len(), list.blended().len()), (1, 5));
+        }
     }
 
     #[test]
@@ -254,7 +324,7 @@ mod tests {
             placements: Vec::new(),
         };
         let mirror = Mat4::from_scale(Vec3::new(-1.0, 1.0, 1.0));
-        draws[1] = Draw::new(&cluster, 0..3, 1, mirror, false);
+        draws[1] = Draw::new(&cluster, 0..3, 1, mirror, Layer::Opaque);
         assert_eq!(listed(&draws, CullOptions::default()), [(0, true), (1, false)]);
     }
 }

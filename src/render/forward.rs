@@ -11,7 +11,7 @@ use super::scene_resources::{ATTRIBUTES, PackedVertex};
 use super::settings::{RenderSettings, Shading};
 use super::shared::constant;
 use crate::Result;
-use crate::gpu::{Commands, Constant, DepthState, Format, GraphicsDesc, Pipeline};
+use crate::gpu::{Commands, Constant, Cull, DepthState, Format, GraphicsDesc, Pipeline};
 use crate::reference::energy::Scattering;
 use crate::reference::table::SplitSum;
 use crate::scene::MaterialFeatures;
@@ -93,6 +93,8 @@ impl ForwardPass {
             };
             let constants: Vec<Constant> = common.into_iter().chain(constants(features, multiple)).collect();
             let fragment = if features.alpha_mask { stages.cutout } else { stages.surface };
+            // The reference covers by chance instead.
+            let blend = features.blends && !is_reference;
             Pipeline::graphics(
                 gpu,
                 &GraphicsDesc {
@@ -103,7 +105,8 @@ impl ForwardPass {
                     push_bytes: size_of::<u32>() as u32,
                     vertex_stride: size_of::<PackedVertex>() as u32,
                     vertex_attributes: &ATTRIBUTES,
-                    depth: Some(DepthState::WRITE),
+                    depth: Some(if blend { DepthState::TEST } else { DepthState::WRITE }),
+                    blend,
                     ..desc
                 },
             )
@@ -149,13 +152,13 @@ impl ForwardPass {
             if changes(|call| call.instance) {
                 commands.push(pipeline, bytemuck::bytes_of(&call.instance));
             }
-            if changes(|call| call.cull_back.into()) {
-                commands.cull_back(call.cull_back);
+            if last.is_none_or(|last| last.seen_faces() != call.seen_faces()) {
+                commands.cull(call.seen_faces());
             }
             commands.draw_indexed(call.indices.clone(), self.eyes);
             last = Some(call);
         }
-        commands.cull_back(false);
+        commands.cull(Cull::Nothing);
     }
 
     /// Draws the panorama wherever nothing else is.
@@ -173,7 +176,7 @@ impl ForwardPass {
     }
 }
 
-fn constants(features: MaterialFeatures, multiple: bool) -> [Constant; 6] {
+fn constants(features: MaterialFeatures, multiple: bool) -> [Constant; 10] {
     [
         (constant::HAS_BASE_COLOR_MAP, u32::from(features.base_color_map)),
         (constant::HAS_NORMAL_MAP, u32::from(features.normal_map)),
@@ -181,5 +184,9 @@ fn constants(features: MaterialFeatures, multiple: bool) -> [Constant; 6] {
         (constant::ALPHA_MASK, u32::from(features.alpha_mask)),
         (constant::METALNESS, features.metalness as u32),
         (constant::MULTI_SCATTER, u32::from(multiple && features.multi_scatter)),
+        (constant::EMITS, u32::from(features.emits)),
+        (constant::VERTEX_COLOURS, u32::from(features.vertex_colours)),
+        (constant::SECOND_UV, features.second_uv),
+        (constant::BLENDS, u32::from(features.blends)),
     ]
 }

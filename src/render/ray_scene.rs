@@ -6,6 +6,7 @@ use bytemuck::{Pod, Zeroable, bytes_of};
 use glam::{DVec4, Mat4, Vec3};
 
 use super::layouts::Layouts;
+use super::shared::VertexExtraBlock;
 use crate::Result;
 use crate::gpu::{
     AddressMode, Binding, Buffer, BufferKind, DescriptorSet, Format, Gpu, Image, ImageAccess, ImageDesc,
@@ -20,9 +21,9 @@ use crate::scene::{GeometryView, Instance, Mesh, Scene, Vertex};
 /// The upper bits of a triangle's material, the same as in `glsl/bvh.glsl`: it is alpha-tested; its back is never seen.
 const MASKED: u32 = 1 << 31;
 const ONE_SIDED: u32 = 1 << 30;
-/// Memory for the reduced textures: 16 bytes a texel of each layer.
-const TEXTURE_BYTES: u64 = 128 << 20;
-const TEXEL_BYTES: u64 = 16;
+/// Memory for the reduced textures: 24 bytes a texel of each layer with emission.
+const TEXTURE_BYTES: u64 = 192 << 20;
+const TEXEL_BYTES: u64 = 24;
 /// Sides of the reduced textures, in texels.
 const SIDES: [u32; 6] = [1024, 512, 256, 128, 64, 32];
 /// Texels along a side of `glsl/ray_textures.comp`'s workgroups.
@@ -35,6 +36,9 @@ pub struct LazyRayScene {
     /// For each of the scene's materials.
     masked: Vec<bool>,
     has_textures: bool,
+    has_emissive_maps: bool,
+    /// Whether vertices have colours or second texture coordinates.
+    has_extras: bool,
     /// Where paths begin that look for the backs that are seen.
     cameras: Vec<Vec3>,
     lamps: Vec<Vec3>,
@@ -50,6 +54,7 @@ pub struct RayScene {
     nodes: Arc<Buffer>,
     triangles: Arc<Buffer>,
     corners: Arc<Buffer>,
+    corner_extras: Arc<Buffer>,
     textures: RayTextures,
 }
 
@@ -82,8 +87,10 @@ impl LazyRayScene {
         Self {
             meshes: geometry.meshes.to_vec(),
             instances: geometry.instances.to_vec(),
-            masked: scene.materials.iter().map(|material| material.alpha_cutoff.is_some()).collect(),
+            masked: scene.materials.iter().map(|m| m.alpha_cutoff.is_some() || m.blends).collect(),
             has_textures: !scene.textures.is_empty(),
+            has_emissive_maps: scene.materials.iter().any(|material| material.emissive_map.is_some()),
+            has_extras: geometry.meshes.iter().any(|mesh| mesh.vertices.iter().any(VertexExtraBlock::is_needed)),
             cameras: scene.cameras.iter().map(|camera| camera.position).collect(),
             lamps: scene.lights.iter().map(|lamp| lamp.position).collect(),
             texture_sets: Arc::clone(texture_sets),
@@ -98,6 +105,8 @@ impl LazyRayScene {
             instances: Vec::new(),
             masked: Vec::new(),
             has_textures: false,
+            has_emissive_maps: false,
+            has_extras: false,
             cameras: Vec::new(),
             lamps: Vec::new(),
             texture_sets: Arc::new([]),
@@ -114,7 +123,8 @@ impl LazyRayScene {
         let bvh = Bvh::new(&self.meshes, &self.instances)?;
         let sides = sides(&bvh, &self.meshes, &self.instances, [&self.cameras, &self.lamps]);
         let side = if self.has_textures { side(self.texture_sets.len() as u64) } else { 1 };
-        let textures = RayTextures::new(gpu, layouts, &self.texture_sets, side)?;
+        let emissive_side = if self.has_emissive_maps { side } else { 1 };
+        let textures = RayTextures::new(gpu, layouts, &self.texture_sets, [side, emissive_side])?;
         let scene = Arc::new(RayScene::new(gpu, (bvh, sides), self, textures)?);
         *built = Some(Arc::clone(&scene));
         Ok(scene)
@@ -137,6 +147,12 @@ impl LazyRayScene {
         let place = self.instances[triangle.instance as usize].world_from_local;
         let first = triangle.first_index as usize;
         [0, 1, 2].map(|i| corner(&mesh.vertices[mesh.indices[first + i] as usize], place))
+    }
+
+    fn corner_extras(&self, triangle: &BvhTriangle) -> [VertexExtraBlock; 3] {
+        let mesh = self.mesh(triangle);
+        let first = triangle.first_index as usize;
+        [0, 1, 2].map(|i| (&mesh.vertices[mesh.indices[first + i] as usize]).into())
     }
 
     fn mesh(&self, triangle: &BvhTriangle) -> &Mesh {
@@ -179,18 +195,25 @@ impl RayScene {
         let triangle = |(triangle, sides): (&BvhTriangle, &Sides)| source.triangle(triangle, *sides);
         let triangles: Vec<TriangleBlock> = bvh.triangles().iter().zip(&sides).map(triangle).collect();
         let corners: Vec<CornerBlock> = bvh.triangles().iter().flat_map(|t| source.corners(t)).collect();
+        let extras: Vec<VertexExtraBlock> = match source.has_extras {
+            true => bvh.triangles().iter().flat_map(|t| source.corner_extras(t)).collect(),
+            false => vec![VertexExtraBlock::default()],
+        };
         let (triangles, corners): (&[u8], &[u8]) = (bytemuck::cast_slice(&triangles), bytemuck::cast_slice(&corners));
+        let extras: &[u8] = bytemuck::cast_slice(&extras);
         let buffer = |name, bytes: &[u8]| Buffer::new(gpu, name, BufferKind::Storage, bytes.len() as u64);
         let scene = Self {
             nodes: buffer("ray nodes", bvh.node_bytes())?,
             triangles: buffer("ray triangles", triangles)?,
             corners: buffer("ray corners", corners)?,
+            corner_extras: buffer("ray corner extras", extras)?,
             textures,
             bvh,
             sides,
         };
         let mut upload = Upload::new(gpu);
         upload.buffer(&scene.nodes, scene.bvh.node_bytes())?;
+        upload.buffer(&scene.corner_extras, extras)?;
         if !triangles.is_empty() {
             upload.buffer(&scene.triangles, triangles)?;
             upload.buffer(&scene.corners, corners)?;
@@ -205,24 +228,26 @@ struct RayTextures {
     base_color: Arc<Image>,
     normal: Arc<Image>,
     orm: Arc<Image>,
+    emission: Arc<Image>,
 }
 
 impl RayTextures {
-    /// Reduces the textures of each set to a layer of `side` texels a side.
-    fn new(gpu: &Arc<Gpu>, layouts: &Layouts, sets: &[DescriptorSet], side: u32) -> Result<Self> {
+    /// Reduces the textures of each set to a layer of `side` texels a side, and of `emissive_side`.
+    fn new(gpu: &Arc<Gpu>, layouts: &Layouts, sets: &[DescriptorSet], [side, emissive_side]: [u32; 2]) -> Result<Self> {
         let layers = (sets.len() as u32).max(1);
-        let image = |name, format| {
+        let image = |name, format, side: u32| {
             let usage = ImageUsageFlags::SAMPLED | ImageUsageFlags::STORAGE;
             let flat = ImageDesc::flat(format, [side; 2], usage);
             Image::new(gpu, name, ImageDesc { shape: Shape::Layers(layers), ..flat })
         };
         // sRGB images cannot be written by shaders, and eight linear bits are too few.
         let textures = Self {
-            base_color: image("ray base color", Format::R16G16B16A16_SFLOAT)?,
-            normal: image("ray normal", Format::R8G8B8A8_UNORM)?,
-            orm: image("ray orm", Format::R8G8B8A8_UNORM)?,
+            base_color: image("ray base color", Format::R16G16B16A16_SFLOAT, side)?,
+            normal: image("ray normal", Format::R8G8B8A8_UNORM, side)?,
+            orm: image("ray orm", Format::R8G8B8A8_UNORM, side)?,
+            emission: image("ray emission", Format::R16G16B16A16_SFLOAT, emissive_side)?,
         };
-        let all = [&textures.base_color, &textures.normal, &textures.orm];
+        let all = [&textures.base_color, &textures.normal, &textures.orm, &textures.emission];
         let targets =
             DescriptorSet::new(gpu, "ray textures", &layouts.ray_textures, &all.map(|i| Binding::StorageImage(i, 0)))?;
         let used = [&layouts.frame, &layouts.ray_textures, &layouts.textures];
@@ -267,6 +292,8 @@ impl RaySet {
             Binding::Sampled(&scene.textures.normal, &sampler),
             Binding::Sampled(&scene.textures.orm, &sampler),
             Binding::Storage(&importance),
+            Binding::Sampled(&scene.textures.emission, &sampler),
+            Binding::Storage(&scene.corner_extras),
         ];
         Ok(Self { set: DescriptorSet::new(gpu, "rays", &layouts.rays, &bindings)? })
     }

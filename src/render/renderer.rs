@@ -320,11 +320,13 @@ impl Renderer {
                 if let Some((pass, area)) = pipelines.hidden_area.as_ref().zip(self.hidden_area.as_ref()) {
                     pass.draw(commands, area);
                 }
-                pipelines.forward.draw_surfaces(commands, set, scene, draws.calls(), None);
+                pipelines.forward.draw_surfaces(commands, set, scene, draws.solid(), None);
                 if let Some(pass) = &pipelines.gizmos {
                     pass.draw(commands, set, vertices, gizmos.len() as u32);
                 }
                 pipelines.forward.draw_sky(commands, set, scene, None);
+                // Last: they are blended with all that is behind.
+                pipelines.forward.draw_surfaces(commands, set, scene, draws.blended(), None);
             });
         });
         Ok(())

@@ -7,16 +7,19 @@ mod vertex;
 use std::collections::HashMap;
 use std::sync::Arc;
 
-use super::draws::Draw;
+use glam::Vec3;
+
+use super::draws::{Draw, Layer};
 use super::ray_scene::LazyRayScene;
 use super::settings::RenderSettings;
 use super::shadow_plan::ShadowPlan;
-use super::shared::{InstanceBlock, LightBlock, MaterialBlock};
+use super::shared::{InstanceBlock, LightBlock, MaterialBlock, material_flag};
 use crate::Result;
+use crate::asset::model::Cone;
 use crate::context::Context;
 use crate::gpu::{Buffer, BufferKind, Gpu};
 use crate::scene::cluster::{Cluster, clusters};
-use crate::scene::{GeometryView, Material, MaterialFeatures, PointLight, Scene, SceneFeatures};
+use crate::scene::{GeometryView, Lookup, Material, MaterialFeatures, PointLight, Scene, SceneFeatures};
 pub use geometry::Geometry;
 pub use textures::{SceneTextures, TextureFacts};
 pub use vertex::{ATTRIBUTES, PackedVertex};
@@ -55,15 +58,20 @@ impl SceneResources {
     ) -> Result<Self> {
         let gpu = &context.gpu;
         let features = SceneFeatures::of(scene, settings.model, settings.viewpoint);
-        let clusters = clusters(geometry.meshes, geometry.instances);
+        let blends: Vec<bool> = scene.materials.iter().map(|material| material.blends).collect();
+        let clusters = clusters(geometry.meshes, geometry.instances, &blends);
         let buffers = Geometry::new(gpu, &clusters)?;
         let mut variants = Variants::default();
-        let drawn = |(features, textures): (&MaterialFeatures, &u32)| DrawnMaterial {
-            variant: variants.index(*features),
-            textures: *textures,
-            masked: features.alpha_mask,
+        let mut drawn = |i: usize| {
+            let MaterialFeatures { blends, alpha_mask, .. } = features.materials[i];
+            DrawnMaterial {
+                variant: variants.index(features.materials[i]),
+                textures: textures.of_materials[i],
+                layer: [Layer::Opaque, Layer::Masked, Layer::Blended][if blends { 2 } else { alpha_mask.into() }],
+                single_sided: scene.materials[i].culls_backs,
+            }
         };
-        let drawn: Vec<DrawnMaterial> = features.materials.iter().zip(&*textures.of_materials).map(drawn).collect();
+        let drawn: Vec<DrawnMaterial> = (0..scene.materials.len()).map(&mut drawn).collect();
         let shadow_plan = ShadowPlan::new(context, scene, features.casts, &settings.light_detail);
         let lamp = |(i, light): (usize, &PointLight)| light_block(light, shadow_plan.of_lamp(i));
         let lights: Vec<LightBlock> = scene.lights.iter().enumerate().map(lamp).collect();
@@ -86,12 +94,13 @@ impl SceneResources {
     }
 }
 
-/// The pipeline variant and texture set of a material, and whether it is alpha-tested: see [`Draw`].
+/// What a material's draws have: see [`Draw`].
 #[derive(Clone, Copy)]
 struct DrawnMaterial {
     variant: u32,
     textures: u32,
-    masked: bool,
+    layer: Layer,
+    single_sided: bool,
 }
 
 /// Combinations of features, each once.
@@ -115,7 +124,7 @@ fn draws(clusters: &[Cluster], geometry: &Geometry, materials: &[DrawnMaterial])
     let (mut draws, mut instances) = (Vec::new(), Vec::new());
     let mut known: HashMap<(usize, [u32; 16]), u32> = HashMap::new();
     for (cluster, indices) in clusters.iter().zip(&geometry.ranges) {
-        let DrawnMaterial { variant, textures, masked } = materials[cluster.material];
+        let DrawnMaterial { variant, textures, layer, single_sided } = materials[cluster.material];
         for world_from_local in &cluster.placements {
             let bits = world_from_local.to_cols_array().map(f32::to_bits);
             let instance = *known.entry((cluster.material, bits)).or_insert_with(|| {
@@ -123,8 +132,8 @@ fn draws(clusters: &[Cluster], geometry: &Geometry, materials: &[DrawnMaterial])
                 instances.push(InstanceBlock { world_from_local, material: cluster.material as u32 });
                 instances.len() as u32 - 1
             });
-            let mut draw = Draw::new(cluster, indices.clone(), instance, *world_from_local, masked);
-            (draw.variant, draw.textures) = (variant, textures);
+            let mut draw = Draw::new(cluster, indices.clone(), instance, *world_from_local, layer);
+            (draw.variant, draw.textures, draw.single_sided) = (variant, textures, single_sided);
             draws.push(draw);
         }
     }
@@ -145,7 +154,20 @@ fn material_block(material: &Material, textures: u32) -> MaterialBlock {
         roughness: material.roughness_factor,
         alpha_cutoff: material.alpha_cutoff.unwrap_or(0.0),
         textures,
+        opacity: material.opacity,
+        emission: material.emissive_factor.into(),
+        flags: material_flags(material),
     }
+}
+
+fn material_flags(material: &Material) -> u32 {
+    let bit = |set: bool, bit: u32| if set { bit } else { 0 };
+    let of_map = |(i, Lookup { sampling, second_uv }): (u32, Lookup)| {
+        let [u, v] = sampling.wrap.map(|wrap| wrap as u32);
+        bit(second_uv, material_flag::SECOND_UV << i) | (u | v << 2) << (material_flag::WRAPS + 4 * i)
+    };
+    let maps: u32 = (0..).zip(material.lookups).map(of_map).sum();
+    maps | bit(material.vertex_colours, material_flag::VERTEX_COLOURS) | bit(material.blends, material_flag::BLENDS)
 }
 
 fn light_block(light: &PointLight, (shadow_layer, shadow_near): (i32, f32)) -> LightBlock {
@@ -155,5 +177,13 @@ fn light_block(light: &PointLight, (shadow_layer, shadow_near): (i32, f32)) -> L
         intensity: light.intensity.into(),
         shadow_near,
         shadow_layer,
+        along: light.cone.map_or(Vec3::Y, |cone| cone.along).into(),
+        cone: light.cone.map_or([0.0, 1.0], |cone| falloff(&cone)),
     }
+}
+
+/// Factor and summand of the cosine to the axis of a spot light: KHR_lights_punctual, "Inner and Outer Cone Angles".
+fn falloff(cone: &Cone) -> [f32; 2] {
+    let factor = 1.0 / (cone.inner.cos() - cone.outer.cos()).max(0.001);
+    [factor, -cone.outer.cos() * factor]
 }

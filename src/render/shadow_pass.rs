@@ -9,7 +9,7 @@ use super::draws::DrawCall;
 use super::pipeline_request::PipelineRequest;
 use super::scene_resources::{PackedVertex, SceneResources};
 use crate::Result;
-use crate::gpu::{Commands, DepthState, DescriptorSet, Format, GraphicsDesc, Pipeline};
+use crate::gpu::{Commands, Cull, DepthState, DescriptorSet, Format, GraphicsDesc, Pipeline};
 
 /// Push constants of `glsl/shadow.vert`.
 #[repr(C)]
@@ -53,7 +53,7 @@ impl ShadowPass {
                 },
             )
         };
-        let has_holes: Vec<bool> = variants.iter().map(|features| features.alpha_mask).collect();
+        let has_holes: Vec<bool> = variants.iter().map(|features| features.alpha_mask || features.blends).collect();
         let cutout = has_holes.contains(&true).then(|| pipeline(Some("shadow_cutout.frag"))).transpose()?;
         Ok(Self { whole: pipeline(None)?, cutout, has_holes })
     }
@@ -85,12 +85,12 @@ impl ShadowPass {
             if last.is_none_or(|(_, last)| last.instance != call.instance) {
                 commands.push(pipeline, bytemuck::bytes_of(&Push { clip_from_models, instance: call.instance }));
             }
-            if last.is_none_or(|(_, last)| last.cull_back != call.cull_back) {
-                commands.cull_back(call.cull_back);
+            if last.is_none_or(|(_, last)| last.cull != call.cull) {
+                commands.cull(call.cull);
             }
             commands.draw_indexed(call.indices.clone(), 1);
             last = Some((cutout.is_some(), call));
         }
-        commands.cull_back(false);
+        commands.cull(Cull::Nothing);
     }
 }

@@ -4,6 +4,9 @@ use std::mem::offset_of;
 
 use bytemuck::{Pod, Zeroable};
 
+use crate::scene::Vertex;
+use crate::scene::mesh::WHITE;
+
 /// The most eyes one pass draws.
 pub const MAX_EYES: usize = 4;
 
@@ -82,6 +85,44 @@ pub struct MaterialBlock {
     pub alpha_cutoff: f32,
     /// The index of the set of textures that it is drawn with.
     pub textures: u32,
+    /// Multiplies alpha where the material blends; 1 elsewhere.
+    pub opacity: f32,
+    /// Radiance, W/(m² sr).
+    pub emission: [f32; 3],
+    /// Of `material_flag`.
+    pub flags: u32,
+}
+
+/// Bits of [`MaterialBlock::flags`], as in `glsl/instance.glsl`.
+pub mod material_flag {
+    pub const VERTEX_COLOURS: u32 = 1;
+    pub const BLENDS: u32 = 2;
+    /// Of the first map; the others follow.
+    pub const SECOND_UV: u32 = 4;
+    /// The first bit of the first map's u; two bits each.
+    pub const WRAPS: u32 = 8;
+}
+
+/// What few vertices have: an element of `SCENE_VERTEX_EXTRAS` and of `RAY_CORNER_EXTRAS`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub struct VertexExtraBlock {
+    pub uv1: [f32; 2],
+    /// In 65535ths.
+    pub colour: [u16; 4],
+}
+
+impl VertexExtraBlock {
+    /// Whether a vertex differs from those without any extra.
+    pub fn is_needed(vertex: &Vertex) -> bool {
+        vertex.colour != WHITE || vertex.uv1 != [0.0; 2]
+    }
+}
+
+impl From<&Vertex> for VertexExtraBlock {
+    fn from(vertex: &Vertex) -> Self {
+        Self { uv1: vertex.uv1, colour: vertex.colour }
+    }
 }
 
 /// One point light: an element of `SCENE_LIGHTS`.
@@ -98,6 +139,11 @@ pub struct LightBlock {
     pub shadow_near: f32,
     /// The first of six layers in `SCENE_LAMP_SHADOWS`; below 0 without a shadow map.
     pub shadow_layer: i32,
+    /// Unit vector along a spot light's axis, world space.
+    pub along: [f32; 3],
+    /// Factor and summand of the cosine to the axis, whose sum's square, between 0 and 1, is the part of the intensity: 0
+    /// and 1 for light to all sides.
+    pub cone: [f32; 2],
 }
 
 /// A place that light was captured at: an element of `SCENE_PROBES`. In the models' space.
@@ -126,10 +172,11 @@ const _: () = {
     assert!(offset_of!(FrameBlock, probe_scale) == 144 * MAX_EYES + 188);
     assert!(size_of::<FrameBlock>() == 144 * MAX_EYES + 192);
     assert!(offset_of!(InstanceBlock, material) == 64 && size_of::<InstanceBlock>() == 68);
-    assert!(offset_of!(MaterialBlock, metallic) == 12 && size_of::<MaterialBlock>() == 28);
+    assert!(offset_of!(MaterialBlock, metallic) == 12 && offset_of!(MaterialBlock, emission) == 32);
+    assert!(size_of::<MaterialBlock>() == 48 && size_of::<VertexExtraBlock>() == 16);
     assert!(offset_of!(LightBlock, radius) == 12 && offset_of!(LightBlock, intensity) == 16);
     assert!(offset_of!(LightBlock, shadow_near) == 28 && offset_of!(LightBlock, shadow_layer) == 32);
-    assert!(size_of::<LightBlock>() == 36);
+    assert!(offset_of!(LightBlock, along) == 36 && size_of::<LightBlock>() == 56);
     assert!(offset_of!(ProbeBlock, low) == 12 && offset_of!(ProbeBlock, border) == 36);
 };
 
@@ -154,4 +201,8 @@ pub mod constant {
     pub const TRANSPORT: u32 = 16;
     pub const PROBES: u32 = 17;
     pub const PART: u32 = 18;
+    pub const EMITS: u32 = 19;
+    pub const VERTEX_COLOURS: u32 = 20;
+    pub const SECOND_UV: u32 = 21;
+    pub const BLENDS: u32 = 22;
 }

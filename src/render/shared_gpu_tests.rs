@@ -70,6 +70,9 @@ impl Blocks {
             roughness: counter.next(),
             alpha_cutoff: counter.next(),
             textures: counter.next() as u32,
+            opacity: counter.next(),
+            emission: counter.list(),
+            flags: counter.next() as u32,
         });
         let lights = std::array::from_fn(|_| LightBlock {
             position: counter.list(),
@@ -77,6 +80,8 @@ impl Blocks {
             intensity: counter.list(),
             shadow_near: counter.next(),
             shadow_layer: counter.next() as i32,
+            along: counter.list(),
+            cone: counter.list(),
         });
         Self { frame, instances, materials, lights }
     }
@@ -99,14 +104,19 @@ impl Blocks {
         for light in &self.lights {
             numbers.extend(light.position.iter().chain(&[light.radius]).chain(&light.intensity));
             numbers.extend([light.shadow_near, light.shadow_layer as f32]);
+            numbers.extend(light.along.iter().chain(&light.cone));
         }
         for instance in &self.instances {
             numbers.extend(instance.world_from_local.as_flattened());
             numbers.push(instance.material as f32);
         }
-        for MaterialBlock { base_color, metallic, roughness, alpha_cutoff, textures } in self.materials {
+        for material in self.materials {
+            let MaterialBlock { base_color, metallic, roughness, alpha_cutoff, textures, opacity, emission, flags } =
+                material;
             numbers.extend(base_color);
-            numbers.extend([metallic, roughness, alpha_cutoff, textures as f32]);
+            numbers.extend([metallic, roughness, alpha_cutoff, textures as f32, opacity]);
+            numbers.extend(emission);
+            numbers.push(flags as f32);
         }
         numbers
     }
@@ -187,6 +197,10 @@ fn specialization_constants_have_their_ids() {
         ("SUN", constant::SUN),
         ("LAMP_SHADOWS", constant::LAMP_SHADOWS),
         ("SUN_SHADOW", constant::SUN_SHADOW),
+        ("EMITS", constant::EMITS),
+        ("VERTEX_COLOURS", constant::VERTEX_COLOURS),
+        ("SECOND_UV", constant::SECOND_UV),
+        ("BLENDS", constant::BLENDS),
     ];
     assert_eq!(declared.collect::<Vec<_>>(), ours);
 }

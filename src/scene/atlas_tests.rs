@@ -167,7 +167,7 @@ fn only_vertices_are_split() {
             |v: &Vertex| v.lightmap_uv.iter().all(|c| (0.0..1.0).contains(c) && (c * STEPS as f32).fract() == 0.0);
         assert!(mesh.vertices.iter().all(on_steps));
     }
-    let closed = clusters(&scene.meshes, &scene.instances).iter().filter(|c| c.culling_bounds.is_some()).count();
+    let closed = clusters(&scene.meshes, &scene.instances, &[]).iter().filter(|c| c.culling_bounds.is_some()).count();
     assert_eq!(closed, 3, "the balls are as closed as before");
 }
 

@@ -15,6 +15,8 @@ use super::mesh::{Bounds, Mesh, Vertex};
 /// triangle), large enough that the CPU's cost per draw is negligible.
 pub const MOST_TRIANGLES: usize = 4096;
 const _: () = assert!(3 * MOST_TRIANGLES <= 1 << 16);
+/// Connected blended surfaces of a material that are clusters of their own; the rest are merged.
+const MOST_SEPARATE: usize = 1024;
 /// How much worse the vertex cache may get for less overdraw (as meshoptimizer recommends).
 const OVERDRAW_THRESHOLD: f32 = 1.05;
 
@@ -35,9 +37,12 @@ pub struct Cluster {
 }
 
 /// Splits a scene's instances into clusters. Meshes with the same material and transforms are merged.
-pub fn clusters(meshes: &[Mesh], instances: &[Instance]) -> Vec<Cluster> {
+///
+/// `blends`: whether a material's surfaces are blended with what is behind. Each connected one of these is a cluster of its
+/// own, so that they can be drawn far before near.
+pub fn clusters(meshes: &[Mesh], instances: &[Instance], blends: &[bool]) -> Vec<Cluster> {
     let groups = groups(meshes, instances);
-    let cut = |group: &Group<'_>| cut_group(group);
+    let cut = |group: &Group<'_>| cut_group(group, blends.get(group.material) == Some(&true));
     groups.par_iter().flat_map_iter(cut).collect()
 }
 
@@ -75,9 +80,9 @@ struct Unit {
     culling_bounds: Option<Bounds>,
 }
 
-fn cut_group(group: &Group<'_>) -> Vec<Cluster> {
+fn cut_group(group: &Group<'_>, separately: bool) -> Vec<Cluster> {
     let mut vertices: Vec<Vertex> = Vec::new();
-    let (mut closed, mut open) = (Vec::new(), Vec::new());
+    let (mut closed, mut open, mut separate) = (Vec::new(), Vec::new(), Vec::new());
     for mesh in &group.meshes {
         // OBJ files of 2^32 vertices are rejected when they are read.
         let first = vertices.len() as u32;
@@ -97,12 +102,15 @@ fn cut_group(group: &Group<'_>) -> Vec<Cluster> {
                     Unit { triangles: vec![t], centre: centre / 3.0, culling_bounds: around }
                 }));
             }
+            if separately && separate.len() < MOST_SEPARATE {
+                separate.push([std::mem::take(&mut closed), std::mem::take(&mut open)]);
+            }
         }
         vertices.extend_from_slice(&mesh.vertices);
     }
     let mut parts: Vec<&[Unit]> = Vec::new();
-    split(&mut closed, &mut parts);
-    split(&mut open, &mut parts);
+    separate.push([closed, open]);
+    separate.iter_mut().flatten().for_each(|units| split(units, &mut parts));
     parts.into_iter().map(|units| cluster(units, &vertices, group)).collect()
 }
 
@@ -219,7 +227,7 @@ mod tests {
             ),
         ];
         let instances = [0, 1, 2].map(|i| placed(i, Mat4::IDENTITY));
-        let clusters = clusters(&meshes, &instances);
+        let clusters = clusters(&meshes, &instances, &[]);
         assert!(clusters.iter().all(|c| c.indices.len() <= 3 * MOST_TRIANGLES && c.placements == [Mat4::IDENTITY]));
         assert!(clusters.len() < 14, "{} ranges", clusters.len());
         for material in [0, 1] {
@@ -240,9 +248,11 @@ mod tests {
     fn only_meshes_with_the_same_transforms_are_merged() {
         let meshes = [0.0, 3.0, 6.0].map(|x| mesh(Mesh::ball(6, 1.0), 0, Vec3::X * x));
         let there = Mat4::from_translation(Vec3::Y);
-        let one = clusters(&meshes, &[0, 1, 2].map(|i| placed(i, there)));
+        let one = clusters(&meshes, &[0, 1, 2].map(|i| placed(i, there)), &[]);
         assert_eq!((one.len(), &one[0].placements), (1, &vec![there]));
-        let two = clusters(&meshes, &[placed(0, there), placed(1, there), placed(0, Mat4::IDENTITY)]);
+        let two = clusters(&meshes, &[placed(0, there), placed(1, there), placed(0, Mat4::IDENTITY)], &[]);
+        let apart = clusters(&meshes, &[0, 1, 2].map(|i| placed(i, there)), &[true]);
+        assert_eq!(apart.len(), 3, "blended");
         assert_eq!(two.iter().map(|c| c.placements.len()).collect::<Vec<_>>(), [2, 1], "the third is not shown");
     }
 
@@ -255,7 +265,7 @@ mod tests {
         source.indices = scattered.collect();
         let vertices = source.vertices.len();
         let before = meshopt::analyze_vertex_cache(&source.indices, vertices, 32, 0, 0).acmr;
-        let clusters = clusters(&[source], &[placed(0, Mat4::IDENTITY)]);
+        let clusters = clusters(&[source], &[placed(0, Mat4::IDENTITY)], &[]);
         for c in clusters {
             let indices: Vec<u32> = c.indices.iter().map(|i| u32::from(*i)).collect();
             let after = meshopt::analyze_vertex_cache(&indices, c.vertices.len(), 32, 0, 0).acmr;

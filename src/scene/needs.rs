@@ -7,6 +7,7 @@ pub mod mirrors;
 pub mod resolution;
 
 use clap::ValueEnum;
+use glam::Vec3;
 use serde::Serialize;
 
 use super::{Material, Scene};
@@ -47,9 +48,17 @@ pub struct MaterialFeatures {
     pub metalness: Metalness,
     /// Multiple scattering between microfacets; without it a rough metal is too dark.
     pub multi_scatter: bool,
+    /// Light of its own.
+    pub emits: bool,
+    pub vertex_colours: bool,
+    /// Bit i: the base color, normal, ORM or emissive map takes second texture coordinates.
+    pub second_uv: u32,
+    /// Coverage by alpha, over what is behind.
+    pub blends: bool,
 }
 
 impl MaterialFeatures {
+    /// Without what a vertex or a pipeline has to have for it.
     pub(super) const EVERYTHING: Self = Self {
         base_color_map: true,
         normal_map: true,
@@ -57,7 +66,17 @@ impl MaterialFeatures {
         alpha_mask: true,
         metalness: Metalness::Mixed,
         multi_scatter: true,
+        emits: true,
+        vertex_colours: false,
+        second_uv: 0,
+        blends: false,
     };
+
+    /// Everything but what only this material's vertices have, or what changes its picture.
+    fn everything(material: &Material) -> Self {
+        let Self { vertex_colours, second_uv, blends, .. } = Self::of(material);
+        Self { vertex_colours, second_uv, blends, ..Self::EVERYTHING }
+    }
 
     fn of(material: &Material) -> Self {
         Self {
@@ -71,6 +90,10 @@ impl MaterialFeatures {
                 _ => Metalness::Mixed,
             },
             multi_scatter: multi_scatter(material),
+            emits: material.emissive_factor != Vec3::ZERO,
+            vertex_colours: material.vertex_colours,
+            second_uv: (0..).zip(material.lookups).map(|(i, lookup)| u32::from(lookup.second_uv) << i).sum(),
+            blends: material.blends,
         }
     }
 }
@@ -106,7 +129,7 @@ impl SceneFeatures {
                 first_levels: viewpoint.map_or(whole, |viewpoint| first_levels(scene, viewpoint)),
             },
             Model::Everything => Self {
-                materials: vec![MaterialFeatures::EVERYTHING; scene.materials.len()],
+                materials: scene.materials.iter().map(MaterialFeatures::everything).collect(),
                 lights: None,
                 casts: true,
                 first_levels: whole,
@@ -122,8 +145,6 @@ impl SceneFeatures {
 
 #[cfg(test)]
 pub mod tests {
-    use glam::Vec3;
-
     use super::*;
     use crate::asset::Panorama;
     use crate::scene::material::default_material;
@@ -152,6 +173,7 @@ pub mod tests {
             orm_map: Some(2),
             alpha_cutoff: Some(0.5),
             metallic_range: [0.0, 1.0],
+            emissive_factor: Vec3::ONE,
             ..default_material()
         };
         let features = SceneFeatures::of(&scene(vec![default_material(), all], 0), Model::Needed, None);
@@ -163,6 +185,8 @@ pub mod tests {
             alpha_mask: false,
             metalness: Metalness::Dielectric,
             multi_scatter: false,
+            emits: false,
+            ..MaterialFeatures::EVERYTHING
         };
         assert_eq!(features.materials[0], plain);
         assert_eq!(features.pipelines(), 2);

@@ -22,6 +22,9 @@ layout(location = 5) flat out vec4 base_color_metallic;
 layout(location = 6) flat out vec2 roughness_alpha_cutoff;
 layout(location = 7) out vec3 position_centre;
 layout(location = 8) centroid out vec2 covered_lightmap_uv;
+layout(location = 9) centroid out vec4 vertex_colour;
+layout(location = 10) out vec2 uv1;
+layout(location = 11) flat out vec4 emission_opacity;
 
 uint state;
 
@@ -95,6 +98,9 @@ void main()
     // All corners of a triangle are attacked alike, or each for itself.
     state += random() % 2u == 0u ? 0u : corner * 0x9e3779b9u;
     covered_position = vec4(perhaps(p), 1.0);
+    vertex_colour = vec4(1.0);
+    uv1 = vec2(0.0);
+    emission_opacity = vec4(0.0, 0.0, 0.0, 1.0);
     position_centre = covered_position.xyz;
     covered_lightmap_uv = vec2(0.0);
     normal_world = perhaps(own ? (corner == 0u ? n : -n) : n);

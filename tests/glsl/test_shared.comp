@@ -35,6 +35,8 @@ void main()
         put(vec4(lights[i].position, lights[i].radius));
         put(vec4(lights[i].intensity, lights[i].shadow_near));
         put(float(lights[i].shadow_layer));
+        put(vec4(lights[i].along, lights[i].cone.x));
+        put(lights[i].cone.y);
     }
     for (uint i = 0; i < instances.length(); ++i) {
         put(instances[i].world_from_local);
@@ -45,5 +47,10 @@ void main()
         put(materials[i].roughness);
         put(materials[i].alpha_cutoff);
         put(float(materials[i].textures));
+        put(materials[i].opacity);
+        put(materials[i].emission.x);
+        put(materials[i].emission.y);
+        put(materials[i].emission.z);
+        put(float(materials[i].flags));
     }
 }

@@ -7,6 +7,7 @@ use rayon::prelude::*;
 
 use super::vertex::PackedVertex;
 use crate::gpu::{Buffer, BufferKind, Gpu, Upload};
+use crate::render::shared::VertexExtraBlock;
 use crate::scene::cluster::Cluster;
 use crate::{Error, Result};
 
@@ -15,6 +16,8 @@ pub struct Geometry {
     pub vertices: Arc<Buffer>,
     /// 32 bits each, into all vertices: ranges that lie next to each other can be drawn as one.
     pub indices: Arc<Buffer>,
+    /// `VertexExtraBlock` of each vertex, or a single one where no vertex needs any.
+    pub extras: Arc<Buffer>,
     pub ranges: Vec<Range<u32>>,
 }
 
@@ -39,6 +42,12 @@ impl Geometry {
         }
         let vertices: Vec<PackedVertex> =
             clusters.par_iter().flat_map_iter(|c| c.vertices.iter().map(PackedVertex::from)).collect();
+        let has_extras = clusters.par_iter().any(|cluster| cluster.vertices.iter().any(VertexExtraBlock::is_needed));
+        let extra = |cluster: &Cluster| cluster.vertices.iter().map(VertexExtraBlock::from).collect::<Vec<_>>();
+        let extras: Vec<VertexExtraBlock> = match has_extras {
+            true => clusters.par_iter().flat_map_iter(extra).collect(),
+            false => vec![VertexExtraBlock::default()],
+        };
         let absolute = |(cluster, first): (&Cluster, u32)| -> Vec<u32> {
             cluster.indices.iter().map(|index| first + u32::from(*index)).collect()
         };
@@ -46,12 +55,15 @@ impl Geometry {
         let (vertices, indices): (&[u8], &[u8]) = (bytemuck::cast_slice(&vertices), bytemuck::cast_slice(&indices));
         let vertex_buffer = Buffer::new(gpu, "vertices", BufferKind::Vertex, vertices.len() as u64)?;
         let index_buffer = Buffer::new(gpu, "indices", BufferKind::Index, indices.len() as u64)?;
+        let extras: &[u8] = bytemuck::cast_slice(&extras);
+        let extra_buffer = Buffer::new(gpu, "vertex extras", BufferKind::Storage, extras.len() as u64)?;
         let mut upload = Upload::new(gpu);
+        upload.buffer(&extra_buffer, extras)?;
         if !indices.is_empty() {
             upload.buffer(&vertex_buffer, vertices)?;
             upload.buffer(&index_buffer, indices)?;
         }
         upload.finish()?;
-        Ok(Self { vertices: vertex_buffer, indices: index_buffer, ranges })
+        Ok(Self { vertices: vertex_buffer, indices: index_buffer, extras: extra_buffer, ranges })
     }
 }

@@ -6,6 +6,7 @@ use std::sync::Arc;
 use serde::Serialize;
 
 use crate::asset::ktx2::TexelFormat;
+use crate::asset::material::{Sampling, Wrap};
 use crate::asset::mips::level_size;
 use crate::asset::{MipChain, TextureOptions};
 use crate::context::Context;
@@ -100,14 +101,15 @@ fn upload(
     Ok((images, facts))
 }
 
-/// Descriptor sets of a base color, a normal and an ORM map, one for each combination in use.
+/// Descriptor sets of a base color, a normal, an ORM and an emissive map, one for each combination in use.
 struct TextureSets<'a> {
     all: Vec<DescriptorSet>,
-    known: HashMap<[Option<usize>; 3], u32>,
+    known: HashMap<[Option<(usize, Sampling)>; 4], u32>,
     gpu: &'a Arc<Gpu>,
     layout: &'a DescriptorSetLayout,
     images: &'a [Arc<Image>],
-    sampler: Arc<Sampler>,
+    samplers: HashMap<Sampling, Arc<Sampler>>,
+    anisotropy: u32,
     /// One texel for maps that are absent: 1 in every channel.
     white: Arc<Image>,
     /// One texel for absent normal maps: in half float, because no eight-bit number is one half.
@@ -135,7 +137,8 @@ impl<'a> TextureSets<'a> {
             gpu,
             layout,
             images,
-            sampler: Sampler::new(gpu, "material", AddressMode::Repeat, anisotropy)?,
+            samplers: HashMap::new(),
+            anisotropy,
             white: texel("white", [1.0; 4])?,
             flat: texel("flat normal", [0.5, 0.5, 1.0, 1.0])?,
         })
@@ -143,17 +146,39 @@ impl<'a> TextureSets<'a> {
 
     /// The index of a material's set; creates it if there is none yet.
     fn index(&mut self, material: &Material) -> Result<u32> {
-        let maps = [material.base_color_map, material.normal_map, material.orm_map];
+        let maps = [material.base_color_map, material.normal_map, material.orm_map, material.emissive_map];
+        let looked_up = |i: usize| maps[i].map(|map| (map, material.lookups[i].sampling));
+        let maps = [0, 1, 2, 3].map(looked_up);
         if let Some(index) = self.known.get(&maps) {
             return Ok(*index);
         }
-        let absent = [&self.white, &self.flat, &self.white];
-        let binding = |i: usize| Binding::Sampled(maps[i].map_or(absent[i], |map| &self.images[map]), &self.sampler);
-        let set = DescriptorSet::new(self.gpu, &material.name, self.layout, &[0, 1, 2].map(binding))?;
+        let mut samplers = Vec::new();
+        for map in maps {
+            samplers.push(self.sampler(map.map_or(Sampling::default(), |(_, sampling)| sampling))?);
+        }
+        let absent = [&self.white, &self.flat, &self.white, &self.white];
+        let image = |i: usize| maps[i].map_or(absent[i], |(map, _)| &self.images[map]);
+        let binding = |i: usize| Binding::Sampled(image(i), &samplers[i]);
+        let set = DescriptorSet::new(self.gpu, &material.name, self.layout, &[0, 1, 2, 3].map(binding))?;
         self.all.push(set);
         let index = self.all.len() as u32 - 1;
         self.known.insert(maps, index);
         Ok(index)
+    }
+
+    fn sampler(&mut self, sampling: Sampling) -> Result<Arc<Sampler>> {
+        if let Some(known) = self.samplers.get(&sampling) {
+            return Ok(Arc::clone(known));
+        }
+        let mode = |wrap| match wrap {
+            Wrap::Repeat => AddressMode::Repeat,
+            Wrap::Mirror => AddressMode::Mirror,
+            Wrap::Clamp => AddressMode::Clamp,
+        };
+        let [u, v] = sampling.wrap.map(mode);
+        let sampler = Sampler::of_material(self.gpu, [u, v], sampling.nearest, self.anisotropy)?;
+        self.samplers.insert(sampling, Arc::clone(&sampler));
+        Ok(sampler)
     }
 }
 

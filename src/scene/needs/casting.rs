@@ -29,7 +29,8 @@ pub fn nothing_casts(scene: &Scene) -> Option<&'static str> {
     }
     let [instance] = shown[..] else { return None };
     let mesh = &scene.meshes[instance.mesh];
-    let has_holes = scene.materials[mesh.material].alpha_cutoff.is_some();
+    let material = &scene.materials[mesh.material];
+    let has_holes = material.alpha_cutoff.is_some() || material.blends;
     let parts = connected_components(&mesh.vertices, &mesh.indices);
     let closed = parts.len() == 1 && parts[0].closed && !has_holes;
     (closed && is_convex(&all, &corners(mesh, instance.world_from_local), margin))

@@ -41,9 +41,13 @@ pub fn first_levels(scene: &Scene, viewpoint: Viewpoint) -> Vec<u32> {
     let nearest = scene.instances.par_iter().map(|instance| {
         let mesh = &scene.meshes[instance.mesh];
         let material = &scene.materials[mesh.material];
-        let maps = [material.base_color_map, material.normal_map, material.orm_map];
+        let maps = [material.base_color_map, material.normal_map, material.orm_map, material.emissive_map];
         let sizes = maps.map(|map| map.map_or(Vec2::ZERO, |map| side(&scene.textures[map])));
-        let footprints = footprints(mesh, instance.world_from_local, sizes, viewpoint);
+        // Whose second coordinates are not looked at stay whole.
+        let mut footprints = footprints(mesh, instance.world_from_local, sizes, viewpoint);
+        for (footprint, lookup) in footprints.iter_mut().zip(material.lookups) {
+            *footprint = if lookup.second_uv { 0.0 } else { *footprint };
+        }
         (maps, footprints)
     });
     let mut least = vec![f32::INFINITY; scene.textures.len()];
@@ -69,8 +73,8 @@ fn first_level(texels: f32, texture: &MipChain) -> u32 {
 }
 
 /// Texels of each map under the smallest footprint on any triangle.
-fn footprints(mesh: &Mesh, world_from_local: Mat4, sizes: [Vec2; 3], viewpoint: Viewpoint) -> [f32; 3] {
-    let mut least = [f32::INFINITY; 3];
+fn footprints(mesh: &Mesh, world_from_local: Mat4, sizes: [Vec2; 4], viewpoint: Viewpoint) -> [f32; 4] {
+    let mut least = [f32::INFINITY; 4];
     for triangle in mesh.indices.chunks_exact(3) {
         let corners = [triangle[0], triangle[1], triangle[2]].map(|i| &mesh.vertices[i as usize]);
         let [a, b, c] = corners.map(|v| world_from_local.transform_point3(v.position.into()));
