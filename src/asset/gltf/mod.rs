@@ -110,3 +110,8 @@ fn assemble(meshes: Meshes, cameras: Vec<PlacedCamera>, lights: Vec<PlacedLight>
         lights: lights.into_iter().map(light).collect(),
     }
 }
+
+#[cfg(test)]
+mod build_tests;
+#[cfg(test)]
+mod geometry_tests;
