@@ -2,6 +2,9 @@
 
 use glam::{Vec2, Vec3, Vec4};
 
+/// Of positions: beyond this, or below its inverse, products of lengths leave the range of f32.
+pub const MAX_COORDINATE: f32 = 1e9;
+
 /// Triangles of one object with one material.
 #[derive(Clone, Debug)]
 pub struct Submesh {

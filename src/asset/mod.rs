@@ -5,6 +5,7 @@ pub mod cache;
 mod compress;
 pub mod file;
 pub mod folders;
+pub mod gltf;
 pub mod image_source;
 mod jpeg;
 pub mod ktx2;

@@ -6,6 +6,7 @@ use std::path::Path;
 
 use glam::{Vec2, Vec3};
 
+pub use super::mesh::MAX_COORDINATE;
 use super::mesh::{Corner, Submesh};
 use super::model::Model;
 use super::mtl::{self, Mtl, UvTransform};
@@ -16,8 +17,6 @@ use crate::error::{MAX_QUOTED, shortened};
 use crate::{Error, Result};
 
 const MAX_FILE_BYTES: u64 = 1 << 30;
-/// Beyond this, or below its inverse, products of lengths leave the range of f32.
-pub const MAX_COORDINATE: f32 = 1e9;
 /// Beyond this, f32 cannot resolve texels.
 const MAX_UV: f32 = 1e6;
 

@@ -1,0 +1,82 @@
+//! Which extensions are read, which only change what is seen, and which make a file unreadable.
+
+use super::document::Material;
+use super::meshopt;
+use super::source::Source;
+use crate::Result;
+use crate::error::{MAX_QUOTED, shortened};
+
+const READ: [&str; 7] = [
+    "KHR_lights_punctual",
+    "KHR_texture_transform",
+    "KHR_materials_emissive_strength",
+    "KHR_materials_ior",
+    "KHR_materials_unlit",
+    "KHR_mesh_quantization",
+    meshopt::NAME,
+];
+
+/// Those of materials that are not drawn, and what a picture lacks without each.
+const NOT_DRAWN: [(&str, &str); 11] = [
+    ("KHR_materials_anisotropy", "its highlights are not stretched"),
+    ("KHR_materials_clearcoat", "drawn without its clear coat"),
+    ("KHR_materials_diffuse_transmission", "no light shines through it"),
+    ("KHR_materials_dispersion", "it does not split light into colours"),
+    ("KHR_materials_iridescence", "drawn without its play of colours"),
+    ("KHR_materials_pbrSpecularGlossiness", "drawn as a material of metalness and roughness"),
+    ("KHR_materials_sheen", "drawn without its sheen"),
+    ("KHR_materials_specular", "it reflects 4 % of light that falls straight on it"),
+    ("KHR_materials_transmission", "drawn as if it were not transparent"),
+    ("KHR_materials_variants", "drawn in its first variant"),
+    ("KHR_materials_volume", "drawn as a thin surface"),
+];
+
+/// Other forms of pictures, where a file has a usual one as well; a map without warns of itself.
+const PICTURES: [&str; 3] = ["KHR_texture_basisu", "EXT_texture_webp", "MSFT_texture_dds"];
+
+fn is_not_drawn(name: &str) -> bool {
+    NOT_DRAWN.iter().any(|(known, _)| *known == name)
+}
+
+/// Checks what the file needs, and warns of what is left out.
+///
+/// # Errors
+/// It needs an extension that is not read.
+pub fn check(source: &Source<'_>) -> Result<()> {
+    let document = &source.document;
+    for name in &document.extensions_required {
+        if !READ.contains(&name.as_str()) && !is_not_drawn(name) {
+            let problem = format!("it needs the extension {}, which is not supported", shortened(name, MAX_QUOTED));
+            return Err(source.broken_with(problem, remedy(name)));
+        }
+    }
+    let known = |name: &str| READ.contains(&name) || is_not_drawn(name) || PICTURES.contains(&name);
+    for name in document.extensions_used.iter().filter(|name| !known(name)) {
+        let name = shortened(name, MAX_QUOTED);
+        source.warn_once(name.clone(), &format!("the extension {name} is not supported; drawn without"));
+    }
+    Ok(())
+}
+
+fn remedy(name: &str) -> &'static str {
+    match name {
+        "KHR_draco_mesh_compression" => "export it again without compression",
+        name if PICTURES.contains(&name) => "export it again with PNG or JPEG textures",
+        _ => "export it again without it",
+    }
+}
+
+/// Warns, once for each, of what a material has that is not drawn; `of` is the material in words.
+pub fn warn_of_material(source: &Source<'_>, of: &str, material: &Material) {
+    for (name, without) in NOT_DRAWN.iter().filter(|(name, _)| material.extensions.contains_key(*name)) {
+        source.warn_once(*name, &format!("{of}: {name} is not supported; {without}"));
+    }
+}
+
+/// The same of variants, which primitives have.
+pub fn warn_of_variants(source: &Source<'_>, of: &str, primitive: &super::document::Primitive) {
+    let name = "KHR_materials_variants";
+    if primitive.extensions.contains_key(name) {
+        source.warn_once(name, &format!("{of}: {name} is not supported; drawn in its usual material"));
+    }
+}

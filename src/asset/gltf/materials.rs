@@ -1,0 +1,291 @@
+//! Materials of a glTF file, those that are used, as the renderer takes them.
+
+use std::collections::HashMap;
+
+use glam::{Vec3, Vec4Swizzles as _, vec4};
+use serde::Deserialize;
+
+use super::document::{Material, MetallicRoughness, TextureInfo};
+use super::extensions;
+use super::images::Images;
+use super::maps::{self, Coordinates, Map};
+use super::source::{Source, label};
+use crate::Result;
+use crate::asset::material::{AlphaUse, Factor, MapDesc, MaterialDesc, NormalsDesc, NormalsKind};
+use crate::asset::texture::Pick;
+use crate::error::{MAX_QUOTED, shortened};
+
+/// The most radiance of a surface, W/(m² sr).
+const MAX_EMISSION: f32 = 1e6;
+/// The least opacity by which a mask's cutoff is divided.
+const MIN_OPACITY: f32 = 1e-6;
+/// Of a surface that says nothing else.
+const USUAL_IOR: f32 = 1.5;
+
+/// Materials in the order of their first use.
+#[derive(Default)]
+pub struct Materials {
+    pub descs: Vec<MaterialDesc>,
+    /// Of each: the texture coordinates that vertices need, ours first and second.
+    coordinates: Vec<[Option<Coordinates>; 2]>,
+    known: HashMap<usize, usize>,
+    images: Images,
+}
+
+impl Materials {
+    /// A material by its index in the file: its index in [`Self::descs`], and the texture coordinates that it needs.
+    ///
+    /// # Errors
+    /// It names what does not exist.
+    pub fn get(&mut self, source: &Source<'_>, index: usize) -> Result<(usize, [Option<Coordinates>; 2])> {
+        if let Some(known) = self.known.get(&index) {
+            return Ok((*known, self.coordinates[*known]));
+        }
+        let Some(material) = source.document.materials.get(index) else {
+            return Err(source.broken(format!("there is no material {index}")));
+        };
+        let (desc, coordinates) = Reader { source, of: name_of(index, material), material }.read(&mut self.images)?;
+        self.known.insert(index, self.descs.len());
+        self.descs.push(desc);
+        self.coordinates.push(coordinates);
+        Ok((self.descs.len() - 1, coordinates))
+    }
+}
+
+/// A material in words.
+fn name_of(index: usize, material: &Material) -> String {
+    match material.name.as_deref().filter(|name| !name.is_empty()) {
+        Some(name) => format!("material {}", shortened(name, MAX_QUOTED)),
+        None => label("material", index, None),
+    }
+}
+
+/// The maps of a material; without the texture coordinates that each needs, all is as it will be.
+#[derive(Default)]
+struct Maps {
+    base_color: Option<Map>,
+    normal: Option<Map>,
+    roughness: Option<Map>,
+    occlusion: Option<Map>,
+    emissive: Option<Map>,
+}
+
+impl Maps {
+    /// All there are, in the order in which they choose texture coordinates: tangents belong to those of the normals.
+    fn all(&mut self) -> impl Iterator<Item = &mut Map> {
+        let first = [&mut self.normal, &mut self.base_color, &mut self.roughness];
+        first.into_iter().chain([&mut self.emissive, &mut self.occlusion]).flatten()
+    }
+}
+
+/// What `KHR_materials_pbrSpecularGlossiness` has that we have, too.
+#[derive(Deserialize)]
+#[serde(default, rename_all = "camelCase")]
+struct Glossy {
+    diffuse_factor: [f32; 4],
+    diffuse_texture: Option<TextureInfo>,
+    glossiness_factor: f32,
+}
+
+impl Default for Glossy {
+    fn default() -> Self {
+        Self { diffuse_factor: [1.0; 4], diffuse_texture: None, glossiness_factor: 1.0 }
+    }
+}
+
+#[derive(Deserialize)]
+#[serde(default, rename_all = "camelCase")]
+struct Strength {
+    emissive_strength: f32,
+}
+
+impl Default for Strength {
+    fn default() -> Self {
+        Self { emissive_strength: 1.0 }
+    }
+}
+
+#[derive(Deserialize)]
+#[serde(default)]
+struct Ior {
+    ior: f32,
+}
+
+impl Default for Ior {
+    fn default() -> Self {
+        Self { ior: USUAL_IOR }
+    }
+}
+
+struct Reader<'a> {
+    source: &'a Source<'a>,
+    /// The material in words.
+    of: String,
+    material: &'a Material,
+}
+
+impl Reader<'_> {
+    fn read(&self, images: &mut Images) -> Result<(MaterialDesc, [Option<Coordinates>; 2])> {
+        extensions::warn_of_material(self.source, &self.of, self.material);
+        self.warn_of_ior()?;
+        let glossy = self.glossy()?;
+        let surface = self.material.pbr_metallic_roughness.as_ref().or(glossy.as_ref());
+        let mut maps = self.maps(surface, images)?;
+        self.drop_unpackable(&mut maps);
+        let coordinates = self.choose_coordinates(&mut maps);
+        let mut desc = self.factors(surface)?;
+        self.set_alpha(&mut desc);
+        self.set_maps(&mut desc, maps);
+        if self.material.extensions.contains_key("KHR_materials_unlit") {
+            self.shine(&mut desc);
+        }
+        Ok((desc, coordinates))
+    }
+
+    fn warn(&self, what: &str) {
+        self.source.warn_once(format!("{}: {what}", self.of), &format!("{}: {what}", self.of));
+    }
+
+    fn extension<T: for<'de> Deserialize<'de>>(&self, name: &str) -> Result<Option<T>> {
+        self.source.extension(&self.of, &self.material.extensions, name)
+    }
+
+    fn warn_of_ior(&self) -> Result<()> {
+        let ior = self.extension::<Ior>("KHR_materials_ior")?.unwrap_or_default().ior;
+        if (ior - USUAL_IOR).abs() > 1e-3 {
+            self.warn(&format!("KHR_materials_ior: {ior} is not supported; it reflects 4 %, as at {USUAL_IOR}"));
+        }
+        Ok(())
+    }
+
+    /// A material of the model before metalness and roughness as one of these.
+    fn glossy(&self) -> Result<Option<MetallicRoughness>> {
+        let glossy: Option<Glossy> = self.extension("KHR_materials_pbrSpecularGlossiness")?;
+        Ok(glossy.map(|glossy| MetallicRoughness {
+            base_color_factor: Some(glossy.diffuse_factor),
+            base_color_texture: glossy.diffuse_texture,
+            metallic_factor: Some(0.0),
+            roughness_factor: Some(1.0 - glossy.glossiness_factor),
+            metallic_roughness_texture: None,
+        }))
+    }
+
+    fn maps(&self, surface: Option<&MetallicRoughness>, images: &mut Images) -> Result<Maps> {
+        let mut map = |key, info: Option<&TextureInfo>, pick| match info {
+            Some(info) => maps::map(self.source, images, (&self.of, key), info, pick),
+            None => Ok(None),
+        };
+        let base_color = surface.and_then(|surface| surface.base_color_texture.as_ref());
+        let roughness = surface.and_then(|surface| surface.metallic_roughness_texture.as_ref());
+        Ok(Maps {
+            base_color: map("baseColorTexture", base_color, Pick::Red)?,
+            normal: map("normalTexture", self.material.normal_texture.as_ref(), Pick::Red)?,
+            roughness: map("metallicRoughnessTexture", roughness, Pick::Green)?,
+            occlusion: map("occlusionTexture", self.material.occlusion_texture.as_ref(), Pick::Red)?,
+            emissive: map("emissiveTexture", self.material.emissive_texture.as_ref(), Pick::Red)?,
+        })
+    }
+
+    /// Occlusion, roughness and metalness become one picture, so that they must be sampled alike.
+    fn drop_unpackable(&self, maps: &mut Maps) {
+        let (Some(occlusion), Some(roughness)) = (&maps.occlusion, &maps.roughness) else { return };
+        let alike =
+            occlusion.coordinates == roughness.coordinates && occlusion.desc.sampling == roughness.desc.sampling;
+        if !alike {
+            self.warn("occlusionTexture: it is not sampled as metallicRoughnessTexture; drawn without occlusion");
+            maps.occlusion = None;
+        }
+    }
+
+    /// The first two different texture coordinates of the maps. Maps with others take the first.
+    fn choose_coordinates(&self, maps: &mut Maps) -> [Option<Coordinates>; 2] {
+        let mut chosen = [None; 2];
+        for map in maps.all() {
+            let own = Some(map.coordinates);
+            if let Some(number) = chosen.iter().position(|known| *known == own || known.is_none()) {
+                chosen[number] = own;
+                map.desc.second_uv = number == 1;
+            } else {
+                self.warn("its maps need more than two texture coordinates; others are those of its first map");
+            }
+        }
+        chosen
+    }
+
+    /// A factor within 0 to `most`.
+    fn clamped(&self, key: &str, value: f32, most: f32) -> f32 {
+        // NaN, which a file cannot say, would be 0.
+        let within = value.max(0.0).min(most);
+        if within != value {
+            self.warn(&format!("{key}: {value} is not in 0..={most}; {within} is used"));
+        }
+        within
+    }
+
+    fn factors(&self, surface: Option<&MetallicRoughness>) -> Result<MaterialDesc> {
+        let material = self.material;
+        let base = surface.and_then(|surface| surface.base_color_factor).unwrap_or([1.0; 4]);
+        let [r, g, b, a] = base.map(|value| self.clamped("baseColorFactor", value, 1.0));
+        let scalar = |key, value: Option<f32>| self.clamped(key, value.unwrap_or(1.0), 1.0);
+        let metallic = scalar("metallicFactor", surface.and_then(|surface| surface.metallic_factor));
+        let roughness = scalar("roughnessFactor", surface.and_then(|surface| surface.roughness_factor));
+        let strength: Option<Strength> = self.extension("KHR_materials_emissive_strength")?;
+        let strength = strength.unwrap_or_default().emissive_strength;
+        let emissive = material.emissive_factor.unwrap_or_default();
+        let emissive = emissive.map(|value| self.clamped("emissiveFactor", value * strength, MAX_EMISSION));
+        let occlusion = material.occlusion_texture.as_ref().and_then(|info| info.strength);
+        let color = vec4(r, g, b, a);
+        Ok(MaterialDesc {
+            opacity: color.w,
+            emissive: Factor::same(emissive.into()),
+            occlusion_strength: scalar("occlusionTexture.strength", occlusion),
+            culls_backs: !material.double_sided,
+            ..MaterialDesc::plain(
+                self.of.strip_prefix("material ").unwrap_or(&self.of),
+                color.xyz(),
+                metallic,
+                roughness,
+            )
+        })
+    }
+
+    fn set_alpha(&self, desc: &mut MaterialDesc) {
+        let cutoff = self.material.alpha_cutoff.unwrap_or(0.5);
+        match self.material.alpha_mode.as_deref().unwrap_or("OPAQUE") {
+            "MASK" if cutoff <= 0.0 => desc.alpha = AlphaUse::Opaque,
+            "MASK" => {
+                desc.alpha = AlphaUse::Mask((cutoff / desc.opacity.max(MIN_OPACITY)).min(1.0 / MIN_OPACITY));
+                desc.opacity = 1.0;
+            }
+            "BLEND" => desc.alpha = AlphaUse::Blend,
+            "OPAQUE" => desc.alpha = AlphaUse::Opaque,
+            other => {
+                self.warn(&format!("alphaMode: {} is unknown; drawn opaque", shortened(other, MAX_QUOTED)));
+            }
+        }
+    }
+
+    fn set_maps(&self, desc: &mut MaterialDesc, maps: Maps) {
+        let desc_of = |map: Option<Map>| map.map(|map| map.desc);
+        let scale = self.material.normal_texture.as_ref().and_then(|info| info.scale).unwrap_or(1.0);
+        let scale = if scale.is_finite() { scale } else { 1.0 };
+        desc.base_color_map = desc_of(maps.base_color);
+        desc.normals = maps.normal.map(|map| NormalsDesc { map: map.desc, kind: NormalsKind::Vectors(scale) });
+        desc.roughness_map = desc_of(maps.roughness);
+        desc.metallic_map = desc.roughness_map.clone().map(|map| MapDesc { pick: Pick::Blue, ..map });
+        desc.occlusion_map = desc_of(maps.occlusion);
+        desc.emissive_map = desc_of(maps.emissive);
+    }
+
+    /// A surface whose color is seen whatever the light: it reflects nothing and emits its color.
+    fn shine(&self, desc: &mut MaterialDesc) {
+        let key = "KHR_materials_unlit";
+        self.source.warn_once(key, &format!("{}: {key}: drawn as a light source of its color", self.of));
+        desc.emissive = desc.base_color;
+        desc.emissive_map = desc.base_color_map.clone();
+        desc.base_color = Factor::same(Vec3::ZERO);
+        desc.metallic = Factor::same(1.0);
+        desc.roughness = Factor::same(1.0);
+        (desc.normals, desc.occlusion_map, desc.roughness_map, desc.metallic_map) = (None, None, None, None);
+    }
+}
