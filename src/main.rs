@@ -59,16 +59,11 @@ fn main() -> ExitCode {
 fn refuse(error: &clap::Error) -> ! {
     // If printing fails, there is nowhere to report it.
     let _ = error.print();
-    let scene = std::env::args().nth(1).filter(|first| is_scene(first));
+    let scene = std::env::args().nth(1).filter(|first| pbr_vr::scene::is_scene(first.as_ref()));
     if let (clap::error::ErrorKind::InvalidSubcommand, Some(scene)) = (error.kind(), scene) {
         complain!("pbr-vr: to see a scene: pbr-vr view {scene}");
     }
     std::process::exit(error.exit_code())
-}
-
-/// Whether a file name is a scene's.
-fn is_scene(name: &str) -> bool {
-    [".toml", ".obj"].iter().any(|end| name.to_lowercase().ends_with(end))
 }
 
 fn run(cli: Cli) -> Result<()> {

@@ -10,7 +10,7 @@ use super::file;
 use crate::Result;
 
 /// Largest picture file, in bytes.
-const MAX_FILE_BYTES: u64 = 1 << 30;
+pub const MAX_FILE_BYTES: u64 = 1 << 30;
 
 /// A PNG, JPEG or TGA picture, not decoded yet.
 #[derive(Clone, Debug)]

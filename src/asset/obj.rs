@@ -6,7 +6,7 @@ use std::path::Path;
 
 use glam::{Vec2, Vec3};
 
-pub use super::mesh::MAX_COORDINATE;
+use super::mesh::MAX_COORDINATE;
 use super::mesh::{Corner, Submesh};
 use super::model::Model;
 use super::mtl::{self, Mtl, UvTransform};

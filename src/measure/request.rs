@@ -9,6 +9,7 @@ use crate::args::{parse_pixels_per_degree, parse_positive, parse_size};
 use crate::asset::shipped;
 use crate::precompute::check_face_size;
 use crate::reference::metrics::PIXELS_PER_DEGREE;
+use crate::scene::is_scene;
 use crate::{Error, Result};
 
 /// The name for all measurements.
@@ -17,7 +18,7 @@ const ALL: &str = "all";
 /// The measurements, their inputs and the output folder.
 #[derive(Args, Clone, Debug)]
 pub struct MeasureRequest {
-    /// Measurements by name; all of them if left out, or for `all`. Names that end in .toml or .obj are scenes for
+    /// Measurements by name; all of them if left out, or for `all`. Names that end in .toml, .gltf, .glb or .obj are scenes for
     /// `ladder` and `causes`.
     #[arg(value_name = "NAME|SCENE")]
     names: Vec<String>,
@@ -79,12 +80,12 @@ impl MeasureRequest {
     }
 
     fn names(&self) -> impl Iterator<Item = &String> {
-        self.names.iter().filter(|name| !is_scene(name))
+        self.names.iter().filter(|name| !is_scene(name.as_ref()))
     }
 
     /// The scenes that were named; empty for some that are shipped.
     pub fn scenes(&self) -> Vec<PathBuf> {
-        self.names.iter().filter(|name| is_scene(name)).map(PathBuf::from).collect()
+        self.names.iter().filter(|name| is_scene(name.as_ref())).map(PathBuf::from).collect()
     }
 
     /// The limit for a choice from each ladder.
@@ -141,11 +142,6 @@ impl MeasureRequest {
         let shipped = shipped::PANORAMAS.map(|name| folder.join(name)).into();
         Ok(Some(self.panoramas.clone()).filter(|named| !named.is_empty()).unwrap_or(shipped))
     }
-}
-
-/// Whether a name is that of a scene.
-fn is_scene(name: &str) -> bool {
-    [".toml", ".obj"].iter().any(|end| name.to_lowercase().ends_with(end))
 }
 
 fn check_names<'a>(what: &'static str, mut names: impl Iterator<Item = &'a String>, known: &[&str]) -> Result<()> {

@@ -10,7 +10,8 @@ use toml::Spanned;
 use super::mesh::Bounds;
 use super::probes::MOST_PROBES;
 use super::{Camera, PointLight, Probe};
-use crate::asset::{file, obj, shipped};
+use crate::asset::mesh::MAX_COORDINATE;
+use crate::asset::{file, shipped};
 use crate::error::{MAX_QUOTED, shortened};
 use crate::{Error, Result};
 
@@ -19,7 +20,7 @@ const MAX_FILE_BYTES: u64 = 16 << 20;
 const LARGE_SCENES: &str = "${PBR_VR_SCENES}/";
 const LARGE_SCENES_REMEDY: &str = "; it does not come with the program: set PBR_VR_SCENES to the folder that holds it, or see `tools/fetch-assets --list`";
 /// Limit of positions in metres, and of scales.
-pub const MAX_LENGTH: f32 = obj::MAX_COORDINATE;
+pub const MAX_LENGTH: f32 = MAX_COORDINATE;
 /// Limit of a lamp's radius in metres.
 const MAX_RADIUS: f32 = 100.0;
 /// Limit of the exposure in stops, in both directions; the range of f32 is 127.

@@ -13,10 +13,17 @@ use super::{Camera, Environment, Instance, Scene, material, model_lights, tangen
 use crate::asset::material::MaterialDesc;
 use crate::asset::mesh::Submesh;
 use crate::asset::model::{Model, ModelCamera, ModelLight};
-use crate::asset::{Panorama, Report, TextureOptions, file, obj};
+use crate::asset::{Panorama, Report, TextureOptions, file, gltf, obj};
 use crate::{Error, Result};
 
 const AUTO_FOV_DEGREES: f32 = 45.0;
+/// The extensions of scenes' files, in lower case: of descriptions, and of models.
+const EXTENSIONS: [&str; 4] = ["toml", "gltf", "glb", "obj"];
+
+/// Whether a file is a scene's, by its extension.
+pub fn is_scene(path: &Path) -> bool {
+    path.extension().is_some_and(|own| EXTENSIONS.iter().any(|known| own.eq_ignore_ascii_case(known)))
+}
 
 /// Defaults for a scene, and options of loading.
 #[derive(Clone, Debug, Default)]
@@ -96,7 +103,8 @@ pub fn files(path: &Path) -> Vec<PathBuf> {
 
 /// Reads a model by the kind of its file.
 fn load_model(path: &Path, report: &Report) -> Result<Model> {
-    obj::load(path, report)
+    let is_obj = path.extension().is_none_or(|extension| extension.eq_ignore_ascii_case("obj"));
+    if is_obj { obj::load(path, report) } else { gltf::load(path, report) }
 }
 
 fn only_model(path: &Path) -> Description {

@@ -20,6 +20,6 @@ pub mod tangent;
 
 pub use contents::{Camera, Environment, GeometryView, Instance, Lookup, Material, PointLight, Probe, Scene};
 pub use floor::floor_under;
-pub use load::{LoadOptions, load};
+pub use load::{LoadOptions, is_scene, load};
 pub use mesh::{Bounds, Mesh, Vertex};
 pub use needs::{MaterialFeatures, Model, SceneFeatures};

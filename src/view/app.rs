@@ -12,6 +12,7 @@ use crate::context::Context;
 use crate::render::{
     Change, ControllerGizmos, CullOptions, Eye, FrameInputs, Lighting, Lightmapped, PassPipelines, RenderSettings,
 };
+use crate::scene::is_scene;
 use crate::scene::staging::Staging;
 use crate::{Error, Result};
 
@@ -213,9 +214,9 @@ impl App {
                 self.playlist.set_panorama(path);
                 self.load_panorama(path);
             }
-            "toml" | "obj" => self.open_scene(path),
+            _ if is_scene(path) => self.open_scene(path),
             _ => {
-                let remedy = "drop a scene (.toml, .obj) or a panorama (.hdr, .exr)";
+                let remedy = "drop a scene (.toml, .gltf, .glb, .obj) or a panorama (.hdr, .exr)";
                 return Err(Error::Usage(format!("{} cannot be shown; {remedy}", file_name(path))));
             }
         }

@@ -19,6 +19,7 @@ use crate::gpu::{Gpu, PassTime};
 use crate::precompute::{BrdfTable, LightMaps, Options, check_face_size, read_texture};
 use crate::reference::brdf::Geometry;
 use crate::reference::table::SplitSum;
+use crate::scene::is_scene;
 use crate::scene::load::files as scene_files;
 use crate::{Error, Result, say};
 
@@ -28,7 +29,7 @@ pub const BAKED: [&str; 3] = ["irradiance.ktx2", "specular.ktx2", "brdf.ktx2"];
 /// A panorama or a scene, and where its maps are written.
 #[derive(Args, Clone, Debug)]
 pub struct BakeRequest {
-    /// A Radiance (.hdr) or OpenEXR (.exr) panorama; or a scene (.toml, .obj).
+    /// A Radiance (.hdr) or OpenEXR (.exr) panorama; or a scene (.toml, .gltf, .glb, .obj).
     pub input: PathBuf,
     /// The folder for irradiance.ktx2, specular.ktx2 and brdf.ktx2, or a scene's lightmap.ktx2; made if it is not there.
     #[arg(short, long, value_name = "DIR")]
@@ -39,11 +40,6 @@ pub struct BakeRequest {
     /// Write times and facts.
     #[arg(long, value_name = "FILE")]
     pub json: Option<PathBuf>,
-}
-
-/// Whether a file is a scene's, by its extension.
-fn is_scene(path: &Path) -> bool {
-    path.extension().is_some_and(|extension| ["toml", "obj"].iter().any(|scene| extension.eq_ignore_ascii_case(scene)))
 }
 
 impl BakeRequest {

@@ -14,7 +14,7 @@ use crate::{Result, say};
 /// A scene and the file for the findings.
 #[derive(Args, Clone, Debug)]
 pub struct NeedsRequest {
-    /// A scene description (.toml) or a model (.obj).
+    /// A scene description (.toml) or a model (.gltf, .glb, .obj).
     pub scene: PathBuf,
     /// Write the decisions, material by material.
     #[arg(long, value_name = "FILE")]

@@ -29,7 +29,7 @@ use crate::{Error, Result, say};
 /// A picture of a scene and its output file.
 #[derive(Args, Clone, Debug, PartialEq)]
 pub struct RenderRequest {
-    /// A scene description (.toml) or a model (.obj).
+    /// A scene description (.toml) or a model (.gltf, .glb, .obj).
     pub scene: PathBuf,
     /// The picture: .png as a viewer sees it, .exr as linear radiance.
     #[arg(short, long, value_name = "FILE")]

@@ -16,7 +16,7 @@ use crate::{Error, Result};
 /// A scene and how to show it.
 #[derive(Args, Clone, Debug, Default, PartialEq)]
 pub struct ViewRequest {
-    /// A scene description (.toml) or a model (.obj); the demo if left out.
+    /// A scene description (.toml) or a model (.gltf, .glb, .obj); the demo if left out.
     pub scene: Option<PathBuf>,
     /// The output.
     #[arg(long, value_enum, default_value_t)]

@@ -7,7 +7,7 @@ use super::source::{Source, label};
 use super::uri;
 use crate::Result;
 use crate::asset::image_source::ImageSource;
-use crate::asset::texture::MAX_FILE_BYTES;
+use crate::asset::image_source::MAX_FILE_BYTES;
 use crate::error::{MAX_QUOTED, shortened};
 
 /// The pictures that materials have asked for; `None`: it cannot be used, which is warned of.
