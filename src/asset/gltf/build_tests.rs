@@ -120,7 +120,7 @@ impl Build {
     }
 
     pub fn load(&self) -> (Result<Model>, Vec<String>) {
-        load(&self.glb())
+        load(self.glb())
     }
 
     /// Without warnings.
@@ -138,7 +138,7 @@ impl Build {
     }
 
     pub fn problem(&self) -> String {
-        problem(&self.glb())
+        problem(self.glb())
     }
 }
 

@@ -17,7 +17,7 @@ use crate::asset::normals;
 /// The most triangles of all meshes together: 1.5 GB of corners.
 pub const MAX_TRIANGLES: usize = 16 << 20;
 /// The most vertices that morph targets move, each counted as often as it is moved.
-const MAX_MORPHED: usize = 1 << 30;
+const MAX_MORPHED: usize = 1 << 28;
 
 /// A primitive to be read.
 #[derive(Clone, Copy)]
@@ -86,7 +86,7 @@ impl Read {
             None => (None, [None; 2]),
         };
         let attributes = Attributes::of(source, wanted, positions, coordinates)?;
-        self.morphed = self.morphed.saturating_add(triangles.len().saturating_mul(attributes.morph.targets()));
+        self.morphed = self.morphed.saturating_add((3 * triangles.len()).saturating_mul(attributes.morph.targets()));
         if self.morphed > MAX_MORPHED {
             return Err(source.too_large(format!("over {MAX_MORPHED} morphed vertices"), format!("{MAX_MORPHED}")));
         }

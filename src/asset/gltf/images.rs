@@ -39,7 +39,8 @@ fn picture_or_warning(source: &Source<'_>, index: usize) -> Option<ImageSource> 
             );
         }
         // It says of which file it is.
-        Err(error) => source.warn_once(format!("image {index}"), &format!("{}: {error}", label("image", index, name))),
+        Err(error) => source
+            .warn_once(format!("image {index}"), &format!("{}: {error}; drawn without", label("image", index, name))),
     }
     None
 }

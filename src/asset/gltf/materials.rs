@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use glam::{Vec3, Vec4Swizzles as _, vec4};
+use glam::Vec3;
 use serde::Deserialize;
 
 use super::document::{Material, MetallicRoughness, TextureInfo};
@@ -234,18 +234,14 @@ impl Reader<'_> {
         let emissive = material.emissive_factor.unwrap_or_default();
         let emissive = emissive.map(|value| self.clamped("emissiveFactor", value * strength, MAX_EMISSION));
         let occlusion = material.occlusion_texture.as_ref().and_then(|info| info.strength);
-        let color = vec4(r, g, b, a);
+        let is_named = material.name.as_deref().is_some_and(|name| !name.is_empty());
+        let name = self.of.strip_prefix("material ").filter(|_| is_named).unwrap_or(&self.of);
         Ok(MaterialDesc {
-            opacity: color.w,
+            opacity: a,
             emissive: Factor::same(emissive.into()),
             occlusion_strength: scalar("occlusionTexture.strength", occlusion),
             culls_backs: !material.double_sided,
-            ..MaterialDesc::plain(
-                self.of.strip_prefix("material ").unwrap_or(&self.of),
-                color.xyz(),
-                metallic,
-                roughness,
-            )
+            ..MaterialDesc::plain(name, Vec3::new(r, g, b), metallic, roughness)
         })
     }
 

@@ -114,4 +114,10 @@ fn assemble(meshes: Meshes, cameras: Vec<PlacedCamera>, lights: Vec<PlacedLight>
 #[cfg(test)]
 mod build_tests;
 #[cfg(test)]
+mod files_tests;
+#[cfg(test)]
 mod geometry_tests;
+#[cfg(test)]
+mod materials_tests;
+#[cfg(test)]
+mod scene_tests;

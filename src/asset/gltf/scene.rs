@@ -13,11 +13,14 @@ use crate::Result;
 use crate::asset::material::MaterialDesc;
 use crate::asset::mesh::{MAX_COORDINATE, Submesh};
 use crate::asset::normals;
+use crate::error::shortened;
 
 /// The most triangles as often as they stand somewhere.
 const MAX_PLACED_TRIANGLES: usize = 50_000_000;
 /// The most primitives as often as nodes name them.
 const MAX_PLACEMENTS: usize = 1_000_000;
+/// Characters of a mesh's name that are kept: each of its primitives has it.
+const MAX_NAME: usize = 200;
 /// By how much the parts of a matrix may differ from those of a rotation.
 const TOLERANCE: f64 = 1e-4;
 /// What is smaller, as a part of the largest, is nothing.
@@ -156,9 +159,11 @@ impl<'a> Placing<'a> {
         let joints = key.skin.and_then(|skin| self.skins.get(&skin)).map(Vec::as_slice);
         let weights = node.weights.as_ref().unwrap_or(&mesh.weights);
         let of = label("mesh", key.mesh, mesh.name.as_deref());
+        let name = mesh.name.as_deref().filter(|name| !name.is_empty());
+        let name = name.map_or_else(|| of.clone(), |name| shortened(name, MAX_NAME));
         let first = self.submeshes.len();
         for (number, primitive) in mesh.primitives.iter().enumerate() {
-            let (mut of, mut name) = (of.clone(), mesh.name.clone().unwrap_or_else(|| of.clone()));
+            let (mut of, mut name) = (of.clone(), name.clone());
             if mesh.primitives.len() > 1 {
                 of = format!("{of} primitive {number}");
                 name = format!("{name} {number}");

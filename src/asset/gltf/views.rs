@@ -10,6 +10,7 @@ use super::nodes::{self, Nodes};
 use super::source::Source;
 use crate::Result;
 use crate::asset::model::{Cone, ModelCamera, ModelLight};
+use crate::error::{MAX_QUOTED, shortened};
 
 /// The most cameras; nobody chooses among more.
 const MAX_CAMERAS: usize = 1000;
@@ -57,7 +58,7 @@ pub fn cameras(source: &Source<'_>, nodes: &Nodes) -> Result<Vec<PlacedCamera>> 
             continue;
         };
         let named = [&node.name, &camera.name].into_iter().flatten().find(|name| !name.is_empty());
-        let name = named.cloned().unwrap_or_else(|| format!("camera {number}"));
+        let name = named.map_or_else(|| format!("camera {number}"), |name| shortened(name, MAX_QUOTED));
         let at = DAffine3::from_mat3_translation(rotation, nodes.globals[*index].translation);
         let model_from_camera = Mat4::IDENTITY;
         let camera = ModelCamera { name: unique(name, &mut names), model_from_camera, vertical_fov_degrees: degrees };
@@ -95,7 +96,6 @@ struct Lights {
 }
 
 #[derive(Deserialize)]
-#[serde(rename_all = "lowercase")]
 struct Light {
     #[serde(rename = "type")]
     kind: String,
