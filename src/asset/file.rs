@@ -121,9 +121,11 @@ pub fn lines(bytes: &[u8]) -> impl Iterator<Item = Cow<'_, str>> {
     bytes.split(move |byte| *byte == end).map(String::from_utf8_lossy)
 }
 
-/// Whether text begins with a byte order mark of UTF-16, which is not supported.
+/// Whether text is UTF-16, which is not supported: by its byte order mark, or because every other byte of its beginning is 0.
 pub fn is_utf16(bytes: &[u8]) -> bool {
-    bytes.starts_with(b"\xff\xfe") || bytes.starts_with(b"\xfe\xff")
+    let start = &bytes[..bytes.len().min(64)];
+    let all_zero = |first: usize| start.len() >= 4 && start.iter().skip(first).step_by(2).all(|byte| *byte == 0);
+    bytes.starts_with(b"\xff\xfe") || bytes.starts_with(b"\xfe\xff") || all_zero(0) != all_zero(1)
 }
 
 /// A file found for a name, and its real name where that differs.
@@ -189,6 +191,14 @@ mod tests {
         assert!(matches!(read(&path, "file", 9), Err(Error::TooLarge { .. })));
         assert!(matches!(read(&folder.path().join("b"), "file", 9), Err(Error::Read { .. })));
         assert!(read(folder.path(), "file", 1 << 20).is_err(), "a folder is no file");
+    }
+
+    #[test]
+    fn text_of_two_bytes_a_character_is_known_with_and_without_a_mark() {
+        let wide =
+            |bytes: [usize; 2]| b"v 0 0 0\n".iter().flat_map(|b| bytes.map(|on| [0, *b][on])).collect::<Vec<u8>>();
+        assert!(is_utf16(&wide([0, 1])) && is_utf16(&wide([1, 0])) && is_utf16(b"\xff\xfev\0"));
+        assert!(!is_utf16(b"v 0 0 0\n") && !is_utf16(&[0; 64]) && !is_utf16(b"") && !is_utf16(b"v\0"));
     }
 
     #[test]

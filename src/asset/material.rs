@@ -33,6 +33,8 @@ pub struct MaterialDesc {
     pub alpha: AlphaUse,
     /// Whether it is not seen from behind.
     pub culls_backs: bool,
+    /// What the file does not say and was taken from something else, or for granted.
+    pub guesses: Vec<String>,
 }
 
 /// A factor's value where its map is read, and where there is none or it is broken.
@@ -132,6 +134,15 @@ impl MaterialDesc {
             emissive_map: None,
             alpha: AlphaUse::Opaque,
             culls_backs: false,
+            guesses: Vec::new(),
         }
+    }
+
+    /// Its maps, as messages name them.
+    pub fn origins(&self) -> Vec<String> {
+        let normals = self.normals.as_ref().map(|normals| &normals.map);
+        let maps = [&self.base_color_map, &self.mask_map, &self.occlusion_map, &self.roughness_map, &self.metallic_map];
+        let maps = maps.into_iter().chain([&self.emissive_map]).flatten().chain(normals);
+        maps.map(|map| map.origin.clone()).collect()
     }
 }

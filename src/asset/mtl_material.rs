@@ -31,6 +31,44 @@ pub fn materials(mtls: &[Mtl], report: &Report) -> Vec<MaterialDesc> {
     mtls.iter().map(|mtl| interpreter.material(mtl)).collect()
 }
 
+/// What keys of the PBR model do not say.
+fn guesses(mtl: &Mtl) -> Vec<String> {
+    let mut guesses = Vec::new();
+    if mtl.kd.is_none() && mtl.map_kd.is_none() {
+        guesses.push(format!("base color {DEFAULT_GREY}: there is no Kd"));
+    }
+    if mtl.roughness.is_none() && mtl.map_roughness.is_none() {
+        let from = match (mtl.ks, mtl.ns) {
+            (_, Some(ns)) if mtl.by_blender => format!("from Ns {ns} as Blender writes it"),
+            (Some(ks), _) if ks == [0.0; 3] => "because Ks is 0".into(),
+            (_, Some(ns)) => format!("from Ns {ns} of the Phong model"),
+            _ => "there is no Pr".into(),
+        };
+        guesses.push(format!("roughness {:.2}: {from}", phong_roughness(mtl)));
+    }
+    if mtl.metallic.is_none() && mtl.map_metallic.is_none() {
+        guesses.push(match blenders_metalness(mtl) {
+            Some(metallic) => format!("metalness {metallic}: from Ka as Blender writes it"),
+            None => "metalness 0: there is no Pm".into(),
+        });
+    }
+    guesses
+}
+
+/// Of Blender's illumination models one mirrors.
+fn blenders_metalness(mtl: &Mtl) -> Option<f32> {
+    mtl.ka.filter(|_| mtl.by_blender && mtl.illum == Some(3)).map(|[r, ..]| r)
+}
+
+fn phong_roughness(mtl: &Mtl) -> f32 {
+    match (mtl.ks, mtl.ns) {
+        (_, Some(ns)) if mtl.by_blender => 1.0 - (ns / 1000.0).max(0.0).sqrt(),
+        (Some(ks), _) if ks == [0.0; 3] => 1.0,
+        (_, Some(ns)) => (2.0 / (ns.max(0.0) + 2.0)).powf(0.25),
+        _ => DEFAULT_ROUGHNESS,
+    }
+}
+
 struct Interpreter<'a> {
     /// Names of pictures that were warned of, by library.
     warned: HashSet<(PathBuf, String)>,
@@ -72,6 +110,7 @@ impl Interpreter<'_> {
             roughness_map,
             metallic_map,
             emissive_map,
+            guesses: guesses(mtl),
             alpha: if opacity < 1.0 { AlphaUse::Blend } else { AlphaUse::Guessed },
             ..MaterialDesc::plain(&mtl.name, Vec3::ZERO, 0.0, 0.0)
         }
@@ -141,19 +180,11 @@ impl Interpreter<'_> {
     }
 
     fn metallic(&self, mtl: &Mtl, has_map: bool) -> Factor<f32> {
-        // Of Blender's illumination models this one mirrors.
-        let blenders = mtl.ka.filter(|_| mtl.by_blender && mtl.illum == Some(3)).map(|[r, ..]| r);
-        self.factor(mtl, ("Pm", mtl.metallic), has_map, blenders.unwrap_or(0.0))
+        self.factor(mtl, ("Pm", mtl.metallic), has_map, blenders_metalness(mtl).unwrap_or(0.0))
     }
 
     fn roughness(&self, mtl: &Mtl, has_map: bool) -> Factor<f32> {
-        let phong = match (mtl.ks, mtl.ns) {
-            (_, Some(ns)) if mtl.by_blender => 1.0 - (ns / 1000.0).max(0.0).sqrt(),
-            (Some(ks), _) if ks == [0.0; 3] => 1.0,
-            (_, Some(ns)) => (2.0 / (ns.max(0.0) + 2.0)).powf(0.25),
-            _ => DEFAULT_ROUGHNESS,
-        };
-        self.factor(mtl, ("Pr", mtl.roughness), has_map, phong)
+        self.factor(mtl, ("Pr", mtl.roughness), has_map, phong_roughness(mtl))
     }
 
     /// What a key says, in 0 to 1; where it is absent `otherwise`, or with a map 1.

@@ -4,10 +4,10 @@ use std::collections::{BTreeSet, HashMap, HashSet};
 use std::io::Cursor;
 use std::path::Path;
 
-use glam::{Vec2, Vec3};
+use glam::{Vec2, Vec3, Vec4};
 
-use super::mesh::MAX_COORDINATE;
-use super::mesh::{Corner, Submesh};
+use super::mesh::{Corner, CornerExtra, MAX_COORDINATE, Submesh};
+use super::mips::srgb_to_linear;
 use super::model::Model;
 use super::mtl::{self, Mtl, UvTransform};
 use super::obj_text::{ObjText, broken};
@@ -106,9 +106,6 @@ fn load_libraries(path: &Path, source: &ObjText, report: &Report) -> Vec<Mtl> {
 
 fn warn_of_changes(path: &Path, source: &ObjText, report: &Report) {
     let short = file::short_name(path);
-    if let Some(line) = source.coloured {
-        report.warn(format!("{short}:{line}: colours of positions are not supported; drawn without"));
-    }
     if let Some(by) = source.moved {
         let by = -by;
         report.warn(format!("{short}: far from the origin for its size; moved by {} {} {}", by.x, by.y, by.z));
@@ -192,6 +189,7 @@ fn submesh(
         }
         found == positions.len()
     };
+    let colours: &[[f32; 3]] = if source.coloured { mesh.vertex_color.as_chunks().0 } else { &[] };
     let uvs: &[[f32; 2]] = mesh.texcoords.as_chunks().0;
     let normals: &[[f32; 3]] = mesh.normals.as_chunks().0;
     let has_uvs = complete("texture coordinates", "none are used", uvs.len());
@@ -200,7 +198,7 @@ fn submesh(
         report
             .warn(format!("{}: object {name}: texture coordinates beyond {MAX_UV}; set to 0", file::short_name(path)));
     }
-    let corner = |&index: &u32| {
+    let corner = |index: u32| {
         let i = index as usize;
         Corner {
             position: Vec3::from_array(positions[i]),
@@ -228,28 +226,36 @@ fn submesh(
         let (face, after) = rest.split_at(arity.min(rest.len()));
         rest = after;
         let group = groups.next();
-        let mut add = |triangle| {
-            submesh.corners.extend(facing_its_normals(triangle));
+        let mut add = |[a, b, c]: [u32; 3]| {
+            let triangle = if is_seen_from_behind([a, b, c].map(corner)) { [a, c, b] } else { [a, b, c] };
+            submesh.corners.extend(triangle.map(corner));
             submesh.smoothing.extend(group);
+            if source.coloured {
+                submesh.extras.extend(triangle.map(|i| coloured(colours.get(i as usize))));
+            }
         };
-        if let [a, b, c] = face {
-            add([a, b, c].map(corner));
+        if let [a, b, c] = *face {
+            add([a, b, c]);
             continue;
         }
-        let face: Vec<Corner> = face.iter().map(corner).collect();
-        let positions: Vec<Vec3> = face.iter().map(|corner| corner.position).collect();
-        triangulate(&positions).into_iter().for_each(|triangle| add(triangle.map(|corner| face[corner])));
+        let around: Vec<Vec3> = face.iter().map(|index| corner(*index).position).collect();
+        triangulate(&around).into_iter().for_each(|triangle| add(triangle.map(|corner| face[corner])));
     }
     Ok(submesh)
 }
 
-/// The triangle turned round if it turns clockwise about its normals, as in mirrored objects: light comes from the side
-/// that normals point to.
-fn facing_its_normals([a, b, c]: [Corner; 3]) -> [Corner; 3] {
+/// What a colour of a position is: sRGB, as scanners and modellers show it.
+fn coloured(colour: Option<&[f32; 3]>) -> CornerExtra {
+    let [r, g, b] = colour.unwrap_or(&[1.0; 3]).map(srgb_to_linear);
+    CornerExtra { colour: Vec4::new(r, g, b, 1.0), ..CornerExtra::default() }
+}
+
+/// Whether a triangle turns clockwise about its normals, as in mirrored objects: light comes from the side that normals point
+/// to.
+fn is_seen_from_behind([a, b, c]: [Corner; 3]) -> bool {
     let area = (b.position - a.position).as_dvec3().cross((c.position - a.position).as_dvec3());
     let has_all = [a, b, c].iter().all(|corner| corner.normal != Vec3::ZERO);
-    let behind = has_all && area.dot((a.normal + b.normal + c.normal).as_dvec3()) < 0.0;
-    if behind { [a, c, b] } else { [a, b, c] }
+    has_all && area.dot((a.normal + b.normal + c.normal).as_dvec3()) < 0.0
 }
 
 fn bad_position(source: &ObjText) -> String {

@@ -149,13 +149,28 @@ fn a_byte_order_mark_hides_no_line_and_the_last_may_end_in_a_continuation() {
 }
 
 #[test]
-fn colours_of_some_positions_refuse_nothing_and_are_warned_of_once() {
+fn colours_of_positions_are_read_and_absent_ones_are_white() {
     let white = "v 0 0 0 1 1 1\nv 1 0 0 1.0 1 1\nv 0 1 0\nf 1 2 3\n";
     assert_eq!(loaded(format!("usemtl\n{white}"), "").1, ["a.obj:1: usemtl : no such material; using the default one"]);
     let (model, warnings) = loaded(format!("{white}v 0 0 1 0.5 1 0\nv 0 1 1 1 0 0 0\nv 1 1 1 0 0 0\nf 4 5 6"), "");
     assert_eq!(sizes(&model.unwrap()), [2]);
-    let colour: Vec<_> = warnings.iter().filter(|w| w.contains("colours")).collect();
-    assert_eq!(colour, ["a.obj:5: colours of positions are not supported; drawn without"]);
+    assert!(warnings.iter().all(|w| !w.contains("colours")), "{warnings:?}");
+    assert!(good(white).submeshes.iter().all(|submesh| submesh.extras.is_empty()), "white is no colour");
+    let colours = |text: &str| -> Vec<[f32; 4]> {
+        good(text).submeshes[0]
+            .extras
+            .iter()
+            .map(|extra| extra.colour.to_array().map(|c| (c * 100.0).round()))
+            .collect()
+    };
+    let mixed = "v 0 0 0\nv 1 0 0 0.5 1 0\nv 0 1 0 1 0 0 0\nf 1 2 3\n";
+    assert_eq!(
+        colours(mixed),
+        [[100.0; 4], [21.0, 100.0, 0.0, 100.0], [0.0, 0.0, 0.0, 100.0]],
+        "sRGB; one has a weight"
+    );
+    let bytes = "v 0 0 0 255 0 0\nv 1 0 0 0 255 0\nv 0 1 0 0 0 51\nf 1 2 3\n";
+    assert_eq!(colours(bytes)[2], [0.0, 0.0, 3.0, 100.0], "of 255");
 }
 
 #[test]

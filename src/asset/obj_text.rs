@@ -28,8 +28,8 @@ pub struct ObjText {
     pub smoothing: Vec<u32>,
     /// What was subtracted from all positions, which are far from the origin.
     pub moved: Option<DVec3>,
-    /// The first line of a position with a colour that is not white.
-    pub coloured: Option<usize>,
+    /// Whether all positions are written with a colour, 0 to 1: some has one that is not white.
+    pub coloured: bool,
     faces: usize,
 }
 
@@ -39,15 +39,18 @@ impl ObjText {
     /// # Errors
     /// Too many triangles; an index before the file's start.
     pub fn new(path: &Path, bytes: &[u8]) -> Result<Self> {
-        let mut source = Self::read(path, bytes, DVec3::ZERO)?;
-        if let Some(centre) = source.moved {
-            source = Self { moved: Some(centre), ..Self::read(path, bytes, centre)? };
+        let (source, found) = Self::read(path, bytes, Counts::default())?;
+        let (centre, colour_scale) = (found.far_centre(), found.colour_scale());
+        if centre.is_none() && colour_scale.is_none() {
+            return Ok(source);
         }
-        Ok(source)
+        let counts = Counts { centre: centre.unwrap_or_default(), colour_scale, ..Counts::default() };
+        let (source, _) = Self::read(path, bytes, counts)?;
+        Ok(Self { moved: centre, coloured: colour_scale.is_some(), ..source })
     }
 
-    /// Reads all lines, and subtracts `centre` from positions. [`Self::moved`] is what should be subtracted.
-    fn read(path: &Path, bytes: &[u8], centre: DVec3) -> Result<Self> {
+    /// Reads all lines; returns what they define, too.
+    fn read(path: &Path, bytes: &[u8], mut counts: Counts) -> Result<(Self, Counts)> {
         let mut source = Self {
             // `tobj` gets all materials with this line, so that libraries may be named anywhere.
             text: "mtllib all\n".into(),
@@ -55,11 +58,10 @@ impl ObjText {
             uses: Vec::new(),
             smoothing: Vec::new(),
             moved: None,
-            coloured: None,
+            coloured: false,
             faces: 0,
         };
         source.text.reserve(bytes.len());
-        let mut counts = Counts { centre, ..Counts::default() };
         let mut joined = String::new();
         let mut last = 0;
         for (index, line) in file::lines(bytes).enumerate() {
@@ -82,15 +84,14 @@ impl ObjText {
         }
         // The last line may end in a continuation, too.
         source.add_line(path, last, &joined, &mut counts)?;
-        source.moved = counts.far_centre();
-        Ok(source)
+        Ok((source, counts))
     }
 
     fn add_line(&mut self, path: &Path, number: usize, line: &str, counts: &mut Counts) -> Result<()> {
         let (key, rest) = line.split_once(|c: char| c.is_ascii_whitespace()).unwrap_or((line, ""));
         let data = || line.split('#').next().unwrap_or(line).trim_end();
         match key {
-            "v" => self.add_position(number, data(), counts),
+            "v" => self.add_position(data(), counts),
             "vt" | "vn" => {
                 counts.data[if key == "vt" { 1 } else { 2 }] += 1;
                 self.text.push_str(data());
@@ -114,7 +115,7 @@ impl ObjText {
     }
 
     /// A position: three numbers, a weight after them, or a colour after either.
-    fn add_position(&mut self, number: usize, line: &str, counts: &mut Counts) {
+    fn add_position(&mut self, line: &str, counts: &mut Counts) {
         counts.data[0] += 1;
         let words: Vec<&str> = line.split_ascii_whitespace().skip(1).take(8).collect();
         let own = match words.len() {
@@ -122,10 +123,12 @@ impl ObjText {
             count if count > 4 => 3,
             count => count,
         };
-        let is_white = |word: &&str| word.parse() == Ok(1.0_f32);
-        if self.coloured.is_none() && words.len() >= 6 && !words[own..].iter().all(is_white) {
-            self.coloured = Some(number);
-        }
+        let colour = match words[own..] {
+            [r, g, b, ..] => [r, g, b].map(|word| word.parse().ok().filter(|c: &f32| c.is_finite()).unwrap_or(1.0)),
+            _ => [1.0; 3],
+        };
+        counts.is_coloured |= colour != [1.0; 3];
+        counts.brightest = colour.into_iter().fold(counts.brightest, f32::max);
         let numbers: Vec<f64> = words.iter().take(3).filter_map(|word| word.parse().ok()).collect();
         let Some(position) = <[f64; 3]>::try_from(numbers).ok().map(DVec3::from).filter(|p| p.is_finite()) else {
             // `tobj` says what is wrong with it.
@@ -135,12 +138,17 @@ impl ObjText {
         counts.low = counts.low.min(position);
         counts.high = counts.high.max(position);
         self.text.push('v');
-        if counts.centre == DVec3::ZERO {
+        if counts.centre == DVec3::ZERO && counts.colour_scale.is_none() {
             words[..own].iter().for_each(|word| self.text.extend([" ", word]));
         } else {
             let DVec3 { x, y, z } = position - counts.centre;
             // Writing to a string cannot fail.
             let _ = write!(self.text, " {x} {y} {z}");
+            if let Some(scale) = counts.colour_scale {
+                let [r, g, b] =
+                    if words.len() < own + 3 { [1.0; 3] } else { colour.map(|c| (c * scale).clamp(0.0, 1.0)) };
+                let _ = write!(self.text, " {r} {g} {b}");
+            }
         }
     }
 
@@ -194,12 +202,27 @@ struct Counts {
     centre: DVec3,
     low: DVec3,
     high: DVec3,
+    /// Whether a position has another colour than white, and the largest number of all colours.
+    is_coloured: bool,
+    brightest: f32,
+    /// Multiplies colours, which are written; `None`: they are not.
+    colour_scale: Option<f32>,
 }
 
 impl Default for Counts {
     fn default() -> Self {
         let (low, high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
-        Self { data: [0; 3], triangles: 0, group: None, centre: DVec3::ZERO, low, high }
+        Self {
+            data: [0; 3],
+            triangles: 0,
+            group: None,
+            centre: DVec3::ZERO,
+            low,
+            high,
+            is_coloured: false,
+            brightest: 0.0,
+            colour_scale: None,
+        }
     }
 }
 
@@ -209,6 +232,11 @@ impl Counts {
         let extent = (self.high - self.low).max_element();
         let reach = self.low.abs().max(self.high.abs()).max_element();
         (extent > 0.0 && reach > FAR * extent).then(|| (0.5 * (self.low + self.high)).round())
+    }
+
+    /// What colours are multiplied by, where there are any: those above 1 are bytes.
+    fn colour_scale(&self) -> Option<f32> {
+        self.is_coloured.then_some(if self.brightest > 1.0 { 1.0 / 255.0 } else { 1.0 })
     }
 
     /// Rejects indices on which `tobj`'s sums would overflow; the others it checks itself.

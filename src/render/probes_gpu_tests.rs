@@ -32,6 +32,7 @@ fn scene(mesh: Mesh, base_color: f32, intensity: f32, sky: f32) -> Scene {
     Scene {
         meshes: vec![mesh],
         instances: vec![Instance { mesh: 0, world_from_local: Mat4::IDENTITY }],
+        sources: Vec::new(),
         materials: vec![Material::plain("matt", Vec3::splat(base_color), 0.0, 1.0)],
         textures: vec![],
         lights: vec![PointLight { position: Vec3::ZERO, intensity: Vec3::splat(intensity), radius: 0.0, cone: None }],

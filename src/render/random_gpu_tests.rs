@@ -100,6 +100,7 @@ fn scene() -> Scene {
         // Instance i has material i.
         meshes: all.clone().map(mesh).collect(),
         instances: all.map(|mesh| Instance { mesh, world_from_local: Mat4::IDENTITY }).collect(),
+        sources: Vec::new(),
         materials,
         textures: vec![
             texture("base color", TexelFormat::Rgba8Srgb, &mut random),

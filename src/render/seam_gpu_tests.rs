@@ -28,6 +28,7 @@ fn scene() -> Scene {
     Scene {
         meshes: Vec::new(),
         instances: Vec::new(),
+        sources: Vec::new(),
         materials: Vec::new(),
         textures: Vec::new(),
         lights: Vec::new(),

@@ -1,6 +1,7 @@
 //! The data of a scene: instances, materials, lights, cameras, environment.
 
 use glam::{Mat4, Vec3};
+use serde::Serialize;
 
 use super::mesh::{Bounds, Mesh};
 use crate::asset::material::Sampling;
@@ -13,6 +14,8 @@ pub struct Scene {
     pub meshes: Vec<Mesh>,
     pub instances: Vec<Instance>,
     pub materials: Vec<Material>,
+    /// Where the first materials come from.
+    pub sources: Vec<MaterialSource>,
     pub textures: Vec<MipChain>,
     pub lights: Vec<PointLight>,
     /// At least one.
@@ -91,6 +94,15 @@ pub struct Material {
     pub culls_backs: bool,
     /// Whether colours of vertices multiply base color and alpha.
     pub vertex_colours: bool,
+}
+
+/// Where a material comes from.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct MaterialSource {
+    /// Its maps, as messages name them.
+    pub maps: Vec<String>,
+    /// What its file does not say.
+    pub guesses: Vec<String>,
 }
 
 /// How a map is looked up.

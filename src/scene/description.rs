@@ -35,6 +35,8 @@ const DEFAULT_FOV_DEGREES: f32 = 45.0;
 pub struct Description {
     pub environment: Option<EnvironmentFile>,
     pub exposure_ev: f32,
+    /// Whether a grey floor lies under the models.
+    pub floor: bool,
     pub models: Vec<ModelFile>,
     pub lights: Vec<PointLight>,
     /// At most [`MOST_PROBES`].
@@ -86,6 +88,7 @@ impl Description {
         let description = Self {
             environment: file.environment.map(|keys| check.environment(folder, keys)).transpose()?,
             exposure_ev: check.within(MAX_EXPOSURE, "exposure_ev", file.exposure_ev, 0.0)?,
+            floor: file.floor,
             models: file.model.into_iter().map(|keys| check.model(folder, keys)).collect::<Result<_>>()?,
             lights: file.light.into_iter().map(|keys| check.light(keys.point)).collect::<Result<_>>()?,
             probes: check.probes(file.probe)?,
@@ -100,6 +103,8 @@ impl Description {
 struct SceneKeys {
     environment: Option<EnvironmentKeys>,
     exposure_ev: Option<Spanned<f32>>,
+    #[serde(default)]
+    floor: bool,
     #[serde(default)]
     model: Vec<ModelKeys>,
     #[serde(default)]

@@ -6,11 +6,13 @@ use std::path::{Path, PathBuf};
 use glam::{Mat4, Vec3};
 use rayon::prelude::*;
 
-use super::description::{Description, MAX_LENGTH, ModelFile};
+use super::description::{Description, EnvironmentFile, MAX_LENGTH, ModelFile};
 use super::mesh::{Bounds, Mesh};
 use super::staging::Staging;
-use super::{Camera, Environment, Instance, Scene, material, model_lights, tangent};
-use crate::asset::material::MaterialDesc;
+use super::{
+    Camera, Environment, Instance, Material, MaterialSource, Scene, description_text, material, model_lights, tangent,
+};
+use crate::asset::material::{AlphaUse, MaterialDesc};
 use crate::asset::mesh::Submesh;
 use crate::asset::model::{Model, ModelCamera, ModelLight};
 use crate::asset::{Panorama, Report, TextureOptions, file, gltf, obj};
@@ -49,7 +51,7 @@ pub fn load(path: &Path, options: &LoadOptions, report: &Report) -> Result<Scene
         Some("obj" | "gltf" | "glb") => only_model(path),
         _ => return Err(Error::Usage(format!("{}: a scene is a .toml, .gltf, .glb or .obj file", path.display()))),
     };
-    let mut environment = environment(path, &description, options, report)?;
+    let (mut environment, panorama) = environment(path, &description, options, report)?;
     let models = Models::load(&description.models, report)?;
     let (mut materials, textures) = material::build(&models.materials, &options.textures, report);
     if models.meshes.iter().any(|mesh| mesh.material == materials.len()) {
@@ -58,20 +60,21 @@ pub fn load(path: &Path, options: &LoadOptions, report: &Report) -> Result<Scene
     for mesh in models.meshes.iter().filter(|mesh| mesh.has_colours()) {
         materials[mesh.material].vertex_colours = true;
     }
-    let mut lights = description.lights;
+    let mut lights = description.lights.clone();
     lights.extend(model_lights::point_lights(&models.lights));
     model_lights::add_directional(&mut environment, &models.lights);
-    let mut cameras = description.cameras;
+    let mut cameras = description.cameras.clone();
     add_cameras(&mut cameras, &models.cameras);
     let mut scene = Scene {
         meshes: models.meshes,
         instances: models.instances,
+        sources: sources(&models.materials, &materials),
         materials,
         textures,
         lights,
         cameras,
         environment,
-        probes: description.probes,
+        probes: description.probes.clone(),
         exposure_ev: description.exposure_ev,
     };
     let bounds = scene.bounds();
@@ -87,7 +90,10 @@ pub fn load(path: &Path, options: &LoadOptions, report: &Report) -> Result<Scene
     if scene.cameras.is_empty() {
         scene.cameras.push(auto_camera(scene.bounds()));
     }
-    options.staging.apply(&mut scene)?;
+    options.staging.apply(&mut scene, description.floor)?;
+    if let Some(file) = &options.staging.write_scene {
+        description_text::write(file, &described(description, panorama, &options.staging, &scene))?;
+    }
     Ok(scene)
 }
 
@@ -112,6 +118,7 @@ fn only_model(path: &Path) -> Description {
     Description {
         environment: None,
         exposure_ev: 0.0,
+        floor: false,
         models: vec![model],
         lights: vec![],
         probes: vec![],
@@ -119,7 +126,34 @@ fn only_model(path: &Path) -> Description {
     }
 }
 
-fn environment(path: &Path, description: &Description, options: &LoadOptions, report: &Report) -> Result<Environment> {
+fn sources(descs: &[MaterialDesc], materials: &[Material]) -> Vec<MaterialSource> {
+    let source = |(desc, material): (&MaterialDesc, &Material)| {
+        let mut guesses = desc.guesses.clone();
+        if let (AlphaUse::Guessed, Some(cutoff)) = (desc.alpha, material.alpha_cutoff) {
+            guesses.push(format!("holes where alpha is below {cutoff}: it varies"));
+        }
+        MaterialSource { maps: desc.origins(), guesses }
+    };
+    descs.iter().zip(materials).map(source).collect()
+}
+
+/// The description of a staged scene, whose panorama comes from this file. The camera that it is seen by is the first.
+fn described(from: Description, panorama: Option<PathBuf>, staging: &Staging, scene: &Scene) -> Description {
+    let rotation_degrees = scene.environment.rotation_degrees;
+    let environment = panorama.map(|panorama| EnvironmentFile { panorama, rotation_degrees });
+    let first = &scene.cameras[0];
+    let mut cameras = vec![first.clone()];
+    cameras.extend(from.cameras.into_iter().filter(|camera| camera.name != first.name));
+    Description { environment, exposure_ev: scene.exposure_ev, floor: from.floor || staging.floor, cameras, ..from }
+}
+
+/// The environment, and the file of its panorama.
+fn environment(
+    path: &Path,
+    description: &Description,
+    options: &LoadOptions,
+    report: &Report,
+) -> Result<(Environment, Option<PathBuf>)> {
     let own = description.environment.as_ref().map(|e| &e.panorama);
     let file = options.staging.panorama.as_ref().or(own).or(options.default_panorama.as_ref());
     let panorama = match file {
@@ -129,7 +163,9 @@ fn environment(path: &Path, description: &Description, options: &LoadOptions, re
             Panorama::uniform(Vec3::ONE)
         }
     };
-    Ok(Environment { panorama, rotation_degrees: description.environment.as_ref().map_or(0.0, |e| e.rotation_degrees) })
+    let own_rotation = description.environment.as_ref().map_or(0.0, |e| e.rotation_degrees);
+    let rotation_degrees = options.staging.rotation.unwrap_or(own_rotation);
+    Ok((Environment { panorama, rotation_degrees }, file.cloned()))
 }
 
 /// The models of a scene, each file read once.

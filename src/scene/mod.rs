@@ -6,6 +6,7 @@ pub mod bvh;
 mod contents;
 mod culling_bounds;
 pub mod description;
+mod description_text;
 mod floor;
 pub mod lightmap_texels;
 pub mod load;
@@ -18,7 +19,9 @@ pub mod probes;
 pub mod staging;
 pub mod tangent;
 
-pub use contents::{Camera, Environment, GeometryView, Instance, Lookup, Material, PointLight, Probe, Scene};
+pub use contents::{
+    Camera, Environment, GeometryView, Instance, Lookup, Material, MaterialSource, PointLight, Probe, Scene,
+};
 pub use floor::floor_under;
 pub use load::{LoadOptions, is_scene, load};
 pub use mesh::{Bounds, Mesh, Vertex};

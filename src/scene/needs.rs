@@ -156,6 +156,7 @@ pub mod tests {
             meshes: vec![],
             instances: vec![],
             materials,
+            sources: Vec::new(),
             textures: vec![],
             lights: vec![light; lights],
             cameras: vec![],

@@ -37,6 +37,9 @@ pub struct Staging {
     /// Put a grey floor under the models.
     #[arg(long)]
     pub floor: bool,
+    /// Write a scene description that gives what these flags give, and is seen by the same camera.
+    #[arg(long, value_name = "FILE")]
+    pub write_scene: Option<PathBuf>,
 }
 
 /// A view of a point from around it.
@@ -77,18 +80,18 @@ impl Orbit {
 }
 
 impl Staging {
-    /// Puts a loaded scene on stage; its environment has been chosen before. The camera becomes the first.
+    /// Puts a loaded scene on stage; its environment has been chosen before. The camera becomes the first. `has_floor`:
+    /// whether there is a floor in any case.
     ///
     /// # Errors
     /// [`Error::UnknownName`] for a camera that there is not.
-    pub fn apply(&self, scene: &mut Scene) -> Result<()> {
+    pub fn apply(&self, scene: &mut Scene, has_floor: bool) -> Result<()> {
         scene.exposure_ev = self.exposure.unwrap_or(scene.exposure_ev);
-        scene.environment.rotation_degrees = self.rotation.unwrap_or(scene.environment.rotation_degrees);
         if let Some(camera) = &self.camera {
             let camera = find_camera(scene, camera)?;
             scene.cameras.insert(0, camera);
         }
-        if self.floor {
+        if self.floor || has_floor {
             add_floor(scene);
         }
         Ok(())

@@ -195,8 +195,12 @@ impl App {
             self.chosen =
                 if asked == loaded { self.chosen.take().filter(|c| Some(c) == loaded.as_ref()) } else { asked.clone() };
         }
-        let first = self.first.iter().find(|(first, _)| first == path).map(|(_, staging)| staging.clone());
-        let mut staging = first.unwrap_or_default();
+        let mut staging = Staging::default();
+        if let Some((_, first)) = self.first.as_mut().filter(|(first, _)| first == path) {
+            staging = first.clone();
+            // Once: the file may be edited while the window is open.
+            first.write_scene = None;
+        }
         if self.chosen.is_some() && own_panorama(path).is_none() {
             staging.panorama.clone_from(&self.chosen);
         }

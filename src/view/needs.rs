@@ -31,6 +31,7 @@ pub fn needs(request: &NeedsRequest, report: &Report) -> Result<()> {
     // Nothing is drawn, so textures need not be compressed.
     let textures = TextureOptions { storage: Storage::Raw, ..TextureOptions::default() };
     let findings = Findings::of(&load_scene(scene, &textures, report)?);
-    say!("{}: {} triangles, {}", scene.display(), findings.triangles, findings.lines().join("\n  "));
+    let triangles = if findings.triangles == 1 { "triangle" } else { "triangles" };
+    say!("{}: {} {triangles}, {}", scene.display(), findings.triangles, findings.lines().join("\n  "));
     write_json(json.as_deref(), &findings)
 }

@@ -79,6 +79,7 @@ impl RenderRequest {
         let files = scene_files(&self.scene).into_iter().chain(self.staging.panorama.clone());
         let mut outputs = Outputs::of(files);
         picture_files(&self.output, self.stereo).iter().try_for_each(|file| outputs.file(file))?;
+        outputs.file_if(self.staging.write_scene.as_deref())?;
         outputs.file_if(self.json.as_deref())
     }
 

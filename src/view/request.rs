@@ -85,7 +85,9 @@ impl ViewRequest {
     /// [`Error::Usage`], [`Error::Write`]; the demo is not found.
     pub fn check(&self) -> Result<()> {
         let files = scene_files(&self.scene()?).into_iter().chain(self.staging.panorama.clone());
-        Outputs::of(files).file_if(self.report.as_deref())
+        let mut outputs = Outputs::of(files);
+        outputs.file_if(self.staging.write_scene.as_deref())?;
+        outputs.file_if(self.report.as_deref())
     }
 
     pub(super) fn write_report(&self, report: impl FnOnce() -> RunReport) -> Result<()> {

@@ -101,6 +101,7 @@ pub fn world(meshes: Vec<Mesh>, materials: Vec<Material>, lights: Vec<PointLight
     Scene {
         instances: (0..meshes.len()).map(|mesh| Instance { mesh, world_from_local: Mat4::IDENTITY }).collect(),
         meshes,
+        sources: Vec::new(),
         materials,
         textures: Vec::new(),
         lights,

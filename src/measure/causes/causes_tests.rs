@@ -102,6 +102,7 @@ fn mean_of(context: &Context, light: LightModel, part: LightPart) -> Vec3 {
     let scene = Scene {
         meshes: vec![Mesh::ball(16, 0.5)],
         instances: vec![placed(0.0), placed(1.1)],
+        sources: Vec::new(),
         materials: vec![Material::plain("half metal", Vec3::new(0.8, 0.6, 0.5), 0.5, 0.4)],
         textures: vec![],
         lights: vec![PointLight {

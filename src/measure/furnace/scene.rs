@@ -81,6 +81,7 @@ pub fn in_furnace(meshes: Vec<Mesh>, instances: Vec<Instance>, materials: Vec<Ma
     Scene {
         meshes,
         instances,
+        sources: Vec::new(),
         materials,
         textures: vec![],
         lights: vec![],

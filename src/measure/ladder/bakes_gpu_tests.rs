@@ -19,6 +19,7 @@ fn light_is_baked_once_for_each_kind_of_it() {
     let scene = Scene {
         meshes: vec![Mesh::ball(8, 0.5)],
         instances: vec![placed(0.0), placed(1.1)],
+        sources: Vec::new(),
         materials: vec![Material::plain("matt", Vec3::splat(0.5), 0.0, 1.0)],
         textures: vec![],
         lights: vec![],

@@ -9,7 +9,7 @@ use super::{MaterialFeatures, Metalness, Model, SceneFeatures};
 use crate::reference::energy::VISIBLE;
 use crate::reference::sun::{Sun, VISIBLE_SHARE, find_sun};
 use crate::scene::bvh::Bvh;
-use crate::scene::{Material, Scene};
+use crate::scene::{Material, MaterialSource, Scene};
 
 /// One decision.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -36,6 +36,7 @@ pub struct MaterialFinding {
     pub roughness: [f32; 2],
     pub metallic: [f32; 2],
     pub occludes: bool,
+    pub source: MaterialSource,
 }
 
 impl Findings {
@@ -48,8 +49,12 @@ impl Findings {
             roughness: material.roughness_range,
             metallic: material.metallic_range,
             occludes: material.occludes,
+            source: MaterialSource::default(),
         };
-        let materials: Vec<_> = scene.materials.iter().zip(&features.materials).map(material).collect();
+        let mut materials: Vec<_> = scene.materials.iter().zip(&features.materials).map(material).collect();
+        for (material, source) in materials.iter_mut().zip(&scene.sources) {
+            material.source.clone_from(source);
+        }
         let mut findings = maps(&materials);
         findings.extend([metals(&materials), multi_scatter(&materials), roughness(&materials), lights(scene)]);
         let panorama = &scene.environment.panorama;
@@ -59,14 +64,25 @@ impl Findings {
         Self { triangles: scene.triangles(), findings, materials, features }
     }
 
-    /// One line for each decision, features that are used first.
+    /// One line for each decision, features that are used first, and one for each material.
     pub fn lines(&self) -> Vec<String> {
         let line = |mark, finding: &Finding| format!("{mark} {:22} {}", finding.subject, finding.why);
         let those = |modelled, mark| {
             self.findings.iter().filter(move |f| f.modelled == modelled).map(move |finding| line(mark, finding))
         };
         let pipelines = format!("{} pipeline(s) for {} material(s)", self.features.pipelines(), self.materials.len());
-        std::iter::once(pipelines).chain(those(true, "+")).chain(those(false, "-")).collect()
+        let decisions = std::iter::once(pipelines).chain(those(true, "+")).chain(those(false, "-"));
+        decisions.chain(self.materials.iter().map(MaterialFinding::line)).collect()
+    }
+}
+
+impl MaterialFinding {
+    /// Its maps, and what was guessed.
+    fn line(&self) -> String {
+        let MaterialSource { maps, guesses } = &self.source;
+        let maps = if maps.is_empty() { "no maps".into() } else { maps.join(", ") };
+        let guessed = if guesses.is_empty() { String::new() } else { format!("; guessed: {}", guesses.join(", ")) };
+        format!("{}: {maps}{guessed}", self.name)
     }
 }
 
@@ -87,6 +103,18 @@ fn maps(materials: &[MaterialFinding]) -> Vec<Finding> {
         ),
         finding("occlusion", &|m| m.occludes, "no occlusion map is below 1"),
         finding("cutouts", &|m| m.features.alpha_mask, "no material has an alpha mask: no fragment is discarded"),
+        finding(
+            "blending",
+            &|m| m.features.blends,
+            "no material lets through what is behind: all is drawn once, in any order",
+        ),
+        finding("emission", &|m| m.features.emits, "no material shines"),
+        finding("vertex colours", &|m| m.features.vertex_colours, "all are white"),
+        finding(
+            "second coordinates",
+            &|m| m.features.second_uv != 0,
+            "all maps of each material share their texture coordinates",
+        ),
     ]
 }
 
@@ -206,8 +234,14 @@ mod tests {
     #[test]
     fn the_share_that_counts_as_visible_is_rounded() {
         let features = MaterialFeatures::EVERYTHING;
-        let metal =
-            MaterialFinding { name: "m".into(), features, roughness: [1.0; 2], metallic: [1.0; 2], occludes: false };
+        let metal = MaterialFinding {
+            name: "m".into(),
+            features,
+            roughness: [1.0; 2],
+            metallic: [1.0; 2],
+            occludes: false,
+            source: MaterialSource::default(),
+        };
         let without = MaterialFeatures { multi_scatter: false, ..features };
         for features in [features, without] {
             let finding = multi_scatter(&[MaterialFinding { features, ..metal.clone() }]);

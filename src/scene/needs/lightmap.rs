@@ -73,6 +73,7 @@ mod tests {
         lightmap_side(&Scene {
             meshes: vec![Mesh::ball(12, 1.0)],
             instances: vec![one; count],
+            sources: Vec::new(),
             materials: vec![],
             textures: vec![],
             lights: vec![],
@@ -91,6 +92,7 @@ mod tests {
             meshes: vec![Mesh::ball(12, 1.0)],
             instances: vec![placed(0.0)],
             materials: vec![crate::scene::material::default_material()],
+            sources: vec![],
             textures: vec![],
             lights: vec![],
             cameras: vec![],
