@@ -38,6 +38,16 @@ pub struct LoadOptions {
     pub staging: Staging,
 }
 
+/// The scene in a folder: its first description, else its first model, by name. `None` if there is none.
+pub fn scene_in(folder: &Path) -> Option<PathBuf> {
+    let files = std::fs::read_dir(folder).ok()?.filter_map(|entry| Some(entry.ok()?.path()));
+    let rank = |path: &PathBuf| {
+        let own = path.extension()?;
+        EXTENSIONS.iter().position(|known| own.eq_ignore_ascii_case(known))
+    };
+    files.filter_map(|path| Some((rank(&path)?, path))).min().map(|(_, path)| path)
+}
+
 /// Loads a scene description (.toml) or a model (.gltf, .glb, .obj) with all it names.
 ///
 /// A scene without cameras gets one named `auto` that sees all of it.

@@ -45,6 +45,39 @@ fn a_description_with_everything() {
 }
 
 #[test]
+fn a_folders_scene_is_its_description_before_its_models() {
+    let folder = folder();
+    let found = || scene_in(folder.path()).map(|path| path.file_name().unwrap().to_owned());
+    assert_eq!(found().unwrap(), "a.obj");
+    for name in ["z.GLB", "b.toml", "c.toml"] {
+        std::fs::write(folder.path().join(name), "").unwrap();
+        assert_eq!(found().unwrap(), if name == "z.GLB" { "z.GLB" } else { "b.toml" });
+    }
+    assert_eq!(scene_in(&folder.path().join("gone")), None);
+}
+
+#[test]
+fn models_are_staged_as_asked_and_written_down() {
+    let folder = folder();
+    let written = folder.path().join("written.toml");
+    let staging = Staging {
+        panorama: Some(folder.path().join("sky.hdr")),
+        exposure: Some(1.5),
+        rotation: Some(30.0),
+        camera: Some("40,20,5".into()),
+        floor: true,
+        write_scene: Some(written.clone()),
+    };
+    let options = LoadOptions { staging, ..LoadOptions::default() };
+    let staged = load(&folder.path().join("a.obj"), &options, &Report::silent()).unwrap();
+    let again = load(&written, &LoadOptions::default(), &Report::silent()).unwrap();
+    assert_eq!((again.cameras[0].clone(), again.exposure_ev), (staged.cameras[0].clone(), 1.5));
+    assert_eq!(again.environment.rotation_degrees, 30.0);
+    assert_eq!(again.environment.panorama, staged.environment.panorama);
+    assert_eq!((again.instances.len(), again.bounds()), (3, staged.bounds()), "with the floor");
+}
+
+#[test]
 fn a_single_model_gets_light_and_a_camera_that_sees_it() {
     let folder = folder();
     let (report, path) = (Report::silent(), folder.path().join("a.obj"));

@@ -13,6 +13,7 @@ use crate::render::{
     Change, ControllerGizmos, CullOptions, Eye, FrameInputs, Lighting, Lightmapped, PassPipelines, RenderSettings,
 };
 use crate::scene::is_scene;
+use crate::scene::load::scene_in;
 use crate::scene::staging::Staging;
 use crate::{Error, Result};
 
@@ -207,11 +208,13 @@ impl App {
         staging
     }
 
-    /// Starts loading a scene or a panorama, by its extension.
+    /// Starts loading a scene or a panorama, by its extension; of a folder its scene.
     ///
     /// # Errors
     /// [`Error::Usage`] for other files.
     pub fn open(&mut self, path: &Path) -> Result<()> {
+        let within = if path.is_dir() { scene_in(path) } else { None };
+        let path = within.as_deref().unwrap_or(path);
         let extension = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
         match extension.as_str() {
             "hdr" | "exr" => {
@@ -220,7 +223,7 @@ impl App {
             }
             _ if is_scene(path) => self.open_scene(path),
             _ => {
-                let remedy = "drop a scene (.toml, .gltf, .glb, .obj) or a panorama (.hdr, .exr)";
+                let remedy = "drop a scene (.toml, .gltf, .glb, .obj), its folder or a panorama (.hdr, .exr)";
                 return Err(Error::Usage(format!("{} cannot be shown; {remedy}", file_name(path))));
             }
         }

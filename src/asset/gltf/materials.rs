@@ -152,7 +152,8 @@ impl Reader<'_> {
 
     fn warn_of_ior(&self) -> Result<()> {
         let ior = self.extension::<Ior>("KHR_materials_ior")?.unwrap_or_default().ior;
-        if (ior - USUAL_IOR).abs() > 1e-3 {
+        // Within it dielectrics mirror 3 to 5 %.
+        if !(1.4..=1.6).contains(&ior) {
             self.warn(&format!("KHR_materials_ior: {ior} is not supported; it reflects 4 %, as at {USUAL_IOR}"));
         }
         Ok(())
