@@ -43,7 +43,7 @@ void main()
     base_color_metallic = vec4(material.base_color, material.metallic);
     roughness_alpha_cutoff = vec2(material.roughness, material.alpha_cutoff);
     emission_opacity = vec4(material.emission, material.opacity);
-    vertex_colour = VERTEX_COLOURS ? unpacked_colour(vertex_extras[gl_VertexIndex]) : vec4(1.0);
+    vertex_colour = VERTEX_COLOURS != COLOURS_OF_NOTHING ? unpacked_colour(vertex_extras[gl_VertexIndex]) : vec4(1.0);
     uv1 = SECOND_UV != 0u ? vertex_extras[gl_VertexIndex].uv1 : vec2(0.0);
     mat4 models_from_local = instances[draw.instance].world_from_local;
     // One after the other: models that were not moved stay where they are to the last bit.

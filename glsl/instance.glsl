@@ -27,10 +27,11 @@ struct VertexExtra {
 };
 
 // `flags`: colours of vertices count; alpha is coverage; bit i from the third on: map i is looked up by the second texture
-// coordinates. Maps are base color, normal, ORM and emission.
+// coordinates; colours of vertices count for emission. Maps are base color, normal, ORM and emission.
 const uint MATERIAL_VERTEX_COLOURS = 1;
 const uint MATERIAL_BLENDS = 2;
 const uint MATERIAL_SECOND_UV = 4;
+const uint MATERIAL_UNLIT = 64;
 // From this bit on for each map how coordinates beyond 0 to 1 are meant, two bits for u and two for v: the order of
 // asset::material::Wrap.
 const uint MATERIAL_WRAPS = 8;

@@ -3,6 +3,7 @@
 #define LIGHTMAP_GLSL
 
 #include "shared.glsl"
+#include "emitters.glsl"
 #include "importance.glsl"
 #include "lamp.glsl"
 #include "ray_surface.glsl"
@@ -147,7 +148,7 @@ vec3 glossy_radiance(RayHit hit, vec3 d, out float density)
     p.s.roughness = max(p.s.roughness, CAUSTIC_ROUGHNESS);
     Energy energy = Energy(table_mean(brdf_table, p.s.roughness), MULTI_SCATTER);
     vec2 at_v = table_entry(brdf_table, p.s.nv, p.s.roughness);
-    vec3 sum = p.s.emission;
+    vec3 sum = vec3(0.0);
     density = 0.0;
     for (uint i = 0u; i <= frame.light_count; ++i) {
         bool is_lamp = i < frame.light_count;

@@ -1,4 +1,4 @@
-// What each texel gives back of the light that comes straight from lamps and the sun, and its own.
+// What each texel gives back of the light that comes straight from lamps and the sun.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "lightmap.glsl"
@@ -79,7 +79,7 @@ void main()
         }
         if (frame.sun.irradiance != vec3(0.0))
             light += sun_irradiance(p, sobol(i, scramble));
-        given += matt * light * INV_PI + p.s.emission;
+        given += matt * light * INV_PI;
         albedo += matt;
         glossy += is_glossy(p.s) ? 1.0 : 0.0;
     }

@@ -64,15 +64,25 @@ bool gathered(PathPoint p, RayHit hit, vec3 d, vec3 sky, out vec3 light)
     vec4 direct = textureLod(given_back_of_direct, at, 0.0), soft = textureLod(given_back_of_soft, at, 0.0);
     if (soft.a > 0.5)
         direct.rgb = glossy_radiance(hit, d, direct.a);
-    float share = 1.0; // relays give the rest
-    if (work.relay_count > 0u) {
-        vec3 g = normalize_or(bvh_normal(hit.triangle), vec3(0.0));
-        float area = abs(dot(g, d * mat3(frame.world_from_models))) / max(hit.t * hit.t, TINY);
-        float here = max(dot(p.s.n, d), 0.0) * INV_PI * area;
-        share = here / max(here + direct.a, TINY);
-    }
+    vec3 g = normalize_or(bvh_normal(hit.triangle), vec3(0.0));
+    float area = abs(dot(g, d * mat3(frame.world_from_models))) / max(hit.t * hit.t, TINY);
+    float here = max(dot(p.s.n, d), 0.0) * INV_PI * area;
+    // Relays give the rest, and points that are drawn of what shines.
+    float share = work.relay_count > 0u ? here / max(here + direct.a, TINY) : 1.0;
     light = PI * share * (direct.rgb + soft.rgb);
+    if (emitter_count > 0u)
+        light += PI * emission_of_hit(hit) * (here / max(here + emitter_density(hit.triangle), TINY));
     return true;
+}
+
+// Irradiance of a point of what shines, for a point that samples its hemisphere by the cosine.
+vec3 emitter_irradiance(PathPoint p, vec2 u)
+{
+    EmitterLight light;
+    if (!emitter_light(p, u, light))
+        return vec3(0.0);
+    float cosine = dot(p.s.n, light.l);
+    return light.radiance * (cosine * light.area / max(cosine * INV_PI * light.area + light.density, TINY));
 }
 
 // A basis around n whose first axis lies along an edge: samples of one texel stay spread evenly only if the bases of all its
@@ -137,6 +147,8 @@ void main()
         }
         if (work.relay_count > 0u)
             light += relay_light(p, origin, relays[(i ^ scramble.y) % work.relay_count]);
+        if (emitter_count > 0u)
+            light += emitter_irradiance(p, sobol(i, pcg4d(uvec4(index, 0u, 6u, 0u)).xy));
         settled += vec2(dot(from_sky, vec3(1.0)), dot(light, vec3(1.0)));
         sum += vec4(light, 1.0);
     }

@@ -4,6 +4,7 @@
 #define PATH_GLSL
 
 #include "shared.glsl"
+#include "emitters.glsl"
 #include "importance.glsl"
 #include "lamp.glsl"
 #include "ray_surface.glsl"
@@ -153,22 +154,36 @@ vec3 direct_light(PathPoint p, Scatter m, mat3 world_from_surface, bool first, f
     return sum;
 }
 
+// What a surface that shines adds, by one of its points.
+vec3 emitted_light(PathPoint p, Scatter m, mat3 world_from_surface, bool first, uvec4 bits)
+{
+    EmitterLight light;
+    if (!emitter_light(p, units_from_bits(bits.xy), light))
+        return vec3(0.0);
+    vec3 l_surface = light.l * world_from_surface;
+    float density = scatter_density(m, l_surface) * light.area + light.density;
+    return scattered_part(m, l_surface, first) * light.radiance * (light.area / max(density, TINY));
+}
+
 // `seed.w` counts the path's random numbers.
 vec3 transported_light(PathPoint p, uvec4 seed)
 {
     vec3 sum = vec3(0.0), throughput = vec3(1.0);
     bool has_lamps = LIGHTS != 0 && frame.light_count > 0u;
-    float arrival = -1.0;
+    float arrival = -1.0, drawn = 0.0; // `drawn`: density with which `emitted_light` finds this point
     for (uint bounce = 0u; bounce < MOST_BOUNCES; ++bounce) {
         mat3 world_from_surface = basis(p.s.n);
         Scatter m = make_scatter(p.s, world_from_surface);
         bool first = bounce == 0u;
-        if (!first || is_shown(true))
-            sum += throughput * p.s.emission;
+        if (p.s.emission != vec3(0.0) && (!first || is_shown(true)))
+            sum += throughput * p.s.emission * (arrival < 0.0 ? 1.0 : arrival / max(arrival + drawn, TINY));
         sum += throughput * direct_light(p, m, world_from_surface, first, arrival, seed);
         seed.w += 1u;
         if (TRANSPORT == TRANSPORT_ALL && has_lamps && !(first && !is_shown(false)))
             sum += throughput * relayed_light(p, m, world_from_surface, first, pcg4d(seed));
+        seed.w += 1u;
+        if (TRANSPORT == TRANSPORT_ALL && emitter_count > 0u && !(first && !is_shown(false)))
+            sum += throughput * emitted_light(p, m, world_from_surface, first, pcg4d(seed));
         seed.w += 1u;
         uvec4 bits = pcg4d(seed);
         bool mirrored;
@@ -200,6 +215,7 @@ vec3 transported_light(PathPoint p, uvec4 seed)
         }
         p = ray_point(hit, l_world);
         arrival = mirrored ? -1.0 : density * dot(p.side, p.s.v) / (hit.t * hit.t);
+        drawn = emitter_density(hit.triangle);
     }
     return sum;
 }

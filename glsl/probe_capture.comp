@@ -25,7 +25,8 @@ vec3 radiance_along(vec3 d, float rays_across)
     if (hit.t < 0.0)
         return sky_radiance(d_world, panorama_lod(rays_across));
     vec3 at = lightmap_address(hit, is_back(hit, d_world));
-    return textureLod(given_back_of_direct, at, 0.0).rgb + textureLod(given_back_of_soft, at, 0.0).rgb;
+    vec3 given_back = textureLod(given_back_of_direct, at, 0.0).rgb + textureLod(given_back_of_soft, at, 0.0).rgb;
+    return given_back + emission_of_hit(hit);
 }
 
 void main()

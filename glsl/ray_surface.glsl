@@ -139,6 +139,21 @@ vec3 lightmap_address(RayHit hit, bool back)
     return vec3(at, back ? 1.0 : 0.0);
 }
 
+// Radiance of a hit's own light.
+vec3 ray_emission_of(RayHit hit, Material material, vec2 uv)
+{
+    if (material.emission == vec3(0.0))
+        return vec3(0.0);
+    vec3 at = ray_map_at(hit, material, uv, MAP_EMISSION, textureSize(ray_emission, 0).x);
+    vec3 emission = material.emission * textureLod(ray_emission, at, 0.0).rgb;
+    return (material.flags & MATERIAL_UNLIT) != 0u ? emission * ray_colour(hit).rgb : emission;
+}
+
+vec3 emission_of_hit(RayHit hit)
+{
+    return ray_emission_of(hit, materials[bvh_triangles[hit.triangle].material_and_flags & BVH_MATERIAL], ray_uv(hit));
+}
+
 // What a ray of unit direction d met.
 PathPoint ray_point(RayHit hit, vec3 d)
 {
@@ -160,9 +175,7 @@ PathPoint ray_point(RayHit hit, vec3 d)
     p.s.nv = clamp(dot(p.s.n, p.s.v), MIN_COS, 1.0);
     p.s.base_color = ray_base(hit, material, uv).rgb;
     p.s.alpha = 1.0; // rays pass through what is not covered
-    p.s.emission = material.emission;
-    if (material.emission != vec3(0.0))
-        p.s.emission *= textureLod(ray_emission, ray_map_at(hit, material, uv, MAP_EMISSION, side), 0.0).rgb;
+    p.s.emission = ray_emission_of(hit, material, uv);
     p.s.metallic = material.metallic * maps.b;
     p.s.roughness = material.roughness * maps.g;
     p.s.occlusion = 1.0; // rays find out themselves what light reaches

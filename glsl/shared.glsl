@@ -52,7 +52,7 @@ layout(constant_id = 12) const bool SUN = false; // the sun is a light of its ow
 layout(constant_id = 13) const uint LAMP_SHADOWS = 0;
 layout(constant_id = 14) const bool SUN_SHADOW = false; // the sun has a shadow map
 layout(constant_id = 19) const bool EMITS = true;
-layout(constant_id = 20) const bool VERTEX_COLOURS = false;
+layout(constant_id = 20) const uint VERTEX_COLOURS = 0;
 layout(constant_id = 21) const uint SECOND_UV = 0; // bit i: map i is looked up by the second texture coordinates
 layout(constant_id = 22) const bool BLENDS = false;  // alpha is coverage
 
@@ -70,6 +70,11 @@ const uint METALNESS_MIXED = 2;
 const uint LIGHTMAP_NONE = 0;
 const uint LIGHTMAP_FRONTS = 1;
 const uint LIGHTMAP_BOTH = 2;
+
+// VERTEX_COLOURS: what they multiply.
+const uint COLOURS_OF_NOTHING = 0;
+const uint COLOURS_OF_BASE = 1; // base color and alpha
+const uint COLOURS_OF_EMISSION = 2; // and emission
 
 // SHADING: the order of render::Shading.
 const uint SHADING_PBR = 0;

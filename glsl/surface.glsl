@@ -68,7 +68,7 @@ Surface read_surface()
 {
     Surface s;
     vec4 base = vec4(base_color_metallic.rgb, emission_opacity.w);
-    if (VERTEX_COLOURS)
+    if (VERTEX_COLOURS != COLOURS_OF_NOTHING)
         base *= vertex_colour;
     if (HAS_BASE_COLOR_MAP)
         base *= SURFACE_TEXEL(base_color_map, map_uv(MAP_BASE_COLOR));
@@ -77,6 +77,8 @@ Surface read_surface()
     s.base_color = base.rgb;
     s.alpha = BLENDS ? base.a : 1.0;
     s.emission = EMITS ? emission_opacity.rgb * SURFACE_TEXEL(emission_map, map_uv(MAP_EMISSION)).rgb : vec3(0.0);
+    if (VERTEX_COLOURS == COLOURS_OF_EMISSION)
+        s.emission *= vertex_colour.rgb;
     vec3 maps = HAS_ORM_MAP ? SURFACE_TEXEL(orm_map, map_uv(MAP_ORM)).rgb : vec3(1.0);
     s.occlusion = maps.r;
     s.roughness = maps.g * roughness_alpha_cutoff.x;

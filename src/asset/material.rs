@@ -33,6 +33,8 @@ pub struct MaterialDesc {
     pub alpha: AlphaUse,
     /// Whether it is not seen from behind.
     pub culls_backs: bool,
+    /// Whether its emission is its colour, which vertices may have, too.
+    pub unlit: bool,
     /// What the file does not say and was taken from something else, or for granted.
     pub guesses: Vec<String>,
 }
@@ -134,6 +136,7 @@ impl MaterialDesc {
             emissive_map: None,
             alpha: AlphaUse::Opaque,
             culls_backs: false,
+            unlit: false,
             guesses: Vec::new(),
         }
     }

@@ -59,6 +59,7 @@ pub const RAYS: SetBindings = SetBindings {
         ("RAY_IMPORTANCE", Storage),
         ("RAY_EMISSION", Sampled),
         ("RAY_CORNER_EXTRAS", Storage),
+        ("RAY_EMITTERS", Storage),
     ],
 };
 

@@ -185,7 +185,7 @@ fn constants(features: MaterialFeatures, multiple: bool) -> [Constant; 10] {
         (constant::METALNESS, features.metalness as u32),
         (constant::MULTI_SCATTER, u32::from(multiple && features.multi_scatter)),
         (constant::EMITS, u32::from(features.emits)),
-        (constant::VERTEX_COLOURS, u32::from(features.vertex_colours)),
+        (constant::VERTEX_COLOURS, features.vertex_colours as u32),
         (constant::SECOND_UV, features.second_uv),
         (constant::BLENDS, u32::from(features.blends)),
     ]

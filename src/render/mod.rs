@@ -10,6 +10,7 @@ pub mod bindings;
 mod bound_scene;
 mod culling;
 mod draws;
+mod emitters;
 mod eye;
 mod forward;
 mod frame;

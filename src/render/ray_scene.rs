@@ -5,6 +5,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use bytemuck::{Pod, Zeroable, bytes_of};
 use glam::{DVec4, Mat4, Vec3};
 
+use super::emitters;
 use super::layouts::Layouts;
 use super::shared::VertexExtraBlock;
 use crate::Result;
@@ -35,6 +36,8 @@ pub struct LazyRayScene {
     instances: Vec<Instance>,
     /// For each of the scene's materials.
     masked: Vec<bool>,
+    /// Of each material, the sum of its channels.
+    emission: Vec<f32>,
     has_textures: bool,
     has_emissive_maps: bool,
     /// Whether vertices have colours or second texture coordinates.
@@ -55,6 +58,7 @@ pub struct RayScene {
     triangles: Arc<Buffer>,
     corners: Arc<Buffer>,
     corner_extras: Arc<Buffer>,
+    emitters: Arc<Buffer>,
     textures: RayTextures,
 }
 
@@ -88,6 +92,7 @@ impl LazyRayScene {
             meshes: geometry.meshes.to_vec(),
             instances: geometry.instances.to_vec(),
             masked: scene.materials.iter().map(|m| m.alpha_cutoff.is_some() || m.blends).collect(),
+            emission: scene.materials.iter().map(|material| material.emissive_factor.element_sum()).collect(),
             has_textures: !scene.textures.is_empty(),
             has_emissive_maps: scene.materials.iter().any(|material| material.emissive_map.is_some()),
             has_extras: geometry.meshes.iter().any(|mesh| mesh.vertices.iter().any(VertexExtraBlock::is_needed)),
@@ -104,6 +109,7 @@ impl LazyRayScene {
             meshes: Vec::new(),
             instances: Vec::new(),
             masked: Vec::new(),
+            emission: Vec::new(),
             has_textures: false,
             has_emissive_maps: false,
             has_extras: false,
@@ -201,12 +207,14 @@ impl RayScene {
         };
         let (triangles, corners): (&[u8], &[u8]) = (bytemuck::cast_slice(&triangles), bytemuck::cast_slice(&corners));
         let extras: &[u8] = bytemuck::cast_slice(&extras);
+        let emitters = emitters::table(bvh.triangles(), |t| source.emission[source.mesh(t).material]);
         let buffer = |name, bytes: &[u8]| Buffer::new(gpu, name, BufferKind::Storage, bytes.len() as u64);
         let scene = Self {
             nodes: buffer("ray nodes", bvh.node_bytes())?,
             triangles: buffer("ray triangles", triangles)?,
             corners: buffer("ray corners", corners)?,
             corner_extras: buffer("ray corner extras", extras)?,
+            emitters: buffer("ray emitters", &emitters)?,
             textures,
             bvh,
             sides,
@@ -214,6 +222,7 @@ impl RayScene {
         let mut upload = Upload::new(gpu);
         upload.buffer(&scene.nodes, scene.bvh.node_bytes())?;
         upload.buffer(&scene.corner_extras, extras)?;
+        upload.buffer(&scene.emitters, &emitters)?;
         if !triangles.is_empty() {
             upload.buffer(&scene.triangles, triangles)?;
             upload.buffer(&scene.corners, corners)?;
@@ -294,6 +303,7 @@ impl RaySet {
             Binding::Storage(&importance),
             Binding::Sampled(&scene.textures.emission, &sampler),
             Binding::Storage(&scene.corner_extras),
+            Binding::Storage(&scene.emitters),
         ];
         Ok(Self { set: DescriptorSet::new(gpu, "rays", &layouts.rays, &bindings)? })
     }

@@ -167,7 +167,10 @@ fn material_flags(material: &Material) -> u32 {
         bit(second_uv, material_flag::SECOND_UV << i) | (u | v << 2) << (material_flag::WRAPS + 4 * i)
     };
     let maps: u32 = (0..).zip(material.lookups).map(of_map).sum();
-    maps | bit(material.vertex_colours, material_flag::VERTEX_COLOURS) | bit(material.blends, material_flag::BLENDS)
+    let tints = material.unlit && material.vertex_colours;
+    maps | bit(material.vertex_colours, material_flag::VERTEX_COLOURS)
+        | bit(material.blends, material_flag::BLENDS)
+        | bit(tints, material_flag::UNLIT)
 }
 
 fn light_block(light: &PointLight, (shadow_layer, shadow_near): (i32, f32)) -> LightBlock {

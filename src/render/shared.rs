@@ -99,6 +99,8 @@ pub mod material_flag {
     pub const BLENDS: u32 = 2;
     /// Of the first map; the others follow.
     pub const SECOND_UV: u32 = 4;
+    /// Colours of vertices multiply emission.
+    pub const UNLIT: u32 = 64;
     /// The first bit of the first map's u; two bits each.
     pub const WRAPS: u32 = 8;
 }

@@ -94,6 +94,8 @@ pub struct Material {
     pub culls_backs: bool,
     /// Whether colours of vertices multiply base color and alpha.
     pub vertex_colours: bool,
+    /// Whether its emission is its colour.
+    pub unlit: bool,
 }
 
 /// Where a material comes from.

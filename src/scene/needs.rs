@@ -37,6 +37,17 @@ pub enum Metalness {
     Mixed,
 }
 
+/// What colours of vertices multiply; the same order as in `glsl/shared.glsl`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum VertexColours {
+    None,
+    /// Base color and alpha.
+    Base,
+    /// And emission, which an unlit material's colour is.
+    Emission,
+}
+
 /// The features that a material needs; each combination is a pipeline.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize)]
 pub struct MaterialFeatures {
@@ -50,7 +61,7 @@ pub struct MaterialFeatures {
     pub multi_scatter: bool,
     /// Light of its own.
     pub emits: bool,
-    pub vertex_colours: bool,
+    pub vertex_colours: VertexColours,
     /// Bit i: the base color, normal, ORM or emissive map takes second texture coordinates.
     pub second_uv: u32,
     /// Coverage by alpha, over what is behind.
@@ -67,7 +78,7 @@ impl MaterialFeatures {
         metalness: Metalness::Mixed,
         multi_scatter: true,
         emits: true,
-        vertex_colours: false,
+        vertex_colours: VertexColours::None,
         second_uv: 0,
         blends: false,
     };
@@ -91,7 +102,11 @@ impl MaterialFeatures {
             },
             multi_scatter: multi_scatter(material),
             emits: material.emissive_factor != Vec3::ZERO,
-            vertex_colours: material.vertex_colours,
+            vertex_colours: match material.vertex_colours {
+                false => VertexColours::None,
+                true if material.unlit => VertexColours::Emission,
+                true => VertexColours::Base,
+            },
             second_uv: (0..).zip(material.lookups).map(|(i, lookup)| u32::from(lookup.second_uv) << i).sum(),
             blends: material.blends,
         }

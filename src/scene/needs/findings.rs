@@ -5,7 +5,7 @@ use serde::Serialize;
 use super::casting::nothing_casts;
 use super::lightmap::{LightmapNeed, lightmap_need};
 use super::mirrors::ProbePlan;
-use super::{MaterialFeatures, Metalness, Model, SceneFeatures};
+use super::{MaterialFeatures, Metalness, Model, SceneFeatures, VertexColours};
 use crate::reference::energy::VISIBLE;
 use crate::reference::sun::{Sun, VISIBLE_SHARE, find_sun};
 use crate::scene::bvh::Bvh;
@@ -109,7 +109,7 @@ fn maps(materials: &[MaterialFinding]) -> Vec<Finding> {
             "no material lets through what is behind: all is drawn once, in any order",
         ),
         finding("emission", &|m| m.features.emits, "no material shines"),
-        finding("vertex colours", &|m| m.features.vertex_colours, "all are white"),
+        finding("vertex colours", &|m| m.features.vertex_colours != VertexColours::None, "all are white"),
         finding(
             "second coordinates",
             &|m| m.features.second_uv != 0,

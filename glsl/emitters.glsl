@@ -1,0 +1,75 @@
+// Surfaces that shine, as light for points that rays meet: they are drawn by their power.
+// Shirley, Wang and Zimmerman, "Monte Carlo Techniques for Direct Lighting Calculations" (1996).
+#ifndef EMITTERS_GLSL
+#define EMITTERS_GLSL
+
+#include "ray_surface.glsl"
+
+struct Emitter {
+    uint triangle;
+    float cumulative; // share of all power up to this one's end
+};
+
+layout(RAY_EMITTERS, scalar) readonly buffer Emitters {
+    uint emitter_count;
+    float emitter_scale; // one over the sum of all triangles' areas times their materials' emission
+    Emitter emitters[];
+};
+
+// Light of one point for another one.
+struct EmitterLight {
+    vec3 l;         // unit vector to it
+    float distance; // metres
+    float area;     // solid angle per area
+    float density;  // of such points per area
+    vec3 radiance;
+};
+
+// Density per area with which points of a triangle are drawn.
+float emitter_density(uint triangle)
+{
+    Material material = materials[bvh_triangles[triangle].material_and_flags & BVH_MATERIAL];
+    return emitter_scale * dot(material.emission, vec3(1.0));
+}
+
+// A point of all that shines.
+RayHit sample_emitter(vec2 u)
+{
+    uint low = 0u, high = emitter_count - 1u;
+    while (low < high) {
+        uint middle = (low + high) / 2u;
+        if (u.x < emitters[middle].cumulative)
+            high = middle;
+        else
+            low = middle + 1u;
+    }
+    float before = low > 0u ? emitters[low - 1u].cumulative : 0.0;
+    float part = clamp((u.x - before) / max(emitters[low].cumulative - before, TINY), 0.0, 1.0), root = sqrt(part);
+    return RayHit(0.0, emitters[low].triangle, vec3(1.0 - root, root * (1.0 - u.y), root * u.y));
+}
+
+// One point's light for p; false where none comes, or where something blocks it.
+bool emitter_light(PathPoint p, vec2 u, out EmitterLight light)
+{
+    RayHit hit = sample_emitter(u);
+    BvhTriangle triangle = bvh_triangles[hit.triangle];
+    vec3 place = hit.weights.x * triangle.a + hit.weights.y * triangle.b + hit.weights.z * triangle.c;
+    vec3 to = (frame.world_from_models * vec4(place, 1.0)).xyz - p.position;
+    hit.t = length(to);
+    light.distance = hit.t;
+    light.l = to / max(hit.t, TINY);
+    PathPoint there = ray_point(hit, light.l);
+    float cosine = -dot(there.side, light.l), rounding = p.rounding + there.rounding;
+    light.area = cosine / max(hit.t * hit.t, TINY);
+    light.density = emitter_density(hit.triangle);
+    light.radiance = there.s.emission;
+    // Points of one plane do not light each other, whatever rounding makes of them.
+    if (dot(p.s.n, light.l) <= 0.0 || dot(p.side, to) <= rounding || cosine * hit.t <= rounding || light.radiance == vec3(0.0))
+        return false;
+    bool masked = (triangle.material_and_flags & BVH_MASKED) != 0u;
+    if (masked && is_hole(hit))
+        return false;
+    return trace_ray(ray_origin(p), light.l, hit.t - 2.0 * rounding, true).t < 0.0;
+}
+
+#endif
