@@ -31,6 +31,7 @@ struct VertexExtra {
 const uint MATERIAL_VERTEX_COLOURS = 1;
 const uint MATERIAL_BLENDS = 2;
 const uint MATERIAL_SECOND_UV = 4;
+const uint MATERIAL_COLOURED_EMISSION = 64; // colours of vertices multiply it, too
 // From this bit on for each map how coordinates beyond 0 to 1 are meant, two bits for u and two for v: the order of
 // asset::material::Wrap.
 const uint MATERIAL_WRAPS = 8;

@@ -163,6 +163,8 @@ PathPoint ray_point(RayHit hit, vec3 d)
     p.s.emission = material.emission;
     if (material.emission != vec3(0.0))
         p.s.emission *= textureLod(ray_emission, ray_map_at(hit, material, uv, MAP_EMISSION, side), 0.0).rgb;
+    if ((material.flags & MATERIAL_COLOURED_EMISSION) != 0u)
+        p.s.emission *= ray_colour(hit).rgb;
     p.s.metallic = material.metallic * maps.b;
     p.s.roughness = material.roughness * maps.g;
     p.s.occlusion = 1.0; // rays find out themselves what light reaches

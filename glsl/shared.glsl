@@ -53,6 +53,7 @@ layout(constant_id = 13) const uint LAMP_SHADOWS = 0;
 layout(constant_id = 14) const bool SUN_SHADOW = false; // the sun has a shadow map
 layout(constant_id = 19) const bool EMITS = true;
 layout(constant_id = 20) const bool VERTEX_COLOURS = false;
+layout(constant_id = 23) const bool COLOURED_EMISSION = false; // colours of vertices multiply it, too
 layout(constant_id = 21) const uint SECOND_UV = 0; // bit i: map i is looked up by the second texture coordinates
 layout(constant_id = 22) const bool BLENDS = false;  // alpha is coverage
 

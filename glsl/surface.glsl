@@ -77,6 +77,8 @@ Surface read_surface()
     s.base_color = base.rgb;
     s.alpha = BLENDS ? base.a : 1.0;
     s.emission = EMITS ? emission_opacity.rgb * SURFACE_TEXEL(emission_map, map_uv(MAP_EMISSION)).rgb : vec3(0.0);
+    if (COLOURED_EMISSION)
+        s.emission *= vertex_colour.rgb;
     vec3 maps = HAS_ORM_MAP ? SURFACE_TEXEL(orm_map, map_uv(MAP_ORM)).rgb : vec3(1.0);
     s.occlusion = maps.r;
     s.roughness = maps.g * roughness_alpha_cutoff.x;

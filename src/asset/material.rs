@@ -35,6 +35,8 @@ pub struct MaterialDesc {
     pub vertex_alpha: bool,
     /// Whether it is not seen from behind.
     pub culls_backs: bool,
+    /// Whether colours of vertices multiply what it emits, too.
+    pub unlit: bool,
 }
 
 /// A factor's value where its map is read, and where there is none or it is broken.
@@ -135,6 +137,7 @@ impl MaterialDesc {
             alpha: AlphaUse::Opaque,
             vertex_alpha: false,
             culls_backs: false,
+            unlit: false,
         }
     }
 }

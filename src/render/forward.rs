@@ -176,7 +176,7 @@ impl ForwardPass {
     }
 }
 
-fn constants(features: MaterialFeatures, multiple: bool) -> [Constant; 10] {
+fn constants(features: MaterialFeatures, multiple: bool) -> [Constant; 11] {
     [
         (constant::HAS_BASE_COLOR_MAP, u32::from(features.base_color_map)),
         (constant::HAS_NORMAL_MAP, u32::from(features.normal_map)),
@@ -186,6 +186,7 @@ fn constants(features: MaterialFeatures, multiple: bool) -> [Constant; 10] {
         (constant::MULTI_SCATTER, u32::from(multiple && features.multi_scatter)),
         (constant::EMITS, u32::from(features.emits)),
         (constant::VERTEX_COLOURS, u32::from(features.vertex_colours)),
+        (constant::COLOURED_EMISSION, u32::from(features.coloured_emission)),
         (constant::SECOND_UV, features.second_uv),
         (constant::BLENDS, u32::from(features.blends)),
     ]

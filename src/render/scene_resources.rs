@@ -60,7 +60,7 @@ impl SceneResources {
         let features = SceneFeatures::of(scene, settings.model, settings.viewpoint);
         let blends: Vec<bool> = scene.materials.iter().map(|material| material.blends).collect();
         let clusters = clusters(geometry.meshes, geometry.instances, &blends);
-        let buffers = Geometry::new(gpu, &clusters)?;
+        let buffers = Geometry::new(gpu, &clusters, scene.materials.iter().any(Material::takes_second_uv))?;
         let mut variants = Variants::default();
         let mut drawn = |i: usize| {
             let MaterialFeatures { blends, alpha_mask, .. } = features.materials[i];
@@ -167,7 +167,10 @@ fn material_flags(material: &Material) -> u32 {
         bit(second_uv, material_flag::SECOND_UV << i) | (u | v << 2) << (material_flag::WRAPS + 4 * i)
     };
     let maps: u32 = (0..).zip(material.lookups).map(of_map).sum();
-    maps | bit(material.vertex_colours, material_flag::VERTEX_COLOURS) | bit(material.blends, material_flag::BLENDS)
+    let coloured_emission = material.vertex_colours && material.unlit;
+    maps | bit(material.vertex_colours, material_flag::VERTEX_COLOURS)
+        | bit(material.blends, material_flag::BLENDS)
+        | bit(coloured_emission, material_flag::COLOURED_EMISSION)
 }
 
 fn light_block(light: &PointLight, (shadow_layer, shadow_near): (i32, f32)) -> LightBlock {

@@ -99,6 +99,7 @@ pub mod material_flag {
     pub const BLENDS: u32 = 2;
     /// Of the first map; the others follow.
     pub const SECOND_UV: u32 = 4;
+    pub const COLOURED_EMISSION: u32 = 64;
     /// The first bit of the first map's u; two bits each.
     pub const WRAPS: u32 = 8;
 }
@@ -203,6 +204,7 @@ pub mod constant {
     pub const PART: u32 = 18;
     pub const EMITS: u32 = 19;
     pub const VERTEX_COLOURS: u32 = 20;
+    pub const COLOURED_EMISSION: u32 = 23;
     pub const SECOND_UV: u32 = 21;
     pub const BLENDS: u32 = 22;
 }

@@ -199,6 +199,7 @@ fn specialization_constants_have_their_ids() {
         ("SUN_SHADOW", constant::SUN_SHADOW),
         ("EMITS", constant::EMITS),
         ("VERTEX_COLOURS", constant::VERTEX_COLOURS),
+        ("COLOURED_EMISSION", constant::COLOURED_EMISSION),
         ("SECOND_UV", constant::SECOND_UV),
         ("BLENDS", constant::BLENDS),
     ];

@@ -91,6 +91,15 @@ pub struct Material {
     pub culls_backs: bool,
     /// Whether colours of vertices multiply base color and alpha.
     pub vertex_colours: bool,
+    /// Whether they multiply emission, too.
+    pub unlit: bool,
+}
+
+impl Material {
+    /// Whether a map is looked up by second texture coordinates.
+    pub fn takes_second_uv(&self) -> bool {
+        self.lookups.iter().any(|lookup| lookup.second_uv)
+    }
 }
 
 /// How a map is looked up.

@@ -40,6 +40,7 @@ impl Material {
             blends: false,
             culls_backs: false,
             vertex_colours: false,
+            unlit: false,
         }
     }
 }
@@ -179,6 +180,7 @@ impl Plan<'_> {
             blends: desc.alpha == AlphaUse::Blend && (uses_alpha || desc.vertex_alpha || desc.opacity < 1.0),
             culls_backs: desc.culls_backs,
             vertex_colours: false,
+            unlit: desc.unlit,
         }
     }
 

@@ -51,6 +51,8 @@ pub struct MaterialFeatures {
     /// Light of its own.
     pub emits: bool,
     pub vertex_colours: bool,
+    /// Colours of vertices multiply the light of its own.
+    pub coloured_emission: bool,
     /// Bit i: the base color, normal, ORM or emissive map takes second texture coordinates.
     pub second_uv: u32,
     /// Coverage by alpha, over what is behind.
@@ -68,14 +70,15 @@ impl MaterialFeatures {
         multi_scatter: true,
         emits: true,
         vertex_colours: false,
+        coloured_emission: false,
         second_uv: 0,
         blends: false,
     };
 
     /// Everything but what only this material's vertices have, or what changes its picture.
     fn everything(material: &Material) -> Self {
-        let Self { vertex_colours, second_uv, blends, .. } = Self::of(material);
-        Self { vertex_colours, second_uv, blends, ..Self::EVERYTHING }
+        let Self { vertex_colours, coloured_emission, second_uv, blends, .. } = Self::of(material);
+        Self { vertex_colours, coloured_emission, second_uv, blends, ..Self::EVERYTHING }
     }
 
     fn of(material: &Material) -> Self {
@@ -92,6 +95,7 @@ impl MaterialFeatures {
             multi_scatter: multi_scatter(material),
             emits: material.emissive_factor != Vec3::ZERO,
             vertex_colours: material.vertex_colours,
+            coloured_emission: material.vertex_colours && material.unlit,
             second_uv: (0..).zip(material.lookups).map(|(i, lookup)| u32::from(lookup.second_uv) << i).sum(),
             blends: material.blends,
         }

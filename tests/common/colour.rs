@@ -101,8 +101,15 @@ pub fn loaded(path: &Path, sky: f32) -> Scene {
 pub fn look(gpu: &Arc<Gpu>, scene: &Scene, eyes: &[Eye], look: Look) -> Vec<Seen> {
     let Look { light, shading, size, samples, frames } = look;
     let textures = TextureSettings { storage: Some(Storage::Raw), anisotropy: Some(1), ..Default::default() };
-    let settings =
-        RenderSettings { light, shading, samples, output: Output::Linear, cube_size: 64, textures, ..Default::default() };
+    let settings = RenderSettings {
+        light,
+        shading,
+        samples,
+        output: Output::Linear,
+        cube_size: 64,
+        textures,
+        ..Default::default()
+    };
     let context = Context::silent(gpu);
     let mut renderer = Renderer::new(&context, scene, settings, size, eyes.len() as u32).expect("a renderer");
     let inputs = FrameInputs::of(scene, eyes);

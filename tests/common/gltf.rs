@@ -44,7 +44,8 @@ impl Shape {
         let mut shape = Self::default();
         for axis in 0..3 {
             for side in [0, 1] {
-                let (u, v) = if side == 1 { ((axis + 1) % 3, (axis + 2) % 3) } else { ((axis + 2) % 3, (axis + 1) % 3) };
+                let (u, v) =
+                    if side == 1 { ((axis + 1) % 3, (axis + 2) % 3) } else { ((axis + 2) % 3, (axis + 1) % 3) };
                 let first = shape.positions.len() as u32;
                 for (a, b) in [(0, 0), (1, 0), (1, 1), (0, 1)] {
                     let mut corner = low;
@@ -103,9 +104,8 @@ impl Shape {
         let (cofactors, mirrors) = (linear.inverse().transpose(), linear.determinant() < 0.0);
         let direction = |m: DMat3, v: [f32; 3]| (m * DVec3::from(v.map(f64::from))).normalize().as_vec3();
         let place = |p: &[f32; 3]| by.transform_point3(DVec3::from(p.map(f64::from))).as_vec3().into();
-        let tangent = |[x, y, z, w]: &[f32; 4]| {
-            direction(linear, [*x, *y, *z]).extend(if mirrors { -w } else { *w }).into()
-        };
+        let tangent =
+            |[x, y, z, w]: &[f32; 4]| direction(linear, [*x, *y, *z]).extend(if mirrors { -w } else { *w }).into();
         let mut moved = Self {
             positions: self.positions.iter().map(place).collect(),
             normals: self.normals.iter().map(|n| direction(cofactors, *n).into()).collect(),
@@ -170,7 +170,8 @@ impl Gltf {
     }
 
     pub fn material(&mut self, material: Value) -> usize {
-        let extensions: Vec<Value> = material["extensions"].as_object().into_iter().flat_map(|e| e.keys()).map(|k| json!(k)).collect();
+        let extensions: Vec<Value> =
+            material["extensions"].as_object().into_iter().flat_map(|e| e.keys()).map(|k| json!(k)).collect();
         extensions.into_iter().for_each(|name| self.uses(name));
         self.push("materials", material)
     }
@@ -239,7 +240,9 @@ impl Gltf {
     pub fn bytes(&self, binary: bool) -> Vec<u8> {
         let mut json = self.json.clone();
         // Empty lists are not allowed.
-        json.as_object_mut().expect("an object").retain(|_, value| value.as_array().is_none_or(|list| !list.is_empty()));
+        json.as_object_mut()
+            .expect("an object")
+            .retain(|_, value| value.as_array().is_none_or(|list| !list.is_empty()));
         json["buffers"] = json!([{"byteLength": self.bytes.len()}]);
         if !binary {
             let base64 = base64::engine::general_purpose::STANDARD.encode(&self.bytes);
@@ -247,7 +250,9 @@ impl Gltf {
             return json.to_string().into_bytes();
         }
         let mut chunks = Vec::new();
-        for (kind, mut bytes, fill) in [(b"JSON", json.to_string().into_bytes(), b' '), (b"BIN\0", self.bytes.clone(), 0)] {
+        for (kind, mut bytes, fill) in
+            [(b"JSON", json.to_string().into_bytes(), b' '), (b"BIN\0", self.bytes.clone(), 0)]
+        {
             bytes.resize(bytes.len().next_multiple_of(4), fill);
             chunks.extend((bytes.len() as u32).to_le_bytes());
             chunks.extend(kind);
@@ -263,4 +268,44 @@ impl Gltf {
         std::fs::write(&path, self.bytes(name.ends_with(".glb"))).expect("a test file");
         path
     }
+}
+
+/// A file with something of each kind: maps, colours, tangents, mirrored and nested nodes, a light of each type, a camera.
+pub fn everything() -> Gltf {
+    let mut gltf = Gltf::new();
+    let picture =
+        image::RgbaImage::from_fn(4, 4, |x, y| image::Rgba([60 * x as u8, 60 * y as u8, 200, 255 - 50 * x as u8]));
+    let texture = gltf.texture(&picture, json!({"wrapS": 33071, "wrapT": 33648, "magFilter": 9728}));
+    gltf.uses(json!("KHR_texture_transform"));
+    let moved = json!({"KHR_texture_transform": {"offset": [0.1, 0.2], "rotation": 0.5, "scale": [2, 3]}});
+    let mapped = gltf.material(json!({
+        "name": "mapped", "doubleSided": true, "alphaMode": "MASK", "alphaCutoff": 0.4,
+        "pbrMetallicRoughness": {
+            "baseColorFactor": [0.9, 0.8, 1, 0.9], "baseColorTexture": {"index": texture, "extensions": moved},
+            "roughnessFactor": 0.8, "metallicRoughnessTexture": {"index": texture, "texCoord": 1},
+        },
+        "normalTexture": {"index": texture, "scale": 0.5}, "occlusionTexture": {"index": texture, "texCoord": 1, "strength": 0.7},
+    }));
+    let glass = gltf.material(json!({
+        "pbrMetallicRoughness": {"baseColorFactor": [0.1, 0.3, 0.9, 0.25]}, "alphaMode": "BLEND",
+        "emissiveFactor": [0.1, 0.2, 0.3], "emissiveTexture": {"index": texture},
+        "extensions": {"KHR_materials_emissive_strength": {"emissiveStrength": 3}, "KHR_materials_ior": {"ior": 1.5}},
+    }));
+    let mut plate = Shape::plate([-0.8, 0.8], [-0.8, 0.8], 0.0).with_uvs(1, |[u, v]| [v, u]);
+    plate = plate.coloured(|[x, y, _]| [0.5 + 0.5 * x, 0.5 + 0.5 * y, 1.0, 0.8]);
+    plate.tangents = vec![[1.0, 0.0, 0.0, -1.0]; 4];
+    let plate = gltf.mesh(&plate, mapped);
+    let block = gltf.mesh(&Shape::block([-0.3; 3], [0.3; 3]).coloured(|_| [1.0, 0.5, 0.5, 1.0]), glass);
+    let child = gltf.child(json!({"mesh": block, "rotation": [0.5, 0.5, 0.5, 0.5], "scale": [-1, 1, 2]}));
+    gltf.node(json!({"mesh": plate, "children": [child], "translation": [0, 0.1, 0.2]}));
+    gltf.node(json!({"mesh": block, "matrix": [1, 0, 0, 0, 0.2, 1, 0, 0, 0, 0, 1, 0, -0.5, 0.5, 0.5, 1]}));
+    gltf.light(json!({"type": "point", "intensity": 20}), json!({"translation": [0, 1, 2]}));
+    gltf.light(
+        json!({"type": "spot", "intensity": 20, "spot": {"outerConeAngle": 0.5}}),
+        json!({"translation": [1, 1, 2]}),
+    );
+    gltf.light(json!({"type": "directional", "color": [1, 0.9, 0.8]}), json!({"rotation": [0.6, 0, 0, 0.8]}));
+    gltf.json["cameras"] = json!([{"type": "perspective", "perspective": {"yfov": 0.6, "znear": 0.01}}]);
+    gltf.node(json!({"camera": 0, "translation": [0, 0, 4]}));
+    gltf
 }

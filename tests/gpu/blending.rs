@@ -207,7 +207,8 @@ fn masks_cut_what_is_below_their_cutoff() {
     with_gpu(|gpu| {
         for from in SOURCES {
             for (cutoff, samples) in [(None, 1), (Some(0.25), 4), (Some(0.75), 1), (Some(0.0), 1), (Some(1.1), 4)] {
-                let more = cutoff.map_or(json!({"alphaMode": "MASK"}), |c| json!({"alphaMode": "MASK", "alphaCutoff": c}));
+                let more =
+                    cutoff.map_or(json!({"alphaMode": "MASK"}), |c| json!({"alphaMode": "MASK", "alphaCutoff": c}));
                 let scene = loaded(&strips(&shop, from, [0.5; 3], &more), 0.0);
                 let seen = see(gpu, &scene, Look { shading: Shading::BaseColor, samples, ..Look::default() });
                 for column in 0..COLUMNS {

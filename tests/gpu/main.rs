@@ -6,6 +6,7 @@
 mod common;
 
 mod blending;
+mod damaged;
 mod draws;
 mod emission;
 mod model_lights;

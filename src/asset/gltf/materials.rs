@@ -277,6 +277,7 @@ impl Reader<'_> {
     fn shine(&self, desc: &mut MaterialDesc) {
         let key = "KHR_materials_unlit";
         self.source.warn_once(key, &format!("{}: {key}: drawn as a light source of its color", self.of));
+        desc.unlit = true;
         desc.emissive = desc.base_color;
         desc.emissive_map = desc.base_color_map.clone();
         desc.base_color = Factor::same(Vec3::ZERO);
