@@ -31,6 +31,8 @@ pub struct MaterialDesc {
     /// sRGB.
     pub emissive_map: Option<MapDesc>,
     pub alpha: AlphaUse,
+    /// Whether colours of vertices multiply alpha by less than 1.
+    pub vertex_alpha: bool,
     /// Whether it is not seen from behind.
     pub culls_backs: bool,
     /// Whether its emission is its colour, which vertices may have, too.
@@ -135,6 +137,7 @@ impl MaterialDesc {
             metallic_map: None,
             emissive_map: None,
             alpha: AlphaUse::Opaque,
+            vertex_alpha: false,
             culls_backs: false,
             unlit: false,
             guesses: Vec::new(),

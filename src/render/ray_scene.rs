@@ -17,7 +17,7 @@ use crate::reference::octahedral::pack_frame;
 use crate::scene::atlas::steps;
 use crate::scene::bvh::{Bvh, BvhTriangle};
 use crate::scene::lightmap_texels::{LightmapTexels, Sides, sides};
-use crate::scene::{GeometryView, Instance, Mesh, Scene, Vertex};
+use crate::scene::{GeometryView, Instance, Material, Mesh, Scene, Vertex};
 
 /// The upper bits of a triangle's material, the same as in `glsl/bvh.glsl`: it is alpha-tested; its back is never seen.
 const MASKED: u32 = 1 << 31;
@@ -95,7 +95,8 @@ impl LazyRayScene {
             emission: scene.materials.iter().map(|material| material.emissive_factor.element_sum()).collect(),
             has_textures: !scene.textures.is_empty(),
             has_emissive_maps: scene.materials.iter().any(|material| material.emissive_map.is_some()),
-            has_extras: geometry.meshes.iter().any(|mesh| mesh.vertices.iter().any(VertexExtraBlock::is_needed)),
+            has_extras: scene.materials.iter().any(Material::takes_second_uv)
+                || geometry.meshes.iter().any(|mesh| mesh.vertices.iter().any(VertexExtraBlock::is_needed)),
             cameras: scene.cameras.iter().map(|camera| camera.position).collect(),
             lamps: scene.lights.iter().map(|lamp| lamp.position).collect(),
             texture_sets: Arc::clone(texture_sets),

@@ -60,7 +60,7 @@ impl SceneResources {
         let features = SceneFeatures::of(scene, settings.model, settings.viewpoint);
         let blends: Vec<bool> = scene.materials.iter().map(|material| material.blends).collect();
         let clusters = clusters(geometry.meshes, geometry.instances, &blends);
-        let buffers = Geometry::new(gpu, &clusters)?;
+        let buffers = Geometry::new(gpu, &clusters, scene.materials.iter().any(Material::takes_second_uv))?;
         let mut variants = Variants::default();
         let mut drawn = |i: usize| {
             let MaterialFeatures { blends, alpha_mask, .. } = features.materials[i];

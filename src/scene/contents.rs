@@ -107,6 +107,13 @@ pub struct MaterialSource {
     pub guesses: Vec<String>,
 }
 
+impl Material {
+    /// Whether a map is looked up by second texture coordinates.
+    pub fn takes_second_uv(&self) -> bool {
+        self.lookups.iter().any(|lookup| lookup.second_uv)
+    }
+}
+
 /// How a map is looked up.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub struct Lookup {

@@ -62,7 +62,8 @@ pub fn load(path: &Path, options: &LoadOptions, report: &Report) -> Result<Scene
         _ => return Err(Error::Usage(format!("{}: a scene is a .toml, .gltf, .glb or .obj file", path.display()))),
     };
     let (mut environment, panorama) = environment(path, &description, options, report)?;
-    let models = Models::load(&description.models, report)?;
+    let mut models = Models::load(&description.models, report)?;
+    models.find_vertex_alpha();
     let (mut materials, textures) = material::build(&models.materials, &options.textures, report);
     if models.meshes.iter().any(|mesh| mesh.material == materials.len()) {
         materials.push(material::default_material());
@@ -218,6 +219,15 @@ impl Models {
         models.meshes = submeshes.into_par_iter().map(mesh).collect();
         progress.finish_and_clear();
         Ok(models)
+    }
+
+    /// Tells materials of vertices that make them less opaque.
+    fn find_vertex_alpha(&mut self) {
+        for mesh in self.meshes.iter().filter(|mesh| mesh.has_alpha()) {
+            if let Some(material) = self.materials.get_mut(mesh.material) {
+                material.vertex_alpha = true;
+            }
+        }
     }
 
     /// Adds what a model has to the world, with its first mesh's index.

@@ -95,6 +95,8 @@ impl Plan<'_> {
         let alpha = match self.desc.alpha {
             AlphaUse::Guessed => Alpha::Guessed,
             AlphaUse::Opaque => Alpha::Opaque,
+            // What is cut out depends on all of the map's alpha.
+            AlphaUse::Mask(_) if self.desc.vertex_alpha => Alpha::Blend,
             AlphaUse::Mask(cutoff) => Alpha::Mask(cutoff.to_bits()),
             AlphaUse::Blend => Alpha::Blend,
         };
@@ -173,8 +175,9 @@ impl Plan<'_> {
             metallic_range: ranges[2].map(|value| value * metallic),
             roughness_range: ranges[1].map(|value| value * own_roughness),
             occludes: ranges[0][0] < 1.0,
-            alpha_cutoff: self.alpha_cutoff().filter(|_| uses_alpha),
-            blends: desc.alpha == AlphaUse::Blend && (uses_alpha || desc.opacity < 1.0),
+            // Above 1 all of it is a hole.
+            alpha_cutoff: self.alpha_cutoff().filter(|cutoff| uses_alpha || desc.vertex_alpha || *cutoff > 1.0),
+            blends: desc.alpha == AlphaUse::Blend && (uses_alpha || desc.vertex_alpha || desc.opacity < 1.0),
             culls_backs: desc.culls_backs,
             vertex_colours: false,
             unlit: desc.unlit,

@@ -53,6 +53,11 @@ impl Mesh {
         self.vertices.iter().any(|vertex| vertex.colour != WHITE)
     }
 
+    /// Whether some vertex has an alpha below 1.
+    pub fn has_alpha(&self) -> bool {
+        self.vertices.iter().any(|vertex| vertex.colour[3] != WHITE[3])
+    }
+
     /// A ball of `rows` by `2 rows` quadrilaterals about the origin; rounding separates the two sides of its seam.
     pub fn ball(rows: u32, radius: f32) -> Self {
         let columns = 2 * rows;

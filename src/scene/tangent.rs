@@ -17,8 +17,7 @@ pub fn mesh(submesh: &Submesh, material: usize) -> Mesh {
     let tangents = tangents(submesh);
     let mut vertices: Vec<Vertex> = Vec::new();
     let mut known: HashMap<[u32; 18], u32> = HashMap::with_capacity(submesh.corners.len() / 3);
-    let plain = CornerExtra::default();
-    let extras = submesh.extras.iter().chain(std::iter::repeat(&plain));
+    let extras = submesh.extras.iter().map(Some).chain(std::iter::repeat(None));
     let indices = submesh.corners.iter().zip(tangents).zip(extras).map(|((corner, tangent), extra)| {
         let vertex = vertex(corner, tangent, extra);
         *known.entry(bytemuck::cast(vertex)).or_insert_with(|| {
@@ -31,15 +30,16 @@ pub fn mesh(submesh: &Submesh, material: usize) -> Mesh {
     Mesh { name: submesh.name.clone(), vertices, indices, material, bounds }
 }
 
-fn vertex(corner: &Corner, tangent: Vec4, extra: &CornerExtra) -> Vertex {
+fn vertex(corner: &Corner, tangent: Vec4, extra: Option<&CornerExtra>) -> Vertex {
+    let colour = extra.map_or(Vec4::ONE, |extra| extra.colour);
     Vertex {
         position: corner.position.to_array(),
         normal: corner.normal.to_array(),
         uv: [corner.uv.x, 1.0 - corner.uv.y],
         tangent: tangent.to_array(),
         lightmap_uv: [0.0; 2],
-        uv1: if *extra == CornerExtra::default() { [0.0; 2] } else { [extra.uv1.x, 1.0 - extra.uv1.y] },
-        colour: extra.colour.to_array().map(|c| (c.clamp(0.0, 1.0) * 65535.0).round() as u16),
+        uv1: extra.map_or([0.0; 2], |extra| [extra.uv1.x, 1.0 - extra.uv1.y]),
+        colour: colour.to_array().map(|c| (c.clamp(0.0, 1.0) * 65535.0).round() as u16),
     }
 }
 

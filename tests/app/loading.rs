@@ -11,7 +11,7 @@ use pbr_vr::asset::{Panorama, Report, Texture};
 use pbr_vr::scene::{self, LoadOptions, Scene};
 use pbr_vr::{Error, Result};
 
-use crate::common::scenes;
+use crate::common::{gltf, scenes};
 
 /// Numbers that look random and are the same in every run (Marsaglia, "Xorshift RNGs", 2003).
 struct Random(u64);
@@ -51,6 +51,11 @@ fn torture(name: &str, bytes: &[u8], steps: usize, load: impl Fn(&Path) -> Resul
         let end = if random.below(2) == 0 { changed.len().min(400) } else { changed.len() };
         for _ in 0..=random.below(4) {
             let at = random.below(end);
+            // Another number may be as harmful as it is well formed.
+            if changed[at].is_ascii_digit() && random.below(4) > 0 {
+                changed[at] = b'0' + random.below(10) as u8;
+                continue;
+            }
             changed[at] = match random.below(3) {
                 0 => interesting[random.below(interesting.len())],
                 1 => changed[at] ^ (1 << random.below(8)),
@@ -73,7 +78,7 @@ fn check(scene: &Scene) {
         assert!(mesh.material < scene.materials.len() && mesh.indices.len() % 3 == 0);
         assert!(mesh.indices.iter().all(|i| (*i as usize) < mesh.vertices.len()));
         for v in &mesh.vertices {
-            let all = [&v.position[..], &v.normal, &v.uv, &v.tangent].concat();
+            let all = [&v.position[..], &v.normal, &v.uv, &v.uv1, &v.tangent].concat();
             assert!(all.iter().all(|x| x.is_finite()), "{v:?}");
             let (n, t) = (glam::Vec3::from(v.normal), glam::Vec4::from(v.tangent));
             assert!((n.length() - 1.0).abs() < 1e-3 && (t.truncate().length() - 1.0).abs() < 1e-2, "{v:?}");
@@ -81,7 +86,7 @@ fn check(scene: &Scene) {
         }
     }
     for material in &scene.materials {
-        let maps = [material.base_color_map, material.normal_map, material.orm_map];
+        let maps = [material.base_color_map, material.normal_map, material.orm_map, material.emissive_map];
         assert!(maps.into_iter().flatten().all(|map| map < scene.textures.len()));
     }
     for texture in &scene.textures {
@@ -181,6 +186,13 @@ fn damaged_models() {
         beside(path);
         load_scene(path)
     });
+}
+
+#[test]
+fn damaged_gltf_models() {
+    let file = gltf::everything();
+    torture("a.gltf", &file.bytes(false), 250, load_scene);
+    torture("a.glb", &file.bytes(true), 250, load_scene);
 }
 
 #[test]
@@ -294,6 +306,8 @@ fn test_scenes() {
         ("crytek-sponza/sponza.obj", 262_267, 25, &[]),
         ("gltf-targets/NormalTangentTest/obj/NormalTangentTest.obj", 7_774, 1, &[]),
         ("gltf-targets/NormalTangentMirrorTest/obj/NormalTangentMirrorTest.obj", 5_240, 1, &[]),
+        ("gltf-targets/NormalTangentTest/NormalTangentTest.gltf", 7_774, 1, &[]),
+        ("gltf-targets/NormalTangentMirrorTest/NormalTangentMirrorTest.gltf", 5_240, 1, &[]),
     ] {
         let (start, report) = (Instant::now(), Report::silent());
         let options = LoadOptions {

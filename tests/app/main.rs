@@ -13,6 +13,7 @@ mod bake;
 mod cache;
 mod causes;
 mod cli;
+mod exporters;
 mod ladder;
 mod loading;
 mod measure;

@@ -1,6 +1,8 @@
 //! Small scenes and renders that the end-to-end tests share.
 #![allow(dead_code)]
 
+pub mod colour;
+pub mod gltf;
 pub mod headset;
 pub mod light;
 pub mod room;

@@ -5,7 +5,12 @@
 #[path = "../common/mod.rs"]
 mod common;
 
+mod blending;
+mod damaged;
 mod draws;
+mod emission;
+mod model_lights;
+mod models;
 mod reference;
 mod shadows;
 mod hands;
@@ -22,4 +27,5 @@ mod stability_walk;
 mod steady_state;
 mod sun;
 mod tangents;
+mod texture_settings;
 mod transport;

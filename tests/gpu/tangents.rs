@@ -7,10 +7,15 @@ use pbr_vr::render::Shading;
 #[test]
 fn normal_mapped_cells_look_like_real_geometry() {
     let Some(folder) = scenes("the normal and tangent test models") else { return };
-    for (name, bowls) in [("NormalTangentTest", 30), ("NormalTangentMirrorTest", 40)] {
+    for (name, file, bowls) in [
+        ("NormalTangentTest", "obj/NormalTangentTest.obj", 30),
+        ("NormalTangentMirrorTest", "obj/NormalTangentMirrorTest.obj", 40),
+        ("NormalTangentTest", "NormalTangentTest.gltf", 30),
+        ("NormalTangentMirrorTest", "NormalTangentMirrorTest.gltf", 40),
+    ] {
         let shop = Workshop::new();
         shop.panorama("sky.exr", 16, |_| [0.0; 3]);
-        let model = folder.join("gltf-targets").join(name).join("obj").join(format!("{name}.obj"));
+        let model = folder.join("gltf-targets").join(name).join(file);
         let text = format!(
             "environment = {{ panorama = \"sky.exr\" }}\n[[model]]\nfile = {:?}\n\
              [[camera]]\nname = \"front\"\nposition = [0, 0, 30]\ntarget = [0, 0, 0]\nvertical_fov_degrees = 5.5\n",
@@ -20,13 +25,13 @@ fn normal_mapped_cells_look_like_real_geometry() {
         let options = PictureOptions { shading: Shading::Normal, size: [920, 868], ..PictureOptions::default() };
         let picture = &shop.render(&scene, &options)[0];
         let found = patches(picture);
-        assert_eq!(found.len(), bowls, "{name}");
+        assert_eq!(found.len(), bowls, "{file}");
         for patch in &found {
             let (across, down) = patch.agreement(picture);
             // 1 is a perfect sphere; an axis the wrong way round is near −1, swapped axes near 0.
             assert!(
                 across > 0.9 && down > 0.9,
-                "{name}, bowl at {:?}: {across:.3} across, {down:.3} down",
+                "{file}, bowl at {:?}: {across:.3} across, {down:.3} down",
                 patch.centre()
             );
         }

@@ -22,11 +22,12 @@ pub struct Geometry {
 }
 
 impl Geometry {
-    /// Uploads the clusters; returns one range per cluster, in their order.
+    /// Uploads the clusters; returns one range per cluster, in their order. `second_uv`: second texture coordinates are read,
+    /// be they 0 everywhere.
     ///
     /// # Errors
     /// Too many vertices or indices for 32 bits or for the GPU's memory.
-    pub fn new(gpu: &Arc<Gpu>, clusters: &[Cluster]) -> Result<Self> {
+    pub fn new(gpu: &Arc<Gpu>, clusters: &[Cluster], second_uv: bool) -> Result<Self> {
         let mut ranges = Vec::with_capacity(clusters.len());
         let (mut first_vertices, mut vertex, mut index) = (Vec::with_capacity(clusters.len()), 0, 0);
         for cluster in clusters {
@@ -42,7 +43,8 @@ impl Geometry {
         }
         let vertices: Vec<PackedVertex> =
             clusters.par_iter().flat_map_iter(|c| c.vertices.iter().map(PackedVertex::from)).collect();
-        let has_extras = clusters.par_iter().any(|cluster| cluster.vertices.iter().any(VertexExtraBlock::is_needed));
+        let is_needed = |cluster: &Cluster| cluster.vertices.iter().any(VertexExtraBlock::is_needed);
+        let has_extras = second_uv || clusters.par_iter().any(is_needed);
         let extra = |cluster: &Cluster| cluster.vertices.iter().map(VertexExtraBlock::from).collect::<Vec<_>>();
         let extras: Vec<VertexExtraBlock> = match has_extras {
             true => clusters.par_iter().flat_map_iter(extra).collect(),

@@ -1,0 +1,285 @@
+//! Alpha of models: opaque, masked and blended surfaces, and colours of vertices, against what they must give exactly.
+
+use glam::DVec3;
+use image::{Rgba, RgbaImage};
+use pbr_vr::render::{LightModel, Shading};
+use serde_json::{Value, json};
+
+use crate::common::Workshop;
+use crate::common::colour::{Look, assert_near, front, loaded, loaded_with_warnings, look, see};
+use crate::common::gltf::{Gltf, Shape};
+use crate::common::stage::with_gpu;
+
+/// A surface that emits a colour and reflects nothing.
+fn glowing(colour: [f64; 3], alpha: f64) -> Value {
+    json!({
+        "pbrMetallicRoughness": {"baseColorFactor": [0, 0, 0, alpha], "metallicFactor": 1, "roughnessFactor": 1},
+        "emissiveFactor": colour, "alphaMode": "BLEND", "doubleSided": true,
+    })
+}
+
+/// A dull dielectric of a base color and an alpha.
+fn painted(colour: [f64; 4], mode: &str) -> Value {
+    json!({
+        "pbrMetallicRoughness": {"baseColorFactor": colour, "metallicFactor": 0, "roughnessFactor": 1},
+        "alphaMode": mode, "doubleSided": true,
+    })
+}
+
+fn over(near: [f64; 3], alpha: f64, behind: DVec3) -> DVec3 {
+    DVec3::from(near) * alpha + behind * (1.0 - alpha)
+}
+
+const RED: [f64; 3] = [0.9, 0.1, 0.0];
+const GREEN: [f64; 3] = [0.05, 0.8, 0.2];
+const BLUE: [f64; 3] = [0.1, 0.2, 0.6];
+
+/// A red pane and a green one before a blue wall.
+fn panes(shop: &Workshop, red_first: bool, red_z: f32) -> std::path::PathBuf {
+    let mut gltf = Gltf::new();
+    let mut show = |colour, alpha, z| {
+        let material = gltf.material(glowing(colour, alpha));
+        gltf.show(&Shape::plate([-1.5, 1.5], [-1.5, 1.5], z), material);
+    };
+    show(BLUE, 1.0, -1.0);
+    if red_first {
+        show(RED, 0.4, red_z);
+        show(GREEN, 0.7, -red_z);
+    } else {
+        show(GREEN, 0.7, -red_z);
+        show(RED, 0.4, red_z);
+    }
+    gltf.write(shop, "panes.gltf")
+}
+
+#[test]
+fn panes_cover_each_other_by_distance_whatever_their_order() {
+    let shop = Workshop::new();
+    with_gpu(|gpu| {
+        for (red_first, red_z) in [(true, 0.5), (true, -0.5), (false, 0.5), (false, -0.5)] {
+            let scene = loaded(&panes(&shop, red_first, red_z), 0.0);
+            let [red, green] = [|behind| over(RED, 0.4, behind), |behind| over(GREEN, 0.7, behind)];
+            let want = if red_z > 0.0 { red(green(BLUE.into())) } else { green(red(BLUE.into())) };
+            for (samples, eyes) in [(1, vec![front()]), (4, vec![front()]), (4, front().stereo(0.063).to_vec())] {
+                let case = format!("red first {red_first}, at {red_z}, {samples} samples, {} eyes", eyes.len());
+                for seen in look(gpu, &scene, &eyes, Look { samples, ..Look::default() }) {
+                    for pixel in &seen.pixels {
+                        assert_near(&case, *pixel, want, 0.0, 2e-3);
+                    }
+                }
+            }
+        }
+    });
+}
+
+#[test]
+fn the_reference_covers_by_chance_as_much_as_pictures_do() {
+    let shop = Workshop::new();
+    with_gpu(|gpu| {
+        for (light, red_z) in [(LightModel::Open, 0.5), (LightModel::Baked, -0.5)] {
+            let scene = loaded(&panes(&shop, true, red_z), 0.0);
+            let picture = see(gpu, &scene, Look::default()).about([0.0; 2], 4);
+            let what = Look { light, shading: Shading::Reference, frames: 64, size: [32; 2], ..Look::default() };
+            let mean = see(gpu, &scene, what).mean();
+            // Each sample is one of three colours, so that its standard deviation is below half of their span.
+            let error = 0.5 * 0.9 / f64::from(32 * 32 * 64).sqrt();
+            println!("{light:?}: {mean} ± {error:.5}, picture {picture}");
+            assert_near(&format!("{light:?}"), mean, picture, 4.0 * error, 1e-3);
+        }
+    });
+}
+
+#[test]
+fn what_is_inside_is_seen_between_backs_and_fronts() {
+    let shop = Workshop::new();
+    let mut gltf = Gltf::new();
+    let [wall, glass, ball] = [glowing(BLUE, 1.0), glowing(GREEN, 0.3), glowing(RED, 0.5)].map(|m| gltf.material(m));
+    gltf.show(&Shape::plate([-3.0, 3.0], [-3.0, 3.0], -2.0), wall);
+    // Listed so that nothing is right by chance.
+    gltf.show(&Shape::ball(0.5, 48), ball);
+    gltf.show(&Shape::block([-0.7; 3], [0.7; 3]), glass);
+    let path = gltf.write(&shop, "box.glb");
+    let red = |behind| over(RED, 0.5, behind);
+    let green = |behind| over(GREEN, 0.3, behind);
+    with_gpu(|gpu| {
+        let scene = loaded(&path, 0.0);
+        for (samples, eyes) in [(1, vec![front()]), (4, front().stereo(0.063).to_vec())] {
+            for seen in look(gpu, &scene, &eyes, Look { samples, size: [128; 2], ..Look::default() }) {
+                for point in [[0.0, 0.0], [0.3, 0.0], [-0.2, 0.3], [0.1, -0.35]] {
+                    let want = green(red(red(green(BLUE.into()))));
+                    assert_near(&format!("ball at {point:?}"), seen.about(point, 1), want, 0.0, 2e-3);
+                }
+                for point in [[0.56, 0.56], [-0.57, 0.0], [0.0, 0.56]] {
+                    assert_near("box alone", seen.about(point, 1), green(green(BLUE.into())), 0.0, 2e-3);
+                }
+                assert_near("wall alone", seen.about([0.96, -0.97], 1), BLUE.into(), 0.0, 1e-3);
+            }
+        }
+    });
+}
+
+/// Eight columns whose alpha grows from left to right, of texels or of vertices.
+const COLUMNS: u32 = 8;
+
+fn alpha_of(column: u32) -> f64 {
+    (f64::from(column) * 36.0).round() / 255.0
+}
+
+fn columns(alpha: impl Fn(u32) -> u8) -> RgbaImage {
+    RgbaImage::from_fn(COLUMNS * 8, 8, |x, _| Rgba([255, 255, 255, alpha(x / 8)]))
+}
+
+/// Where alpha comes from.
+#[derive(Clone, Copy, Debug)]
+enum From {
+    Texture,
+    Factor,
+    Vertices,
+    /// The product of a texture, a factor and vertices.
+    All,
+}
+
+/// A strip for each column, before a black sky. Base color is `colour`.
+fn strips(shop: &Workshop, from: From, colour: [f64; 3], more: &Value) -> std::path::PathBuf {
+    let mut gltf = Gltf::new();
+    let sampler = json!({"wrapS": 33071, "wrapT": 33071});
+    let picture = match from {
+        From::Texture => Some(columns(|c| (alpha_of(c) * 255.0).round() as u8)),
+        From::All => Some(columns(|_| 204)),
+        _ => None,
+    };
+    let texture = picture.map(|picture| gltf.texture(&picture, sampler));
+    for column in 0..COLUMNS {
+        let alpha = alpha_of(column);
+        let (factor, vertex) = match from {
+            From::Texture => (1.0, None),
+            From::Factor => (alpha, None),
+            From::Vertices => (1.0, Some(alpha)),
+            From::All => (0.9, Some(alpha)),
+        };
+        let [r, g, b] = colour;
+        let mut material = painted([r, g, b, factor], "OPAQUE");
+        if let Some(texture) = texture {
+            material["pbrMetallicRoughness"]["baseColorTexture"] = json!({"index": texture});
+        }
+        more.as_object().into_iter().flatten().for_each(|(key, value)| material[key] = value.clone());
+        let material = gltf.material(material);
+        let x0 = column as f32 / COLUMNS as f32;
+        let mut shape = Shape::plate([2.0 * x0 - 1.0, 2.0 * x0 - 0.75], [-1.0, 1.0], 0.0);
+        shape = shape.with_uvs(0, |[u, v]| [x0 + u / COLUMNS as f32, v]);
+        if let Some(alpha) = vertex {
+            shape = shape.coloured(|_| [1.0, 1.0, 1.0, alpha as f32]);
+        }
+        gltf.show(&shape, material);
+    }
+    gltf.write(shop, "strips.gltf")
+}
+
+/// The alpha that a column has in all.
+fn whole_alpha(from: From, column: u32) -> f64 {
+    if matches!(from, From::All) { 0.8 * 0.9 * alpha_of(column) } else { alpha_of(column) }
+}
+
+const SOURCES: [From; 4] = [From::Texture, From::Factor, From::Vertices, From::All];
+
+fn middle(column: u32) -> [f64; 2] {
+    [(f64::from(column) + 0.5) / f64::from(COLUMNS) * 2.0 - 1.0, 0.1]
+}
+
+#[test]
+fn opaque_surfaces_ignore_alpha() {
+    let shop = Workshop::new();
+    with_gpu(|gpu| {
+        for from in SOURCES {
+            let scene = loaded(&strips(&shop, from, [0.5, 0.25, 0.75], &json!({})), 0.0);
+            let seen = see(gpu, &scene, Look { shading: Shading::BaseColor, ..Look::default() });
+            for column in 0..COLUMNS {
+                let want = DVec3::new(0.5, 0.25, 0.75);
+                assert_near(&format!("{from:?} {column}"), seen.about(middle(column), 2), want, 1e-3, 0.0);
+            }
+        }
+    });
+}
+
+#[test]
+fn masks_cut_what_is_below_their_cutoff() {
+    let shop = Workshop::new();
+    with_gpu(|gpu| {
+        for from in SOURCES {
+            for (cutoff, samples) in [(None, 1), (Some(0.25), 4), (Some(0.75), 1), (Some(0.0), 1), (Some(1.1), 4)] {
+                let more =
+                    cutoff.map_or(json!({"alphaMode": "MASK"}), |c| json!({"alphaMode": "MASK", "alphaCutoff": c}));
+                let scene = loaded(&strips(&shop, from, [0.5; 3], &more), 0.0);
+                let seen = see(gpu, &scene, Look { shading: Shading::BaseColor, samples, ..Look::default() });
+                for column in 0..COLUMNS {
+                    let alpha = whole_alpha(from, column);
+                    let want = if alpha < cutoff.unwrap_or(0.5) { 0.0 } else { 0.5 };
+                    let case = format!("{from:?}, cutoff {cutoff:?}, alpha {alpha}");
+                    assert_near(&case, seen.about(middle(column), 1), DVec3::splat(want), 1e-3, 0.0);
+                }
+            }
+        }
+    });
+}
+
+#[test]
+fn blended_surfaces_take_alpha_from_texture_factor_and_vertices() {
+    let shop = Workshop::new();
+    with_gpu(|gpu| {
+        for from in SOURCES {
+            let scene = loaded(&strips(&shop, from, [0.5, 0.25, 0.75], &json!({"alphaMode": "BLEND"})), 0.0);
+            let seen = see(gpu, &scene, Look { shading: Shading::BaseColor, ..Look::default() });
+            for column in 0..COLUMNS {
+                let want = DVec3::new(0.5, 0.25, 0.75) * whole_alpha(from, column);
+                assert_near(&format!("{from:?} {column}"), seen.about(middle(column), 1), want, 3e-3, 0.0);
+            }
+        }
+    });
+}
+
+#[test]
+fn colours_of_vertices_multiply_base_color() {
+    let shop = Workshop::new();
+    let mut gltf = Gltf::new();
+    let grey = RgbaImage::from_fn(2, 2, |x, _| Rgba(if x == 0 { [188, 188, 188, 255] } else { [255, 188, 188, 255] }));
+    let texture = gltf.texture(&grey, json!({"magFilter": 9728}));
+    let mut material = painted([0.5, 1.0, 0.8, 1.0], "OPAQUE");
+    material["pbrMetallicRoughness"]["baseColorTexture"] = json!({"index": texture});
+    let material = gltf.material(material);
+    let colour = |x: f64, y: f64| DVec3::new(0.5 + 0.4 * x, 0.5 - 0.3 * y, 0.25);
+    let shape = Shape::plate([-1.0, 1.0], [-1.0, 1.0], 0.0);
+    let shape = shape.coloured(|[x, y, _]| colour(x.into(), y.into()).as_vec3().extend(1.0).into());
+    gltf.show(&shape, material);
+    with_gpu(|gpu| {
+        let scene = loaded(&gltf.write(&shop, "colours.gltf"), 1.0);
+        let seen = see(gpu, &scene, Look { shading: Shading::BaseColor, ..Look::default() });
+        let decoded = ((188.0 / 255.0 + 0.055) / 1.055f64).powf(2.4);
+        for (x, y) in [(3, 5), (20, 60), (40, 31), (63, 0), (55, 48)] {
+            let at = crate::common::colour::on_plane(x, y, 64, 0.0);
+            let texel = if at.x < 0.0 { DVec3::splat(decoded) } else { DVec3::new(1.0, decoded, decoded) };
+            let want = colour(at.x, at.y) * texel * DVec3::new(0.5, 1.0, 0.8);
+            assert_near(&format!("pixel {x}, {y}"), seen.at(x, y), want, 2e-3, 0.0);
+        }
+    });
+}
+
+#[test]
+fn unlit_surfaces_show_the_colours_of_their_vertices() {
+    let shop = Workshop::new();
+    let mut gltf = Gltf::new();
+    let mut material = painted([0.5, 1.0, 0.8, 1.0], "OPAQUE");
+    material["extensions"] = json!({"KHR_materials_unlit": {}});
+    let material = gltf.material(material);
+    gltf.show(&Shape::plate([-1.0, 0.0], [-1.0, 1.0], 0.0), material);
+    let coloured = Shape::plate([0.0, 1.0], [-1.0, 1.0], 0.0).coloured(|_| [0.5, 0.25, 1.0, 1.0]);
+    gltf.show(&coloured, material);
+    with_gpu(|gpu| {
+        let (scene, warnings) = loaded_with_warnings(&gltf.write(&shop, "unlit.gltf"), 0.3);
+        assert_eq!(warnings.len(), 1, "{warnings:?}");
+        for shading in [Shading::Pbr, Shading::Reference] {
+            let seen = see(gpu, &scene, Look { shading, frames: 4, ..Look::default() });
+            assert_near("plain", seen.about([-0.5, 0.0], 2), DVec3::new(0.5, 1.0, 0.8), 2e-3, 0.0);
+            assert_near("coloured", seen.about([0.5, 0.0], 2), DVec3::new(0.25, 0.25, 0.8), 2e-3, 0.0);
+        }
+    });
+}
