@@ -171,6 +171,8 @@ fn colours_of_positions_are_read_and_absent_ones_are_white() {
     );
     let bytes = "v 0 0 0 255 0 0\nv 1 0 0 0 255 0\nv 0 1 0 0 0 51\nf 1 2 3\n";
     assert_eq!(colours(bytes)[2], [0.0, 0.0, 3.0, 100.0], "of 255");
+    let bright = "v 0 0 0 1.08 0.5 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
+    assert_eq!(colours(bright)[0], [100.0, 21.0, 0.0, 100.0], "clamped");
 }
 
 #[test]

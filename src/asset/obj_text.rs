@@ -129,6 +129,7 @@ impl ObjText {
         };
         counts.is_coloured |= colour != [1.0; 3];
         counts.brightest = colour.into_iter().fold(counts.brightest, f32::max);
+        counts.has_fractions |= colour.iter().any(|c| c.fract() != 0.0);
         let numbers: Vec<f64> = words.iter().take(3).filter_map(|word| word.parse().ok()).collect();
         let Some(position) = <[f64; 3]>::try_from(numbers).ok().map(DVec3::from).filter(|p| p.is_finite()) else {
             // `tobj` says what is wrong with it.
@@ -202,9 +203,10 @@ struct Counts {
     centre: DVec3,
     low: DVec3,
     high: DVec3,
-    /// Whether a position has another colour than white, and the largest number of all colours.
+    /// Whether a position has another colour than white, the largest number of all colours, and whether some is not whole.
     is_coloured: bool,
     brightest: f32,
+    has_fractions: bool,
     /// Multiplies colours, which are written; `None`: they are not.
     colour_scale: Option<f32>,
 }
@@ -221,6 +223,7 @@ impl Default for Counts {
             high,
             is_coloured: false,
             brightest: 0.0,
+            has_fractions: false,
             colour_scale: None,
         }
     }
@@ -234,9 +237,10 @@ impl Counts {
         (extent > 0.0 && reach > FAR * extent).then(|| (0.5 * (self.low + self.high)).round())
     }
 
-    /// What colours are multiplied by, where there are any: those above 1 are bytes.
+    /// What colours are multiplied by, where there are any: whole numbers above 1 are bytes.
     fn colour_scale(&self) -> Option<f32> {
-        self.is_coloured.then_some(if self.brightest > 1.0 { 1.0 / 255.0 } else { 1.0 })
+        let are_bytes = self.brightest > 1.0 && !self.has_fractions;
+        self.is_coloured.then_some(if are_bytes { 1.0 / 255.0 } else { 1.0 })
     }
 
     /// Rejects indices on which `tobj`'s sums would overflow; the others it checks itself.

@@ -45,7 +45,7 @@ pub const HELP: [(&str, &str); 15] = [
     ("V", "vsync, mailbox, immediate"),
     ("P  F12", "write a screenshot"),
     ("F11", "fullscreen (also Alt+Enter)"),
-    ("drop a file", "scene .toml .gltf .glb .obj, panorama .hdr .exr"),
+    ("drop a file", "scene, model, folder, panorama"),
     ("H  Esc", "these keys; quit"),
 ];
 
