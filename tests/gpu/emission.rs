@@ -56,6 +56,8 @@ fn room() -> Gltf {
     walls.normals.iter_mut().flatten().for_each(|c| *c = -*c);
     walls.indices.chunks_exact_mut(3).for_each(|t| t.swap(1, 2));
     gltf.show(&walls, paint);
+    // With it the scene is so large that a coarse lightmap is fine enough.
+    gltf.show(&Shape::plate([0.0, 1e-3], [12.0, 12.001], 0.0), paint);
     gltf
 }
 
