@@ -209,7 +209,8 @@ fn unread(key: &str, value: &str) -> Option<&'static str> {
         // 1 stands for no refraction at all.
         "ni" if index == 1.0 || (1.3..=1.7).contains(&index) => return None,
         "ni" => "another index of refraction than 1.5 is not modelled; dielectrics mirror 4 %",
-        "tf" if !differs_from(1.0) => return None,
+        // Rhino writes 0 where nothing shines through.
+        "tf" if !differs_from(1.0) || !differs_from(0.0) => return None,
         "tf" => "coloured transmission is not modelled",
         "map_ks" => "a colour of highlights is not modelled; dielectrics mirror 4 %, metals their base colour",
         "map_ns" => "exponents of highlights are not read from pictures; give roughness as map_Pr",

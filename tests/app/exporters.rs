@@ -72,12 +72,14 @@ fn blender_without_pbr_keys() {
     let obj = format!("{BLENDER_OBJ}{CORNERS}{UVS}{faces}");
     let expected = Expected {
         triangles: 3,
-        materials: &[("Gold", [0.8, 0.6, 0.2], 1.0, 0.2), ("Wood.001", [1.0; 3], 0.0, 0.5)],
+        materials: &[("Gold", [0.8, 0.6, 0.2], 1.0, 0.2), ("Wood.001", [1.0; 3], 0.0, 1.0)],
         warnings: &[],
     };
     let scene = check(&shop, &obj, BLENDER_MTL, &expected);
     let wood = &scene.materials[1];
     assert!(wood.base_color_map.is_some() && wood.normal_map.is_some());
+    // Its map of normals comes with one of roughness.
+    assert_eq!(wood.roughness_range, [0.5; 2]);
     assert!(wood.blends && wood.opacity == 0.25 && !scene.materials[0].blends);
     assert_eq!(
         (wood.emissive_factor.to_array(), scene.materials[0].emissive_factor.to_array()),
@@ -128,7 +130,7 @@ fn maya() {
             ("glassSG", [0.5, 0.6, 0.7], 0.0, 0.5),
             ("initialShadingGroup", [0.5; 3], 0.0, 0.5),
         ],
-        warnings: &["a.mtl:14: Tf: ", "a.mtl: material blinn1SG: Kd 0 "],
+        warnings: &["a.mtl:14: Tf: ", "a.mtl:6: map_Kd E:/projects/", "a.mtl: material blinn1SG: Kd 0 "],
     };
     let scene = check(&shop, &obj, mtl, &expected);
     assert!(scene.materials[0].base_color_map.is_some());
@@ -155,7 +157,7 @@ fn studio_max() {
     let expected = Expected {
         triangles: 3,
         materials: &[("wire_088144225", [0.3451, 0.5647, 0.8824], 0.0, 0.4925), ("01___Default", [0.588; 3], 0.0, 1.0)],
-        warnings: &[],
+        warnings: &["a.mtl:26: map_Kd C:\\Users\\Some One\\Wood.png: found as Wood.png"],
     };
     let scene = check(&shop, obj, mtl, &expected);
     let wood = &scene.materials[1];
@@ -177,8 +179,8 @@ fn transparency_of_old_exporters() {
         warnings: &[],
     };
     let scene = check(&shop, &format!("mtllib a.mtl\n{CORNERS}{faces}"), mtl, &expected);
-    let opacities: Vec<_> = scene.materials.iter().map(|m| (m.blends, m.opacity)).collect();
-    assert_eq!(opacities, [(true, 0.4), (false, 1.0), (false, 1.0)]);
+    let opacities: Vec<_> = scene.materials.iter().map(|m| (m.blends, (100.0 * m.opacity).round())).collect();
+    assert_eq!(opacities, [(true, 40.0), (false, 100.0), (false, 100.0)]);
 }
 
 #[test]

@@ -283,3 +283,38 @@ fn unlit_surfaces_show_the_colours_of_their_vertices() {
         }
     });
 }
+
+/// Shadows of masked and of half-transparent panes, whose alpha comes from vertices, beside the reference.
+#[test]
+fn panes_let_through_what_they_do_not_cover() {
+    let shop = Workshop::new();
+    for (mode, alpha) in [("BLEND", 0.4), ("MASK", 0.4), ("MASK", 0.6), ("OPAQUE", 0.4)] {
+        let mut gltf = Gltf::new();
+        let floor = gltf.material(painted([0.5, 0.5, 0.5, 1.0], "OPAQUE"));
+        gltf.show(&Shape::plate([-1.2, 1.2], [-1.2, 1.2], 0.0), floor);
+        let pane = gltf.material(painted([0.5, 0.5, 0.5, 1.0], mode));
+        // Beside the picture, between the lamp and the picture's right half.
+        let pane_shape = Shape::plate([1.5, 2.75], [-1.5, 1.5], 2.5).coloured(|_| [1.0, 1.0, 1.0, alpha]);
+        gltf.show(&pane_shape, pane);
+        gltf.light(json!({"type": "point", "intensity": 60.0}), json!({"translation": [4, 0, 5]}));
+        let path = gltf.write(&shop, "shadow.gltf");
+        with_gpu(|gpu| {
+            let scene = loaded(&path, 0.0);
+            let what = Look { light: LightModel::Direct, size: [48; 2], ..Look::default() };
+            let seen = see(gpu, &scene, what);
+            let exact = see(gpu, &scene, Look { shading: Shading::Reference, frames: 48, ..what });
+            let open = see(gpu, &scene, Look { light: LightModel::Open, ..what });
+            let share = match mode {
+                "BLEND" => 1.0 - f64::from(alpha),
+                "MASK" => f64::from(u8::from(alpha < 0.5)),
+                _ => 0.0,
+            };
+            let point = [0.1, 0.0];
+            let whole = open.about(point, 6).x;
+            let (got, want) = (seen.about(point, 6).x, exact.about(point, 6).x);
+            println!("{mode} {alpha}: {:.4}, exact {:.4}, wanted {share}", got / whole, want / whole);
+            assert!((got / whole - share).abs() < 0.04, "{mode} {alpha}: {}", got / whole);
+            assert!((want / whole - share).abs() < 0.03, "{mode} {alpha}, reference: {}", want / whole);
+        });
+    }
+}

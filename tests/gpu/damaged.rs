@@ -34,7 +34,7 @@ fn what_can_be_loaded_can_be_drawn() {
     let good = everything().bytes(false);
     let (mut state, mut drawn) = (0x2545_f491_4f6c_dd1d, 0);
     with_gpu(|gpu| {
-        for number in 0..80 {
+        for number in 0..16 {
             let path = shop.path("a.gltf");
             let bytes = if number == 0 { good.clone() } else { changed(&good, &mut state) };
             std::fs::write(&path, bytes).expect("a file");
@@ -48,5 +48,5 @@ fn what_can_be_loaded_can_be_drawn() {
         }
     });
     println!("{drawn} drawn");
-    assert!(drawn > 20, "{drawn}");
+    assert!(drawn > 6, "{drawn}");
 }

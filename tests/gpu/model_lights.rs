@@ -16,14 +16,20 @@ use crate::common::stage::with_gpu;
 const BASE: f64 = 0.5;
 const COLOUR: [f64; 3] = [1.0, 0.5, 0.25];
 
-/// A dull plane at z = 0 under one light.
-fn plane(shop: &Workshop, light: Value, node: Value) -> std::path::PathBuf {
+/// A dull plane at z = 0.
+fn plane_alone() -> Gltf {
     let mut gltf = Gltf::new();
     let material = gltf.material(json!({
         "pbrMetallicRoughness": {"baseColorFactor": [BASE, BASE, BASE, 1], "metallicFactor": 0, "roughnessFactor": 1},
         "doubleSided": true,
     }));
     gltf.show(&Shape::plate([-3.0, 3.0], [-3.0, 3.0], 0.0), material);
+    gltf
+}
+
+/// The same under one light.
+fn plane(shop: &Workshop, light: Value, node: Value) -> std::path::PathBuf {
+    let mut gltf = plane_alone();
     gltf.light(light, node);
     gltf.write(shop, "light.gltf")
 }
@@ -61,9 +67,10 @@ fn spot_share(cosine: f64, inner: f64, outer: f64) -> f64 {
     linear * linear
 }
 
-const LOOKS: [(LightModel, Shading); 5] = [
+const LOOKS: [(LightModel, Shading); 6] = [
     (LightModel::Open, Shading::Pbr),
     (LightModel::Direct, Shading::Pbr),
+    (LightModel::Baked, Shading::Pbr),
     (LightModel::Open, Shading::Reference),
     (LightModel::Direct, Shading::Reference),
     (LightModel::Baked, Shading::Reference),
@@ -142,4 +149,30 @@ fn a_directional_light_has_its_irradiance() {
     let want = |point: DVec3| dull.radiance(point, l, 2.0 * PI);
     // As wide as four texels of the panorama; the reference draws it at random, and `Open` by maps of the whole panorama.
     assert_lit("directional", light, json!({"rotation": turn.to_array()}), want, 0.03);
+}
+
+/// One of them is the panorama's sun; the other remains a part of the panorama.
+#[test]
+fn two_directional_lights_add_up() {
+    let dull = Dull::new();
+    let turns = [DQuat::from_rotation_y(0.6), DQuat::from_rotation_x(-0.8)];
+    let shop = Workshop::new();
+    let mut gltf = plane_alone();
+    for (turn, intensity) in turns.iter().zip([3.0, 1.5]) {
+        let light = json!({"type": "directional", "color": COLOUR, "intensity": intensity});
+        gltf.light(light, json!({"rotation": turn.to_array()}));
+    }
+    let path = gltf.write(&shop, "suns.gltf");
+    with_gpu(|gpu| {
+        let scene = loaded(&path, 0.0);
+        for light in [LightModel::Open, LightModel::Direct] {
+            let seen = see(gpu, &scene, Look { light, ..Look::default() });
+            for (x, y) in [(5, 9), (32, 32), (50, 20)] {
+                let point = on_plane(x, y, 64, 0.0).extend(0.0);
+                let [a, b] = turns.map(|turn| turn * DVec3::Z);
+                let want = dull.radiance(point, a, 3.0) + dull.radiance(point, b, 1.5);
+                assert_near(&format!("{light:?} at {point}"), seen.at(x, y), want, 0.0, 0.03);
+            }
+        }
+    });
 }
