@@ -249,7 +249,8 @@ impl Check<'_> {
             } else {
                 String::new()
             };
-            return Err(self.error(key, name, format!("there is no file {}{remedy}", path.display())));
+            let place = shortened(&path.display().to_string(), MAX_MESSAGE);
+            return Err(self.error(key, name, format!("there is no file {place}{remedy}")));
         }
         Ok(path)
     }

@@ -61,7 +61,7 @@ pub fn load(path: &Path, options: &LoadOptions, report: &Report) -> Result<Scene
         Some("obj" | "gltf" | "glb") => only_model(path),
         _ => return Err(Error::Usage(format!("{}: a scene is a .toml, .gltf, .glb or .obj file", path.display()))),
     };
-    let (mut environment, panorama) = environment(path, &description, options, report)?;
+    let (environment, panorama) = environment(path, &description, options, report)?;
     let mut models = Models::load(&description.models, report)?;
     models.find_vertex_alpha();
     let (mut materials, textures) = material::build(&models.materials, &options.textures, report);
@@ -73,7 +73,6 @@ pub fn load(path: &Path, options: &LoadOptions, report: &Report) -> Result<Scene
     }
     let mut lights = description.lights.clone();
     lights.extend(model_lights::point_lights(&models.lights));
-    model_lights::add_directional(&mut environment, &models.lights);
     let mut cameras = description.cameras.clone();
     add_cameras(&mut cameras, &models.cameras);
     let mut scene = Scene {
@@ -89,6 +88,8 @@ pub fn load(path: &Path, options: &LoadOptions, report: &Report) -> Result<Scene
         exposure_ev: description.exposure_ev,
     };
     let bounds = scene.bounds();
+    model_lights::warn_of_units(&models.lights, bounds, &scene.environment.panorama, report);
+    model_lights::add_directional(&mut scene.environment, &models.lights);
     let reach = bounds.min.abs().max(bounds.max.abs()).max_element();
     if bounds != Bounds::EMPTY && reach > MAX_LENGTH {
         return Err(Error::Broken {

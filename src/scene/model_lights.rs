@@ -1,14 +1,19 @@
 //! Lights of model files in a scene: point lights beside its own, directional ones as suns of its panorama.
 
+use std::f32::consts::PI;
+
 use glam::{Quat, Vec3};
 
-use super::{Environment, PointLight};
-use crate::asset::Panorama;
+use super::{Bounds, Environment, PointLight};
 use crate::asset::model::ModelLight;
+use crate::asset::{Panorama, Report};
 use crate::reference::cube::panorama_texel_solid_angle;
 
 /// A panorama that gets a sun is at least this wide, in texels.
 const LEAST_WIDTH: u32 = 1024;
+/// Lights that give this many times as much as the panorama are taken to have another unit; the sun gives about ten times as
+/// much as a blue sky.
+const BRIGHTER: f32 = 100.0;
 
 /// The point and spot lights among them.
 pub fn point_lights(lights: &[ModelLight]) -> impl Iterator<Item = PointLight> {
@@ -16,6 +21,40 @@ pub fn point_lights(lights: &[ModelLight]) -> impl Iterator<Item = PointLight> {
         ModelLight::Point { position, intensity, cone } => Some(PointLight { position, intensity, radius: 0.0, cone }),
         ModelLight::Directional { .. } => None,
     })
+}
+
+/// Warns where lights are so much brighter than the panorama that they come from a program with other units: many export
+/// lamps in candela and lux, 683 times as many as watts, beside emission and panoramas that have no unit.
+pub fn warn_of_units(lights: &[ModelLight], bounds: Bounds, panorama: &Panorama, report: &Report) {
+    let radius = bounds.radius().max(f32::MIN_POSITIVE);
+    let irradiance = |light: &ModelLight| match light {
+        ModelLight::Point { intensity, .. } => intensity.max_element() / (radius * radius),
+        ModelLight::Directional { irradiance, .. } => irradiance.max_element(),
+    };
+    let brightest = lights.iter().map(irradiance).fold(0.0, f32::max);
+    let sky = PI * mean_radiance(panorama);
+    let stops = (sky / brightest).log2().round();
+    if sky > 0.0 && brightest > BRIGHTER * sky {
+        report.warn(format!(
+            "its lights are {:.0} times as bright as the panorama; if they were exported in candela and lux, try --exposure {stops}",
+            brightest / sky
+        ));
+    }
+}
+
+/// The largest channel's mean over the sphere, of some of the texels.
+fn mean_radiance(panorama: &Panorama) -> f32 {
+    let size = [panorama.width, panorama.height];
+    let steps = size.map(|side| side.div_ceil(256) as usize);
+    let (mut sum, mut weight) = (Vec3::ZERO, 0.0);
+    for y in (0..size[1]).step_by(steps[1]) {
+        let angle = panorama_texel_solid_angle(y, size) as f32;
+        for x in (0..size[0]).step_by(steps[0]) {
+            sum += angle * Vec3::from(panorama.texels[(y * size[0] + x) as usize]);
+            weight += angle;
+        }
+    }
+    (sum / weight).max_element()
 }
 
 /// Adds the directional lights to the panorama, each as the four texels around its direction, with its irradiance: from
@@ -74,6 +113,23 @@ mod tests {
             assert!(turned.angle_between(towards).to_degrees() < 0.1, "{turned} is not {towards}");
             assert!((sun.irradiance.as_vec3() - irradiance).abs().max_element() < 0.01, "{}", sun.irradiance);
         }
+    }
+
+    #[test]
+    fn lights_in_another_unit_are_warned_of() {
+        let bounds = Bounds { min: Vec3::splat(-1.0), max: Vec3::ONE };
+        let sky = Panorama::uniform(Vec3::ONE);
+        let warnings = |light| {
+            let report = Report::silent();
+            warn_of_units(&[light], bounds, &sky, &report);
+            report.warnings()
+        };
+        let sun = |irradiance| ModelLight::Directional { towards: Vec3::Y, irradiance: Vec3::splat(irradiance) };
+        assert_eq!(warnings(sun(30.0)), [""; 0]);
+        let [warning] = &warnings(sun(3.0 * 683.0))[..] else { panic!("no warning") };
+        assert!(warning.contains("652 times") && warning.ends_with("--exposure -9"), "{warning}");
+        let lamp = ModelLight::Point { position: Vec3::ZERO, intensity: Vec3::splat(1000.0), cone: None };
+        assert_eq!(warnings(lamp).len(), 1);
     }
 
     #[test]
