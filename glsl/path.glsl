@@ -182,9 +182,10 @@ vec3 transported_light(PathPoint p, uvec4 seed)
         if (TRANSPORT == TRANSPORT_ALL && has_lamps && !(first && !is_shown(false)))
             sum += throughput * relayed_light(p, m, world_from_surface, first, pcg4d(seed));
         seed.w += 1u;
-        if (TRANSPORT == TRANSPORT_ALL && emitter_count > 0u && !(first && !is_shown(false)))
+        if (TRANSPORT == TRANSPORT_ALL && emitter_count > 0u && !(first && !is_shown(false))) {
             sum += throughput * emitted_light(p, m, world_from_surface, first, pcg4d(seed));
-        seed.w += 1u;
+            seed.w += 1u;
+        }
         uvec4 bits = pcg4d(seed);
         bool mirrored;
         vec3 l = sample_scatter(m, bits, mirrored);
