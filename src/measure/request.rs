@@ -10,6 +10,7 @@ use crate::asset::shipped;
 use crate::precompute::check_face_size;
 use crate::reference::metrics::PIXELS_PER_DEGREE;
 use crate::scene::is_scene;
+use crate::scene::staging::{Stage, Staging};
 use crate::{Error, Result};
 
 /// The name for all measurements.
@@ -53,9 +54,12 @@ pub struct MeasureRequest {
     /// Pixels in a degree of visual angle for the ladder's FLIP: 67 on a monitor at arm's length, 11 in an HTC Vive.
     #[arg(long, value_name = "N", default_value_t = PIXELS_PER_DEGREE, value_parser = parse_pixels_per_degree)]
     pub pixels_per_degree: f32,
-    /// Measure with this panorama instead of the synthetic and shipped ones; may be repeated.
+    /// Measure with this panorama instead of the synthetic and shipped ones; may be repeated. A single one lights the scenes of
+    /// ladder and causes, too.
     #[arg(long = "panorama", value_name = "FILE")]
     pub panoramas: Vec<PathBuf>,
+    #[command(flatten)]
+    stage: Stage,
     /// Measure this method only; may be repeated.
     #[arg(long = "method", value_name = "NAME")]
     pub methods: Vec<String>,
@@ -68,6 +72,12 @@ pub struct MeasureRequest {
 }
 
 impl MeasureRequest {
+    /// How the scenes of ladder and causes are staged.
+    pub fn staging(&self) -> Staging {
+        let panorama = if let [only] = &self.panoramas[..] { Some(only.clone()) } else { None };
+        Staging { panorama, stage: self.stage.clone(), write_scene: None }
+    }
+
     /// The folder for results.
     pub fn folder(&self) -> &Path {
         self.output.as_deref().unwrap_or(Path::new("."))
@@ -100,6 +110,9 @@ impl MeasureRequest {
         check_names("method", self.methods.iter(), methods)?;
         check_names("kind of setting", self.settings.iter(), settings)?;
         self.sizes.iter().try_for_each(|size| check_face_size(*size))?;
+        if self.wants("ladder") && self.panoramas.len() > 1 {
+            return Err(Error::Usage("a ladder is measured with one --panorama".into()));
+        }
         if self.judge.is_some() && self.panoramas.len() != 1 {
             return Err(Error::Usage("--judge needs the one --panorama that its maps were made from".into()));
         }
@@ -107,7 +120,8 @@ impl MeasureRequest {
         let (both, pictures) = (["precompute", "causes"].as_slice(), ["ladder", "causes"].as_slice());
         for (given, flag, users) in [
             (!self.scenes().is_empty(), "a scene", pictures),
-            (!self.panoramas.is_empty(), "--panorama", both),
+            (!self.panoramas.is_empty(), "--panorama", [both, ladder].concat().as_slice()),
+            (self.stage != Stage::default(), "a flag of the scene", pictures),
             (!self.sizes.is_empty(), "--size", both),
             (!self.methods.is_empty(), "--method", precompute),
             (self.judge.is_some(), "--judge", precompute),

@@ -100,7 +100,8 @@ impl ModelText {
     fn new(model: &ModelFile, name: &impl Fn(&Path) -> Result<String>) -> Result<Self> {
         let (scale, rotation, translation) = model.world_from_local.to_scale_rotation_translation();
         let (x, y, z) = rotation.to_euler(EulerRot::XYZ);
-        let rotation_degrees = [x, y, z].map(f32::to_degrees);
+        // Not −0.
+        let rotation_degrees = [x, y, z].map(|angle| angle.to_degrees() + 0.0);
         Ok(Self { file: name(&model.file)?, translation: translation.into(), rotation_degrees, scale: scale.x })
     }
 }

@@ -102,7 +102,7 @@ pub fn load(path: &Path, options: &LoadOptions, report: &Report) -> Result<Scene
     if scene.cameras.is_empty() {
         scene.cameras.push(auto_camera(scene.bounds()));
     }
-    options.staging.apply(&mut scene, description.floor)?;
+    options.staging.stage.apply(&mut scene, description.floor)?;
     if let Some(file) = &options.staging.write_scene {
         description_text::write(file, &described(description, panorama, &options.staging, &scene))?;
     }
@@ -156,7 +156,13 @@ fn described(from: Description, panorama: Option<PathBuf>, staging: &Staging, sc
     let first = &scene.cameras[0];
     let mut cameras = vec![first.clone()];
     cameras.extend(from.cameras.into_iter().filter(|camera| camera.name != first.name));
-    Description { environment, exposure_ev: scene.exposure_ev, floor: from.floor || staging.floor, cameras, ..from }
+    Description {
+        environment,
+        exposure_ev: scene.exposure_ev,
+        floor: from.floor || staging.stage.floor,
+        cameras,
+        ..from
+    }
 }
 
 /// The environment, and the file of its panorama.
@@ -176,7 +182,7 @@ fn environment(
         }
     };
     let own_rotation = description.environment.as_ref().map_or(0.0, |e| e.rotation_degrees);
-    let rotation_degrees = options.staging.rotation.unwrap_or(own_rotation);
+    let rotation_degrees = options.staging.stage.rotation.unwrap_or(own_rotation);
     Ok((Environment { panorama, rotation_degrees }, file.cloned()))
 }
 

@@ -1,6 +1,7 @@
 //! Tests of whole scenes made of tiny files.
 
 use super::*;
+use crate::scene::staging::Stage;
 
 const OBJ: &str = "mtllib m.mtl\nv -1 0 -1\nv 1 0 -1\nv 0 2 1\no a\nusemtl red\nf 1 2 3\no b\nusemtl gone\nf 3 2 1\n";
 
@@ -62,10 +63,7 @@ fn models_are_staged_as_asked_and_written_down() {
     let written = folder.path().join("written.toml");
     let staging = Staging {
         panorama: Some(folder.path().join("sky.hdr")),
-        exposure: Some(1.5),
-        rotation: Some(30.0),
-        camera: Some("40,20,5".into()),
-        floor: true,
+        stage: Stage { exposure: Some(1.5), rotation: Some(30.0), camera: Some("40,20,5".into()), floor: true },
         write_scene: Some(written.clone()),
     };
     let options = LoadOptions { staging, ..LoadOptions::default() };

@@ -24,6 +24,16 @@ pub struct Staging {
     /// A panorama to light the scene by, .hdr or .exr; that of the scene, or one of the program's, if left out.
     #[arg(long, value_name = "FILE")]
     pub panorama: Option<PathBuf>,
+    #[command(flatten)]
+    pub stage: Stage,
+    /// Write a scene description that gives what these flags give, and is seen by the same camera.
+    #[arg(long, value_name = "FILE")]
+    pub write_scene: Option<PathBuf>,
+}
+
+/// What a command line says of a loaded scene.
+#[derive(Args, Clone, Debug, Default, PartialEq)]
+pub struct Stage {
     /// Exposure in stops.
     #[arg(long, value_name = "EV", allow_negative_numbers = true, value_parser = parse_exposure)]
     pub exposure: Option<f32>,
@@ -37,9 +47,6 @@ pub struct Staging {
     /// Put a grey floor under the models.
     #[arg(long)]
     pub floor: bool,
-    /// Write a scene description that gives what these flags give, and is seen by the same camera.
-    #[arg(long, value_name = "FILE")]
-    pub write_scene: Option<PathBuf>,
 }
 
 /// A view of a point from around it.
@@ -79,7 +86,7 @@ impl Orbit {
     }
 }
 
-impl Staging {
+impl Stage {
     /// Puts a loaded scene on stage; its environment has been chosen before. The camera becomes the first. `has_floor`:
     /// whether there is a floor in any case.
     ///
@@ -163,8 +170,12 @@ mod tests {
         load(&path, &LoadOptions { staging, ..LoadOptions::default() }, &Report::silent())
     }
 
+    fn staged(stage: Stage) -> Staging {
+        Staging { stage, ..Staging::default() }
+    }
+
     fn camera(name: &str) -> Staging {
-        Staging { camera: Some(name.into()), ..Staging::default() }
+        staged(Stage { camera: Some(name.into()), ..Stage::default() })
     }
 
     const TWO: &str = "[[camera]]\nname = \"a\"\nposition = [0, 0, 5]\ntarget = [0, 0, 0]\n\
@@ -188,7 +199,8 @@ mod tests {
 
     #[test]
     fn a_floor_lies_under_everything_and_frames_nothing() {
-        let [without, with] = [false, true].map(|floor| loaded("", Staging { floor, ..Staging::default() }).unwrap());
+        let [without, with] =
+            [false, true].map(|floor| loaded("", staged(Stage { floor, ..Stage::default() })).unwrap());
         assert_eq!(with.cameras, without.cameras);
         assert_eq!((with.bounds().min.y, with.triangles()), (2.0, without.triangles() + 2));
         assert_eq!(with.materials[with.meshes[1].material].name, "floor");
@@ -198,7 +210,8 @@ mod tests {
     fn numbers_take_the_place_of_the_descriptions() {
         let plain = loaded("", Staging::default()).unwrap();
         assert_eq!((plain.exposure_ev, plain.environment.rotation_degrees), (1.0, 0.0));
-        let scene = loaded("", Staging { exposure: Some(-2.0), rotation: Some(30.0), ..Staging::default() }).unwrap();
+        let scene =
+            loaded("", staged(Stage { exposure: Some(-2.0), rotation: Some(30.0), ..Stage::default() })).unwrap();
         assert_eq!((scene.exposure_ev, scene.environment.rotation_degrees), (-2.0, 30.0));
         assert!(parse_exposure("101").is_err() && parse_exposure("NaN").is_err() && parse_finite("inf").is_err());
     }

@@ -12,6 +12,7 @@ use crate::reference::brdf::Geometry;
 use crate::reference::table::SplitSum;
 use crate::render::{FRAME_BYTES, LightDetail, LightModel, Renderer, Shading, TextureSettings};
 use crate::scene::Model;
+use crate::scene::staging::Stage;
 
 const SIZE: [u32; 2] = [48, 32];
 /// Longer than any request takes on a busy machine.
@@ -351,7 +352,11 @@ fn panoramas_stay_with_models_that_name_none_and_the_first_scene_keeps_its_stage
     let [forest, sunset] = ["forest.exr", "sunset.exr"].map(|name| assets.join("panoramas").join(name));
     with_gpu(|gpu| {
         let mut desk = Desk::new(gpu, settings());
-        let staging = Staging { panorama: Some(forest.clone()), exposure: Some(2.0), ..Staging::default() };
+        let staging = Staging {
+            panorama: Some(forest.clone()),
+            stage: Stage { exposure: Some(2.0), ..Stage::default() },
+            ..Staging::default()
+        };
         desk.app.open_first(&path, staging);
         assert_eq!(desk.settle(), [1, 0]);
         assert_eq!((desk.shown().panorama.as_ref(), desk.shown().exposure_ev), (Some(&forest), 2.0));

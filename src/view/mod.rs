@@ -28,7 +28,7 @@ pub use bake::{BAKED, BakeFacts, BakeRequest, bake};
 pub use bake_scene::{SceneBakeFacts, bake_scene};
 pub use compare::{CompareRequest, compare};
 pub use headset::{HiddenAreaV, PROBE_SUBCOMMAND, answer_probe};
-pub use loader::load_scene;
+pub use loader::{load_scene, load_staged};
 pub use needs::{NeedsRequest, needs};
 pub use render::{RenderFacts, RenderRequest, picture_files, render};
 pub use request::{Mirror, On, ViewRequest};

@@ -9,7 +9,7 @@ use pbr_vr::asset::picture::{Picture, compare};
 use pbr_vr::precompute::Cache;
 use pbr_vr::render::{LightModel, RenderSettings, TextureSettings};
 use pbr_vr::scene::Model;
-use pbr_vr::scene::staging::Staging;
+use pbr_vr::scene::staging::{Stage, Staging};
 use pbr_vr::view::{RenderFacts, RenderRequest, render};
 
 /// A floor that recedes, with a base color, a normal and a roughness map of `side` by `side - 3` texels: no multiple of 4.
@@ -54,7 +54,7 @@ impl Floor {
         let output = self.shop.path("out.png");
         let request = RenderRequest {
             size: [96, 64],
-            staging: Staging { camera: Some(camera.into()), ..Staging::default() },
+            staging: Staging { stage: Stage { camera: Some(camera.into()), ..Stage::default() }, ..Staging::default() },
             // All levels, whatever this camera could do without.
             settings: RenderSettings {
                 model: Model::Everything,

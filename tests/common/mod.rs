@@ -24,7 +24,7 @@ use pbr_vr::reference::energy::Scattering;
 use pbr_vr::reference::table::SplitSum;
 use pbr_vr::render::{LightModel, RenderSettings, Shading};
 use pbr_vr::scene::Model;
-use pbr_vr::scene::staging::Staging;
+use pbr_vr::scene::staging::{Stage, Staging};
 use pbr_vr::view::{RenderRequest, render};
 
 /// A folder for one test's files.
@@ -73,7 +73,10 @@ impl Workshop {
         let output = self.path(options.file);
         let request = RenderRequest {
             size: options.size,
-            staging: Staging { camera: options.camera.map(str::to_owned), ..Staging::default() },
+            staging: Staging {
+                stage: Stage { camera: options.camera.map(str::to_owned), ..Stage::default() },
+                ..Staging::default()
+            },
             stereo: options.stereo,
             frames: Some(options.frames),
             settings: RenderSettings {

@@ -45,7 +45,7 @@ pub fn run(request: &MeasureRequest, context: &Context) -> Result<()> {
     }
     bar.finish_and_clear();
     for path in request.scenes_or(&SCENES)? {
-        let subject = Subject::new(context, &path, picture::Detail { size, ..detail })?;
+        let subject = Subject::new(context, &path, &request.staging(), picture::Detail { size, ..detail })?;
         subject.measure(&mut keep)?;
         subject.measure_light(&mut keep)?;
     }

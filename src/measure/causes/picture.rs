@@ -17,7 +17,8 @@ use crate::reference::table::SplitSum;
 use crate::reference::tone::{display_bytes, display_light, srgb_bytes};
 use crate::render::{Eye, LightModel, Output, RenderSettings, Shading, TextureSettings};
 use crate::scene::Scene;
-use crate::view::load_scene;
+use crate::scene::staging::Staging;
+use crate::view::load_staged;
 use crate::{Error, Result};
 
 /// Sizes and numbers of samples.
@@ -57,11 +58,11 @@ pub struct Subject<'a> {
 
 impl<'a> Subject<'a> {
     /// Loads a scene, as its first camera sees it.
-    pub fn new(context: &'a Context, path: &Path, detail: Detail) -> Result<Self> {
+    pub fn new(context: &'a Context, path: &Path, staging: &Staging, detail: Detail) -> Result<Self> {
         let Context { gpu, cache, report } = context;
         let load = |storage| {
             let textures = TextureOptions { storage, cache: cache.clone(), ..TextureOptions::default() };
-            load_scene(path, &textures, report)
+            load_staged(path, staging.clone(), &textures, report)
         };
         let (mut compressed, raw) = (load(Storage::Bc)?, load(Storage::Raw)?);
         // What a GPU would read of the blocks, where there is none that does, or where each read takes ten times as long.

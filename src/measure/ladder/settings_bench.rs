@@ -15,7 +15,8 @@ use crate::render::{Output, RenderSettings};
 use crate::scene::Scene;
 use crate::scene::needs::lightmap::{LightmapNeed, lightmap_need};
 use crate::scene::needs::resolution::Viewpoint;
-use crate::view::load_scene;
+use crate::scene::staging::Staging;
+use crate::view::load_staged;
 
 /// A scene, its default configuration, and its reference picture.
 pub struct SettingsBench<'a> {
@@ -23,6 +24,7 @@ pub struct SettingsBench<'a> {
     path: &'a Path,
     pub shot: Shot,
     budget: Budget,
+    staging: Staging,
     /// By how their textures are stored.
     scenes: Vec<(Storage, Scene)>,
     default: Bench,
@@ -37,18 +39,20 @@ impl<'a> SettingsBench<'a> {
     pub fn new(context: &'a Context, path: &'a Path, request: &MeasureRequest) -> Result<Self> {
         let (size, half, seconds) = if request.full { ([1280, 720], 64, 10) } else { ([384, 216], 16, 2) };
         let size = request.picture.unwrap_or(size);
-        let raw = load_scene(path, &textures(&context.gpu).options(context), &context.report)?;
+        let staging = request.staging();
+        let options = textures(&context.gpu).options(context);
+        let raw = load_staged(path, staging.clone(), &options, &context.report)?;
         let (eye, exposure_ev) = (first_eye(&raw, size), raw.exposure_ev);
         let shot = Shot { eye, size, exposure_ev, pixels_per_degree: request.pixels_per_degree };
         let settings = settings_of(context, shot, RenderSettings::default());
         let reference = Reference::new(context, shot, &raw, &settings, half)?;
         let mut scenes = vec![(Storage::Raw, raw)];
-        let scene = stored(context, &mut scenes, path, &settings)?;
+        let scene = stored(context, &mut scenes, (path, &staging), &settings)?;
         let mut bakes = Bakes::new(path);
         let (default, _) = bakes.bench(context, scene, settings.clone(), shot)?;
         let budget = Budget { least: 5, seconds };
         let known = Vec::new();
-        Ok(Self { context, path, shot, budget, scenes, default, known, bakes, reference })
+        Ok(Self { context, path, staging, shot, budget, scenes, default, known, bakes, reference })
     }
 
     /// Draws with these flags, interleaved with the default, and judges the picture; `None` for flags that mean the same
@@ -56,7 +60,7 @@ impl<'a> SettingsBench<'a> {
     pub fn measure(&mut self, dimension: &str, flags: &str) -> Result<Option<Config>> {
         let shot = self.shot;
         let settings = settings_of(self.context, shot, settings::options(flags)?);
-        let scene = stored(self.context, &mut self.scenes, self.path, &settings)?;
+        let scene = stored(self.context, &mut self.scenes, (self.path, &self.staging), &settings)?;
         let settings = without_what_is_chosen_anyway(scene, settings);
         if self.known.contains(&settings) {
             return Ok(None);
@@ -101,14 +105,14 @@ fn settings_of(context: &Context, shot: Shot, settings: RenderSettings) -> Rende
 fn stored<'a>(
     context: &Context,
     scenes: &'a mut Vec<(Storage, Scene)>,
-    path: &Path,
+    (path, staging): (&Path, &Staging),
     settings: &RenderSettings,
 ) -> Result<&'a Scene> {
     let textures = settings.textures.options(context);
     let index = match scenes.iter().position(|(storage, _)| *storage == textures.storage) {
         Some(index) => index,
         None => {
-            scenes.push((textures.storage, load_scene(path, &textures, &Report::silent())?));
+            scenes.push((textures.storage, load_staged(path, staging.clone(), &textures, &Report::silent())?));
             scenes.len() - 1
         }
     };
