@@ -18,10 +18,9 @@ layout(RAY_EMITTERS, scalar) readonly buffer Emitters {
 
 // Light of one point for another one.
 struct EmitterLight {
-    vec3 l;         // unit vector to it
-    float distance; // metres
-    float area;     // solid angle per area
-    float density;  // of such points per area
+    vec3 l;        // unit vector to it
+    float area;    // solid angle per area
+    float density; // of such points per area
     vec3 radiance;
 };
 
@@ -56,7 +55,6 @@ bool emitter_light(PathPoint p, vec2 u, out EmitterLight light)
     vec3 place = hit.weights.x * triangle.a + hit.weights.y * triangle.b + hit.weights.z * triangle.c;
     vec3 to = (frame.world_from_models * vec4(place, 1.0)).xyz - p.position;
     hit.t = length(to);
-    light.distance = hit.t;
     light.l = to / max(hit.t, TINY);
     PathPoint there = ray_point(hit, light.l);
     float cosine = -dot(there.side, light.l), rounding = p.rounding + there.rounding;
@@ -66,8 +64,7 @@ bool emitter_light(PathPoint p, vec2 u, out EmitterLight light)
     // Points of one plane do not light each other, whatever rounding makes of them.
     if (dot(p.s.n, light.l) <= 0.0 || dot(p.side, to) <= rounding || cosine * hit.t <= rounding || light.radiance == vec3(0.0))
         return false;
-    bool masked = (triangle.material_and_flags & BVH_MASKED) != 0u;
-    if (masked && is_hole(hit))
+    if ((triangle.material_and_flags & BVH_MASKED) != 0u && is_hole(hit))
         return false;
     return trace_ray(ray_origin(p), light.l, hit.t - 2.0 * rounding, true).t < 0.0;
 }

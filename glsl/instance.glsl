@@ -26,7 +26,7 @@ struct VertexExtra {
     uvec2 colour; // four fractions of 65535
 };
 
-// `flags`: colours of vertices count; alpha is coverage; bit i from the third on: map i is looked up by the second texture
+// `flags`: colours of vertices count; alpha is coverage; from the third bit on for each map: it is looked up by the second texture
 // coordinates; colours of vertices count for emission. Maps are base color, normal, ORM and emission.
 const uint MATERIAL_VERTEX_COLOURS = 1;
 const uint MATERIAL_BLENDS = 2;
