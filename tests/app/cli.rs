@@ -154,13 +154,14 @@ fn bad_usage_is_status_2() {
     }
     fails(folder.path(), &["some.toml"], 2, &["view some.toml"]);
     for (name, flag, value) in [
-        ("ladder", "--panorama", "nope.hdr"),
+        ("furnace", "--panorama", "nope.hdr"),
         ("panoramas", "--tolerance", "0.1"),
         ("furnace", "--picture", "8x8"),
         ("causes", "--method", "ours"),
     ] {
         fails(folder.path(), &["measure", name, "-o", "m", flag, value], 2, &[flag]);
     }
+    fails(folder.path(), &["measure", "furnace", "-o", "m", "--exposure", "1"], 2, &["a flag of the scene"]);
     fails(folder.path(), &["render", &scene, "-o", "x.bmp"], 2, &["x.bmp", ".png", ".exr"]);
     fails(folder.path(), &["render", "scene.fbx", "-o", "x.png"], 2, &["scene.fbx", ".toml", ".obj"]);
     fails(folder.path(), &["render", &scene, "-o", "x.png", "--camera", "nadir"], 2, &["nadir", "front"]);
