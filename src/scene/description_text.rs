@@ -138,8 +138,8 @@ mod tests {
     fn what_is_written_is_read_again() {
         let folder = tempfile::tempdir().unwrap();
         let at = |name: &str| folder.path().join(name);
-        std::fs::create_dir(at("models \"é\"")).unwrap();
-        let file = at("models \"é\"/a.obj");
+        std::fs::create_dir(at("models 'é'")).unwrap();
+        let file = at("models 'é'/a.obj");
         std::fs::write(&file, "").unwrap();
         std::fs::write(at("sky.exr"), "").unwrap();
         let turn = Quat::from_euler(EulerRot::XYZ, 0.3, -1.2, 2.5);
