@@ -1,9 +1,19 @@
 //! Triangles as model files give them: unindexed corners, before vertices are shared and tangents computed.
 
-use glam::{Vec2, Vec3, Vec4};
+use glam::{DVec3, Vec2, Vec3, Vec4};
 
 /// Of positions: beyond this, or below its inverse, products of lengths leave the range of f32.
 pub const MAX_COORDINATE: f32 = 1e9;
+
+/// The largest coordinate over the model's extent from which f32 leaves fewer than 13 bits of it.
+const FAR: f64 = 2048.0;
+
+/// The middle of a box around all positions, if it is so far from the origin for its size that f32 would distort the model.
+pub fn far_centre(low: DVec3, high: DVec3) -> Option<DVec3> {
+    let extent = (high - low).max_element();
+    let reach = low.abs().max(high.abs()).max_element();
+    (extent > 0.0 && reach > FAR * extent).then(|| (0.5 * (low + high)).round())
+}
 
 /// Triangles of one object with one material.
 #[derive(Clone, Debug)]

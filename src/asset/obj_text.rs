@@ -9,13 +9,12 @@ use std::path::Path;
 use glam::DVec3;
 
 use super::file;
+use super::mesh::far_centre;
 use crate::error::{MAX_QUOTED, shortened};
 use crate::{Error, Result};
 
 /// 1.5 GB of corners. The thesis's largest scene has 262,267.
 const MAX_TRIANGLES: usize = 16 << 20;
-/// The largest coordinate over the model's extent from which f32 leaves fewer than 13 bits of it.
-const FAR: f64 = 2048.0;
 
 /// The lines of a file that `tobj` needs, after one additional line: the others are empty, so that line numbers stay.
 pub struct ObjText {
@@ -232,9 +231,7 @@ impl Default for Counts {
 impl Counts {
     /// The middle of all positions, if it is so far from the origin that f32 would distort the model.
     fn far_centre(&self) -> Option<DVec3> {
-        let extent = (self.high - self.low).max_element();
-        let reach = self.low.abs().max(self.high.abs()).max_element();
-        (extent > 0.0 && reach > FAR * extent).then(|| (0.5 * (self.low + self.high)).round())
+        far_centre(self.low, self.high)
     }
 
     /// What colours are multiplied by, where there are any: whole numbers above 1 are bytes.

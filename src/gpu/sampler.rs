@@ -77,20 +77,15 @@ impl Sampler {
     /// Creates a trilinear sampler that takes up to `anisotropy` samples along a slanted footprint, where the GPU can;
     /// 1 for isotropic filtering.
     pub fn new(gpu: &Arc<Gpu>, name: &str, address: AddressMode, anisotropy: u32) -> Result<Arc<Self>> {
-        let most = gpu.max_anisotropy.filter(|_| anisotropy > 1).map(|most| most.min(anisotropy as f32));
-        let info =
-            info(vk::Filter::LINEAR, address).anisotropy_enable(most.is_some()).max_anisotropy(most.unwrap_or(1.0));
-        Self::create(gpu, name, &info)
+        Self::create(gpu, name, &anisotropic(gpu, info(vk::Filter::LINEAR, address), anisotropy))
     }
 
     /// Creates a sampler for a material's map, with its own address mode along u and along v; `nearest`: magnified texels are
     /// squares.
     pub fn of_material(gpu: &Arc<Gpu>, [u, v]: [AddressMode; 2], nearest: bool, anisotropy: u32) -> Result<Arc<Self>> {
-        let most = gpu.max_anisotropy.filter(|_| anisotropy > 1).map(|most| most.min(anisotropy as f32));
         let magnified = if nearest { vk::Filter::NEAREST } else { vk::Filter::LINEAR };
         let info = info(vk::Filter::LINEAR, u).address_mode_v(v.raw()[1]).mag_filter(magnified);
-        let info = info.anisotropy_enable(most.is_some()).max_anisotropy(most.unwrap_or(1.0));
-        Self::create(gpu, "material", &info)
+        Self::create(gpu, "material", &anisotropic(gpu, info, anisotropy))
     }
 
     /// Creates a sampler that returns the nearest texel of the nearest mip: for depth images, which not every GPU filters.
@@ -115,6 +110,12 @@ impl Sampler {
         gpu.name(raw, name);
         Ok(Arc::new(Self { gpu: Arc::clone(gpu), raw }))
     }
+}
+
+/// The sampler with up to so many samples along a slanted footprint, where the GPU can.
+fn anisotropic<'a>(gpu: &Gpu, info: vk::SamplerCreateInfo<'a>, samples: u32) -> vk::SamplerCreateInfo<'a> {
+    let most = gpu.max_anisotropy.filter(|_| samples > 1).map(|most| most.min(samples as f32));
+    info.anisotropy_enable(most.is_some()).max_anisotropy(most.unwrap_or(1.0))
 }
 
 fn info(filter: vk::Filter, address: AddressMode) -> vk::SamplerCreateInfo<'static> {

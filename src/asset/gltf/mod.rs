@@ -27,11 +27,8 @@ use self::source::Source;
 use self::views::{PlacedCamera, PlacedLight};
 use crate::Result;
 use crate::asset::Report;
-use crate::asset::mesh::Submesh;
+use crate::asset::mesh::{self, Submesh};
 use crate::asset::model::{Model, ModelCamera, ModelLight, Placement};
-
-/// The largest coordinate over the model's extent from which f32 leaves fewer than 13 bits of it.
-const FAR: f64 = 2048.0;
 
 /// Reads a model as its default scene shows it.
 ///
@@ -78,9 +75,7 @@ fn far_centre(meshes: &Meshes) -> Option<DVec3> {
         let half = x * half.x + y * half.y + z * half.z;
         (low, high) = (low.min(centre - half), high.max(centre + half));
     }
-    let extent = (high - low).max_element();
-    let reach = low.abs().max(high.abs()).max_element();
-    (extent > 0.0 && reach > FAR * extent).then(|| (0.5 * (low + high)).round())
+    mesh::far_centre(low, high)
 }
 
 fn bounds(submesh: &Submesh) -> (DVec3, DVec3) {
