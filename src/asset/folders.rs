@@ -1,4 +1,4 @@
-//! The user's folders for caches and pictures, as Windows and the XDG base directories define them.
+//! The user's folders for caches, settings and pictures, as Windows and the XDG base directories define them.
 
 use std::ffi::OsString;
 use std::path::PathBuf;
@@ -15,6 +15,20 @@ fn caches_of(variable: impl Fn(&str) -> Option<OsString>) -> Option<PathBuf> {
         folder("LOCALAPPDATA")
     } else {
         folder("XDG_CACHE_HOME").or_else(|| folder("HOME").map(|home| home.join(".cache")))
+    }
+}
+
+/// For settings: `%APPDATA%` on Windows, else `$XDG_CONFIG_HOME` or `~/.config`; `None` where the system names no such folder.
+pub fn settings() -> Option<PathBuf> {
+    settings_of(|name| std::env::var_os(name))
+}
+
+fn settings_of(variable: impl Fn(&str) -> Option<OsString>) -> Option<PathBuf> {
+    let folder = absolute(variable);
+    if cfg!(windows) {
+        folder("APPDATA")
+    } else {
+        folder("XDG_CONFIG_HOME").or_else(|| folder("HOME").map(|home| home.join(".config")))
     }
 }
 
@@ -70,6 +84,15 @@ mod tests {
         assert_eq!(caches_of(only(&[("LOCALAPPDATA", local), ("HOME", r"C:\home")])), Some(PathBuf::from(local)));
         assert_eq!(caches_of(only(&[("LOCALAPPDATA", r"here\there")])), None);
         assert_eq!(caches_of(only(&[])), None);
+    }
+
+    #[test]
+    #[cfg(not(windows))]
+    fn settings_are_where_xdg_says() {
+        assert_eq!(settings_of(only(&[("HOME", "/home/me")])), Some("/home/me/.config".into()));
+        let both = [("HOME", "/home/me"), ("XDG_CONFIG_HOME", "/etc/me")];
+        assert_eq!(settings_of(only(&both)), Some("/etc/me".into()));
+        assert_eq!(settings_of(only(&[("XDG_CONFIG_HOME", "relative")])), None);
     }
 
     #[test]

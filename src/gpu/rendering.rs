@@ -3,6 +3,7 @@
 use ash::vk;
 
 use super::commands::{Commands, Cull};
+use super::copies::Rect;
 use super::image::{AttachmentView, ImageAccess};
 
 /// Colour attachments: every GPU allows four.
@@ -165,5 +166,14 @@ impl Commands<'_> {
         record(self);
         // SAFETY: rendering was begun above.
         unsafe { self.device().cmd_end_rendering(self.buffer.raw) };
+    }
+
+    /// Draws only the pixels of a rectangle inside the attachments' area, until `render` ends.
+    pub fn scissor(&mut self, Rect { corner: [x, y], size: [width, height] }: Rect) {
+        // Images have at most 2^15 pixels a side on any GPU.
+        let offset = vk::Offset2D { x: x as i32, y: y as i32 };
+        let area = vk::Rect2D { offset, extent: vk::Extent2D { width, height } };
+        // SAFETY: the command buffer is being recorded; every graphics pipeline has this state dynamic.
+        unsafe { self.device().cmd_set_scissor(self.buffer.raw, 0, &[area]) };
     }
 }

@@ -226,7 +226,7 @@ impl Swapchain {
     }
 
     /// Prepares the acquired image to be drawn into, its content undefined, and returns its view; `end_drawing` comes
-    /// after the draws. An image is either drawn into or copied to, not both.
+    /// after the draws.
     pub fn begin_drawing(&self, commands: &mut Commands<'_>, to: &mut Acquired) -> Result<AttachmentView<'_>> {
         let images = self.current.as_ref().ok_or_else(no_images)?;
         to.first_touch = vk::PipelineStageFlags2::COLOR_ATTACHMENT_OUTPUT;
@@ -237,6 +237,15 @@ impl Swapchain {
         Ok(AttachmentView { raw: images.views[index], layers: 1, of: PhantomData })
     }
 
+    /// The same after `copy_parts`, whose content stays.
+    pub fn begin_drawing_over(&self, commands: &mut Commands<'_>, to: &Acquired) -> Result<AttachmentView<'_>> {
+        let images = self.current.as_ref().ok_or_else(no_images)?;
+        let index = to.index as usize;
+        let over = transition(ImageAccess::CopyTo, ImageAccess::Colour);
+        commands.raw_image_barrier(over.image(images.images[index]).subresource_range(RANGE));
+        Ok(AttachmentView { raw: images.views[index], layers: 1, of: PhantomData })
+    }
+
     /// Transitions the drawn image for presenting.
     pub fn end_drawing(&self, commands: &mut Commands<'_>, to: &Acquired) {
         let Some(images) = &self.current else { return };
@@ -244,14 +253,8 @@ impl Swapchain {
         commands.raw_image_barrier(end.image(images.images[to.index as usize]).subresource_range(RANGE));
     }
 
-    /// Scales one layer of a picture over the whole acquired image; `from` must be prepared for `CopyFrom`.
-    pub fn copy(&self, commands: &mut Commands<'_>, from: &Image, part: Subresource, to: &Acquired) {
-        let whole = [Rect::of(from.mip_size(part.mip)), Rect::of(self.size())];
-        self.copy_parts(commands, from, &[(part, whole)], to);
-    }
-
     /// Scales parts of a picture's layers into parts of the acquired image and leaves the rest black; `from` must be
-    /// prepared for `CopyFrom`.
+    /// prepared for `CopyFrom`. `end_copies` or `begin_drawing_over` comes after it.
     pub fn copy_parts(
         &self,
         commands: &mut Commands<'_>,
@@ -279,9 +282,13 @@ impl Swapchain {
         for (part, rects) in parts {
             commands.blit_raw(from.raw, image, *rects, [layers(part.mip, part.layer), layers(0, 0)]);
         }
-        commands.raw_image_barrier(
-            transition(ImageAccess::CopyTo, ImageAccess::Present).image(image).subresource_range(RANGE),
-        );
+    }
+
+    /// Transitions the image for presenting after `copy_parts`.
+    pub fn end_copies(&self, commands: &mut Commands<'_>, to: &Acquired) {
+        let Some(images) = &self.current else { return };
+        let end = transition(ImageAccess::CopyTo, ImageAccess::Present);
+        commands.raw_image_barrier(end.image(images.images[to.index as usize]).subresource_range(RANGE));
     }
 
     /// Shows a drawn image, whose commands have been submitted.

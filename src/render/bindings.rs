@@ -110,12 +110,11 @@ pub const ACCUMULATE: SetBindings = SetBindings {
 /// The pass that shows the accumulated mean.
 pub const SHOW: SetBindings = SetBindings { set: 1, bindings: &[("SHOW_MEAN", Sampled)] };
 
-/// Text over the picture.
-pub const TEXT: SetBindings = SetBindings { set: 1, bindings: &[("TEXT_FONT", Storage)] };
+/// A texture of the user interface.
+pub const UI: SetBindings = SetBindings { set: 1, bindings: &[("UI_TEXTURE", Sampled)] };
 
 /// All of them.
-pub const ALL: [SetBindings; 10] =
-    [FRAME, SCENE, TEXTURES, RAYS, RAY_TEXTURES, LIGHTMAP, PROBE, ACCUMULATE, SHOW, TEXT];
+pub const ALL: [SetBindings; 10] = [FRAME, SCENE, TEXTURES, RAYS, RAY_TEXTURES, LIGHTMAP, PROBE, ACCUMULATE, SHOW, UI];
 
 /// `bindings.glsl`: a macro per binding.
 pub fn glsl() -> String {

@@ -6,14 +6,13 @@ use super::baked_light::LightState;
 use super::draws::CullOptions;
 use super::eye::Eye;
 use super::gizmos::{ControllerGizmos, GizmoVertex, MAX_GIZMO_VERTICES};
-use super::overlay::MAX_CHARACTERS;
 use super::shared::{EyeBlock, FrameBlock, SunBlock, SunShadowBlock};
 use crate::reference::cube::rotate_y;
 use crate::reference::sun::Sun;
 use crate::scene::Scene;
 
-/// Bytes per frame of a `gpu::FrameRing` for rendering: uniform blocks, gizmos and text, with room for alignment.
-pub const FRAME_BYTES: u64 = (MAX_GIZMO_VERTICES * size_of::<GizmoVertex>() + 4 * MAX_CHARACTERS + 4096) as u64;
+/// Bytes per frame of a `gpu::FrameRing` for rendering: uniform blocks and gizmos, with room for alignment.
+pub const FRAME_BYTES: u64 = (MAX_GIZMO_VERTICES * size_of::<GizmoVertex>() + 4096) as u64;
 
 /// Inputs that may change every frame.
 #[derive(Clone, Copy)]

@@ -2,9 +2,7 @@
 
 use std::sync::Arc;
 
-use super::bindings::{
-    ACCUMULATE, FRAME, LIGHTMAP, PROBE, RAY_TEXTURES, RAYS, SCENE, SHOW, SetBindings, TEXT, TEXTURES,
-};
+use super::bindings::{ACCUMULATE, FRAME, LIGHTMAP, PROBE, RAY_TEXTURES, RAYS, SCENE, SHOW, SetBindings, TEXTURES, UI};
 use crate::Result;
 use crate::gpu::{BindingType, DescriptorSetLayout, Gpu};
 
@@ -58,9 +56,9 @@ pub fn frame(gpu: &Arc<Gpu>) -> Result<DescriptorSetLayout> {
     layout(gpu, "frame", &FRAME)
 }
 
-/// The layout of the text's font.
-pub fn text(gpu: &Arc<Gpu>) -> Result<DescriptorSetLayout> {
-    layout(gpu, "text", &TEXT)
+/// The layout of a texture of the user interface.
+pub fn ui(gpu: &Arc<Gpu>) -> Result<DescriptorSetLayout> {
+    layout(gpu, "interface", &UI)
 }
 
 fn layout(gpu: &Arc<Gpu>, name: &str, set: &SetBindings) -> Result<DescriptorSetLayout> {

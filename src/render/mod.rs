@@ -1,4 +1,4 @@
-//! Draws frames of a scene for N eyes: culling, forward pass or the reference's samples, sky, resolve, text on top.
+//! Draws frames of a scene for N eyes: culling, forward pass or the reference's samples, sky, resolve; and the user interface.
 //!
 //! A new binding is a row in `bindings`, the resource in the set that holds it (for a scene, `bound_scene`), and its
 //! declaration in a shader. Data of one frame need no binding: a pass pushes them and declares `FRAME_STORAGE`. A new pass
@@ -25,7 +25,6 @@ mod lighting;
 mod lightmap;
 mod lightmapped;
 mod output;
-mod overlay;
 mod pace;
 mod pipeline_request;
 mod pipelines;
@@ -54,6 +53,7 @@ mod shared;
 mod shared_gpu_tests;
 mod sun_view;
 mod targets;
+mod ui;
 
 pub use draws::{CullOptions, DrawCounts, Order};
 pub use eye::{Eye, IPD_METRES, NEAR_METRES};
@@ -64,7 +64,6 @@ pub use light_detail::LightDetail;
 pub use lighting::Lighting;
 pub use lightmapped::{LightmapRequest, Lightmapped, is_lightmapped};
 pub use output::Output;
-pub use overlay::Overlay;
 pub use pipeline_request::PipelineRequest;
 pub use pipelines::PassPipelines;
 pub use reference_accumulator::StandardError;
@@ -73,5 +72,6 @@ pub use scene_resources::TextureFacts;
 pub use settings::{Change, LightModel, LightPart, RenderSettings, Shading, TextureSettings};
 pub use shared::MAX_EYES;
 pub use targets::check_size;
+pub use ui::{MAX_TEXTURE_SIDE, UI_BYTES, UiFrame, UiRenderer, UiTarget};
 
 pub use crate::gpu::FRAMES_IN_FLIGHT;

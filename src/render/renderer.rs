@@ -15,7 +15,6 @@ use super::kept_pipelines::KeptPipelines;
 use super::layouts::Layouts;
 use super::lighting::Lighting;
 use super::lightmapped::{LightmapRequest, Lightmapped};
-use super::overlay::Overlay;
 use super::pipeline_request::PipelineRequest;
 use super::pipelines::PassPipelines;
 use super::probes::LocalProbes;
@@ -89,7 +88,7 @@ impl Renderer {
         };
         let scene = BoundScene::new(gpu, &layouts, resources, lighting, baked)?;
         let request = scene.pipeline_request(gpu, &layouts, settings, eyes);
-        let pipelines = PassPipelines::build(&request)?;
+        let pipelines = context.report.time("pipelines", || PassPipelines::build(&request))?;
         kept.save();
         Ok(Self {
             targets: ViewTargets::new(gpu, size, eyes, Detail::of(&request.settings))?,
@@ -237,6 +236,20 @@ impl Renderer {
         Ok(())
     }
 
+    /// Draws coarse pictures from now on, with a quarter of the pixels, or whole ones again; the reference is always whole.
+    ///
+    /// # Errors
+    /// No memory.
+    pub fn set_draft(&mut self, draft: bool) -> Result<()> {
+        self.targets.set_draft(&self.context.gpu, draft && self.reference.is_none())
+    }
+
+    /// Whether the last frame is worth another one even if nothing moves: it was a draft, or light is still computed, or the
+    /// reference averages.
+    pub fn is_unfinished(&self) -> bool {
+        self.targets.is_draft() || self.reference.is_some() || self.light_progress().is_some()
+    }
+
     /// Draws only the upper left `area` pixels of the picture from now on, at most all of them.
     pub fn set_area(&mut self, area: [u32; 2]) {
         let size = self.size();
@@ -357,19 +370,6 @@ impl Renderer {
     /// A failed Vulkan call.
     pub fn keep_light(&mut self) -> Result<()> {
         self.scene.keep_light(&self.context)
-    }
-
-    /// Records text over the finished picture.
-    ///
-    /// # Errors
-    /// A ring with too few bytes.
-    pub fn record_overlay(&self, frame: &mut FrameContext<'_>, overlay: &Overlay) -> Result<()> {
-        let cells = frame.push_bytes(overlay.bytes())?;
-        let set = FrameSet { set: frame.set, block: 0 };
-        frame.commands.pass("text", |commands| {
-            self.targets.draw_over(commands, |commands| overlay.draw(commands, set, cells));
-        });
-        Ok(())
     }
 
     /// Collects the draw calls. Models that are moved together are handled by moving the eyes the opposite way.

@@ -11,6 +11,9 @@ use crate::gpu::{
 };
 use crate::{Error, Result};
 
+/// The sides of a draft relative to the drawn image's.
+const DRAFT_SCALE: f32 = 0.5;
+
 /// The kind and size of a frame's images.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Detail {
@@ -40,6 +43,9 @@ pub struct ViewTargets {
     depth: Arc<Image>,
     /// The drawn image, if it is smaller than the picture.
     small: Option<Arc<Image>>,
+    /// The drawn image of drafts, from the first one on.
+    draft: Option<Arc<Image>>,
+    is_draft: bool,
     pub picture: Arc<Image>,
     /// The part of the picture that is drawn, pixels from the upper left corner.
     pub area: [u32; 2],
@@ -64,6 +70,8 @@ impl ViewTargets {
             samples: multisampled.transpose()?,
             depth: make("depth", drawn, DEPTH_FORMAT, ImageUsageFlags::DEPTH_STENCIL_ATTACHMENT, samples)?,
             small: small.transpose()?,
+            draft: None,
+            is_draft: false,
             picture: make("picture", size, output.format(), picture_usage, 1)?,
             area: size,
         })
@@ -101,12 +109,33 @@ impl ViewTargets {
         pixels(drawn) * (multisampled + u64::from(samples) * depth_bytes + small) + pixels(size) * output.bytes()
     }
 
+    /// Draws coarse pictures from now on, with a quarter of the pixels, or whole ones again. The picture's size stays.
+    pub fn set_draft(&mut self, gpu: &Arc<Gpu>, draft: bool) -> Result<()> {
+        if draft && self.draft.is_none() {
+            let desc = *self.depth.desc();
+            let size = drafted(desc.size);
+            let usage = ImageUsageFlags::COLOR_ATTACHMENT | ImageUsageFlags::TRANSFER_SRC;
+            let flat = ImageDesc::flat(self.detail.output.format(), size, usage);
+            self.draft = Some(Image::new(gpu, "draft", ImageDesc { shape: desc.shape, ..flat })?);
+        }
+        self.is_draft = draft;
+        Ok(())
+    }
+
+    /// Whether coarse pictures are drawn.
+    pub fn is_draft(&self) -> bool {
+        self.is_draft
+    }
+
     /// Clears and draws all eyes at once.
     pub fn render(&self, commands: &mut Commands<'_>, record: impl FnOnce(&mut Commands<'_>)) {
-        let drawn = self.small.as_ref().unwrap_or(&self.picture);
+        let draft = self.draft.as_ref().filter(|_| self.is_draft);
+        let small = draft.or(self.small.as_ref());
+        let drawn = small.unwrap_or(&self.picture);
         commands.prepare_fresh(&self.depth, ImageAccess::Depth);
         commands.prepare_fresh(drawn, ImageAccess::Colour);
         let area = self.detail.drawn(self.area);
+        let area = if draft.is_some() { drafted(area) } else { area };
         let colour = match &self.samples {
             Some(samples) => {
                 commands.prepare_fresh(samples, ImageAccess::Colour);
@@ -116,7 +145,7 @@ impl ViewTargets {
         };
         let depth = Some(DepthAttachment::transient(self.depth.attachment()));
         commands.render(&Attachments { colours: &[colour], depth, area }, record);
-        if let Some(small) = &self.small {
+        if let Some(small) = small {
             commands.prepare(small, ImageAccess::CopyFrom);
             commands.prepare_fresh(&self.picture, ImageAccess::CopyTo);
             commands.scale(small, &self.picture, [Rect::of(area), Rect::of(self.area)]);
@@ -129,6 +158,11 @@ impl ViewTargets {
         let colours = &[ColourAttachment::loaded(self.picture.attachment())];
         commands.render(&Attachments { colours, depth: None, area: self.area }, record);
     }
+}
+
+/// The size of a draft of an image.
+fn drafted(size: [u32; 2]) -> [u32; 2] {
+    size.map(|side| ((side as f32 * DRAFT_SCALE).round() as u32).max(1))
 }
 
 /// Whether pictures of this size can be made here.

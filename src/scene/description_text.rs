@@ -39,6 +39,34 @@ pub fn write(path: &Path, description: &Description) -> Result<()> {
     file::write_atomically(path, text.as_bytes())
 }
 
+/// Adds a camera at the end of a description, whose text stays as it is.
+///
+/// # Errors
+/// [`Error::Usage`] for a model, which has no description, and for a name that is taken; the file cannot be read or
+/// written.
+pub fn append_camera(path: &Path, camera: &Camera) -> Result<()> {
+    let shown = path.display();
+    if path.extension().is_none_or(|extension| !extension.eq_ignore_ascii_case("toml")) {
+        let remedy = "write one with --write-scene, and show that";
+        return Err(Error::Usage(format!("{shown} is a model without a description of cameras; {remedy}")));
+    }
+    if Description::load(path)?.cameras.iter().any(|known| known.name == camera.name) {
+        return Err(Error::Usage(format!("{shown} has a camera {} already; choose another name", camera.name)));
+    }
+    #[derive(Serialize)]
+    struct Cameras {
+        camera: [CameraText; 1],
+    }
+    let unwritable = |error: &dyn std::fmt::Display| Error::Usage(format!("{shown}: {error}"));
+    let block = toml::to_string(&Cameras { camera: [CameraText::new(camera)] }).map_err(|error| unwritable(&error))?;
+    let old = std::fs::read_to_string(path).map_err(Error::read(path))?;
+    let line_end = if old.ends_with('\n') || old.is_empty() { "" } else { "\n" };
+    let text = format!("{old}{line_end}\n{block}");
+    // Cameras may stand in the file in a form that tables cannot be added to.
+    toml::from_str::<toml::Table>(&text).map_err(|error| unwritable(&error.message()))?;
+    file::write_atomically(path, text.as_bytes())
+}
+
 #[derive(Serialize)]
 struct SceneText {
     exposure_ev: f32,
@@ -133,6 +161,33 @@ mod tests {
 
     use super::*;
     use crate::scene::Bounds;
+
+    #[test]
+    fn a_camera_is_added_and_the_rest_of_the_text_stays() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("scene.toml");
+        std::fs::write(folder.path().join("a.obj"), "").unwrap();
+        let before = "# mine\n[[model]]\nfile = \"a.obj\" # a model";
+        std::fs::write(&file, before).unwrap();
+        let camera = |name: &str| Camera {
+            name: name.into(),
+            position: Vec3::new(0.5, 1.0, 2.0),
+            target: Vec3::Y,
+            vertical_fov_degrees: 40.0,
+        };
+        append_camera(&file, &camera("near \"it\"")).unwrap();
+        append_camera(&file, &camera("far")).unwrap();
+        let error = append_camera(&file, &camera("far")).unwrap_err().to_string();
+        assert!(error.contains("another name"), "{error}");
+        let text = std::fs::read_to_string(&file).unwrap();
+        assert!(text.starts_with(before), "{text}");
+        assert_eq!(Description::load(&file).unwrap().cameras, [camera("near \"it\""), camera("far")]);
+        let error = append_camera(&folder.path().join("a.obj"), &camera("a")).unwrap_err().to_string();
+        assert!(error.contains("--write-scene"), "{error}");
+        std::fs::write(&file, "camera = []\n").unwrap();
+        assert!(append_camera(&file, &camera("a")).is_err());
+        assert_eq!(std::fs::read_to_string(&file).unwrap(), "camera = []\n");
+    }
 
     #[test]
     fn what_is_written_is_read_again() {

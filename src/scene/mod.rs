@@ -6,7 +6,7 @@ pub mod bvh;
 mod contents;
 mod culling_bounds;
 pub mod description;
-mod description_text;
+pub mod description_text;
 mod floor;
 pub mod lightmap_texels;
 pub mod load;

@@ -4,73 +4,16 @@
 use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
 
-use glam::Mat4;
-
 use super::loader::{LoadRequest, LoadResult, LoadedScene, Loader, Target, file_name, own_panorama};
 use super::playlist::Playlist;
+use super::shown_scene::ShownScene;
+use crate::asset::Report;
 use crate::context::Context;
-use crate::render::{
-    Change, ControllerGizmos, CullOptions, Eye, FrameInputs, Lighting, Lightmapped, PassPipelines, RenderSettings,
-};
+use crate::render::{Change, Lighting, Lightmapped, PassPipelines, RenderSettings};
 use crate::scene::is_scene;
 use crate::scene::load::scene_in;
 use crate::scene::staging::Staging;
 use crate::{Error, Result};
-
-/// The current scene with the user's changes.
-pub struct ShownScene {
-    pub loaded: Box<LoadedScene>,
-    /// The index of the last chosen camera.
-    pub camera: usize,
-    /// Stops.
-    pub exposure_ev: f32,
-    /// Of the panorama about +Y, radians.
-    pub environment_rotation: f32,
-    /// Rigid; moves all models together.
-    pub world_from_models: Mat4,
-    /// The file of the panorama that lights it; `None` for uniform light.
-    panorama: Option<PathBuf>,
-    /// The panorama asked for last: that one, or one that is still loading.
-    last_panorama: Option<PathBuf>,
-    /// The rotation after [`ShownScene::reset`]: 0 for a panorama other than the scene's own.
-    first_rotation: f32,
-}
-
-impl ShownScene {
-    fn new(loaded: Box<LoadedScene>) -> Self {
-        let (exposure_ev, rotation) = (loaded.exposure_ev, loaded.environment_rotation);
-        Self {
-            camera: 0,
-            exposure_ev,
-            environment_rotation: rotation,
-            world_from_models: Mat4::IDENTITY,
-            panorama: loaded.panorama.clone(),
-            last_panorama: loaded.panorama.clone(),
-            first_rotation: rotation,
-            loaded,
-        }
-    }
-
-    /// Restores the initial exposure, panorama rotation and models.
-    pub fn reset(&mut self) {
-        self.exposure_ev = self.loaded.exposure_ev;
-        self.environment_rotation = self.first_rotation;
-        self.world_from_models = Mat4::IDENTITY;
-    }
-
-    /// The inputs of a frame of the scene; `fade` darkens it, 0 to 1.
-    pub fn inputs<'a>(&self, eyes: &'a [Eye], fade: f32, gizmos: Option<&'a ControllerGizmos>) -> FrameInputs<'a> {
-        FrameInputs {
-            eyes,
-            exposure_ev: self.exposure_ev,
-            environment_rotation: self.environment_rotation,
-            fade,
-            world_from_models: self.world_from_models,
-            culling: CullOptions::default(),
-            gizmos,
-        }
-    }
-}
 
 /// Requests made with a controller's buttons.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -140,6 +83,10 @@ pub struct App {
     pub loading: VecDeque<String>,
     /// What each of these files is loaded for.
     loading_settings: VecDeque<Loading>,
+    /// Counts changes of the scene, its light, its settings or its target: what is drawn from then on may look different.
+    revision: u64,
+    /// Screenshots that are being written.
+    screenshots: usize,
     pub context: Context,
 }
 
@@ -168,8 +115,35 @@ impl App {
             chosen: None,
             loading: VecDeque::new(),
             loading_settings: VecDeque::new(),
+            revision: 0,
+            screenshots: 0,
             context,
         })
+    }
+
+    /// The requested settings.
+    pub fn settings(&self) -> &RenderSettings {
+        &self.settings
+    }
+
+    /// Scenes and panoramas to choose from.
+    pub fn playlist(&self) -> &Playlist {
+        &self.playlist
+    }
+
+    /// Warnings and progress of loading.
+    pub fn report(&self) -> &Report {
+        self.loader.report()
+    }
+
+    /// Whether scenes, panoramas or pipelines are still being loaded, and nothing that a user would miss.
+    pub fn is_only_loading(&self) -> bool {
+        self.screenshots == 0 && (self.scene.is_none() || !self.loading.is_empty())
+    }
+
+    /// Changes whenever the picture may look different although no camera has moved.
+    pub fn revision(&self) -> u64 {
+        self.revision
     }
 
     /// Starts loading a scene, whatever its file extension.
@@ -258,6 +232,7 @@ impl App {
     /// # Errors
     /// Pipelines or images for another number of eyes cannot be made; then nothing has changed.
     pub fn set_target(&mut self, target: Target) -> Result<()> {
+        self.revision += 1;
         if let Some(scene) = &mut self.scene {
             draw_for(scene, target.eyes)?;
         }
@@ -279,6 +254,7 @@ impl App {
     }
 
     fn apply(&mut self, result: LoadResult) -> Result<Option<Update>> {
+        self.revision += 1;
         Ok(match result {
             LoadResult::Scene(scene) => {
                 self.end_loading();
@@ -308,7 +284,10 @@ impl App {
                     Some(Update::Failed(error))
                 }
             },
-            LoadResult::Screenshot(written) => Some(Update::Screenshot(written)),
+            LoadResult::Screenshot(written) => {
+                self.screenshots -= 1;
+                Some(Update::Screenshot(written))
+            }
         })
     }
 
@@ -317,6 +296,7 @@ impl App {
     /// # Errors
     /// No memory for targets of another scale.
     pub fn set_settings(&mut self, settings: RenderSettings) -> Result<()> {
+        self.revision += 1;
         self.settings = settings;
         self.follow_settings()
     }
@@ -381,8 +361,24 @@ impl App {
         if requests.next_shading { self.shade(1, false) } else { Ok(()) }
     }
 
+    /// Starts loading the scene, or the panorama, `before` or after the present one in the playlist, if there is another.
+    ///
+    /// # Errors
+    /// Those of [`App::open`].
+    pub fn open_neighbour(&mut self, brings: Change, before: bool) -> Result<()> {
+        let playlist = &mut self.playlist;
+        let file = match (brings, before) {
+            (Change::Scene, false) => playlist.next_scene(),
+            (Change::Scene, true) => playlist.previous_scene(),
+            (_, false) => playlist.next_panorama(),
+            (_, true) => playlist.previous_panorama(),
+        };
+        file.map_or(Ok(()), |file| self.open(&file))
+    }
+
     /// Starts writing a screenshot: RGBA, 8 bits a channel.
     pub fn write_screenshot(&mut self, pixels: Vec<u8>, size: [u32; 2]) {
+        self.screenshots += 1;
         self.loader.start(LoadRequest::Screenshot { pixels, size });
     }
 

@@ -10,7 +10,7 @@ use crate::asset::{Cache, Storage};
 use crate::gpu::{FrameRing, Gpu, Subresource, pipelines_of_this_thread, read_image, with_gpu};
 use crate::reference::brdf::Geometry;
 use crate::reference::table::SplitSum;
-use crate::render::{FRAME_BYTES, LightDetail, LightModel, Renderer, Shading, TextureSettings};
+use crate::render::{Eye, FRAME_BYTES, FrameInputs, LightDetail, LightModel, Renderer, Shading, TextureSettings};
 use crate::scene::Model;
 use crate::scene::staging::Stage;
 

@@ -146,6 +146,12 @@ impl Control {
         Eye::symmetric(world_from_view, self.vertical_fov_degrees, aspect, self.distance)
     }
 
+    /// The present view as a camera of a scene.
+    pub fn camera(&self, name: &str) -> Camera {
+        let (position, target) = (self.position(), self.target);
+        Camera { name: name.to_owned(), position, target, vertical_fov_degrees: self.vertical_fov_degrees }
+    }
+
     /// World position, metres.
     pub fn position(&self) -> Vec3 {
         self.target + self.axes().z_axis * self.distance

@@ -165,6 +165,7 @@ pub struct Loader {
     /// Stops the preparation of the lightmap of the last scene.
     stop: Arc<AtomicBool>,
     threads: Vec<JoinHandle<()>>,
+    report: Arc<Report>,
 }
 
 impl Loader {
@@ -173,8 +174,9 @@ impl Loader {
     /// # Errors
     /// [`Error::Window`] where no thread can be started.
     pub fn new(context: &Context, wake: impl Fn() + Clone + Send + 'static) -> Result<Self> {
-        // Warnings have been printed; keeping them would only use memory.
-        let context = Context { report: Arc::new(Report::to_terminal()), ..context.clone() };
+        // Of everything that is loaded from now on.
+        let report = Arc::new(Report::to_terminal());
+        let context = Context { report: Arc::clone(&report), ..context.clone() };
         let (requests, to_do) = channel();
         let (jobs, jobs_to_do) = channel();
         let (sender, results) = channel();
@@ -186,7 +188,12 @@ impl Loader {
             thread("loading", move || load_all(&its_context, &is_closing, to_do, &jobs, &first))?,
             thread("lightmaps", move || prepare_all(&context, jobs_to_do, &second))?,
         ];
-        Ok(Self { requests: Some(requests), results, closing, stop: Arc::default(), threads })
+        Ok(Self { requests: Some(requests), results, closing, stop: Arc::default(), threads, report })
+    }
+
+    /// Warnings and progress of what is loaded.
+    pub fn report(&self) -> &Report {
+        &self.report
     }
 
     /// Puts a request at the end of the queue. A scene stops the preparation of the lightmap of the one before.

@@ -1,6 +1,7 @@
 //! Commands that show, render and compare: requests from the command line, outputs (headset, window, picture file), and
 //! camera control.
 
+mod action;
 mod app;
 mod args;
 mod bake;
@@ -15,11 +16,13 @@ pub mod headset;
 mod interrupt;
 mod loader;
 mod needs;
+mod panel;
 mod playlist;
 mod render;
 mod request;
 mod screenshot;
 mod show;
+mod shown_scene;
 #[expect(unsafe_code, reason = "calls Vulkan and the window system")]
 mod window;
 

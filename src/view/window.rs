@@ -5,15 +5,16 @@ mod desktop_failure;
 mod fit;
 #[cfg(feature = "hot-reload")]
 mod hot_reload;
-mod hud;
 mod input;
 mod keys;
 mod mirror;
 mod output;
 mod presenter;
+mod quit;
 mod viewer;
 
 use std::sync::Arc;
+use std::time::Duration;
 
 use winit::application::ApplicationHandler;
 use winit::dpi::LogicalSize;
@@ -28,11 +29,14 @@ use super::request::{ViewRequest, Wanted};
 use crate::context::Setup;
 use crate::gpu::{Gpu, GpuOptions, Messages};
 use crate::{Error, Result, say};
+use quit::QuitTimer;
 use viewer::Viewer;
 
 /// While a window is dragged or its menu is open, Windows runs a modal loop, in which winit emits redraws but never
 /// `about_to_wait`. Elsewhere `about_to_wait` follows every redraw.
 const HAS_MODAL_LOOPS: bool = cfg!(windows);
+/// How long the end may wait for the loader.
+const QUIT_LIMIT: Duration = Duration::from_millis(300);
 /// Logical pixels.
 const SIZE: LogicalSize<u32> = LogicalSize::new(1280, 720);
 
@@ -216,6 +220,7 @@ impl ApplicationHandler<()> for EventHandler<'_> {
             return;
         }
         self.with(event_loop, |viewer| {
+            let taken = viewer.output.pass_to_panel(&event);
             match event {
                 WindowEvent::CloseRequested => event_loop.exit(),
                 WindowEvent::Destroyed => {
@@ -229,9 +234,12 @@ impl ApplicationHandler<()> for EventHandler<'_> {
                 WindowEvent::KeyboardInput { event, is_synthetic: false, .. } if viewer.key(&event)? => {
                     event_loop.exit();
                 }
-                WindowEvent::MouseInput { state, button, .. } => viewer.output.button(state, button),
+                // Released, a button is for whoever it was pressed for.
+                WindowEvent::MouseInput { state, button, .. } if !taken || !state.is_pressed() => {
+                    viewer.output.button(state, button);
+                }
                 WindowEvent::CursorMoved { position, .. } => viewer.output.pointer(position),
-                WindowEvent::MouseWheel { delta, .. } => viewer.output.wheel(delta),
+                WindowEvent::MouseWheel { delta, .. } if !taken => viewer.output.wheel(delta),
                 WindowEvent::DroppedFile(path) => viewer.open(&path),
                 _ => {}
             }
@@ -257,9 +265,16 @@ impl ApplicationHandler<()> for EventHandler<'_> {
     }
 
     fn exiting(&mut self, _: &ActiveEventLoop) {
-        if let Some(viewer) = &self.viewer {
+        if let Some(viewer) = &mut self.viewer {
             self.reported = self.request.write_report(|| viewer.report());
+            // The runtime is shut down before anything else, whatever happens then.
+            viewer.session = None;
+            viewer.output.window.set_visible(false);
         }
+        let only_loads = self.viewer.as_ref().is_some_and(|viewer| viewer.app.is_only_loading());
+        // What is still loading takes seconds to stop, and nobody waits for it. Validation wants to see all destroyed.
+        let may_quit = only_loads && self.failure.is_none() && self.reported.is_ok() && !self.setup.gpu.validate;
+        let _timer = may_quit.then(|| QuitTimer::start(QUIT_LIMIT));
         self.viewer = None;
     }
 }

@@ -18,6 +18,8 @@ mod ladder;
 mod loading;
 mod measure;
 mod needs;
+#[cfg(target_os = "linux")]
+mod panel;
 mod textures;
 #[cfg(target_os = "linux")]
 mod window;

@@ -1,19 +1,21 @@
 //! A desktop for tests: an X server of one's own, the program on it, and hands on its window.
 #![allow(dead_code)]
 
-use std::io::{BufRead, BufReader, IoSlice, Read};
+use std::io::{BufRead, BufReader, IoSlice};
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::sync::mpsc::{Receiver, channel};
+use std::sync::{Arc, Mutex};
+use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use x11rb::CURRENT_TIME;
 use x11rb::connection::{Connection, RequestConnection as _};
 use x11rb::protocol::Event;
 use x11rb::protocol::xproto::{
-    Atom, AtomEnum, ClientMessageEvent, ConfigureWindowAux, ConnectionExt as _, CreateWindowAux, EventMask, InputFocus,
-    KEY_PRESS_EVENT, KEY_RELEASE_EVENT, MapState, PropMode, SELECTION_NOTIFY_EVENT, SelectionNotifyEvent, Window,
-    WindowClass,
+    Atom, AtomEnum, BUTTON_PRESS_EVENT, BUTTON_RELEASE_EVENT, ClientMessageEvent, ConfigureWindowAux,
+    ConnectionExt as _, CreateWindowAux, EventMask, InputFocus, KEY_PRESS_EVENT, KEY_RELEASE_EVENT,
+    MOTION_NOTIFY_EVENT, MapState, PropMode, SELECTION_NOTIFY_EVENT, SelectionNotifyEvent, Window, WindowClass,
 };
 use x11rb::rust_connection::RustConnection;
 use x11rb::wrapper::ConnectionExt as _;
@@ -65,6 +67,9 @@ pub struct Program {
     lines: Receiver<String>,
     /// Everything it has said on stdout so far.
     said: Vec<String>,
+    /// And on stderr, which a thread reads to its end.
+    errors: Arc<Mutex<String>>,
+    reader: Option<JoinHandle<()>>,
 }
 
 impl Program {
@@ -81,7 +86,62 @@ impl Program {
         let (sender, lines) = channel();
         let stdout = BufReader::new(child.stdout.take().expect("a pipe"));
         std::thread::spawn(move || stdout.lines().map_while(Result::ok).try_for_each(|line| sender.send(line)));
-        Self { child, lines, said: Vec::new() }
+        let stderr = BufReader::new(child.stderr.take().expect("a pipe"));
+        let errors = Arc::new(Mutex::new(String::new()));
+        let told = Arc::clone(&errors);
+        let reader = std::thread::spawn(move || {
+            for line in stderr.lines().map_while(Result::ok) {
+                told.lock().expect("its errors").push_str(&(line + "\n"));
+            }
+        });
+        Self { child, lines, said: Vec::new(), errors, reader: Some(reader) }
+    }
+
+    fn errors(&self) -> String {
+        self.errors.lock().expect("its errors").clone()
+    }
+
+    /// Waits until the panel has been laid out `count` times after `before`, or for a while: not every event causes that.
+    pub fn wait_for_layouts(&self, before: usize, count: usize) {
+        let started = Instant::now();
+        while self.layouts() < before + count && started.elapsed() < Duration::from_millis(1500) {
+            std::thread::sleep(Duration::from_millis(10));
+        }
+    }
+
+    /// How often the panel has been laid out, as `-vv` says it.
+    pub fn layouts(&self) -> usize {
+        self.errors().matches("panel: laid out").count()
+    }
+
+    /// Clicks on a pixel of the window, and waits for what that changes in the panel.
+    pub fn click(&self, hands: &Hands, at: [f64; 2]) {
+        let mut before = self.layouts();
+        hands.point(at);
+        for press in [true, false] {
+            self.wait_for_layouts(before, 1);
+            before = self.layouts();
+            hands.button(press);
+        }
+        // One takes note of the click, the next shows what it has changed.
+        self.wait_for_layouts(before, 2);
+    }
+
+    /// The middle of a control of the panel, pixels of the window, and its size, as `-vv` says them.
+    pub fn place(&self, name: &str) -> ([f64; 2], [f64; 2]) {
+        let started = Instant::now();
+        let start = format!("panel: {name} at ");
+        loop {
+            let errors = self.errors();
+            if let Some(line) = errors.lines().rev().find_map(|line| line.split(&start).nth(1)) {
+                let numbers: Vec<f64> =
+                    line.trim().split([',', ' ', 'x']).map(|n| n.parse().expect("a number")).collect();
+                let [x, y, width, height] = numbers[..] else { panic!("{line}") };
+                return ([x + width / 2.0, y + height / 2.0], [width, height]);
+            }
+            assert!(started.elapsed() < Duration::from_secs(20), "no control {name} in: {errors}");
+            std::thread::sleep(Duration::from_millis(20));
+        }
     }
 
     /// Waits for a line on stdout that contains `part`.
@@ -91,9 +151,7 @@ impl Program {
             let left = PATIENCE.saturating_sub(started.elapsed());
             let Ok(line) = self.lines.recv_timeout(left) else {
                 let _ = self.child.kill();
-                let mut errors = String::new();
-                self.child.stderr.take().expect("a pipe").read_to_string(&mut errors).expect("its errors");
-                panic!("no `{part}` in {:?}; stderr: {errors}", self.said);
+                panic!("no `{part}` in {:?}; stderr: {}", self.said, self.errors());
             };
             self.said.push(line.clone());
             if line.contains(part) {
@@ -125,9 +183,9 @@ impl Program {
             }
             std::thread::sleep(Duration::from_millis(20));
         }
-        let mut errors = String::new();
-        self.child.stderr.take().expect("a pipe").read_to_string(&mut errors).expect("its errors");
-        (self.child.wait().expect("a child").code(), errors)
+        let code = self.child.wait().expect("a child").code();
+        self.reader.take().expect("once").join().expect("its errors");
+        (code, self.errors())
     }
 }
 
@@ -141,7 +199,7 @@ impl Drop for Program {
 pub fn command(folder: &Path) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_pbr-vr"));
     command.current_dir(folder).stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
-    command.env("XDG_CACHE_HOME", folder.join("cache"));
+    command.env("XDG_CACHE_HOME", folder.join("cache")).env("XDG_CONFIG_HOME", folder.join("config"));
     // Nothing of the desktop that the tests may run in.
     for name in ["DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET", "XMODIFIERS"] {
         command.env_remove(name);
@@ -159,6 +217,11 @@ pub struct Hands {
 impl Hands {
     /// Finds the program's window: the one that is mapped. Without a window manager nothing else gives it the keyboard.
     pub fn on(display: &Display) -> Self {
+        Self::find(display).expect("the program's window")
+    }
+
+    /// The same, if there is one yet.
+    pub fn find(display: &Display) -> Option<Self> {
         let (x, screen) = RustConnection::connect(Some(&display.name)).expect("the display");
         let root = x.setup().roots[screen].root;
         let windows = x.query_tree(root).expect("a request").reply().expect("the windows").children;
@@ -166,10 +229,10 @@ impl Hands {
             let attributes = x.get_window_attributes(*window).expect("a request").reply();
             attributes.is_ok_and(|a| a.map_state == MapState::VIEWABLE)
         };
-        let window = windows.into_iter().find(is_mapped).expect("the program's window");
+        let window = windows.into_iter().find(is_mapped)?;
         let hands = Self { x, root, window };
         hands.focus();
-        hands
+        Some(hands)
     }
 
     fn atom(&self, name: &str) -> Atom {
@@ -191,19 +254,31 @@ impl Hands {
 
     /// Presses and releases keys together, given by the codes of a PC keyboard.
     pub fn press(&self, codes: &[u8]) {
-        codes.iter().for_each(|code| self.fake_key(KEY_PRESS_EVENT, *code));
-        codes.iter().rev().for_each(|code| self.fake_key(KEY_RELEASE_EVENT, *code));
+        codes.iter().for_each(|code| self.fake(KEY_PRESS_EVENT, *code, [0, 0]));
+        codes.iter().rev().for_each(|code| self.fake(KEY_RELEASE_EVENT, *code, [0, 0]));
+    }
+
+    /// Moves the pointer to a pixel of the window, which lies in the screen's corner.
+    pub fn point(&self, [x, y]: [f64; 2]) {
+        self.fake(MOTION_NOTIFY_EVENT, 0, [x.round() as i16, y.round() as i16]);
+    }
+
+    /// Presses or releases the left button.
+    pub fn button(&self, press: bool) {
+        self.fake(if press { BUTTON_PRESS_EVENT } else { BUTTON_RELEASE_EVENT }, 1, [0, 0]);
     }
 
     /// The XTEST extension's request FakeInput, as its specification lays it out: nine words, all but these zero.
-    fn fake_key(&self, kind: u8, code: u8) {
+    fn fake(&self, kind: u8, code: u8, [x, y]: [i16; 2]) {
         let xtest = self.x.extension_information("XTEST").expect("a request").expect("the XTEST extension");
         let mut request = [0; 36];
         let words = (request.len() as u16 / 4).to_ne_bytes();
         request[..6].copy_from_slice(&[xtest.major_opcode, 2, words[0], words[1], kind, code]);
         request[12..16].copy_from_slice(&self.root.to_ne_bytes());
+        request[24..26].copy_from_slice(&x.to_ne_bytes());
+        request[26..28].copy_from_slice(&y.to_ne_bytes());
         let sent = self.x.send_request_without_reply(&[IoSlice::new(&request)], Vec::new());
-        sent.expect("a request").check().expect("a key");
+        sent.expect("a request").check().expect("an event");
     }
 
     /// Asks the window to close, as its frame's button does.
@@ -304,6 +379,8 @@ pub const W: u8 = 25;
 pub const P: u8 = 33;
 pub const H: u8 = 43;
 pub const BRACKET_RIGHT: u8 = 35;
+pub const PAGE_DOWN: u8 = 117;
+pub const L: u8 = 46;
 pub const V: u8 = 55;
 pub const C: u8 = 54;
 pub const M: u8 = 58;

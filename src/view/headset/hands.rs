@@ -10,7 +10,8 @@ use super::rig::{Arc, Grab, Rig, SNAP_DEGREES, TeleportFade, is_object, teleport
 use super::runtime::Runtime;
 use crate::asset::shipped;
 use crate::render::ControllerGizmos;
-use crate::view::app::{Requests, ShownScene};
+use crate::view::app::Requests;
+use crate::view::shown_scene::ShownScene;
 
 /// Linear display colours: wands and rays, and arcs without a landing.
 const LIGHT: Vec3 = Vec3::new(0.75, 0.8, 0.85);

@@ -20,9 +20,10 @@ use super::runtime::{DEVICES, EYES, Runtime};
 use super::watchdog::{Patience, Watchdog};
 use crate::gpu::{FrameRing, Gpu, PassTimes};
 use crate::render::{FRAME_BYTES, FRAMES_IN_FLIGHT};
-use crate::view::app::{Requests, ShownScene};
+use crate::view::app::Requests;
 use crate::view::frame_clock::ms_since;
 use crate::view::loader::Target;
+use crate::view::shown_scene::ShownScene;
 use crate::{Result, say};
 
 /// The display's rate where the runtime does not report it.

@@ -5,14 +5,17 @@ use std::f32::consts::TAU;
 use clap::ValueEnum;
 use glam::Vec2;
 use winit::dpi::PhysicalPosition;
-use winit::event::{ElementState, KeyEvent, MouseButton, MouseScrollDelta};
+use winit::event::{ElementState, KeyEvent, MouseButton, MouseScrollDelta, WindowEvent};
 use winit::window::Fullscreen;
 
-use super::keys::{Action, action};
+use super::keys::action;
 use super::output::{Drag, WindowOutput};
 use super::viewer::Viewer;
 use crate::Result;
-use crate::render::Shading;
+use crate::render::{Change, Shading};
+use crate::scene::description_text::append_camera;
+use crate::view::action::Action;
+use crate::view::shown_scene::ShownScene;
 
 /// Radians of one step of the panorama's rotation.
 const ROTATION_STEP: f32 = TAU / 72.0;
@@ -67,6 +70,23 @@ impl WindowOutput {
         }
     }
 
+    /// Hands an event to the panel; returns whether it is the panel's alone.
+    pub fn pass_to_panel(&mut self, event: &WindowEvent) -> bool {
+        let typed = matches!(event, WindowEvent::KeyboardInput { .. }) && !self.panel.context.wants_keyboard_input();
+        // A key is a command of the window's unless text is typed: Tab, too, which else moves the panel's focus.
+        if typed {
+            return false;
+        }
+        let response = self.ui_input.on_window_event(&self.window, event);
+        let over = response.consumed || (self.panel.is_shown() && self.panel.context.is_pointer_over_area());
+        // Moving the pointer over the picture changes nothing in the panel.
+        let idle = matches!(event, WindowEvent::CursorMoved { .. }) && (self.drag.is_some() || !self.panel.is_shown());
+        if response.repaint && !idle {
+            self.panel.refresh();
+        }
+        over && self.drag.is_none()
+    }
+
     fn switch_fullscreen(&self) {
         let full = self.window.fullscreen().is_none().then_some(Fullscreen::Borderless(None));
         self.window.set_fullscreen(full);
@@ -76,6 +96,10 @@ impl WindowOutput {
 impl Viewer {
     /// A key was pressed or released; returns whether that ends the program.
     pub fn key(&mut self, event: &KeyEvent) -> Result<bool> {
+        // While text is typed, letters are no commands; releases are, or a key would stay down.
+        if event.state.is_pressed() && self.output.panel.context.wants_keyboard_input() {
+            return Ok(false);
+        }
         self.output.keys.follow(event);
         let alt = self.output.modifiers.alt_key();
         let wanted = event.state.is_pressed().then(|| action(event, alt)).flatten();
@@ -87,13 +111,21 @@ impl Viewer {
         Ok(false)
     }
 
+    /// Performs the panel's commands.
+    pub fn perform_waiting(&mut self) -> Result<()> {
+        let actions = std::mem::take(&mut self.output.actions);
+        actions.into_iter().try_for_each(|action| self.perform(action))
+    }
+
     fn perform(&mut self, action: Action) -> Result<()> {
+        self.output.panel.refresh();
         match action {
-            // `key` handles it.
+            // `key` handles it; the panel has no such button.
             Action::Quit => {}
-            Action::Keys => self.output.hud.switch_keys(),
+            Action::Panel => self.output.panel.toggle(),
             Action::Screenshot => self.output.screenshot = true,
             Action::Fullscreen => self.output.switch_fullscreen(),
+            Action::Continuous(continuous) => self.output.continuous = continuous,
             Action::NextPresentMode => {
                 let mode = self.output.presenter.next_mode();
                 self.output.note(format!("showing frames: {}", mode.name()));
@@ -101,6 +133,7 @@ impl Viewer {
             // A headset on a desk holds still, so the reference is among these.
             Action::NextShading => self.app.shade(1, true)?,
             Action::PreviousShading => self.app.shade(Shading::value_variants().len() - 1, true)?,
+            Action::Settings(settings) => self.app.set_settings(*settings)?,
             Action::SwitchMode => self.output.control.iter_mut().for_each(|control| control.switch_mode()),
             Action::NextCamera => self.choose_camera(self.app.scene.as_ref().map_or(0, |scene| scene.camera + 1)),
             Action::Camera(index) => {
@@ -111,20 +144,30 @@ impl Viewer {
                     self.output.note(format!("there is no camera {}, only {count}", index + 1));
                 }
             }
-            Action::Reset => self.reset(),
-            Action::Exposure(thirds) => {
-                if let Some(scene) = &mut self.app.scene {
-                    scene.exposure_ev += f32::from(thirds) / 3.0;
-                }
+            Action::SaveCamera(name) => self.save_camera(&name),
+            Action::Reset => self.reset()?,
+            Action::AddExposure(thirds) => self.change_scene(|scene| scene.exposure_ev += f32::from(thirds) / 3.0),
+            Action::Exposure(ev) => self.change_scene(|scene| scene.exposure_ev = ev),
+            Action::AddRotation(steps) => self.change_scene(|scene| {
+                let rotation = scene.environment_rotation + f32::from(steps) * ROTATION_STEP;
+                scene.environment_rotation = rotation.rem_euclid(TAU);
+            }),
+            Action::Rotation(radians) => {
+                self.change_scene(|scene| scene.environment_rotation = radians.rem_euclid(TAU))
             }
-            Action::Turn(steps) => {
-                if let Some(scene) = &mut self.app.scene {
-                    let rotation = scene.environment_rotation + f32::from(steps) * ROTATION_STEP;
-                    scene.environment_rotation = rotation.rem_euclid(TAU);
-                }
-            }
+            Action::Open(path) => self.open(&path),
+            Action::NextScene => self.app.open_neighbour(Change::Scene, false)?,
+            Action::PreviousScene => self.app.open_neighbour(Change::Scene, true)?,
+            Action::NextPanorama => self.app.open_neighbour(Change::Light, false)?,
+            Action::PreviousPanorama => self.app.open_neighbour(Change::Light, true)?,
         }
         Ok(())
+    }
+
+    fn change_scene(&mut self, change: impl FnOnce(&mut ShownScene)) {
+        if let Some(scene) = &mut self.app.scene {
+            change(scene);
+        }
     }
 
     fn choose_camera(&mut self, index: usize) {
@@ -134,10 +177,29 @@ impl Viewer {
         self.session.iter_mut().for_each(|session| session.go_to(scene.camera));
     }
 
-    fn reset(&mut self) {
-        let Some(scene) = &mut self.app.scene else { return };
+    /// Adds the present view to the scene's description.
+    fn save_camera(&mut self, name: &str) {
+        let (Some(scene), Some(control)) = (&mut self.app.scene, &self.output.control) else { return };
+        let camera = control.camera(name);
+        match append_camera(&scene.loaded.path, &camera) {
+            Ok(()) => {
+                let text = format!("camera {name} is in {} now", scene.loaded.path.display());
+                // The floor is that of the camera from which the view was reached.
+                let floor = scene.loaded.floors[scene.camera];
+                scene.loaded.cameras.push(camera);
+                scene.loaded.floors.push(floor);
+                scene.camera = scene.loaded.cameras.len() - 1;
+                self.output.announce(text);
+            }
+            Err(error) => self.output.complain(&error),
+        }
+    }
+
+    fn reset(&mut self) -> Result<()> {
+        let Some(scene) = &mut self.app.scene else { return Ok(()) };
         scene.reset();
         let camera = scene.camera;
         self.choose_camera(camera);
+        self.app.set_settings(self.first_settings.clone())
     }
 }

@@ -6,53 +6,12 @@ use glam::Vec3;
 use winit::event::KeyEvent;
 use winit::keyboard::{Key, KeyCode, NamedKey, PhysicalKey};
 
-/// A command given by a key.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Action {
-    Quit,
-    /// Orbit or fly.
-    SwitchMode,
-    NextCamera,
-    /// One of the scene's cameras, from 0.
-    Camera(usize),
-    /// Reset view, exposure and panorama.
-    Reset,
-    Fullscreen,
-    NextPresentMode,
-    /// Show or hide the list of keys.
-    Keys,
-    Screenshot,
-    NextShading,
-    PreviousShading,
-    /// Thirds of a stop.
-    Exposure(i8),
-    /// Steps of the panorama's rotation.
-    Turn(i8),
-}
-
-/// The key bindings as the window lists them.
-pub const HELP: [(&str, &str); 15] = [
-    ("drag left", "orbit; look around while flying"),
-    ("drag right", "pan (also the middle button)"),
-    ("wheel", "zoom; speed while flying"),
-    ("Tab", "orbit or fly"),
-    ("W A S D Q E", "fly; with Shift faster"),
-    ("1-9  C", "cameras of the scene; the next one"),
-    ("R", "reset view, exposure and panorama"),
-    ("M  N", "next, previous shading"),
-    ("[  ]", "exposure -, + 1/3 stop"),
-    (",  .", "turn the panorama"),
-    ("V", "vsync, mailbox, immediate"),
-    ("P  F12", "write a screenshot"),
-    ("F11", "fullscreen (also Alt+Enter)"),
-    ("drop a file", "scene, model, folder, panorama"),
-    ("H  Esc", "these keys; quit"),
-];
+use crate::view::action::Action;
 
 /// The command of a pressed key; while it is held, only some commands repeat.
 pub fn action(event: &KeyEvent, alt: bool) -> Option<Action> {
     let action = of_key(&event.logical_key, alt)?;
-    (!event.repeat || matches!(action, Action::Exposure(_) | Action::Turn(_))).then_some(action)
+    (!event.repeat || matches!(action, Action::AddExposure(_) | Action::AddRotation(_))).then_some(action)
 }
 
 fn of_key(key: &Key, alt: bool) -> Option<Action> {
@@ -63,20 +22,25 @@ fn of_key(key: &Key, alt: bool) -> Option<Action> {
             NamedKey::F11 => Some(Action::Fullscreen),
             NamedKey::Enter if alt => Some(Action::Fullscreen),
             NamedKey::F12 => Some(Action::Screenshot),
+            NamedKey::F1 => Some(Action::Panel),
+            NamedKey::PageDown => Some(Action::NextScene),
+            NamedKey::PageUp => Some(Action::PreviousScene),
             _ => None,
         },
         Key::Character(text) => match text.to_lowercase().as_str() {
             "c" => Some(Action::NextCamera),
             "r" => Some(Action::Reset),
             "v" => Some(Action::NextPresentMode),
-            "h" => Some(Action::Keys),
+            "h" => Some(Action::Panel),
             "p" => Some(Action::Screenshot),
             "m" => Some(Action::NextShading),
             "n" => Some(Action::PreviousShading),
-            "[" => Some(Action::Exposure(-1)),
-            "]" => Some(Action::Exposure(1)),
-            "," => Some(Action::Turn(-1)),
-            "." => Some(Action::Turn(1)),
+            "l" => Some(Action::NextPanorama),
+            "k" => Some(Action::PreviousPanorama),
+            "[" => Some(Action::AddExposure(-1)),
+            "]" => Some(Action::AddExposure(1)),
+            "," => Some(Action::AddRotation(-1)),
+            "." => Some(Action::AddRotation(1)),
             other => match other.as_bytes() {
                 [digit @ b'1'..=b'9'] => Some(Action::Camera(usize::from(digit - b'1'))),
                 _ => None,

@@ -1,34 +1,36 @@
-//! The window as an output: swapchain, camera control, text, and drawing its frames.
+//! The window as an output: swapchain, camera control, the panel, and drawing its frames when something has changed.
 
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use clap::ValueEnum;
+use glam::Mat4;
 use winit::dpi::PhysicalPosition;
 use winit::event_loop::ControlFlow;
 use winit::keyboard::ModifiersState;
 use winit::window::Window;
 
-use super::hud::{Hud, Status, title};
 use super::keys::PressedKeys;
 use super::mirror::{crop, parts};
-use super::presenter::WindowPresenter;
-use crate::gpu::Gpu;
-use crate::render::Overlay;
+use super::presenter::{Content, WindowPresenter};
+use crate::gpu::{Gpu, Rect, Subresource};
+use crate::render::Shading;
 use crate::view::Mirror;
-use crate::view::app::{App, ShownScene, Update};
+use crate::view::action::Action;
+use crate::view::app::{App, Update};
 use crate::view::control::{Control, Mode};
-use crate::view::frame_clock::FrameClock;
+use crate::view::frame_clock::{FrameClock, Rate};
 use crate::view::headset::Session;
 use crate::view::loader::Target;
+use crate::view::panel::{Panel, PanelInputs};
 use crate::view::screenshot;
+use crate::view::shown_scene::ShownScene;
 use crate::{Error, Result, say};
 
 /// How often a minimised window is polled.
 const POLL: Duration = Duration::from_millis(100);
-/// Pixels per pixel of the font, at scale 1.
-const TEXT_SCALE: f64 = 2.0;
+/// How long the view must rest until a draft is followed by a whole picture.
+const REST: Duration = Duration::from_millis(200);
 /// How often the title bar is updated.
 const TITLE_PERIOD: Duration = Duration::from_millis(500);
 
@@ -42,8 +44,10 @@ pub enum Drag {
 /// One window. Drop order: the swapchain before the window it presents to.
 pub struct WindowOutput {
     pub presenter: WindowPresenter,
-    pub overlay: Overlay,
-    pub hud: Hud,
+    pub panel: Panel,
+    pub ui_input: egui_winit::State,
+    /// Commands of the panel that are to be performed.
+    pub actions: Vec<Action>,
     pub clock: FrameClock,
     /// `None` before the first scene.
     pub control: Option<Control>,
@@ -57,8 +61,46 @@ pub struct WindowOutput {
     pub focused: bool,
     /// Whether the next frame is written to a file.
     pub screenshot: bool,
+    /// Whether frames are drawn all the time, or only when something changes.
+    pub continuous: bool,
+    /// Whether pictures are coarse while something moves: software renderers are too slow for whole ones.
+    drafts: bool,
+    /// What the last picture shows; `None` where a new one is needed anyway.
+    drawn: Option<PictureState>,
+    /// When the last picture was found to differ from the one before.
+    moved: Option<Instant>,
     titled: Option<Instant>,
     pub window: Window,
+}
+
+/// What a picture depends on.
+#[derive(Clone, Debug, PartialEq)]
+struct PictureState {
+    /// See [`App::revision`].
+    revision: u64,
+    size: [u32; 2],
+    world_from_view: Mat4,
+    world_from_models: Mat4,
+    exposure_ev: f32,
+    environment_rotation: f32,
+}
+
+impl PictureState {
+    fn of(revision: u64, scene: &ShownScene, control: &Control, size: [u32; 2]) -> Self {
+        Self {
+            revision,
+            size,
+            world_from_view: control.eye(1.0).world_from_view,
+            world_from_models: scene.world_from_models,
+            exposure_ev: scene.exposure_ev,
+            environment_rotation: scene.environment_rotation,
+        }
+    }
+
+    /// Whether `next` follows by a movement, of the camera or a slider, rather than by something new to draw.
+    fn moved_to(&self, next: &Self) -> bool {
+        *self != Self { revision: self.revision, ..next.clone() }
+    }
 }
 
 impl WindowOutput {
@@ -69,12 +111,16 @@ impl WindowOutput {
     ///
     /// # Safety
     /// The window's event loop must outlive the output.
-    pub unsafe fn new(gpu: &Arc<Gpu>, window: Window) -> Result<Self> {
+    pub unsafe fn new(gpu: &Arc<Gpu>, window: Window, wake: impl Fn() + Clone + Send + Sync + 'static) -> Result<Self> {
+        let panel = Panel::new(wake);
+        let scale = window.scale_factor() as f32;
+        let root = egui::ViewportId::ROOT;
         Ok(Self {
+            ui_input: egui_winit::State::new(panel.context.clone(), root, &window, Some(scale), None, None),
+            panel,
+            actions: Vec::new(),
             // SAFETY: the window becomes a field that is dropped after the presenter; the caller keeps the event loop.
             presenter: unsafe { WindowPresenter::new(gpu, &window) }?,
-            overlay: Overlay::new(gpu, 1)?,
-            hud: Hud::default(),
             clock: FrameClock::default(),
             control: None,
             keys: PressedKeys::default(),
@@ -85,6 +131,10 @@ impl WindowOutput {
             occluded: false,
             focused: false,
             screenshot: false,
+            continuous: false,
+            drafts: gpu.info().is_software(),
+            drawn: None,
+            moved: None,
             titled: None,
             window,
         })
@@ -96,15 +146,21 @@ impl WindowOutput {
     }
 
     /// When the next frame of the window's own is due: at once (`Poll`), later, or after some event.
-    pub fn pace(&mut self) -> ControlFlow {
+    pub fn pace(&mut self, app: &App) -> ControlFlow {
         let now = Instant::now();
-        let pace = if self.control.is_none() || self.occluded || self.size.contains(&0) {
+        let pace = if self.occluded || self.size.contains(&0) {
             ControlFlow::Wait
         } else if !self.focused && self.window.is_minimized() == Some(true) {
             // X11 sends no event when a minimised window comes back.
             ControlFlow::WaitUntil(now + POLL)
+        } else if let Some(at) = self.presenter.retry_at().filter(|at| *at > now) {
+            ControlFlow::WaitUntil(at)
         } else {
-            self.presenter.retry_at().filter(|at| *at > now).map_or(ControlFlow::Poll, ControlFlow::WaitUntil)
+            match self.due(app, now) {
+                Some(at) if at <= now => ControlFlow::Poll,
+                Some(at) => ControlFlow::WaitUntil(at),
+                None => ControlFlow::Wait,
+            }
         };
         if pace != ControlFlow::Poll {
             self.clock.pause();
@@ -112,39 +168,92 @@ impl WindowOutput {
         pace
     }
 
-    /// Draws and shows one frame; returns whether there were a scene and an image to draw to.
+    /// When something changes on the screen; `None`: after the next event.
+    fn due(&self, app: &App, now: Instant) -> Option<Instant> {
+        let scene = app.scene.as_ref().zip(self.control.as_ref()).and_then(|(scene, control)| {
+            if self.continuous || self.screenshot || self.is_moving(control) {
+                return Some(now);
+            }
+            self.scene_due(app.revision(), scene, control, now)
+        });
+        [scene, self.panel.due()].into_iter().flatten().min()
+    }
+
+    /// When the scene is to be drawn: at once where it looks different from the last picture, at rest where that is a draft.
+    fn scene_due(&self, revision: u64, scene: &ShownScene, control: &Control, now: Instant) -> Option<Instant> {
+        let state = PictureState::of(revision, scene, control, self.presenter.size());
+        let rests = self.moved.map(|at| at + REST).filter(|at| *at > now);
+        match self.drawn.as_ref() {
+            Some(drawn) if *drawn == state => {
+                scene.loaded.renderer.is_unfinished().then(|| rests.filter(|_| self.is_draft(scene)).unwrap_or(now))
+            }
+            _ => Some(now),
+        }
+    }
+
+    /// Whether a person is flying, or may be about to with a key that is held.
+    fn is_moving(&self, control: &Control) -> bool {
+        control.mode() == Mode::Fly && self.keys.movement() != glam::Vec3::ZERO
+    }
+
+    /// Whether pictures are coarse while something moves.
+    fn is_draft(&self, scene: &ShownScene) -> bool {
+        self.drafts && !matches!(scene.loaded.renderer.settings().shading, Shading::Reference)
+    }
+
+    /// Draws and shows one frame; returns whether there was an image to draw to.
     pub fn draw(&mut self, app: &mut App) -> Result<bool> {
-        let (wanted, Some(scene), Some(control)) = (self.size, app.scene.as_mut(), self.control.as_mut()) else {
-            return Ok(false);
-        };
-        if wanted.contains(&0) {
+        if self.size.contains(&0) {
             return Ok(false);
         }
-        let (acquired, times) = self.presenter.begin(wanted)?;
+        let (acquired, times) = self.presenter.begin(self.size)?;
         self.clock.add_gpu(&times, times.total_ms());
         let Some(acquired) = acquired else { return Ok(false) };
         let now = Instant::now();
         let seconds = self.clock.tick(now);
-        control.step(self.keys.movement(), self.keys.fast(), seconds);
-        let size = self.presenter.size();
-        scene.loaded.renderer.resize(size)?;
-        let eyes = [control.eye(size[0] as f32 / size[1] as f32)];
-        let inputs = scene.inputs(&eyes, 0.0, None);
-        let largest = (TEXT_SCALE * self.window.scale_factor()).round().max(1.0) as u32;
-        let mut settings = settings(scene, control.mode(), self.presenter.mode().name()).to_vec();
-        settings.extend(scene.loaded.light_progress().map(|part| format!("light {:.0} %", 100.0 * part)));
-        let renderer = &mut scene.loaded.renderer;
-        settings.extend(renderer.standard_error(self.presenter.slot()).map(|error| error.to_string()));
-        let status = Status { rate: self.clock.rate(), settings: &settings, loading: &app.loading };
-        let (lines, scale) = self.hud.fit(now, &status, largest, |scale| Overlay::grid(size, scale));
-        self.overlay.set_text(&lines, size, scale);
+        if let Some(control) = &mut self.control {
+            control.step(self.keys.movement(), self.keys.fast(), seconds);
+        }
+        self.lay_out(app, None, now);
+        let (size, revision) = (self.presenter.size(), app.revision());
+        let (Some(scene), Some(control)) = (app.scene.as_mut(), self.control.as_ref()) else {
+            self.presenter.show(acquired, Content::Nothing, self.panel.frame(), &self.window)?;
+            self.panel.recorded();
+            return Ok(true);
+        };
+        let due = self.scene_due(revision, scene, control, now);
+        let is_due = self.continuous || self.screenshot || due.is_some_and(|at| at <= now);
         // Screenshots are of the scene alone.
-        let overlay = (!self.screenshot).then_some(&self.overlay);
-        let recording = self.presenter.show(acquired, renderer, &inputs, overlay, &self.window)?;
-        self.clock.add_recording(recording);
+        let ui = self.panel.frame().filter(|_| !self.screenshot);
+        if is_due {
+            let state = PictureState::of(revision, scene, control, size);
+            if self.drawn.as_ref().is_some_and(|drawn| drawn.moved_to(&state)) {
+                self.moved = Some(now);
+            }
+            let moves = self.moved.is_some_and(|at| now < at + REST);
+            let eyes = [control.eye(size[0] as f32 / size[1] as f32)];
+            let inputs = scene.inputs(&eyes, 0.0, None);
+            let renderer = &mut scene.loaded.renderer;
+            renderer.resize(size)?;
+            renderer.set_draft(self.drafts && moves && !self.screenshot && !self.continuous)?;
+            let content = Content::Scene(renderer, &inputs);
+            let recording = self.presenter.show(acquired, content, ui, &self.window)?;
+            self.clock.add_recording(recording);
+            self.panel.add_frame(1e3 * seconds);
+            self.panel.refresh_later();
+            self.drawn = Some(state);
+        } else {
+            let renderer = &scene.loaded.renderer;
+            let rects = [Rect::of(renderer.picture().desc().size), Rect::of(size)];
+            let parts = [(Subresource { mip: 0, layer: 0 }, rects)];
+            self.presenter.show(acquired, Content::Picture(renderer, &parts), ui, &self.window)?;
+        }
         if std::mem::take(&mut self.screenshot) {
-            let pixels = self.presenter.read(renderer)?;
+            let pixels = self.presenter.read(&scene.loaded.renderer)?;
             app.write_screenshot(pixels, size);
+            self.panel.refresh();
+        } else {
+            self.panel.recorded();
         }
         self.write_title(app, now);
         Ok(true)
@@ -152,7 +261,7 @@ impl WindowOutput {
 
     /// Mirrors a headset's picture if an image is available now; returns whether it was.
     pub fn mirror(&mut self, app: &mut App, session: &Session, mirror: Mirror, now: Instant) -> Result<bool> {
-        let (Some(scene), Some(control)) = (app.scene.as_mut(), self.control.as_ref()) else { return Ok(false) };
+        let Some(scene) = app.scene.as_mut() else { return Ok(false) };
         let picture = session.area();
         if std::mem::take(&mut self.screenshot) {
             let renderer = &scene.loaded.renderer;
@@ -161,26 +270,41 @@ impl WindowOutput {
             app.write_screenshot(pixels, picture);
         }
         let Some(acquired) = self.presenter.poll(self.size, now)? else { return Ok(false) };
+        self.lay_out(app, Some(session.line()), now);
         let Some(scene) = app.scene.as_mut() else { return Ok(false) };
         let parts = parts(mirror, picture, self.presenter.size());
-        // As large in the window as text is without a headset.
-        let shrinks = parts.first().map_or(1.0, |(_, [from, onto])| f64::from(from.size[0]) / f64::from(onto.size[0]));
-        let largest = (TEXT_SCALE * self.window.scale_factor() * shrinks).floor().max(1.0) as u32;
-        let mut settings = settings(scene, control.mode(), self.presenter.mode().name()).to_vec();
-        settings.push(session.line());
-        settings.extend(scene.loaded.light_progress().map(|part| format!("light {:.0} %", 100.0 * part)));
-        let status = Status { rate: self.clock.rate(), settings: &settings, loading: &app.loading };
-        let (lines, scale) = self.hud.fit(now, &status, largest, |scale| Overlay::grid(picture, scale));
-        self.overlay.set_text(&lines, picture, scale);
-        // The text is drawn over the left eye's picture.
-        let overlay = (mirror != Mirror::Right).then_some(&self.overlay);
-        self.presenter.show_parts(acquired, &scene.loaded.renderer, overlay, &parts, &self.window)?;
+        let content = Content::Picture(&scene.loaded.renderer, &parts);
+        self.presenter.show(acquired, content, self.panel.frame(), &self.window)?;
+        self.panel.recorded();
+        self.panel.add_frame(self.clock.rate().map_or(0.0, |rate| rate.frame_ms as f32));
+        self.panel.refresh_later();
         self.write_title(app, now);
         Ok(true)
     }
 
+    /// Lays the panel out where that is due; its commands wait in `actions`.
+    fn lay_out(&mut self, app: &App, headset: Option<String>, now: Instant) {
+        if self.panel.due().is_none_or(|at| at > now) {
+            return;
+        }
+        let inputs = PanelInputs {
+            app,
+            clock: &self.clock,
+            control: self.control.as_ref(),
+            present_mode: self.presenter.mode().name(),
+            slot: self.presenter.slot(),
+            headset,
+            continuous: self.continuous,
+        };
+        let input = self.ui_input.take_egui_input(&self.window);
+        let output = self.panel.run(input, &inputs);
+        self.ui_input.handle_platform_output(&self.window, output.platform);
+        self.actions.extend(output.actions);
+    }
+
     /// Reacts to a result of the loader: sets the camera of a new scene, shows a message.
     pub fn update(&mut self, app: &App, update: Update) {
+        self.panel.refresh();
         match update {
             Update::Scene { replaced } => {
                 let Some(scene) = &app.scene else { return };
@@ -189,6 +313,7 @@ impl WindowOutput {
                     control.switch_mode();
                 }
                 (self.control, self.titled) = (Some(control), None);
+                (self.drawn, self.moved) = (None, None);
                 if replaced {
                     self.announce(format!("showing {}", scene.loaded.name));
                 }
@@ -202,7 +327,7 @@ impl WindowOutput {
 
     /// Shows a message for a while.
     pub fn note(&mut self, text: impl Into<String>) {
-        self.hud.note(Instant::now(), text);
+        self.panel.note(text);
     }
 
     /// Shows a message and prints it.
@@ -214,14 +339,14 @@ impl WindowOutput {
     /// Shows and prints an error that changed nothing.
     pub fn complain(&mut self, error: &Error) {
         crate::complain!("pbr-vr: {error}");
-        self.hud.error(Instant::now(), error.to_string());
+        self.panel.error(error.to_string());
     }
 
     fn report_screenshot(&mut self, written: &Result<PathBuf>) {
         screenshot::report(written);
         match written {
             Ok(path) => self.note(format!("wrote {}", path.display())),
-            Err(error) => self.hud.error(Instant::now(), error.to_string()),
+            Err(error) => self.panel.error(error.to_string()),
         }
     }
 
@@ -234,19 +359,40 @@ impl WindowOutput {
     }
 }
 
-/// The settings as text.
-fn settings(scene: &ShownScene, mode: Mode, present_mode: &str) -> [String; 6] {
-    let shading = scene.loaded.renderer.settings().shading.to_possible_value();
-    let mode = match mode {
-        Mode::Orbit => "orbit",
-        Mode::Fly => "fly",
-    };
-    [
-        shading.map_or_else(String::new, |value| value.get_name().to_owned()),
-        format!("{:+.1} EV", scene.exposure_ev),
-        format!("panorama {:.0} deg", scene.environment_rotation.to_degrees()),
-        format!("camera {}", scene.loaded.cameras[scene.camera].name),
-        mode.to_owned(),
-        present_mode.to_owned(),
-    ]
+/// The title bar's text.
+pub fn title(scene: &str, rate: Option<&Rate>) -> String {
+    match rate {
+        Some(rate) => {
+            let gpu = rate.gpu_ms.map_or(String::new(), |ms| format!(", GPU {ms:.2} ms"));
+            format!("{scene} - {:.0} fps{gpu} - pbr-vr", rate.frames_per_second)
+        }
+        None => format!("{scene} - pbr-vr"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_title_names_the_scene_and_its_rate() {
+        let rate = Rate { frames_per_second: 59.94, gpu_ms: Some(3.25), ..Rate::default() };
+        assert_eq!(title("demo.toml", Some(&rate)), "demo.toml - 60 fps, GPU 3.25 ms - pbr-vr");
+        assert_eq!(title("demo.toml", None), "demo.toml - pbr-vr");
+    }
+
+    #[test]
+    fn movements_are_told_from_new_light() {
+        let state = PictureState {
+            revision: 1,
+            size: [64, 64],
+            world_from_view: Mat4::IDENTITY,
+            world_from_models: Mat4::IDENTITY,
+            exposure_ev: 0.0,
+            environment_rotation: 0.0,
+        };
+        assert!(!state.moved_to(&PictureState { revision: 2, ..state.clone() }));
+        assert!(state.moved_to(&PictureState { exposure_ev: 0.1, revision: 2, ..state.clone() }));
+        assert!(state.moved_to(&PictureState { world_from_view: Mat4::from_rotation_x(0.1), ..state.clone() }));
+    }
 }

@@ -9,9 +9,10 @@ use winit::window::Window;
 
 use super::fit::Fit;
 use crate::gpu::{
-    Acquired, FrameRing, Gpu, ImageAccess, PassTimes, Polled, PresentMode, Rect, Subresource, Swapchain, read_image,
+    Acquired, ColourAttachment, FrameRing, Gpu, ImageAccess, PassTimes, Polled, PresentMode, Rect, Subresource,
+    Swapchain, read_image,
 };
-use crate::render::{FRAME_BYTES, FrameInputs, Overlay, Renderer};
+use crate::render::{FRAME_BYTES, FrameInputs, Renderer, UI_BYTES, UiFrame, UiRenderer, UiTarget};
 use crate::{Error, Result};
 
 /// The pause after a failed acquisition.
@@ -20,11 +21,25 @@ const RETRY: Duration = Duration::from_millis(20);
 /// frames.
 const MIRROR_RETRY: Duration = Duration::from_millis(250);
 
+/// The colour of a window without a picture, linear.
+const GROUND: [f32; 4] = [0.01, 0.01, 0.01, 1.0];
+
+/// What a frame of the window shows behind the interface.
+pub enum Content<'a> {
+    /// There is no scene yet.
+    Nothing,
+    /// Parts of a picture that has been drawn.
+    Picture(&'a Renderer, &'a [(Subresource, [Rect; 2])]),
+    /// A new picture of a scene.
+    Scene(&'a mut Renderer, &'a FrameInputs<'a>),
+}
+
 /// Presents frames in one window.
 pub struct WindowPresenter {
     gpu: Arc<Gpu>,
     swapchain: Swapchain,
     ring: FrameRing,
+    ui: UiRenderer,
     mode: PresentMode,
     fit: Fit,
     retry_at: Option<Instant>,
@@ -41,9 +56,10 @@ impl WindowPresenter {
         let handle = window.window_handle().map_err(no_handle)?.as_raw();
         // SAFETY: the caller keeps the window and the event loop alive for as long.
         let swapchain = unsafe { Swapchain::new(gpu, display, handle) }?;
-        let ring = FrameRing::new(gpu, FRAME_BYTES)?;
+        let ring = FrameRing::new(gpu, FRAME_BYTES + UI_BYTES)?;
+        let ui = UiRenderer::new(gpu)?;
         let gpu = Arc::clone(gpu);
-        Ok(Self { gpu, swapchain, ring, mode: PresentMode::Vsync, fit: Fit::none(), retry_at: None })
+        Ok(Self { gpu, swapchain, ring, ui, mode: PresentMode::Vsync, fit: Fit::none(), retry_at: None })
     }
 
     /// Notes that the window's size has changed.
@@ -143,40 +159,48 @@ impl WindowPresenter {
         }
     }
 
-    /// Shows parts of a picture that has been drawn, with text over its first layer.
-    pub fn show_parts(
-        &mut self,
-        acquired: Acquired,
-        renderer: &Renderer,
-        overlay: Option<&Overlay>,
-        parts: &[(Subresource, [Rect; 2])],
-        window: &Window,
-    ) -> Result<()> {
-        let mut frame = self.ring.begin()?;
-        if let Some(overlay) = overlay {
-            renderer.record_overlay(&mut frame, overlay)?;
-        }
-        frame.commands.prepare(renderer.picture(), ImageAccess::CopyFrom);
-        self.swapchain.copy_parts(&mut frame.commands, renderer.picture(), parts, &acquired);
-        frame.submit(Some(&acquired))?;
-        self.present(acquired, window)
-    }
-
-    /// Draws a frame and shows it; returns the processor time of recording and submitting.
+    /// Draws what is to be seen and shows it; returns the processor time of recording and submitting.
     pub fn show(
         &mut self,
-        acquired: Acquired,
-        renderer: &mut Renderer,
-        inputs: &FrameInputs<'_>,
-        overlay: Option<&Overlay>,
+        mut acquired: Acquired,
+        content: Content<'_>,
+        ui: Option<&UiFrame>,
         window: &Window,
     ) -> Result<Duration> {
         let started = ThreadTime::now();
         let mut frame = self.ring.begin()?;
-        renderer.record(&mut frame, inputs)?;
-        overlay.map_or(Ok(()), |overlay| renderer.record_overlay(&mut frame, overlay))?;
-        frame.commands.prepare(renderer.picture(), ImageAccess::CopyFrom);
-        self.swapchain.copy(&mut frame.commands, renderer.picture(), Subresource { mip: 0, layer: 0 }, &acquired);
+        let whole;
+        let picture = match content {
+            Content::Nothing => None,
+            Content::Picture(renderer, parts) => Some((renderer, parts)),
+            Content::Scene(renderer, inputs) => {
+                renderer.record(&mut frame, inputs)?;
+                let rects = [Rect::of(renderer.picture().desc().size), Rect::of(self.swapchain.size())];
+                whole = [(Subresource { mip: 0, layer: 0 }, rects)];
+                Some((&*renderer, &whole[..]))
+            }
+        };
+        if let Some((renderer, parts)) = picture {
+            frame.commands.prepare(renderer.picture(), ImageAccess::CopyFrom);
+            self.swapchain.copy_parts(&mut frame.commands, renderer.picture(), parts, &acquired);
+        }
+        match (picture, ui, self.swapchain.format()) {
+            (Some(_), None, _) | (_, _, None) => self.swapchain.end_copies(&mut frame.commands, &acquired),
+            (picture, ui, Some(format)) => {
+                let colour = match picture {
+                    Some(_) => {
+                        ColourAttachment::loaded(self.swapchain.begin_drawing_over(&mut frame.commands, &acquired)?)
+                    }
+                    None => ColourAttachment::cleared(
+                        self.swapchain.begin_drawing(&mut frame.commands, &mut acquired)?,
+                        GROUND,
+                    ),
+                };
+                let target = UiTarget { colour, format, size: self.swapchain.size() };
+                self.ui.record(&mut frame, target, ui.unwrap_or(&UiFrame::default()))?;
+                self.swapchain.end_drawing(&mut frame.commands, &acquired);
+            }
+        }
         frame.submit(Some(&acquired))?;
         let recording = started.elapsed();
         self.present(acquired, window)?;

@@ -8,9 +8,9 @@ use winit::window::Window;
 
 #[cfg(feature = "hot-reload")]
 use super::hot_reload::ShaderWatch;
-use super::hud::title;
-use super::output::WindowOutput;
+use super::output::{WindowOutput, title};
 use crate::context::Context;
+use crate::render::RenderSettings;
 use crate::scene::staging::Staging;
 use crate::view::app::{App, Update};
 use crate::view::frame_clock::ms_since;
@@ -35,6 +35,10 @@ pub struct Viewer {
     pub app: App,
     pub output: WindowOutput,
     frames: u64,
+    /// Those of the command line.
+    pub first_settings: RenderSettings,
+    /// Whether the line about the window has been printed.
+    announced: bool,
 }
 
 impl Viewer {
@@ -52,15 +56,17 @@ impl Viewer {
         wake: EventLoopProxy<()>,
         session: Option<Session>,
     ) -> Result<Self> {
-        // SAFETY: guaranteed by the caller.
-        let mut output = unsafe { WindowOutput::new(&context.gpu, window) }?;
-        if session.is_some() {
-            output.presenter.choose_free_mode();
-        }
         // Without an event loop there is nothing to wake.
         let wake = move || {
             let _ = wake.send_event(());
         };
+        // SAFETY: guaranteed by the caller.
+        let mut output = unsafe { WindowOutput::new(&context.gpu, window, wake.clone()) }?;
+        // Whoever counts frames wants to see them all drawn.
+        output.continuous = request.frames.is_some();
+        if session.is_some() {
+            output.presenter.choose_free_mode();
+        }
         let target = session.as_ref().map_or_else(|| output.target(), Session::target);
         Ok(Self {
             app: App::new(context, request.settings.clone(), target, wake)?,
@@ -72,6 +78,8 @@ impl Viewer {
             shader_watch: ShaderWatch::new(&crate::gpu::shader_folder())?,
             output,
             frames: 0,
+            announced: false,
+            first_settings: request.settings.clone(),
         })
     }
 
@@ -101,7 +109,7 @@ impl Viewer {
     /// When the next frame is due: at once (`Poll`), later, or after some event.
     pub fn pace(&mut self) -> ControlFlow {
         match (self.session.is_some(), self.app.scene.is_some()) {
-            (false, _) => self.output.pace(),
+            (false, _) => self.output.pace(&self.app),
             // The headset's runtime waits until a frame is due.
             (true, true) => ControlFlow::Poll,
             (true, false) => ControlFlow::WaitUntil(Instant::now() + POLL),
@@ -113,16 +121,17 @@ impl Viewer {
         #[cfg(feature = "hot-reload")]
         self.reload_changed_shaders()?;
         if self.session.is_some() {
-            return self.draw_headset();
+            self.draw_headset()?;
+            return self.perform_waiting();
         }
         if self.output.draw(&mut self.app)? {
-            self.frames += 1;
-            if self.frames == 1 {
+            self.frames += u64::from(self.app.scene.is_some());
+            if self.frames == 1 && !std::mem::replace(&mut self.announced, true) {
                 let [width, height] = self.output.presenter.size();
                 say!("pbr-vr: window {width}x{height} on {}", self.app.context.gpu.info().name);
             }
         }
-        Ok(())
+        self.perform_waiting()
     }
 
     /// Starts loading a file that was dropped on the window.
@@ -146,6 +155,8 @@ impl Viewer {
             }
             self.output.update(&self.app, update);
         }
+        // Another thread may have something new for the panel.
+        self.output.panel.refresh();
         Ok(())
     }
 
@@ -224,11 +235,9 @@ impl Viewer {
         let now = Instant::now();
         let due = self.shader_watch.is_due(now);
         let Some(scene) = self.app.scene.as_mut().filter(|_| due) else { return Ok(()) };
-        let overlay = crate::render::Overlay::new(&self.app.context.gpu, 1);
-        match scene.loaded.reload_shaders().and(overlay) {
-            Ok(overlay) => {
-                self.output.overlay = overlay;
-                self.output.hud.forget();
+        match scene.loaded.reload_shaders() {
+            Ok(()) => {
+                self.output.panel.forget();
                 self.output.announce(
                     "shaders reloaded; light maps are precomputed again with the next panorama or scene".into(),
                 );

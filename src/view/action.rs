@@ -1,0 +1,44 @@
+//! The commands of a person at the window, whether a key or the panel gives them.
+
+use std::path::PathBuf;
+
+use crate::render::RenderSettings;
+
+/// One command.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Action {
+    Quit,
+    /// Orbit or fly.
+    SwitchMode,
+    NextCamera,
+    /// One of the scene's cameras, from 0.
+    Camera(usize),
+    /// Write the present view into the scene's description, as a camera of this name.
+    SaveCamera(String),
+    /// Restore view, exposure, panorama's turn and settings.
+    Reset,
+    Fullscreen,
+    NextPresentMode,
+    /// Show or hide the panel.
+    Panel,
+    Screenshot,
+    NextShading,
+    PreviousShading,
+    /// Add thirds of a stop.
+    AddExposure(i8),
+    /// Stops.
+    Exposure(f32),
+    /// Add steps to the panorama's rotation.
+    AddRotation(i8),
+    /// The panorama's rotation, radians.
+    Rotation(f32),
+    Settings(Box<RenderSettings>),
+    /// Show a scene or a panorama.
+    Open(PathBuf),
+    NextScene,
+    PreviousScene,
+    NextPanorama,
+    PreviousPanorama,
+    /// Draw all the time, for measuring, or only when something changes.
+    Continuous(bool),
+}

@@ -1,0 +1,308 @@
+//! The panel: choices and numbers beside the picture, laid out by egui. It shows what the app has and returns commands; it
+//! changes nothing itself. Windows and headsets draw it.
+
+mod graph;
+mod library;
+mod messages;
+mod place;
+mod saved;
+mod sections;
+mod settings;
+mod style;
+
+use std::time::{Duration, Instant};
+
+use egui::{Align2, Area, Context, FontId, Frame, Id, RawInput, RichText, ScrollArea, SidePanel, TexturesDelta};
+
+use super::action::Action;
+use super::app::App;
+use super::control::Control;
+use super::frame_clock::FrameClock;
+use crate::asset::Stage;
+use crate::render::{MAX_TEXTURE_SIDE, UiFrame};
+use graph::History;
+use library::Library;
+use messages::Messages;
+use saved::Saved;
+
+/// Points.
+const WIDTH: f32 = 310.0;
+const MARGIN: f32 = 10.0;
+/// How often numbers are updated while the picture changes.
+const REFRESH: Duration = Duration::from_millis(250);
+/// How often progress is updated.
+const PROGRESS: Duration = Duration::from_millis(100);
+
+/// What the panel shows.
+pub struct PanelInputs<'a> {
+    pub app: &'a App,
+    pub clock: &'a FrameClock,
+    /// The camera that a person at the window moves.
+    pub control: Option<&'a Control>,
+    pub present_mode: &'static str,
+    /// Of the frame ring, where the reference's error is read.
+    pub slot: usize,
+    /// The headset's state, where there is one.
+    pub headset: Option<String>,
+    /// Whether frames are drawn all the time.
+    pub continuous: bool,
+}
+
+/// The result of a layout.
+pub struct PanelOutput {
+    pub actions: Vec<Action>,
+    /// What the window system is to do: the pointer's shape, text for the clipboard.
+    pub platform: egui::PlatformOutput,
+}
+
+/// The panel's state. Layouts are kept until the next one.
+pub struct Panel {
+    pub context: Context,
+    frame: UiFrame,
+    /// When the next layout is due without any event.
+    due: Option<Instant>,
+    saved: Saved,
+    messages: Messages,
+    library: Library,
+    history: History,
+    camera_name: String,
+    warnings: Vec<String>,
+}
+
+impl Panel {
+    /// With the state of the last start; `wake` is called from other threads when there is something new to lay out.
+    pub fn new(wake: impl Fn() + Clone + Send + Sync + 'static) -> Self {
+        let context = Context::default();
+        style::apply(&context);
+        Self {
+            library: Library::new(wake),
+            context,
+            frame: UiFrame::default(),
+            due: Some(Instant::now()),
+            saved: Saved::load(),
+            messages: Messages::default(),
+            history: History::default(),
+            camera_name: String::new(),
+            warnings: Vec::new(),
+        }
+    }
+
+    /// The last layout; `None` where it shows nothing. Its changes of textures are for one recording, after which
+    /// [`Panel::recorded`] is called.
+    pub fn frame(&self) -> Option<&UiFrame> {
+        let shows = !self.frame.primitives.is_empty() || !self.frame.textures.is_empty();
+        shows.then_some(&self.frame)
+    }
+
+    /// Notes that the last layout's changes of textures have been recorded.
+    pub fn recorded(&mut self) {
+        self.frame.textures = TexturesDelta::default();
+    }
+
+    /// Shows or hides the panel.
+    pub fn toggle(&mut self) {
+        self.saved.shown = !self.saved.shown;
+        self.saved.store();
+        self.refresh();
+    }
+
+    /// Whether the panel is shown.
+    pub fn is_shown(&self) -> bool {
+        self.saved.shown
+    }
+
+    /// Shows a message for a while.
+    pub fn note(&mut self, text: impl Into<String>) {
+        self.messages.note(Instant::now(), text);
+        self.refresh();
+    }
+
+    /// Shows an error message, for longer.
+    pub fn error(&mut self, text: impl Into<String>) {
+        self.messages.error(Instant::now(), text);
+        self.refresh();
+    }
+
+    /// Removes all messages: their cause has been fixed.
+    #[cfg(feature = "hot-reload")]
+    pub fn forget(&mut self) {
+        self.messages.clear();
+        self.refresh();
+    }
+
+    /// Lays out with the next frame.
+    pub fn refresh(&mut self) {
+        self.due = Some(Instant::now());
+    }
+
+    /// When the next layout is due; `None`: after the next event.
+    pub fn due(&self) -> Option<Instant> {
+        self.due
+    }
+
+    /// Notes a drawn frame's time, milliseconds.
+    pub fn add_frame(&mut self, ms: f32) {
+        self.history.add(ms);
+    }
+
+    /// Lays out a frame.
+    pub fn run(&mut self, mut input: RawInput, inputs: &PanelInputs<'_>) -> PanelOutput {
+        let now = Instant::now();
+        input.max_texture_side = Some(MAX_TEXTURE_SIDE);
+        self.warnings.extend(inputs.app.report().warnings_after(self.warnings.len()));
+        let mut actions = Vec::new();
+        let context = self.context.clone();
+        let output = context.run(input, |context| self.lay_out(context, inputs, &mut actions, now));
+        self.frame.pixels_per_point = output.pixels_per_point;
+        self.frame.primitives = context.tessellate(output.shapes, output.pixels_per_point);
+        self.frame.textures.append(output.textures_delta);
+        let wanted = output.viewport_output.values().map(|viewport| viewport.repaint_delay).min();
+        self.due =
+            [wanted.and_then(|delay| now.checked_add(delay)), self.own_due(inputs, now)].into_iter().flatten().min();
+        tracing::debug!("panel: laid out");
+        PanelOutput { actions, platform: output.platform_output }
+    }
+
+    /// When something that is shown changes by itself.
+    fn own_due(&self, inputs: &PanelInputs<'_>, now: Instant) -> Option<Instant> {
+        let loads = !inputs.app.loading.is_empty() || inputs.app.scene.is_none();
+        let light = inputs.app.scene.as_ref().and_then(|scene| scene.loaded.light_progress()).is_some();
+        let progress = (loads || light).then_some(now + PROGRESS);
+        progress.into_iter().chain(self.messages.next_end()).min()
+    }
+
+    /// The time after a frame at which numbers are shown again.
+    pub fn refresh_later(&mut self) {
+        let later = Instant::now() + REFRESH;
+        if self.saved.shown {
+            self.due = Some(self.due.map_or(later, |due| due.min(later)));
+        }
+    }
+
+    fn lay_out(&mut self, context: &Context, inputs: &PanelInputs<'_>, actions: &mut Vec<Action>, now: Instant) {
+        let mut left = context.content_rect();
+        if self.saved.shown && inputs.app.scene.is_some() {
+            let width = WIDTH.min(0.8 * left.width());
+            let response = SidePanel::right("panel")
+                .default_width(width)
+                .max_width(width.max(0.8 * left.width()))
+                .show(context, |ui| {
+                    ScrollArea::vertical().auto_shrink([false, false]).show(ui, |ui| self.sections(ui, inputs, actions))
+                });
+            left.max.x = response.response.rect.min.x;
+        }
+        if let Some(line) = inputs.headset.as_ref().filter(|_| !self.saved.shown) {
+            let text = rate_text(inputs.clock).map_or_else(|| line.clone(), |rate| format!("{rate}  {line}"));
+            area(context, "status", Align2::LEFT_TOP, left).show(context, |ui| framed(ui, |ui| ui.label(text)));
+        }
+        self.progress(context, inputs, left);
+        let lines = self.messages.current(now);
+        if !lines.is_empty() {
+            let width = (left.width() - 4.0 * MARGIN).max(80.0);
+            area(context, "messages", Align2::LEFT_BOTTOM, left).show(context, |ui| {
+                ui.set_max_width(width.min(640.0));
+                for line in lines {
+                    framed(ui, |ui| {
+                        ui.label(if line.is_error { style::error(&line.text) } else { RichText::new(&line.text) })
+                    });
+                }
+            });
+        }
+    }
+
+    /// What is being loaded and computed; in the middle of the picture while there is none.
+    fn progress(&self, context: &Context, inputs: &PanelInputs<'_>, left: egui::Rect) {
+        let app = inputs.app;
+        let Some(scene) = &app.scene else {
+            let place = area(context, "loading", Align2::CENTER_CENTER, left);
+            place.show(context, |ui| {
+                framed(ui, |ui| {
+                    ui.set_max_width((left.width() - 4.0 * MARGIN).clamp(80.0, 420.0));
+                    ui.label(RichText::new("pbr-vr").font(FontId::proportional(22.0)));
+                    let name = app.loading.front().map_or("", String::as_str);
+                    ui.label(format!("loading {name} on {}", app.context.gpu.info().name));
+                    stage(ui, app.report().stage().as_ref());
+                    ui.label(RichText::new("Esc quits").weak());
+                })
+            });
+            return;
+        };
+        let light = scene.loaded.light_progress();
+        if app.loading.is_empty() && light.is_none() {
+            return;
+        }
+        area(
+            context,
+            "progress",
+            Align2::LEFT_TOP,
+            left.translate(egui::vec2(0.0, if inputs.headset.is_some() { 40.0 } else { 0.0 })),
+        )
+        .show(context, |ui| {
+            framed(ui, |ui| {
+                ui.set_max_width((left.width() - 4.0 * MARGIN).clamp(80.0, 320.0));
+                for name in &app.loading {
+                    ui.label(format!("loading {name}"));
+                }
+                if app.loading.is_empty() {
+                    light.iter().for_each(|part| bar(ui, "soft light", *part));
+                } else {
+                    stage(ui, app.report().stage().as_ref());
+                }
+            });
+        });
+    }
+}
+
+/// An area of the picture that takes no input.
+fn area(_: &Context, name: &'static str, align: Align2, within: egui::Rect) -> Area {
+    let within = within.shrink(MARGIN);
+    Area::new(Id::new(name)).pivot(align).fixed_pos(align.pos_in_rect(&within)).interactable(false)
+}
+
+/// Text on a dark ground, which can be read over any picture.
+fn framed<R>(ui: &mut egui::Ui, add: impl FnOnce(&mut egui::Ui) -> R) {
+    Frame::NONE.fill(style::GROUND).inner_margin(8.0).corner_radius(4.0).show(ui, |ui| {
+        add(ui);
+    });
+}
+
+fn stage(ui: &mut egui::Ui, stage: Option<&Stage>) {
+    match stage {
+        Some(Stage { label, steps: Some((done, total)) }) => {
+            bar(ui, stage_text(label), *done as f32 / (*total).max(1) as f32)
+        }
+        Some(Stage { label, steps: None }) => drop(ui.label(stage_text(label))),
+        None => drop(ui.label("starting")),
+    }
+}
+
+/// What a label of the report means to a user.
+fn stage_text(label: &str) -> &str {
+    match label {
+        "parse" | "models" => "reading models",
+        "hash" | "decode" | "textures" => "reading textures",
+        "mips" => "filtering textures",
+        "compress" => "compressing textures",
+        "upload" => "copying textures to the GPU",
+        "precompute" => "precomputing light",
+        "pipelines" => "building pipelines",
+        "atlas" => "unwrapping for soft light",
+        label => label,
+    }
+}
+
+fn bar(ui: &mut egui::Ui, label: &str, part: f32) {
+    ui.add(
+        egui::ProgressBar::new(part)
+            .desired_width(280.0)
+            .corner_radius(2.0)
+            .text(format!("{label} {:.0} %", 100.0 * part)),
+    );
+}
+
+/// The frame rate and times as one line.
+pub fn rate_text(clock: &FrameClock) -> Option<String> {
+    let rate = clock.rate()?;
+    let gpu = rate.gpu_ms.map_or_else(String::new, |ms| format!("  GPU {ms:.2} ms"));
+    Some(format!("{:.1} fps  {:.2} ms  CPU {:.2} ms{gpu}", rate.frames_per_second, rate.frame_ms, rate.record_ms))
+}
