@@ -35,6 +35,6 @@ pub use cache::Cache;
 pub use mip_chain::{MipChain, Storage, TextureOptions};
 pub use output::Outputs;
 pub use panorama::Panorama;
-pub use report::Report;
+pub use report::{Report, Stage};
 pub use synthetic::synthetic_panorama;
 pub use texture::Texture;

@@ -5,7 +5,7 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
-use indicatif::{MultiProgress, ProgressBar, ProgressDrawTarget, ProgressStyle};
+use indicatif::{MultiProgress, ProgressBar, ProgressDrawTarget, ProgressStyle, WeakProgressBar};
 
 use crate::error::shown;
 
@@ -14,8 +14,19 @@ pub struct Report {
     warnings: Mutex<Vec<String>>,
     times: Mutex<BTreeMap<&'static str, Duration>>,
     bars: MultiProgress,
+    /// The bars that were started, and the labels of work that is being timed, oldest first.
+    started: Mutex<Vec<WeakProgressBar>>,
+    running: Mutex<Vec<&'static str>>,
     /// Number of warnings beyond [`MAX_KEPT`].
     dropped: AtomicUsize,
+}
+
+/// What is being worked on.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Stage {
+    pub label: String,
+    /// Steps done, of how many; `None` where they are not counted.
+    pub steps: Option<(u64, u64)>,
 }
 
 /// Warnings that are logged, and that are kept for `--json`: a broken file can cause millions.
@@ -34,21 +45,22 @@ impl Drop for Report {
 impl Report {
     /// Prints warnings to stderr as they come, and progress where stderr is a terminal.
     pub fn to_terminal() -> Self {
-        Self {
-            warnings: Mutex::default(),
-            times: Mutex::default(),
-            dropped: AtomicUsize::new(0),
-            bars: MultiProgress::with_draw_target(ProgressDrawTarget::stderr()),
-        }
+        Self::with_target(ProgressDrawTarget::stderr())
     }
 
     /// Only collects.
     pub fn silent() -> Self {
+        Self::with_target(ProgressDrawTarget::hidden())
+    }
+
+    fn with_target(target: ProgressDrawTarget) -> Self {
         Self {
             warnings: Mutex::default(),
             times: Mutex::default(),
+            bars: MultiProgress::with_draw_target(target),
+            started: Mutex::default(),
+            running: Mutex::default(),
             dropped: AtomicUsize::new(0),
-            bars: MultiProgress::with_draw_target(ProgressDrawTarget::hidden()),
         }
     }
 
@@ -72,6 +84,21 @@ impl Report {
         self.lock().clone()
     }
 
+    /// The warnings after the first `count`, in order.
+    pub fn warnings_after(&self, count: usize) -> Vec<String> {
+        self.lock().get(count..).map_or_else(Vec::new, <[String]>::to_vec)
+    }
+
+    /// What is being worked on, if that is known: the bar that was started last, or else what is timed.
+    pub fn stage(&self) -> Option<Stage> {
+        let mut started = locked(&self.started);
+        started.retain(|bar| bar.upgrade().is_some_and(|bar| !bar.is_finished()));
+        let bar = started.last().and_then(WeakProgressBar::upgrade);
+        let counted =
+            bar.map(|bar| Stage { label: bar.message(), steps: bar.length().map(|len| (bar.position(), len)) });
+        counted.or_else(|| Some(Stage { label: (*locked(&self.running).last()?).to_owned(), steps: None }))
+    }
+
     /// Starts a progress bar of `total` steps; call `inc(1)` for each and `finish_and_clear()` at the end.
     pub fn progress(&self, label: &'static str, total: u64) -> ProgressBar {
         // The template is a constant that indicatif accepts, as every test that loads a scene shows.
@@ -80,6 +107,7 @@ impl Report {
         let bar = self.bars.add(ProgressBar::new(total));
         bar.set_style(style);
         bar.set_message(label);
+        locked(&self.started).push(bar.downgrade());
         bar
     }
 
@@ -87,7 +115,14 @@ impl Report {
     /// sum can exceed the elapsed time; `work` must not wait for other threads, or their work would be counted twice.
     pub fn time<T>(&self, label: &'static str, work: impl FnOnce() -> T) -> T {
         let start = Instant::now();
+        locked(&self.running).push(label);
         let done = work();
+        let mut running = locked(&self.running);
+        // Other threads may have begun and ended since.
+        if let Some(at) = running.iter().rposition(|other| *other == label) {
+            running.remove(at);
+        }
+        drop(running);
         *self.lock_times().entry(label).or_default() += start.elapsed();
         done
     }
@@ -98,19 +133,41 @@ impl Report {
     }
 
     fn lock_times(&self) -> std::sync::MutexGuard<'_, BTreeMap<&'static str, Duration>> {
-        // Each entry is whole at any time.
-        self.times.lock().unwrap_or_else(std::sync::PoisonError::into_inner)
+        locked(&self.times)
     }
 
     fn lock(&self) -> std::sync::MutexGuard<'_, Vec<String>> {
-        // A list of strings is whole even if a thread died while pushing to it.
-        self.warnings.lock().unwrap_or_else(std::sync::PoisonError::into_inner)
+        locked(&self.warnings)
     }
+}
+
+/// Lists and maps whose entries are whole even if a thread died while adding one.
+fn locked<T>(mutex: &Mutex<T>) -> std::sync::MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(std::sync::PoisonError::into_inner)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_stage_is_the_newest_bar_or_else_what_is_timed() {
+        let report = Report::silent();
+        assert_eq!(report.stage(), None);
+        report.time("parse", || {
+            assert_eq!(report.stage(), Some(Stage { label: "parse".into(), steps: None }));
+            let bar = report.progress("textures", 5);
+            bar.inc(2);
+            assert_eq!(report.stage(), Some(Stage { label: "textures".into(), steps: Some((2, 5)) }));
+            bar.finish_and_clear();
+            assert_eq!(report.stage().map(|stage| stage.label), Some("parse".into()));
+        });
+        assert_eq!(report.stage(), None);
+        report.warn("first");
+        report.warn("second");
+        assert_eq!(report.warnings_after(1), ["second"]);
+        assert!(report.warnings_after(2).is_empty() && report.warnings_after(9).is_empty());
+    }
 
     #[test]
     fn warnings_are_lines_and_not_without_end() {
