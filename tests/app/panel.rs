@@ -202,6 +202,30 @@ fn it_hides_and_remembers_that_and_a_still_scene_takes_no_time() {
 }
 
 #[test]
+fn a_thousand_panoramas_are_no_burden_and_broken_ones_change_nothing() {
+    let Some(display) = Display::start() else { return };
+    let (workshop, _) = small_scene();
+    std::fs::write(workshop.path("a-broken.hdr"), "#?RADIANCE\n").expect("a test file");
+    workshop.panorama("p0000.exr", 16, |_| [0.01, 0.01, 0.02]);
+    for i in 1..1000 {
+        std::fs::copy(workshop.path("p0000.exr"), workshop.path(&format!("p{i:04}.exr"))).expect("a test file");
+    }
+    let mut visit = Visit::begin(&display, &workshop, &[]);
+    let first = visit.shot();
+    visit.click("a-broken.hdr");
+    // One thread loads one thing after another.
+    let after = visit.shot();
+    assert!(flip(&after, &first) < 1e-6, "a broken panorama has changed the picture");
+    visit.click("p0000.exr");
+    visit.program.wait_for("lit by p0000.exr");
+    assert!(mean(&visit.shot()) < 0.5 * mean(&first));
+    visit.hands.press(&[ESCAPE]);
+    let (code, errors) = visit.program.end();
+    assert_eq!(code, Some(0), "{errors}");
+    assert!(errors.contains("pbr-vr: ") && errors.contains("a-broken.hdr"), "{errors}");
+}
+
+#[test]
 fn a_drag_is_drawn_coarsely_and_the_rest_whole() {
     let Some(display) = Display::start() else { return };
     let (workshop, _) = small_scene();

@@ -173,7 +173,9 @@ impl Panel {
         ScrollArea::vertical().id_salt("panoramas").max_height(height).show(ui, |ui| {
             ui.horizontal_wrapped(|ui| {
                 for file in inputs.app.playlist().panoramas() {
-                    if self.panorama(ui, file, scene.panorama.as_deref() == Some(file)) {
+                    // The same file may be named in several ways.
+                    let shown = scene.panorama.as_ref().is_some_and(|shown| shown.file_name() == file.file_name());
+                    if self.panorama(ui, file, shown) {
                         actions.push(Action::Open(file.clone()));
                     }
                 }
@@ -293,7 +295,10 @@ fn file_choice(
         let name = shown.map_or_else(String::new, file_name);
         let choice = ComboBox::from_id_salt(label).selected_text(name).show_ui(ui, |ui| {
             for file in files {
-                let entry = ui.selectable_label(shown == Some(file), file_name(file));
+                let entry = ui.selectable_label(
+                    shown.is_some_and(|shown| shown.file_name() == file.file_name()),
+                    file_name(file),
+                );
                 place(ui, &format!("{label}={}", file_name(file)), &entry);
                 if entry.clicked() {
                     chosen = Some(file.clone());

@@ -207,7 +207,10 @@ impl WindowOutput {
             return Ok(false);
         }
         let (acquired, times) = self.presenter.begin(self.size)?;
-        self.clock.add_gpu(&times, times.total_ms());
+        // Frames that show the last picture again would make the scene look cheap.
+        if times.iter().any(|time| time.name == "scene") {
+            self.clock.add_gpu(&times, times.total_ms());
+        }
         let Some(acquired) = acquired else { return Ok(false) };
         let now = Instant::now();
         let seconds = self.clock.tick(now);
@@ -243,6 +246,7 @@ impl WindowOutput {
             self.panel.refresh_later();
             self.drawn = Some(state);
         } else {
+            self.clock.pause();
             let renderer = &scene.loaded.renderer;
             let rects = [Rect::of(renderer.picture().desc().size), Rect::of(size)];
             let parts = [(Subresource { mip: 0, layer: 0 }, rects)];
