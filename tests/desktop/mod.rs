@@ -97,7 +97,8 @@ impl Program {
         Self { child, lines, said: Vec::new(), errors, reader: Some(reader) }
     }
 
-    fn errors(&self) -> String {
+    /// What it has said on stderr so far.
+    pub fn errors(&self) -> String {
         self.errors.lock().expect("its errors").clone()
     }
 

@@ -7,6 +7,7 @@ use egui::{CollapsingHeader, ComboBox, Grid, RichText, ScrollArea, Slider, Ui};
 use super::library::{SIZE, Thumbnail};
 use super::place::place;
 use super::{Panel, PanelInputs, rate_text, settings, style};
+use crate::render::Change;
 use crate::view::action::Action;
 use crate::view::control::Mode;
 use crate::view::loader::file_name;
@@ -85,7 +86,9 @@ impl Panel {
                 }
             });
         });
-        ui.label(RichText::new(rate_text(inputs.clock).unwrap_or_else(|| "not measured yet".into())).small());
+        let changes = scene.loaded.renderer.settings().difference(inputs.app.settings()) != Change::Nothing;
+        let rate = rate_text(inputs.clock).unwrap_or_else(|| "not measured yet".into());
+        ui.label(RichText::new(if changes { "changing to other settings".into() } else { rate }).small());
         inputs.headset.iter().for_each(|line| drop(ui.label(RichText::new(line).small())));
         ui.horizontal_wrapped(|ui| {
             let buttons = [

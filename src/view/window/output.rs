@@ -323,7 +323,7 @@ impl WindowOutput {
                 }
             }
             Update::Light(name) => self.announce(format!("lit by {name}")),
-            Update::Settings => {}
+            Update::Settings => tracing::debug!("the settings are in use"),
             Update::Screenshot(written) => self.report_screenshot(&written),
             Update::Failed(error) => self.complain(&error),
         }
