@@ -46,6 +46,10 @@ pub enum Error {
     #[error("GPU: no memory for {what}: {problem}; close other programs, or choose a smaller picture or scene")]
     GpuMemory { what: String, problem: String },
 
+    /// What computes a scene's light could not be prepared.
+    #[error("light: {problem}")]
+    Light { problem: String },
+
     /// The validation layer reported something that is not on the list of expected messages.
     #[error("validation: {count} message(s), the first: {first}; this is a defect of pbr-vr, please report it")]
     Validation { count: usize, first: String },

@@ -1,24 +1,29 @@
 //! Light that surfaces give back: a scene's lightmap and probes, computed a piece with each frame and kept on disk.
 
 use std::sync::Arc;
+use std::thread::JoinHandle;
 
-use glam::{Mat4, Vec3};
+use glam::Mat4;
 
-use super::bake_sets::BakeSets;
 use super::frame_set::FrameSet;
 use super::layouts::Layouts;
+use super::light_bake::{BakeSource, LightBake};
 use super::light_detail::LightDetail;
+use super::light_plan::LightPlan;
 use super::lighting::Lighting;
-use super::lightmap::{self, LightmapBake};
-use super::probes::{self, LocalProbes};
-use super::ray_scene::{LazyRayScene, RaySet};
+use super::lightmap::{self, dark_lightmap};
+use super::probe_maps::ProbeMaps;
+use super::probes;
+use super::ray_scene::LazyRayScene;
 use super::rest::Rest;
 use super::settings::RenderSettings;
-use crate::Result;
+use crate::asset::Report;
 use crate::context::Context;
-use crate::gpu::{Buffer, Commands, DescriptorSet, Gpu, Image, PassTime};
+use crate::gpu::{Buffer, Commands, DescriptorSet, Image, PassTime};
 use crate::precompute::{CONVOLUTION_SHADERS, CacheKind, keep_cached, load_cached};
+use crate::scene::lightmap_texels::LightmapTexels;
 use crate::scene::{GeometryView, Scene};
+use crate::{Error, Result};
 
 /// In the cache: raise the version when samples, seeds, or the list of texels change.
 const CACHE_KIND: CacheKind = CacheKind {
@@ -41,58 +46,112 @@ pub struct LightState {
 }
 
 /// What light is computed from.
+#[derive(Clone, Copy)]
 pub struct LightSource<'a> {
     pub scene: &'a Scene,
     /// The scene's, with lightmap coordinates.
     pub geometry: GeometryView<'a>,
-    pub ray_scene: &'a LazyRayScene,
+    pub ray_scene: &'a Arc<LazyRayScene>,
     /// Of the panorama: [`Lighting::importance`].
     pub importance: Option<&'a Arc<Buffer>>,
 }
 
 /// A scene's lightmap and probes.
 pub struct BakedLight {
-    pub lightmap: LightmapBake,
-    /// What smooth surfaces mirror of the rooms around them, where there are any.
-    pub probes: Option<LocalProbes>,
-    rays: RaySet,
+    source: BakeSource,
+    bake: Bake,
+    /// The lightmap's texels, until a bake takes them.
+    listed: Option<LightmapTexels>,
+    /// What the probes' maps are multiplied by; 0 before they hold any light.
+    probe_scale: f32,
     /// A hash of what else it depends on but for the panorama: geometry, materials with their textures, lamps, the BRDF that
     /// light is given back by, sizes and samples.
     made_by: blake3::Hash,
     /// What it is computed for; `None` before the first frame.
     computed_for: Option<LightState>,
+    is_done: bool,
+    /// Whether the images hold light that came from the cache.
+    has_light: bool,
     /// Whether the cache has it.
     kept: bool,
     rest: Rest<LightState>,
 }
 
+/// What computes light.
+enum Bake {
+    /// Nothing has been computed: light came from the cache.
+    Idle,
+    /// It is prepared on a thread of its own, while frames go on with the light that is there.
+    Coming(JoinHandle<Result<LightBake>>),
+    There(Box<LightBake>),
+    /// It cannot be prepared: light stays as it is.
+    Failed,
+}
+
 impl BakedLight {
-    /// Prepares a lightmap of `side` × `side` texels and the probes that the scene needs
+    /// Prepares a lightmap of `side` × `side` texels and the probes that the scene needs.
     ///
     /// # Errors
     /// No memory; a failed Vulkan call.
     pub fn new(
         context: &Context,
-        layouts: &Layouts,
+        layouts: &Arc<Layouts>,
         source: LightSource<'_>,
         side: u32,
         settings: &RenderSettings,
     ) -> Result<Self> {
-        let LightSource { scene, geometry, ray_scene, importance } = source;
-        let gpu = &context.gpu;
-        let lamps: Vec<Vec3> = scene.lights.iter().map(|light| light.position).collect();
-        let brdf = settings.brdf_constants();
-        let LightDetail { lightmap_samples, probe_size, .. } = settings.light_detail;
-        let lightmap = LightmapBake::new(gpu, layouts, (ray_scene, &lamps), side, &brdf)?;
-        let lightmap = lightmap.with_samples(lightmap_samples);
-        let bvh = &ray_scene.get(gpu, layouts)?.bvh;
-        let probes = LocalProbes::planned(context, layouts, (scene, bvh), lightmap.given_back(), settings)?;
+        let LightSource { scene, geometry, ray_scene, .. } = source;
+        let made_by = made_by(scene, geometry, side, settings);
+        let (cache, key) = (context.cache.as_ref(), LightPlan::key(&made_by, scene, settings));
+        let kept = cache.and_then(|cache| LightPlan::load(cache, &key));
+        let (plan, listed) = if let Some(plan) = kept {
+            (plan, None)
+        } else {
+            let (plan, texels) = LightPlan::by_rays((&context.gpu, layouts), scene, ray_scene, side, settings)?;
+            cache.iter().for_each(|cache| plan.keep(cache, &key));
+            (plan, Some(texels))
+        };
+        let mut made = Self::planned(context, layouts, source, (side, &plan, made_by), settings)?;
+        made.listed = listed;
+        Ok(made)
+    }
+
+    /// The same by this plan; `made_by`: a hash of what light depends on but for the panorama.
+    ///
+    /// # Errors
+    /// No memory; a failed Vulkan call.
+    pub fn planned(
+        context: &Context,
+        layouts: &Arc<Layouts>,
+        source: LightSource<'_>,
+        (side, plan, made_by): (u32, &LightPlan, blake3::Hash),
+        settings: &RenderSettings,
+    ) -> Result<Self> {
+        let LightSource { ray_scene, importance, .. } = source;
+        let (gpu, LightPlan { layers, probes }) = (&context.gpu, plan);
+        let has_probes = !probes.is_empty() && gpu.has_cube_arrays();
+        if !probes.is_empty() && !has_probes {
+            context.report.warn(format!("{}: no arrays of cubes; rooms mirror the panorama alone", gpu.info().name));
+        }
+        let face = settings.light_detail.probe_size;
         Ok(Self {
-            lightmap,
-            probes,
-            rays: RaySet::new(gpu, layouts, Some(ray_scene), importance)?,
-            made_by: made_by(scene, geometry, &format!("{brdf:?} {side} {lightmap_samples} {probe_size}")),
+            source: BakeSource {
+                gpu: Arc::clone(gpu),
+                layouts: Arc::clone(layouts),
+                ray_scene: Arc::clone(ray_scene),
+                importance: importance.cloned(),
+                lightmap: dark_lightmap(gpu, side, *layers)?,
+                probes: has_probes.then(|| ProbeMaps::new(gpu, probes, face).map(Arc::new)).transpose()?,
+                constants: settings.brdf_constants(),
+                samples: settings.light_detail.lightmap_samples,
+            },
+            bake: Bake::Idle,
+            listed: None,
+            probe_scale: 0.0,
+            made_by,
             computed_for: None,
+            is_done: false,
+            has_light: false,
             kept: false,
             rest: Rest::default(),
         })
@@ -102,78 +161,175 @@ impl BakedLight {
     ///
     /// # Errors
     /// A failed Vulkan call.
-    pub fn set_panorama(
-        &mut self,
-        gpu: &Arc<Gpu>,
-        layouts: &Layouts,
-        source: (&LazyRayScene, &Lighting),
-    ) -> Result<()> {
-        let (ray_scene, lighting) = source;
-        self.rays = RaySet::new(gpu, layouts, Some(ray_scene), lighting.importance.as_ref())?;
-        Ok(())
+    pub fn set_panorama(&mut self, lighting: &Lighting) -> Result<()> {
+        self.source.importance = lighting.importance.clone();
+        match &mut self.bake {
+            Bake::There(bake) => bake.set_panorama(&self.source),
+            Bake::Idle | Bake::Coming(_) | Bake::Failed => Ok(()),
+        }
     }
 
-    /// Whether all is computed.
+    /// The lightmap: first an open sky's light, later that which is computed.
+    pub fn lightmap(&self) -> &Arc<Image> {
+        &self.source.lightmap
+    }
+
+    /// Its layers of light: fronts, and backs where some can be seen.
+    pub fn layers(&self) -> u32 {
+        self.source.lightmap.desc().shape.layers() / 2
+    }
+
+    /// What smooth surfaces mirror of the rooms around them, where there are any.
+    pub fn probes(&self) -> Option<&Arc<ProbeMaps>> {
+        self.source.probes.as_ref()
+    }
+
+    /// How many probes there are.
+    pub fn probe_count(&self) -> u32 {
+        self.probes().map_or(0, |probes| probes.count())
+    }
+
+    /// What the values of the probes' maps are to be multiplied by; 0 before they hold any.
+    pub fn probe_scale(&self) -> f32 {
+        self.probe_scale
+    }
+
+    /// Whether nothing is left to be computed.
     pub fn is_done(&self) -> bool {
-        self.lightmap.is_done() && self.probes.as_ref().is_none_or(LocalProbes::is_done)
+        self.is_done || matches!(self.bake, Bake::Failed)
+    }
+
+    /// The part of the lightmap that is computed, 0 to 1.
+    pub fn progress(&self) -> f32 {
+        match &self.bake {
+            Bake::There(bake) => bake.progress(),
+            Bake::Idle | Bake::Coming(_) => 0.0,
+            Bake::Failed => 1.0,
+        }
     }
 
     /// Computes it again, for other light: until it is better, the old lightmap stays, and so do the old probes if maps keep
     /// their scale.
-    pub fn restart(&mut self, scale: f32) {
-        self.kept = false;
-        self.lightmap.restart();
-        self.probes.iter_mut().for_each(|probes| probes.restart(scale));
+    fn restart(&mut self, scale: f32) {
+        (self.is_done, self.kept) = (false, false);
+        if scale != self.probe_scale {
+            self.probe_scale = 0.0;
+        }
+        if let Bake::There(bake) = &mut self.bake {
+            bake.restart();
+        }
     }
 
     /// Follows a frame's state: once that has rested, light is computed again for it. Returns whether there is a piece to
-    /// record.
-    pub fn follow(&mut self, now: LightState, scale: f32) -> bool {
+    /// record. What rays need is prepared beside frames.
+    ///
+    /// # Errors
+    /// A lost GPU.
+    pub fn follow(&mut self, now: LightState, scale: f32, report: &Report) -> Result<bool> {
         let rested = self.rest.follow(now) >= REST;
         if *self.computed_for.get_or_insert(now) != now && rested {
             self.computed_for = Some(now);
             self.restart(scale);
         }
-        self.computed_for == Some(now) && !self.is_done()
+        if self.computed_for != Some(now) || self.is_done() {
+            return Ok(false);
+        }
+        match self.advance() {
+            Err(error) if !error.is_device_lost() => {
+                report.warn(format!("light is not computed again: {error}"));
+                self.bake = Bake::Failed;
+                Ok(false)
+            }
+            ready => ready,
+        }
+    }
+
+    /// Whether a piece can be recorded; what that takes is prepared by a thread, which this starts and looks after.
+    fn advance(&mut self) -> Result<bool> {
+        match &self.bake {
+            Bake::There(_) => return Ok(true),
+            Bake::Coming(thread) if thread.is_finished() => self.prepare()?,
+            Bake::Coming(_) | Bake::Failed => {}
+            Bake::Idle => {
+                let (source, listed) = (self.source.clone(), self.listed.take());
+                let work = move || LightBake::new(&source, listed);
+                let thread = std::thread::Builder::new().name("bakes".into()).spawn(work);
+                let problem = |e| Error::Light { problem: format!("no thread can be started ({e})") };
+                self.bake = Bake::Coming(thread.map_err(problem)?);
+            }
+        }
+        Ok(matches!(self.bake, Bake::There(_)))
+    }
+
+    /// Prepares what computes light, unless it is there.
+    ///
+    /// # Errors
+    /// No memory; a failed Vulkan call.
+    pub fn prepare(&mut self) -> Result<()> {
+        let mut bake = match std::mem::replace(&mut self.bake, Bake::Failed) {
+            Bake::Idle => LightBake::new(&self.source, self.listed.take())?,
+            Bake::Coming(thread) => {
+                let panicked = |_| Error::Light { problem: "a thread has panicked: a defect, please report it".into() };
+                let mut bake = thread.join().map_err(panicked)??;
+                // It may be another's by now.
+                bake.set_panorama(&self.source)?;
+                bake
+            }
+            bake => {
+                self.bake = bake;
+                return Ok(());
+            }
+        };
+        if self.has_light {
+            bake.restart();
+        }
+        self.bake = Bake::There(Box::new(bake));
+        Ok(())
     }
 
     /// Takes a frame's state for what light is to be computed for, at once. Returns whether there is anything to compute.
-    pub fn demand(&mut self, now: LightState, scale: f32) -> bool {
+    ///
+    /// # Errors
+    /// Those of [`BakedLight::prepare`].
+    pub fn demand(&mut self, now: LightState, scale: f32) -> Result<bool> {
         if self.computed_for.replace(now).is_some_and(|before| before != now) {
             self.restart(scale);
         }
-        !self.is_done()
+        if !self.is_done() {
+            self.prepare()?;
+        }
+        Ok(!self.is_done())
     }
 
     /// Makes the next pieces take about `target_ms`, from the times of a frame that one was part of.
     pub fn pace(&mut self, times: &[PassTime], target_ms: f64) {
-        self.lightmap.pace(times, target_ms);
-        self.probes.iter_mut().for_each(|probes| probes.pace(times, target_ms));
-    }
-
-    /// Records the next piece of work: probes once the lightmap has all light that surfaces give back. Probes' maps hold
-    /// radiance / `scale`.
-    pub fn record(&mut self, commands: &mut Commands<'_>, frame: FrameSet<'_>, scene: &DescriptorSet, scale: f32) {
-        let sets = BakeSets { frame, scene, rays: &self.rays.set };
-        if !self.lightmap.is_done() {
-            self.lightmap.record(commands, &sets);
-        } else if let Some(probes) = &mut self.probes {
-            probes.record(commands, &sets, scale);
+        if let Bake::There(bake) = &mut self.bake {
+            bake.pace(times, target_ms);
         }
     }
 
-    /// Takes it from the cache, if it was computed for this state; probes' maps then hold radiance / `scale`.
+    /// Records the next piece of work, if it is prepared. Probes' maps hold radiance / `scale`.
+    pub fn record(&mut self, commands: &mut Commands<'_>, frame: FrameSet<'_>, scene: &DescriptorSet, scale: f32) {
+        let Bake::There(bake) = &mut self.bake else { return };
+        bake.record(commands, frame, scene, scale);
+        if bake.is_done() {
+            (self.is_done, self.probe_scale) = (true, scale);
+        }
+    }
+
+    /// Takes it from the cache, if it was computed for this state; probes' maps then hold radiance / `scale`. Returns whether it
+    /// was.
     ///
     /// # Errors
     /// A failed Vulkan call.
-    pub fn load(&mut self, context: &Context, state: LightState, scale: f32) -> Result<()> {
+    pub fn load(&mut self, context: &Context, state: LightState, scale: f32) -> Result<bool> {
         let source = self.source(state);
-        if load_cached(context, &CACHE_KIND, &[source.as_bytes()], &self.images())?.is_some() {
-            self.lightmap.finish();
-            self.probes.iter_mut().for_each(|probes| probes.finish(scale));
-            (self.computed_for, self.kept) = (Some(state), true);
+        let is_there = load_cached(context, &CACHE_KIND, &[source.as_bytes()], &self.images())?.is_some();
+        if is_there {
+            (self.is_done, self.has_light, self.kept) = (true, true, true);
+            (self.computed_for, self.probe_scale) = (Some(state), scale);
         }
-        Ok(())
+        Ok(is_there)
     }
 
     /// Stores it in the cache if it is done and not there yet.
@@ -181,7 +337,7 @@ impl BakedLight {
     /// # Errors
     /// A failed Vulkan call.
     pub fn keep(&mut self, context: &Context) -> Result<()> {
-        if let Some(state) = self.computed_for.filter(|_| self.is_done() && !self.kept) {
+        if let Some(state) = self.computed_for.filter(|_| self.is_done && !self.kept) {
             let source = self.source(state);
             keep_cached(context, &CACHE_KIND, &[source.as_bytes()], &self.images())?;
             self.kept = true;
@@ -194,20 +350,30 @@ impl BakedLight {
         let mut hasher = blake3::Hasher::new();
         hasher.update(self.made_by.as_bytes()).update(panorama.as_bytes()).update(&rotation.to_le_bytes());
         hasher.update(bytemuck::bytes_of(&world_from_models));
-        hasher.update(self.probes.as_ref().map_or(&[][..], LocalProbes::placed));
+        hasher.update(self.probes().map_or(&[][..], |probes| bytemuck::cast_slice(probes.placed())));
         hasher.finalize()
     }
 
     /// What the cache holds, by name.
     fn images(&self) -> Vec<(&'static str, &Image)> {
-        let image: &Arc<Image> = self.lightmap.image();
-        let maps = self.probes.iter().flat_map(LocalProbes::named_maps);
-        [("lightmap", &**image)].into_iter().chain(maps).collect()
+        let maps = self.probes().into_iter().flat_map(|probes| probes.named());
+        [("lightmap", &**self.lightmap())].into_iter().chain(maps).collect()
+    }
+}
+
+impl Drop for BakedLight {
+    fn drop(&mut self) {
+        // The GPU is not closed by that thread.
+        if let Bake::Coming(thread) = std::mem::replace(&mut self.bake, Bake::Failed) {
+            drop(thread.join());
+        }
     }
 }
 
 /// A hash of everything that light on a scene with this geometry depends on but for its panorama.
-fn made_by(scene: &Scene, geometry: GeometryView<'_>, settings: &str) -> blake3::Hash {
+fn made_by(scene: &Scene, geometry: GeometryView<'_>, side: u32, settings: &RenderSettings) -> blake3::Hash {
+    let LightDetail { lightmap_samples, probe_size, .. } = settings.light_detail;
+    let settings = format!("{:?} {side} {lightmap_samples} {probe_size}", settings.brdf_constants());
     let mut hasher = blake3::Hasher::new();
     let mut add = |bytes: &[u8]| {
         hasher.update(&(bytes.len() as u64).to_le_bytes());

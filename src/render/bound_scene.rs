@@ -9,13 +9,13 @@ use super::layouts::Layouts;
 use super::lighting::Lighting;
 use super::lightmapped::Lightmapped;
 use super::pipeline_request::PipelineRequest;
-use super::probes::LocalProbes;
 use super::scene_resources::SceneResources;
 use super::settings::RenderSettings;
 use super::shadow_maps::{Placement, ShadowMaps};
 use super::shadow_pass::ShadowPass;
 use super::shared::FrameBlock;
 use crate::Result;
+use crate::asset::Report;
 use crate::context::Context;
 use crate::gpu::{
     AddressMode, Binding, Commands, Compare, DescriptorSet, Format, FrameContext, FrameRing, Gpu, Image, ImageDesc,
@@ -57,7 +57,7 @@ impl BoundScene {
         let shadows = ShadowMaps::new(gpu, &self.resources.shadow_plan, lighting.sun.is_some())?;
         self.set = scene_set(gpu, layouts, (&self.resources, &shadows), &lighting, self.baked.as_ref())?;
         if let Some(baked) = &mut self.baked {
-            baked.set_panorama(gpu, layouts, (&self.resources.ray_scene, &lighting))?;
+            baked.set_panorama(&lighting)?;
         }
         (self.lighting, self.shadows) = (lighting, shadows);
         Ok(())
@@ -66,17 +66,20 @@ impl BoundScene {
     /// Draws the scene with a lightmap from now on.
     pub fn set_lightmapped(&mut self, gpu: &Arc<Gpu>, layouts: &Layouts, lightmapped: Lightmapped) -> Result<()> {
         let Lightmapped { resources, mut baked } = lightmapped;
-        baked.set_panorama(gpu, layouts, (&resources.ray_scene, &self.lighting))?;
+        baked.set_panorama(&self.lighting)?;
         self.set = scene_set(gpu, layouts, (&resources, &self.shadows), &self.lighting, Some(&baked))?;
         (self.resources, self.baked) = (resources, Some(baked));
         Ok(())
     }
 
     /// Follows what light depends on in a frame; returns whether there is a piece of it to compute.
-    pub fn follow_light(&mut self, inputs: &FrameInputs<'_>) -> bool {
+    ///
+    /// # Errors
+    /// A lost GPU.
+    pub fn follow_light(&mut self, inputs: &FrameInputs<'_>, report: &Report) -> Result<bool> {
         let Lighting { maps, digest, .. } = &self.lighting;
         let state = inputs.light_state(*digest);
-        self.baked.as_mut().is_some_and(|baked| baked.follow(state, maps.scale))
+        self.baked.as_mut().map_or(Ok(false), |baked| baked.follow(state, maps.scale, report))
     }
 
     /// Records the next piece of light, of about `target_ms`.
@@ -93,7 +96,7 @@ impl BoundScene {
     pub fn finish_light(&mut self, context: &Context, inputs: &FrameInputs<'_>) -> Result<f64> {
         let Lighting { maps, digest, .. } = &self.lighting;
         let state = inputs.light_state(*digest);
-        if !self.baked.as_mut().is_some_and(|baked| baked.demand(state, maps.scale)) {
+        if !self.baked.as_mut().map_or(Ok(false), |baked| baked.demand(state, maps.scale))? {
             return Ok(0.0);
         }
         let mut gpu_ms = 0.0;
@@ -114,7 +117,7 @@ impl BoundScene {
 
     /// The part of light that is computed, while it is; 0 to 1.
     pub fn light_progress(&self) -> Option<f32> {
-        self.baked.as_ref().filter(|baked| !baked.is_done()).map(|baked| baked.lightmap.progress())
+        self.baked.as_ref().filter(|baked| !baked.is_done()).map(BakedLight::progress)
     }
 
     /// Records the drawing of shadow maps that do not show the scene as it is, if a pass draws any.
@@ -130,10 +133,6 @@ impl BoundScene {
         self.baked.as_mut().map_or(Ok(()), |baked| baked.keep(context))
     }
 
-    fn probes(&self) -> Option<&LocalProbes> {
-        self.baked.as_ref()?.probes.as_ref()
-    }
-
     /// The scene's part of each [`FrameBlock`](super::shared::FrameBlock).
     pub fn constants(&self) -> SceneConstants {
         let Lighting { maps, sun, .. } = &self.lighting;
@@ -142,7 +141,7 @@ impl BoundScene {
             light_count: self.resources.light_count,
             sun: *sun,
             sun_shadow: self.shadows.sun_block(sun.as_ref()),
-            probe_scale: self.probes().map_or(0.0, LocalProbes::scale),
+            probe_scale: self.baked.as_ref().map_or(0.0, BakedLight::probe_scale),
         }
     }
 
@@ -159,8 +158,8 @@ impl BoundScene {
             layouts: Arc::clone(layouts),
             variants: self.resources.variants.clone(),
             constant_lights: self.resources.constant_lights,
-            lightmap_layers: self.baked.as_ref().map_or(0, |baked| baked.lightmap.layers()),
-            probes: self.probes().map_or(0, LocalProbes::count),
+            lightmap_layers: self.baked.as_ref().map_or(0, BakedLight::layers),
+            probes: self.baked.as_ref().map_or(0, BakedLight::probe_count),
             ray_scene: Arc::clone(&self.resources.ray_scene),
             casts: self.resources.shadow_plan.casts,
             planned_shadows: self.resources.shadow_plan.kind,
@@ -188,11 +187,11 @@ fn scene_set(
     Lighting { maps, table, .. }: &Lighting,
     baked: Option<&BakedLight>,
 ) -> Result<DescriptorSet> {
-    let lightmap = baked.map_or_else(|| no_lightmap(gpu), |baked| Ok(Arc::clone(baked.lightmap.image())))?;
-    let probes = baked.and_then(|baked| baked.probes.as_ref());
+    let lightmap = baked.map_or_else(|| no_lightmap(gpu), |baked| Ok(Arc::clone(baked.lightmap())))?;
+    let probes = baked.and_then(BakedLight::probes);
     // Shaders without probes read none of these.
     let blocks = probes.map_or(&resources.lights, |probes| &probes.blocks);
-    let [even, odd, irradiance] = probes.map_or([&lightmap; 3], LocalProbes::maps);
+    let [even, odd, irradiance] = probes.map_or([&lightmap; 3], |probes| probes.all());
     let panorama = Sampler::new(gpu, "panorama", AddressMode::Panorama, 1)?;
     let clamped = Sampler::new(gpu, "clamped", AddressMode::Clamp, 1)?;
     // A receiver passes where nothing nearer to the light, of greater depth, is stored.

@@ -5,9 +5,6 @@
 
 use std::sync::Arc;
 
-use bytemuck::{Pod, Zeroable, bytes_of};
-use glam::Vec3;
-
 use super::bake_sets::BakeSets;
 use super::layouts::Layouts;
 use super::light_detail::{AT_ONCE, SAMPLES};
@@ -18,7 +15,8 @@ use crate::gpu::{
     AddressMode, Binding, Buffer, BufferKind, Commands, Constant, DescriptorSet, Format, Gpu, Image, ImageAccess,
     ImageDesc, ImageUsageFlags, PassTime, Pipeline, Sampler, Shape, submit_and_wait,
 };
-use crate::scene::lightmap_texels::{BACK, LightmapTexel, LightmapTexels};
+use crate::scene::lightmap_texels::{LightmapTexel, LightmapTexels};
+use bytemuck::{Pod, Zeroable, bytes_of};
 
 /// Names of the passes, for their times: of light that is bounced, and of what comes before.
 const PASS: &str = "lightmap";
@@ -219,46 +217,54 @@ impl Pipelines {
     }
 }
 
-/// Whether a texel is of a triangle's back.
-fn is_back(texel: &LightmapTexel) -> bool {
-    texel.triangle & BACK != 0
+/// An image that a lightmap is kept or computed in: all 0, as texels between charts are filled from, and read with no weight,
+/// which would keep NaN.
+fn cleared(gpu: &Arc<Gpu>, name: &str, side: u32, layers: u32) -> Result<Arc<Image>> {
+    let usage = ImageUsageFlags::SAMPLED | ImageUsageFlags::STORAGE | ImageUsageFlags::TRANSFER_SRC;
+    let flat = ImageDesc::flat(Format::R16G16B16A16_SFLOAT, [side; 2], usage | ImageUsageFlags::TRANSFER_DST);
+    let image = Image::new(gpu, name, ImageDesc { shape: Shape::Layers(layers), ..flat })?;
+    submit_and_wait(gpu, |commands| {
+        commands.clear(&image);
+        Ok(())
+    })?;
+    Ok(image)
+}
+
+/// A lightmap of `side` × `side` texels with no light yet: irradiance of soft light in one layer for fronts or in two for both
+/// sides, and as many layers of openness.
+///
+/// # Errors
+/// No memory; a failed Vulkan call.
+pub fn dark_lightmap(gpu: &Arc<Gpu>, side: u32, layers: u32) -> Result<Arc<Image>> {
+    cleared(gpu, "lightmap", side, 2 * layers)
 }
 
 impl LightmapBake {
-    /// Prepares a lightmap of `side` × `side` texels for a scene with these lamps; `constants` of shaders say by which
-    /// BRDF light is given back.
+    /// Prepares the computation of a [`dark_lightmap`], or of one that is there, which is not touched; `listed`: its texels, if
+    /// they are known. `constants` of shaders say by which BRDF light is given back.
     ///
     /// # Errors
     /// No memory; a failed Vulkan call.
     pub fn new(
         gpu: &Arc<Gpu>,
         layouts: &Layouts,
-        (ray_scene, lamps): (&LazyRayScene, &[Vec3]),
-        side: u32,
+        ray_scene: &LazyRayScene,
+        (light, listed): (&Arc<Image>, Option<LightmapTexels>),
         constants: &[Constant],
     ) -> Result<Self> {
+        let [side, _] = light.desc().size;
         let list = || {
             let scene = ray_scene.get(gpu, layouts)?;
-            let texels = ray_scene.lightmap_texels(&scene, side);
+            let texels = listed.unwrap_or_else(|| ray_scene.lightmap_texels(&scene, side));
             Ok((scene, texels))
         };
         let (pipelines, listed) = rayon::join(|| Pipelines::new(gpu, layouts, constants), list);
         let (pipelines, (scene, texels)) = (pipelines?, listed?);
         let LightmapTexels { all, seen } = texels;
         tracing::debug!("lightmap: {side}x{side}, {} texels, {seen} of them seen", all.len());
-        let layers = if all.iter().any(is_back) { 2 } else { 1 };
-        let image = |name, layers| {
-            let usage = ImageUsageFlags::SAMPLED | ImageUsageFlags::STORAGE | ImageUsageFlags::TRANSFER_SRC;
-            let flat = ImageDesc::flat(Format::R16G16B16A16_SFLOAT, [side; 2], usage | ImageUsageFlags::TRANSFER_DST);
-            Image::new(gpu, name, ImageDesc { shape: Shape::Layers(layers), ..flat })
-        };
-        let light = image("lightmap", 2 * layers)?;
-        let (soft, direct) = (image("lightmap soft", layers)?, image("lightmap direct", layers)?);
-        // Texels between charts are filled from, and read with no weight, which would keep NaN.
-        submit_and_wait(gpu, |commands| {
-            [&light, &soft, &direct].iter().for_each(|image| commands.clear(image));
-            Ok(())
-        })?;
+        let layers = light.desc().shape.layers() / 2;
+        let (soft, direct) =
+            (cleared(gpu, "lightmap soft", side, layers)?, cleared(gpu, "lightmap direct", side, layers)?);
         let count = all.len().max(1) as u64;
         let storage = |name, bytes| Buffer::new(gpu, name, BufferKind::Storage, bytes);
         let list = if all.is_empty() { &[LightmapTexel::default()] } else { &all[..] };
@@ -276,17 +282,17 @@ impl LightmapBake {
             Binding::Sampled(&soft, &sampler),
             Binding::StorageImage(&direct, 0),
             Binding::StorageImage(&soft, 0),
-            Binding::StorageImage(&light, 0),
+            Binding::StorageImage(light, 0),
         ];
         Ok(Self {
             pipelines,
             set: DescriptorSet::new(gpu, "lightmap", &layouts.lightmap, &bindings)?,
-            light,
+            light: Arc::clone(light),
             soft,
             direct,
             all_texels: all.len() as u32,
             texels: seen as u32,
-            relays: if scene.is_near(lamps, NEAR_LAMP) { RELAYS } else { 0 },
+            relays: if scene.is_near(ray_scene.lamps(), NEAR_LAMP) { RELAYS } else { 0 },
             samples: SAMPLES,
             stage: Stage::Open,
             cursor: 0,
@@ -300,16 +306,6 @@ impl LightmapBake {
         Self { samples, ..self }
     }
 
-    /// The lightmap: first an open sky's light, later that which is computed.
-    pub fn image(&self) -> &Arc<Image> {
-        &self.light
-    }
-
-    /// Takes the image for the light of the scene, as it was computed before.
-    pub fn finish(&mut self) {
-        self.stage = Stage::Done;
-    }
-
     /// Computes it again, for other light; until it is better, the old one stays.
     pub fn restart(&mut self) {
         (self.stage, self.cursor) = (Stage::Direct, 0);
@@ -318,11 +314,6 @@ impl LightmapBake {
     /// What each texel gives back of direct and of soft light, radiance; only once it is computed, not from the cache.
     pub fn given_back(&self) -> [&Arc<Image>; 2] {
         [&self.direct, &self.soft]
-    }
-
-    /// Layers: fronts, and backs where some can be seen.
-    pub fn layers(&self) -> u32 {
-        self.light.desc().shape.layers() / 2
     }
 
     /// Whether all is computed.

@@ -66,8 +66,8 @@ impl LightmapRequest {
         Self { layouts, textures, settings, panorama: *digest, scale: maps.scale, importance: importance.clone() }
     }
 
-    /// Makes the atlas and whatever light is computed with; takes light from the cache if it is there for the scene as its file
-    /// has it. The lightmap is coarser where memory is missing. `None` if the scene needs no lightmap, if there is no memory or
+    /// Makes the atlas, and takes light from the cache if it is there for the scene as its file has it; else prepares whatever
+    /// light is computed with. The lightmap is coarser where memory is missing. `None` if the scene needs no lightmap, if there is no memory or
     /// no atlas can be made, or once `stop` is set.
     ///
     /// # Errors
@@ -87,12 +87,14 @@ impl LightmapRequest {
         let Some(flattened) = flattened(context, scene, side, stop) else { return Ok(None) };
         let geometry = GeometryView { meshes: &flattened.meshes, instances: &flattened.instances };
         let resources = SceneResources::new(context, self.textures.clone(), scene, geometry, &self.settings)?;
-        let (ray_scene, importance) = (&*resources.ray_scene, self.importance.as_ref());
+        let (ray_scene, importance) = (&resources.ray_scene, self.importance.as_ref());
         let source = LightSource { scene, geometry, ray_scene, importance };
         let mut baked = BakedLight::new(context, &self.layouts, source, flattened.atlas.size[0], &self.settings)?;
         let rotation = scene.environment.rotation_degrees.to_radians();
         let state = LightState { panorama: self.panorama, rotation, world_from_models: Mat4::IDENTITY };
-        baked.load(context, state, self.scale)?;
+        if !baked.load(context, state, self.scale)? {
+            baked.prepare()?;
+        }
         Ok(Some(Lightmapped { resources, baked }))
     }
 }

@@ -20,7 +20,9 @@ mod hidden_area;
 mod importance;
 mod kept_pipelines;
 mod layouts;
+mod light_bake;
 mod light_detail;
+mod light_plan;
 mod lighting;
 mod lightmap;
 mod lightmapped;
@@ -28,6 +30,7 @@ mod output;
 mod pace;
 mod pipeline_request;
 mod pipelines;
+mod probe_maps;
 mod probes;
 #[cfg(test)]
 mod probes_gpu_tests;

@@ -11,8 +11,8 @@ use super::bound_scene::BoundScene;
 use super::frame::FrameInputs;
 use super::layouts::Layouts;
 use super::light_detail::{FACE, LightDetail};
+use super::light_plan::LightPlan;
 use super::lighting::Lighting;
-use super::probes::LocalProbes;
 use super::scene_resources::{SceneResources, SceneTextures};
 use super::settings::{LightModel, RenderSettings};
 use crate::asset::Panorama;
@@ -45,7 +45,7 @@ fn scene(mesh: Mesh, base_color: f32, intensity: f32, sky: f32) -> Scene {
 
 /// The scene with its lightmap and its probes computed to their end.
 fn baked(gpu: &Arc<Gpu>, scene: &Scene) -> BoundScene {
-    let (context, layouts) = (Context::silent(gpu), Layouts::new(gpu).unwrap());
+    let (context, layouts) = (Context::silent(gpu), Arc::new(Layouts::new(gpu).unwrap()));
     let settings = RenderSettings { light: LightModel::Baked, cube_size: 16, ..RenderSettings::default() };
     let work = Work { cache: None, report: &context.report, stop: &AtomicBool::new(false) };
     let flat = flatten(&scene.meshes, &scene.instances, SIDE, work).unwrap();
@@ -56,10 +56,10 @@ fn baked(gpu: &Arc<Gpu>, scene: &Scene) -> BoundScene {
     let side = flat.atlas.size[0];
     let source =
         LightSource { scene, geometry, ray_scene: &resources.ray_scene, importance: lighting.importance.as_ref() };
-    let mut light = BakedLight::new(&context, &layouts, source, side, &settings).unwrap();
+    let (plan, _) = LightPlan::by_rays((gpu, &layouts), scene, &resources.ray_scene, side, &settings).unwrap();
     // Whether the scene needs it or not.
-    light.probes =
-        Some(LocalProbes::new(gpu, &layouts, (scene.probes.clone(), FACE), light.lightmap.given_back()).unwrap());
+    let plan = LightPlan { probes: scene.probes.clone(), ..plan };
+    let light = BakedLight::planned(&context, &layouts, source, (side, &plan, blake3::hash(b"")), &settings).unwrap();
     let mut bound = BoundScene::new(gpu, &layouts, resources, lighting, Some(light)).unwrap();
     assert_eq!(bound.constants().probe_scale, 0.0, "before anything is captured");
     bound.finish_light(&context, &FrameInputs::of(scene, &[])).unwrap();
@@ -69,7 +69,7 @@ fn baked(gpu: &Arc<Gpu>, scene: &Scene) -> BoundScene {
 /// All texels of both kinds of specular levels and of irradiance over π, as radiance.
 fn radiance(gpu: &Arc<Gpu>, bound: &BoundScene) -> Vec<(DVec3, usize, u32)> {
     let (maps, scale) =
-        (bound.baked.as_ref().unwrap().probes.as_ref().unwrap().maps(), f64::from(bound.constants().probe_scale));
+        (bound.baked.as_ref().unwrap().probes().unwrap().all(), f64::from(bound.constants().probe_scale));
     assert!(scale > 0.0);
     let mut all = Vec::new();
     for (map, image) in maps.iter().enumerate() {
@@ -119,15 +119,13 @@ fn a_sky_brighter_than_halves_hold_is_scaled() {
 fn nothing_is_built_for_what_mirrors_nothing() {
     with_gpu(|gpu| {
         let matt = scene(Mesh::ball(4, 0.5), 0.5, 1.0, 1.0);
-        let (context, layouts) = (Context::silent(gpu), Layouts::new(gpu).unwrap());
+        let layouts = Layouts::new(gpu).unwrap();
         let count_of = |scene: &Scene, probe_size: u32| {
             let light_detail = LightDetail { probe_size, ..LightDetail::default() };
             let settings = RenderSettings { light_detail, ..RenderSettings::default() };
             let bound = baked(gpu, scene);
-            let bvh = &bound.resources.ray_scene.get(gpu, &layouts).unwrap().bvh;
-            let given = bound.baked.as_ref().unwrap().lightmap.given_back();
-            let planned = LocalProbes::planned(&context, &layouts, (scene, bvh), given, &settings).unwrap();
-            planned.map_or(0, |probes| probes.count())
+            let rays = &bound.resources.ray_scene;
+            LightPlan::by_rays((gpu, &layouts), scene, rays, SIDE, &settings).unwrap().0.probes.len()
         };
         assert_eq!(count_of(&matt, FACE), 0);
         let metal = Scene { materials: vec![Material::plain("metal", Vec3::ONE, 1.0, 0.3)], ..matt };

@@ -137,6 +137,11 @@ impl LazyRayScene {
         Ok(scene)
     }
 
+    /// Places of the scene's lamps.
+    pub fn lamps(&self) -> &[Vec3] {
+        &self.lamps
+    }
+
     /// The texels of a lightmap of this side.
     pub fn lightmap_texels(&self, scene: &RayScene, side: u32) -> LightmapTexels {
         LightmapTexels::new(&scene.bvh, &self.meshes, &self.instances, side, &scene.sides)

@@ -5,6 +5,7 @@ use std::sync::atomic::AtomicBool;
 
 use glam::Mat4;
 
+use super::baked_light::BakedLight;
 use super::bound_scene::{BAKE_MS, BoundScene};
 use super::draws::{DrawCounts, DrawList};
 use super::eye::Eye;
@@ -17,7 +18,6 @@ use super::lighting::Lighting;
 use super::lightmapped::{LightmapRequest, Lightmapped};
 use super::pipeline_request::PipelineRequest;
 use super::pipelines::PassPipelines;
-use super::probes::LocalProbes;
 use super::reference_accumulator::{ReferenceAccumulator, StandardError, jittered};
 use super::rest::Rest;
 use super::scene_resources::{SceneResources, SceneTextures, TextureFacts};
@@ -197,8 +197,8 @@ impl Renderer {
     pub fn pipeline_request_lightmapped(&self, lightmapped: &Lightmapped) -> PipelineRequest {
         let Lightmapped { resources, baked } = lightmapped;
         PipelineRequest {
-            lightmap_layers: baked.lightmap.layers(),
-            probes: baked.probes.as_ref().map_or(0, LocalProbes::count),
+            lightmap_layers: baked.layers(),
+            probes: baked.probe_count(),
             ray_scene: Arc::clone(&resources.ray_scene),
             ..self.pipeline_request(self.settings().clone(), self.eyes())
         }
@@ -311,7 +311,7 @@ impl Renderer {
         self.scene.update_shadows(&mut frame.commands, self.pipelines.shadows.as_ref(), inputs);
         let Self { scene, pipelines, targets, reference, draws, .. } = self;
         let block = inputs.block(scene.constants());
-        if reference.is_none() && scene.follow_light(inputs) {
+        if reference.is_none() && scene.follow_light(inputs, &self.context.report)? {
             scene.record_light(frame, &block, piece_ms(&self.context, inputs.eyes.len(), rests))?;
         }
         if let Some((reference, passes)) = reference.as_mut().zip(pipelines.reference.as_ref()) {
@@ -347,7 +347,7 @@ impl Renderer {
 
     /// The lightmap, where there is one: irradiance of soft light, a layer for fronts and one for backs.
     pub fn lightmap(&self) -> Option<&Arc<Image>> {
-        self.scene.baked.as_ref().map(|baked| baked.lightmap.image())
+        self.scene.baked.as_ref().map(BakedLight::lightmap)
     }
 
     /// The part of the lightmap that is computed, while it is; 0 to 1.

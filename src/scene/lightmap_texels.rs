@@ -153,6 +153,11 @@ impl LightmapTexels {
         all.extend(texels(BACK, &[Sides::Front]));
         Self { all, seen }
     }
+
+    /// Whether some are of backs.
+    pub fn has_backs(&self) -> bool {
+        self.all.iter().any(|texel| texel.triangle & BACK != 0)
+    }
 }
 
 /// The triangle nearest to a texel's centre.

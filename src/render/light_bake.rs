@@ -1,0 +1,99 @@
+//! The computation of a scene's light: lightmap, then probes. It is prepared only where light is computed, as it takes what only
+//! rays need, and on any thread.
+
+use std::sync::Arc;
+
+use super::bake_sets::BakeSets;
+use super::frame_set::FrameSet;
+use super::layouts::Layouts;
+use super::lightmap::LightmapBake;
+use super::probe_maps::ProbeMaps;
+use super::probes::ProbeBake;
+use super::ray_scene::{LazyRayScene, RaySet};
+use crate::Result;
+use crate::gpu::{Buffer, Commands, Constant, DescriptorSet, Gpu, Image, PassTime};
+use crate::scene::lightmap_texels::LightmapTexels;
+
+/// What light is computed from, and the images that it is computed in.
+#[derive(Clone)]
+pub struct BakeSource {
+    pub gpu: Arc<Gpu>,
+    pub layouts: Arc<Layouts>,
+    pub ray_scene: Arc<LazyRayScene>,
+    /// Of the panorama: [`Lighting::importance`](super::lighting::Lighting::importance).
+    pub importance: Option<Arc<Buffer>>,
+    pub lightmap: Arc<Image>,
+    pub probes: Option<Arc<ProbeMaps>>,
+    /// Of shaders: the BRDF that light is given back by.
+    pub constants: [Constant; 2],
+    /// Of a lightmap's texel.
+    pub samples: u32,
+}
+
+/// A scene's light while it is computed, a piece with each frame.
+pub struct LightBake {
+    lightmap: LightmapBake,
+    probes: Option<ProbeBake>,
+    rays: RaySet,
+}
+
+impl LightBake {
+    /// Prepares the computation; the images are not touched. `listed`: the lightmap's texels, if they are known.
+    ///
+    /// # Errors
+    /// No memory; a failed Vulkan call.
+    pub fn new(source: &BakeSource, listed: Option<LightmapTexels>) -> Result<Self> {
+        let BakeSource { gpu, layouts, ray_scene, lightmap, constants, .. } = source;
+        let lightmap = LightmapBake::new(gpu, layouts, ray_scene, (lightmap, listed), constants)?;
+        let probe_bake = |probes| ProbeBake::new(gpu, layouts, probes, lightmap.given_back());
+        let probes = source.probes.as_ref().map(probe_bake).transpose()?;
+        Ok(Self { lightmap: lightmap.with_samples(source.samples), probes, rays: rays(source)? })
+    }
+
+    /// Draws samples from the source's panorama from now on.
+    ///
+    /// # Errors
+    /// A failed Vulkan call.
+    pub fn set_panorama(&mut self, source: &BakeSource) -> Result<()> {
+        self.rays = rays(source)?;
+        Ok(())
+    }
+
+    /// Whether all is computed.
+    pub fn is_done(&self) -> bool {
+        self.lightmap.is_done() && self.probes.as_ref().is_none_or(ProbeBake::is_done)
+    }
+
+    /// The part of the lightmap that is done, 0 to 1.
+    pub fn progress(&self) -> f32 {
+        self.lightmap.progress()
+    }
+
+    /// Computes it again, for other light; until it is better, the images keep what they have.
+    pub fn restart(&mut self) {
+        self.lightmap.restart();
+        self.probes.iter_mut().for_each(ProbeBake::restart);
+    }
+
+    /// Makes the next pieces take about `target_ms`, from the times of a frame that one was part of.
+    pub fn pace(&mut self, times: &[PassTime], target_ms: f64) {
+        self.lightmap.pace(times, target_ms);
+        self.probes.iter_mut().for_each(|probes| probes.pace(times, target_ms));
+    }
+
+    /// Records the next piece of work: probes once the lightmap has all light that surfaces give back. Probes' maps hold
+    /// radiance / `scale`.
+    pub fn record(&mut self, commands: &mut Commands<'_>, frame: FrameSet<'_>, scene: &DescriptorSet, scale: f32) {
+        let sets = BakeSets { frame, scene, rays: &self.rays.set };
+        if !self.lightmap.is_done() {
+            self.lightmap.record(commands, &sets);
+        } else if let Some(probes) = &mut self.probes {
+            probes.record(commands, &sets, scale);
+        }
+    }
+}
+
+fn rays(source: &BakeSource) -> Result<RaySet> {
+    let BakeSource { gpu, layouts, ray_scene, importance, .. } = source;
+    RaySet::new(gpu, layouts, Some(ray_scene), importance.as_ref())
+}

@@ -1,0 +1,126 @@
+//! What a scene's baked light consists of, which takes rays to find out: layers of the lightmap, and probes. Kept in the cache,
+//! so that a start whose light is there traces none.
+
+use std::sync::Arc;
+
+use bytemuck::{Pod, Zeroable};
+use glam::Vec3;
+
+use super::layouts::Layouts;
+use super::ray_scene::LazyRayScene;
+use super::settings::RenderSettings;
+use crate::Result;
+use crate::asset::Cache;
+use crate::asset::cache::Key;
+use crate::asset::ktx2::{Ktx2, TexelFormat};
+use crate::gpu::Gpu;
+use crate::scene::lightmap_texels::LightmapTexels;
+use crate::scene::needs::mirrors::ProbePlan;
+use crate::scene::{Bounds, Probe, Scene};
+
+/// Raise it whenever rays find other sides or other places.
+const VERSION: u32 = 1;
+/// Limit of an entry, in bytes.
+const ENTRY_BYTES: u64 = 1 << 20;
+
+/// The images of a scene's baked light.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LightPlan {
+    /// Of the lightmap: 1 for fronts, 2 where backs are read, too.
+    pub layers: u32,
+    pub probes: Vec<Probe>,
+}
+
+/// A probe in the cache.
+#[repr(C)]
+#[derive(Clone, Copy, Pod, Zeroable)]
+struct ProbeWords {
+    position: [f32; 3],
+    low: [f32; 3],
+    high: [f32; 3],
+}
+
+impl LightPlan {
+    /// Finds out by rays; also returns the texels of the lightmap of this side.
+    ///
+    /// # Errors
+    /// No memory; a failed Vulkan call.
+    pub fn by_rays(
+        (gpu, layouts): (&Arc<Gpu>, &Layouts),
+        scene: &Scene,
+        ray_scene: &LazyRayScene,
+        side: u32,
+        settings: &RenderSettings,
+    ) -> Result<(Self, LightmapTexels)> {
+        let rays = ray_scene.get(gpu, layouts)?;
+        let texels = ray_scene.lightmap_texels(&rays, side);
+        let probes = if settings.light_detail.probe_size == 0 {
+            Vec::new()
+        } else {
+            let ProbePlan { probes, why } = ProbePlan::new(scene, settings.model, &rays.bvh);
+            tracing::debug!("mirrored rooms: {why}: {probes:?}");
+            probes
+        };
+        Ok((Self { layers: if texels.has_backs() { 2 } else { 1 }, probes }, texels))
+    }
+
+    /// The name in the cache of the plan of light that is made by this with these settings.
+    pub fn key(made_by: &blake3::Hash, scene: &Scene, settings: &RenderSettings) -> String {
+        let mut key = Key::new("plan of light", VERSION);
+        key.add(made_by.as_bytes());
+        key.add(format!("{:?} {:?}", settings.model, scene.probes).as_bytes());
+        key.text()
+    }
+
+    /// A plan that was kept.
+    pub fn load(cache: &Cache, key: &str) -> Option<Self> {
+        let entry = cache.load(key, ENTRY_BYTES, |entry| entry.format == TexelFormat::Rgba8)?;
+        // Bytes need not be aligned as words are.
+        let words: Vec<u32> = bytemuck::pod_collect_to_vec(entry.levels.first()?);
+        let (layers, probes) = words.split_first().filter(|(layers, _)| [1, 2].contains(*layers))?;
+        let probes: &[ProbeWords] = bytemuck::try_cast_slice(probes).ok()?;
+        let probe = |words: &ProbeWords| {
+            let ProbeWords { position, low, high } = words;
+            Probe { position: Vec3::from(*position), bounds: Bounds { min: Vec3::from(*low), max: Vec3::from(*high) } }
+        };
+        Some(Self { layers: *layers, probes: probes.iter().map(probe).collect() })
+    }
+
+    /// Keeps it; a failure is logged.
+    pub fn keep(&self, cache: &Cache, key: &str) {
+        let words = |probe: &Probe| ProbeWords {
+            position: probe.position.into(),
+            low: probe.bounds.min.into(),
+            high: probe.bounds.max.into(),
+        };
+        let probes: Vec<ProbeWords> = self.probes.iter().map(words).collect();
+        let level = [bytemuck::bytes_of(&self.layers), bytemuck::cast_slice(&probes)].concat();
+        let size = [(level.len() / size_of::<u32>()) as u32, 1];
+        let entry =
+            Ktx2 { format: TexelFormat::Rgba8, size, layers: 0, faces: 1, levels: vec![level], key_values: [].into() };
+        cache.keep(key, entry);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_plan_comes_back_from_the_cache_as_it_was() {
+        let folder = tempfile::tempdir().unwrap();
+        let cache = Cache::in_folder(folder.path().into());
+        let probe = |x: f32| Probe {
+            position: Vec3::new(x, 0.1, -2.0),
+            bounds: Bounds { min: Vec3::splat(-1e30), max: Vec3::new(3.0, x, 0.0) },
+        };
+        for (layers, probes) in [(1, vec![]), (2, vec![probe(0.5)]), (2, (0..8).map(|i| probe(i as f32)).collect())] {
+            let plan = LightPlan { layers, probes };
+            plan.keep(&cache, "plan");
+            assert_eq!(LightPlan::load(&cache, "plan"), Some(plan));
+        }
+        let broken = LightPlan { layers: 3, probes: vec![] };
+        broken.keep(&cache, "broken");
+        assert_eq!(["broken", "none"].map(|key| LightPlan::load(&cache, key)), [None, None]);
+    }
+}

@@ -1,0 +1,86 @@
+//! Probes and the maps that pictures read of them, arrays of a cube for each.
+
+use std::sync::Arc;
+
+use super::shared::ProbeBlock;
+use crate::Result;
+use crate::gpu::{
+    Buffer, BufferKind, Format, Gpu, Image, ImageAccess, ImageDesc, ImageUsageFlags, Shape, submit_and_wait,
+};
+use crate::reference::levels::LEVELS;
+use crate::scene::Probe;
+
+/// Texels along a face of the irradiance.
+const IRRADIANCE_FACE: u32 = 16;
+
+/// Probes, at least one, and their maps: radiance over a scale.
+pub struct ProbeMaps {
+    /// [`ProbeBlock`]s.
+    pub blocks: Arc<Buffer>,
+    placed: Vec<ProbeBlock>,
+    /// Even and odd levels.
+    pub specular: [Arc<Image>; 2],
+    /// Over pi.
+    pub irradiance: Arc<Image>,
+}
+
+impl ProbeMaps {
+    /// Makes maps with `face` texels along a face; they hold nothing.
+    ///
+    /// # Errors
+    /// No memory; a failed Vulkan call.
+    pub fn new(gpu: &Arc<Gpu>, probes: &[Probe], face: u32) -> Result<Self> {
+        let usage = ImageUsageFlags::SAMPLED | ImageUsageFlags::STORAGE;
+        let usage = usage | ImageUsageFlags::TRANSFER_SRC | ImageUsageFlags::TRANSFER_DST;
+        let count = probes.len() as u32;
+        let cubes = |name, size, mips| {
+            let flat = ImageDesc::flat(Format::R16G16B16A16_SFLOAT, [size; 2], usage);
+            Image::new(gpu, name, ImageDesc { shape: Shape::CubeArray(count), mips, ..flat })
+        };
+        let mips = (LEVELS / 2) as u32;
+        let placed: Vec<ProbeBlock> = probes.iter().map(block).collect();
+        let maps = Self {
+            blocks: Buffer::with_bytes(gpu, "probes", BufferKind::StorageFromCpu, bytemuck::cast_slice(&placed))?,
+            placed,
+            specular: [cubes("even levels of probes", face, mips)?, cubes("odd levels of probes", face, mips)?],
+            irradiance: cubes("irradiance of probes", IRRADIANCE_FACE, 1)?,
+        };
+        submit_and_wait(gpu, |commands| {
+            maps.all().iter().for_each(|map| commands.prepare_fresh(map, ImageAccess::Sampled)); // bound, not read
+            Ok(())
+        })?;
+        Ok(maps)
+    }
+
+    /// How many probes there are.
+    pub fn count(&self) -> u32 {
+        self.placed.len() as u32
+    }
+
+    /// Where they stand.
+    pub fn placed(&self) -> &[ProbeBlock] {
+        &self.placed
+    }
+
+    /// Even and odd specular levels and irradiance.
+    pub fn all(&self) -> [&Arc<Image>; 3] {
+        let [even, odd] = &self.specular;
+        [even, odd, &self.irradiance]
+    }
+
+    /// [`ProbeMaps::all`] with names.
+    pub fn named(&self) -> [(&'static str, &Image); 3] {
+        let [even, odd, irradiance] = self.all();
+        [("even", even), ("odd", odd), ("irradiance", irradiance)]
+    }
+}
+
+fn block(probe: &Probe) -> ProbeBlock {
+    let Probe { position, bounds } = probe;
+    ProbeBlock {
+        position: (*position).into(),
+        low: bounds.min.into(),
+        high: bounds.max.into(),
+        border: probe.border().max(f32::MIN_POSITIVE),
+    }
+}
