@@ -127,10 +127,10 @@ impl ProbeBake {
             Stage::Filter(probe) => {
                 commands.pass(FILTER, |commands| {
                     self.probes.all().iter().for_each(|map| commands.prepare(map, ImageAccess::Storage));
+                    commands.prepare(&self.captured, ImageAccess::Sampled);
                     if !self.has_norms {
                         self.filter.record_norms(commands);
                     }
-                    commands.prepare(&self.captured, ImageAccess::Sampled);
                     self.filter.record_light(commands, scale, probe as u32);
                     self.probes.all().iter().for_each(|map| commands.prepare(map, ImageAccess::Sampled));
                 });

@@ -137,6 +137,12 @@ impl LazyRayScene {
         Ok(scene)
     }
 
+    /// Whether it has been used.
+    #[cfg(test)]
+    pub fn is_built(&self) -> bool {
+        self.built.lock().unwrap_or_else(PoisonError::into_inner).is_some()
+    }
+
     /// Places of the scene's lamps.
     pub fn lamps(&self) -> &[Vec3] {
         &self.lamps
