@@ -6,6 +6,8 @@
 
 mod bake_sets;
 mod baked_light;
+#[cfg(test)]
+mod baked_light_gpu_tests;
 pub mod bindings;
 mod bound_scene;
 mod culling;
@@ -69,11 +71,12 @@ pub use lightmapped::{LightmapRequest, Lightmapped, is_lightmapped};
 pub use output::Output;
 pub use pipeline_request::PipelineRequest;
 pub use pipelines::PassPipelines;
+pub use probe_maps::ProbeMaps;
 pub use reference_accumulator::StandardError;
 pub use renderer::Renderer;
 pub use scene_resources::TextureFacts;
 pub use settings::{Change, LightModel, LightPart, RenderSettings, Shading, TextureSettings};
-pub use shared::MAX_EYES;
+pub use shared::{MAX_EYES, ProbeBlock};
 pub use targets::check_size;
 pub use ui::{MAX_TEXTURE_SIDE, UI_BYTES, UiFrame, UiRenderer, UiTarget};
 

@@ -18,6 +18,7 @@ use super::lighting::Lighting;
 use super::lightmapped::{LightmapRequest, Lightmapped};
 use super::pipeline_request::PipelineRequest;
 use super::pipelines::PassPipelines;
+use super::probe_maps::ProbeMaps;
 use super::reference_accumulator::{ReferenceAccumulator, StandardError, jittered};
 use super::rest::Rest;
 use super::scene_resources::{SceneResources, SceneTextures, TextureFacts};
@@ -348,6 +349,13 @@ impl Renderer {
     /// The lightmap, where there is one: irradiance of soft light, a layer for fronts and one for backs.
     pub fn lightmap(&self) -> Option<&Arc<Image>> {
         self.scene.baked.as_ref().map(BakedLight::lightmap)
+    }
+
+    /// What smooth surfaces mirror of the rooms around them, where there are probes, and what their maps' values are to be
+    /// multiplied by, 0 before they hold any.
+    pub fn probes(&self) -> Option<(&ProbeMaps, f32)> {
+        let baked = self.scene.baked.as_ref()?;
+        Some((baked.probes()?, baked.probe_scale()))
     }
 
     /// The part of the lightmap that is computed, while it is; 0 to 1.

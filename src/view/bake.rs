@@ -1,18 +1,16 @@
-//! `bake`: writes the maps precomputed from a panorama, or a scene's lightmap, as KTX2 files.
+//! `bake`: writes the maps precomputed from a panorama, or a scene's baked light, as KTX2 files.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
 
 use clap::Args;
-use half::f16;
 use serde::Serialize;
 
-use super::bake_scene::{LIGHTMAP, bake_scene};
-use super::baked_file::{BakedFile, write_file};
+use super::bake_scene::{MEANING, SCENE_FILES, bake_scene};
+use super::baked_file::{BakedFile, radiance, roughness_text, write_file};
 use super::frame_clock::ms_since;
 use crate::args::write_json;
-use crate::asset::ktx2::{Ktx2, TexelFormat};
 use crate::asset::{Outputs, Panorama};
 use crate::context::Setup;
 use crate::gpu::{Gpu, PassTime};
@@ -31,7 +29,8 @@ pub const BAKED: [&str; 3] = ["irradiance.ktx2", "specular.ktx2", "brdf.ktx2"];
 pub struct BakeRequest {
     /// A Radiance (.hdr) or OpenEXR (.exr) panorama; or a scene (.toml, .gltf, .glb, .obj).
     pub input: PathBuf,
-    /// The folder for irradiance.ktx2, specular.ktx2 and brdf.ktx2, or a scene's lightmap.ktx2; made if it is not there.
+    /// The folder for irradiance.ktx2, specular.ktx2 and brdf.ktx2; or a scene's lightmap.ktx2, light.json and, if it needs
+    /// probes, probe-specular.ktx2 and probe-irradiance.ktx2. Made if it is not there.
     #[arg(short, long, value_name = "DIR")]
     pub output: PathBuf,
     /// Texels along a face of the largest specular levels: a power of two from 16 to 1024.
@@ -45,10 +44,11 @@ pub struct BakeRequest {
 impl BakeRequest {
     fn run_scene(&self, setup: &Setup<'_>) -> Result<()> {
         let mut outputs = Outputs::of(scene_files(&self.input));
-        outputs.folder(&self.output, &[LIGHTMAP])?;
+        outputs.folder(&self.output, &SCENE_FILES)?;
         outputs.file_if(self.json.as_deref())?;
         let facts = bake_scene(&self.input, &self.output, setup)?;
-        say!("{}", facts.file);
+        facts.files.iter().for_each(|file| say!("{file}"));
+        say!("{}: what they hold, and where probes stand", self.output.join(MEANING).display());
         write_json(self.json.as_deref(), &facts)
     }
 
@@ -144,53 +144,13 @@ impl Stages {
 }
 
 fn write(gpu: &Arc<Gpu>, folder: &Path, light: &LightMaps, table: &BrdfTable) -> Result<Vec<BakedFile>> {
-    let mut irradiance = radiance(gpu, &[&light.irradiance_over_pi], light.scale)?;
+    let mut irradiance = radiance(read_texture(gpu, &[&light.irradiance_over_pi])?, light.scale);
     irradiance.set_text("pbrvrContent", "irradiance / pi");
-    let mut specular = radiance(gpu, &light.specular.each_ref().map(|map| &**map), light.scale)?;
+    let mut specular = radiance(read_texture(gpu, &light.specular.each_ref().map(|map| &**map))?, light.scale);
     specular.set_text("pbrvrContent", "radiance filtered by GGX lobes; level i: mip i / 2 of layer i % 2");
-    let roughness: Vec<String> = LightMaps::specular_roughness().map(|r| format!("{r:.6}")).into();
-    specular.set_text("pbrvrRoughness", &roughness.join(" "));
+    specular.set_text("pbrvrRoughness", &roughness_text());
     let mut brdf = read_texture(gpu, &[&table.image])?;
     brdf.set_text("pbrvrContent", BrdfTable::MEANING);
     let textures = [irradiance, specular, brdf];
     BAKED.iter().zip(textures).map(|(name, texture)| write_file(folder.join(name), &texture)).collect()
-}
-
-/// A texture of radiance from maps of radiance / `scale`: half floats, bit for bit, if the scale is 1, else full floats,
-/// because halves might overflow.
-fn radiance(gpu: &Arc<Gpu>, maps: &[&crate::gpu::Image], scale: f32) -> Result<Ktx2> {
-    let texture = read_texture(gpu, maps)?;
-    Ok(if scale > 1.0 && texture.format == TexelFormat::Rgba16Float { widen(texture, scale) } else { texture })
-}
-
-/// Halves to floats with RGB times `scale`; exact, as scale is a power of two.
-fn widen(mut texture: Ktx2, scale: f32) -> Ktx2 {
-    let number = |(i, bytes): (usize, &[u8])| {
-        let half = f32::from(f16::from_le_bytes([bytes[0], bytes[1]]));
-        // Rounding to halves may have rounded the largest float up.
-        let value = if i % 4 < 3 { (half * scale).min(f32::MAX) } else { half };
-        value.to_le_bytes()
-    };
-    for level in &mut texture.levels {
-        *level = level.chunks_exact(2).enumerate().flat_map(number).collect();
-    }
-    texture.format = TexelFormat::Rgba32Float;
-    texture
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn widening_multiplies_colour_and_keeps_alpha() {
-        let halves = [1.5, 65504.0, 0.0, 1.0].map(|v| f16::from_f32(v).to_le_bytes()).concat();
-        let format = TexelFormat::Rgba16Float;
-        let texture = Ktx2 { format, size: [1, 1], layers: 0, faces: 1, levels: vec![halves], key_values: [].into() };
-        let wide = widen(texture.clone(), 4.0);
-        assert_eq!(wide.format, TexelFormat::Rgba32Float);
-        assert_eq!(wide.levels[0], [6f32, 262_016.0, 0.0, 1.0].map(f32::to_le_bytes).concat());
-        let widest = widen(texture, 2f32.powi(113));
-        assert_eq!(widest.levels[0][4..8], f32::MAX.to_le_bytes());
-    }
 }

@@ -1,21 +1,30 @@
-//! `bake SCENE`: writes a scene's lightmap as a KTX2 file.
+//! `bake SCENE`: writes a scene's lightmap and probes as KTX2 files, and what they mean as JSON.
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::time::Instant;
 
 use serde::Serialize;
 
-use super::baked_file::{BakedFile, write_file};
+use super::baked_file::{BakedFile, radiance, roughness_text, write_file};
 use super::frame_clock::ms_since;
 use super::loader::load_scene;
+use crate::args::write_json;
+use crate::asset::ktx2::Ktx2;
 use crate::context::Setup;
-use crate::precompute::read_texture;
-use crate::render::{Eye, FrameInputs, LightModel, RenderSettings, Renderer};
+use crate::gpu::Gpu;
+use crate::precompute::{LightMaps, read_texture};
+use crate::render::{Eye, FrameInputs, LightModel, ProbeBlock, ProbeMaps, RenderSettings, Renderer};
 use crate::scene::needs::lightmap::{LightmapNeed, lightmap_need};
 use crate::{Error, Result};
 
-/// The file that `bake` writes for a scene.
-pub const LIGHTMAP: &str = "lightmap.ktx2";
+/// The files that `bake` writes for a scene; those of probes only where it needs any.
+pub const SCENE_FILES: [&str; 4] = [LIGHTMAP, SPECULAR, IRRADIANCE, MEANING];
+const LIGHTMAP: &str = "lightmap.ktx2";
+const SPECULAR: &str = "probe-specular.ktx2";
+const IRRADIANCE: &str = "probe-irradiance.ktx2";
+/// And what they hold.
+pub const MEANING: &str = "light.json";
 
 /// Times and facts of a scene's bake, for `--json`.
 #[derive(Serialize)]
@@ -23,21 +32,54 @@ pub struct SceneBakeFacts {
     pub scene: PathBuf,
     pub gpu: String,
     pub driver: String,
-    pub file: BakedFile,
+    pub files: Vec<BakedFile>,
     pub triangles: usize,
     /// Reading and decoding the scene's files.
     pub load_ms: f64,
     /// Atlas, hierarchy, upload and the panorama's maps.
     pub prepare_ms: f64,
-    /// The lightmap alone; next to nothing where it was in the cache.
-    pub lightmap_ms: f64,
+    /// Lightmap and probes; next to nothing where they were in the cache.
+    pub light_ms: f64,
     pub warnings: Vec<String>,
 }
 
-/// Computes a scene's lightmap and writes it into `folder`: irradiance of soft light, W/m², by the coordinates of the
-/// program's own atlas; layer 0 for fronts, layer 1 for backs where some can be seen; then as many layers of openness: the
-/// mean of directions that meet nothing, in the models' space, and the mean radiance of what the others meet over that of
-/// all.
+/// What a scene's files of light hold: `light.json`.
+#[derive(Serialize)]
+struct Meaning<'a> {
+    scene: &'a Path,
+    lightmap: LightmapMeaning,
+    /// Empty without probes; the cubes of the files are in this order.
+    probes: Vec<ProbePlace>,
+    /// Of the specular levels of probes, from level 0 on.
+    roughness: Vec<f64>,
+}
+
+#[derive(Serialize)]
+struct LightmapMeaning {
+    /// Texels along a side.
+    size: u32,
+    /// Layers of irradiance: fronts, and backs where some can be seen. As many of openness follow.
+    layers: u32,
+}
+
+/// Where a probe's light was captured, and the box that it mirrors: world space, metres.
+#[derive(Serialize)]
+struct ProbePlace {
+    position: [f32; 3],
+    low: [f32; 3],
+    high: [f32; 3],
+    /// Outside of the box, where its influence ends.
+    border: f32,
+}
+
+/// Computes a scene's light and writes it into `folder`:
+///
+/// - `lightmap.ktx2`: irradiance of soft light, W/m², by the coordinates of the program's own atlas; layer 0 for fronts, layer 1
+///   for backs where some can be seen; then as many layers of openness: the mean of directions that meet nothing, in the
+///   models' space, and the mean radiance of what the others meet over that of all.
+/// - `probe-specular.ktx2` and `probe-irradiance.ktx2`, where the scene needs probes: arrays of cubes of radiance,
+///   W/(m² sr), as for a panorama. Level i of probe p of n is mip i / 2 of cube p + n (i % 2).
+/// - `light.json`: sizes, and where probes stand.
 ///
 /// # Errors
 /// A scene that needs no lightmap; whatever stops loading, the GPU or writing; a validation message where validation was
@@ -58,27 +100,67 @@ pub fn bake_scene(path: &Path, folder: &Path, setup: &Setup<'_>) -> Result<Scene
     let prepare_ms = ms_since(started);
     let started = Instant::now();
     renderer.finish_lightmap(&FrameInputs::of(&scene, &[Eye::of_camera(&scene.cameras[0], 1.0)]))?;
-    let lightmap_ms = ms_since(started);
-    let Some(lightmap) = renderer.lightmap() else {
-        return Err(Error::Usage(format!("{}: no atlas can be made of it", path.display())));
-    };
-    let mut texture = read_texture(&context.gpu, &[lightmap])?;
-    let content =
-        "irradiance of soft light, of fronts and where there are any of backs; then as many layers of openness";
-    texture.set_text("pbrvrContent", content);
+    let light_ms = ms_since(started);
+    let files = write(&context.gpu, &renderer, path, folder)?;
     let facts = SceneBakeFacts {
         scene: path.to_owned(),
         gpu: context.gpu.info().name.clone(),
         driver: context.gpu.info().driver.clone(),
-        file: write_file(folder.join(LIGHTMAP), &texture)?,
+        files,
         triangles: scene.triangles(),
         load_ms,
         prepare_ms,
-        lightmap_ms,
+        light_ms,
         warnings: context.report.warnings(),
     };
     // Destroying the device may add validation messages, for example about leaks.
     drop((renderer, context));
     messages.check()?;
     Ok(facts)
+}
+
+fn write(gpu: &Arc<Gpu>, renderer: &Renderer, scene: &Path, folder: &Path) -> Result<Vec<BakedFile>> {
+    let Some(lightmap) = renderer.lightmap() else {
+        return Err(Error::Usage(format!("{}: no atlas can be made of it", scene.display())));
+    };
+    let mut texture = read_texture(gpu, &[lightmap])?;
+    let content =
+        "irradiance of soft light, of fronts and where there are any of backs; then as many layers of openness";
+    texture.set_text("pbrvrContent", content);
+    let mut files = vec![write_file(folder.join(LIGHTMAP), &texture)?];
+    let mut meaning = Meaning {
+        scene,
+        lightmap: LightmapMeaning { size: texture.size[0], layers: texture.layers / 2 },
+        probes: Vec::new(),
+        roughness: Vec::new(),
+    };
+    if let Some((probes, scale)) = renderer.probes() {
+        let [specular, irradiance] = probe_textures(gpu, probes, scale)?;
+        files.push(write_file(folder.join(SPECULAR), &specular)?);
+        files.push(write_file(folder.join(IRRADIANCE), &irradiance)?);
+        meaning.probes = places(probes);
+        meaning.roughness = LightMaps::specular_roughness().into();
+    }
+    write_json(Some(&folder.join(MEANING)), &meaning)?;
+    Ok(files)
+}
+
+/// Specular levels, the even ones of all probes first, and irradiance.
+fn probe_textures(gpu: &Arc<Gpu>, probes: &ProbeMaps, scale: f32) -> Result<[Ktx2; 2]> {
+    let [even, odd, irradiance] = probes.all();
+    let (mut specular, odd) = (read_texture(gpu, &[even])?, read_texture(gpu, &[odd])?);
+    specular.levels.iter_mut().zip(&odd.levels).for_each(|(level, odd)| level.extend(odd));
+    specular.layers += odd.layers;
+    let mut specular = radiance(specular, scale);
+    let mut irradiance = radiance(read_texture(gpu, &[irradiance])?, scale);
+    let content = "radiance filtered by GGX lobes; level i of probe p of n: mip i / 2 of cube p + n (i % 2)";
+    specular.set_text("pbrvrContent", content);
+    specular.set_text("pbrvrRoughness", &roughness_text());
+    irradiance.set_text("pbrvrContent", "irradiance / pi; a cube for each probe");
+    Ok([specular, irradiance])
+}
+
+fn places(probes: &ProbeMaps) -> Vec<ProbePlace> {
+    let place = |&ProbeBlock { position, low, high, border }: &ProbeBlock| ProbePlace { position, low, high, border };
+    probes.placed().iter().map(place).collect()
 }

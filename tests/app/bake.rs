@@ -226,3 +226,110 @@ fn bake_fails_with_one_line() {
     }
     assert!(!folder.join("out").exists(), "what fails leaves no folder");
 }
+
+/// A shiny strip of metal that lies, a matt one that stands on it, and a probe by hand.
+fn strips(shop: &Workshop, probes: usize) {
+    shop.sky(3.0);
+    shop.write("strips.mtl", "newmtl metal\nKd 0.9 0.8 0.7\nPr 0.2\nPm 1\nnewmtl matt\nKd 0.7 0.3 0.3\nPr 1\nPm 0\n");
+    shop.write(
+        "strips.obj",
+        "mtllib strips.mtl\nusemtl metal\nv -2 0 -0.3\nv 2 0 -0.3\nv 2 0 0.3\nv -2 0 0.3\nf 4 3 2\nf 4 2 1\n\
+         usemtl matt\nv -1 0 -0.1\nv 1 0 -0.1\nv 1 0.6 -0.1\nv -1 0.6 -0.1\nf 5 6 7\nf 5 7 8\n",
+    );
+    let probe = |x: usize| format!("[[probe]]\nposition = [{x}, 0.4, 0.5]\nbox = [[-2, 0, -1], [2, 1.5, 1.5]]\n");
+    let text = "environment = { panorama = \"sky.exr\" }\n[[model]]\nfile = \"strips.obj\"\n\
+        [[light]]\npoint = { position = [0.5, 1.2, -0.8], intensity = [3, 3, 3] }\n\
+        [[camera]]\nname = \"a\"\nposition = [0, 9, 25]\ntarget = [0, 0.2, 0]\nvertical_fov_degrees = 40\n";
+    shop.write("strips.toml", &(0..probes).map(probe).fold(text.to_owned(), |all, one| all + &one));
+}
+
+#[test]
+fn a_scenes_light_is_written_with_all_its_probes_and_another_reader_agrees() {
+    let shop = Workshop::new();
+    strips(&shop, 2);
+    let folder = shop.0.path();
+    let bake = ["bake", "strips.toml", "-o", "new/folder", "--json", "facts.json", "--validate"];
+    let said = succeeds(program(folder, &bake));
+    let names = ["light.json", "lightmap.ktx2", "probe-irradiance.ktx2", "probe-specular.ktx2"];
+    let written = entries(&folder.join("new/folder"));
+    assert_eq!(written.keys().filter_map(|path| path.file_name()?.to_str()).collect::<Vec<_>>(), names);
+    assert!(names.iter().all(|name| said.contains(name)), "{said}");
+    let [lightmap, irradiance, specular] = [names[1], names[2], names[3]].map(|name| {
+        let texture = read(&shop, name);
+        check_with_other_reader(&shop.path("new/folder").join(name), &texture);
+        texture
+    });
+    let meaning = json(&folder.join("new/folder/light.json"));
+    let sides = meaning["lightmap"]["layers"].as_u64().expect("a number") as u32;
+    assert_eq!(meaning["lightmap"]["size"], lightmap.size[0]);
+    assert_eq!((lightmap.layers, lightmap.faces, lightmap.levels.len()), (2 * sides, 1, 1));
+    assert_eq!((irradiance.layers, irradiance.faces, irradiance.levels.len()), (2, 6, 1));
+    assert_eq!((specular.layers, specular.faces, specular.levels.len()), (4, 6, LEVELS / 2));
+    assert_eq!(meaning["roughness"].as_array().map(Vec::len), Some(LEVELS));
+    let probes = meaning["probes"].as_array().expect("probes");
+    let x: Vec<f64> = probes.iter().map(|probe| probe["position"][0].as_f64().expect("a number")).collect();
+    assert_eq!(x, [0.0, 1.0]);
+    assert!(probes.iter().all(|probe| probe["low"][0] == -2.0 && probe["high"][1] == 1.5), "{meaning}");
+
+    // Light, and all of it: no cube is dark, no two are alike, and the roughest level varies less.
+    let value = |bytes: &[u8]| f64::from(f16::from_le_bytes([bytes[0], bytes[1]]));
+    assert_eq!((specular.format, irradiance.format), (TexelFormat::Rgba16Float, TexelFormat::Rgba16Float));
+    let of = |texture: &Ktx2, level: usize, cube: usize| -> Vec<f64> {
+        let bytes = &texture.levels[level];
+        let each = bytes.len() / texture.layers as usize;
+        bytes[cube * each..][..each].chunks_exact(8).map(value).collect()
+    };
+    let spread = |values: &[f64]| {
+        let mean = values.iter().sum::<f64>() / values.len() as f64;
+        values.iter().map(|v| (v - mean).abs()).sum::<f64>() / values.len() as f64 / mean
+    };
+    for probe in 0..2 {
+        let levels: Vec<f64> = (0..LEVELS).map(|i| spread(&of(&specular, i / 2, probe + 2 * (i % 2)))).collect();
+        assert!(levels[LEVELS - 1] < 0.9 * levels[0] && levels[LEVELS - 1] > 0.0, "{levels:?}");
+        let mean = |values: Vec<f64>| values.iter().sum::<f64>() / values.len() as f64;
+        let [sharp, even] = [mean(of(&specular, 0, probe)), mean(of(&irradiance, 0, probe))];
+        assert!((even / sharp - 1.0).abs() < 0.2, "{sharp} and {even}");
+    }
+    assert!(of(&specular, 0, 0) != of(&specular, 0, 1), "one probe's light twice");
+    let facts = json(&folder.join("facts.json"));
+    assert_eq!(facts["files"].as_array().map(Vec::len), Some(3));
+    assert!(facts["light_ms"].as_f64().is_some_and(|ms| ms > 0.0) && facts["triangles"] == 4, "{facts}");
+    // From the cache, with the same bytes.
+    succeeds(program(folder, &bake));
+    assert!(entries(&folder.join("new/folder")) == written);
+}
+
+/// In the middle of a bake, as soon as it is known what to bake.
+#[cfg(unix)]
+#[test]
+fn a_bake_that_is_interrupted_leaves_nothing_broken_in_the_cache() {
+    let shop = Workshop::new();
+    strips(&shop, 1);
+    let folder = shop.0.path();
+    let maps = folder.join("cache/pbr-vr/maps");
+    let common =
+        ["render", "strips.toml", "--size", "48x32", "--light", "baked", "--lightmap-size", "256", "--validate"];
+    let draw = |output: &str, more: &[&str]| program(folder, &[&common, &["-o", output][..], more].concat());
+    let picture = |name: &str| fs::read(folder.join(name)).expect("a picture");
+    succeeds(draw("plain.png", &["--no-cache"]));
+    assert!(!maps.exists());
+    let mut child = draw("a.png", &[]);
+    let started = std::time::Instant::now();
+    // The panorama's maps, the table, the atlas, and what light consists of.
+    while entries(&maps).keys().filter(|path| path.extension().is_some_and(|e| e == "ktx2")).count() < 6 {
+        assert!(started.elapsed().as_secs() < 120 && child.try_wait().expect("a state").is_none(), "no bake");
+        std::thread::sleep(std::time::Duration::from_millis(5));
+    }
+    let killed = std::process::Command::new("kill").args(["-s", "INT", &child.id().to_string()]).status();
+    assert!(killed.expect("kill").success());
+    assert!(!finish(child).status.success() && !folder.join("a.png").exists(), "the bake was done before");
+    let kept = entries(&maps);
+    assert_eq!(kept.len(), 6, "{:?}", kept.keys());
+    succeeds(draw("b.png", &[]));
+    assert!(picture("b.png") == picture("plain.png"), "another picture after an interruption");
+    let whole = entries(&maps);
+    // Lightmap and probes are new, and nothing of before was broken.
+    assert!(whole.len() == 10 && kept.iter().all(|(path, bytes)| whole.get(path) == Some(bytes)), "{:?}", whole.keys());
+    succeeds(draw("c.png", &[]));
+    assert!(picture("c.png") == picture("plain.png"), "another picture from the cache");
+}
