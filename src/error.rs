@@ -88,6 +88,11 @@ impl Error {
         move |source| Self::Write { path, source }
     }
 
+    /// A thread that prepares light has panicked.
+    pub fn light_panicked() -> Self {
+        Self::Light { problem: "a thread that prepares it has panicked; this is a defect, please report it".into() }
+    }
+
     /// A failed Vulkan call, with what it was called for.
     pub fn vulkan(doing: &'static str) -> impl FnOnce(ash::vk::Result) -> Self {
         move |result| Self::Vulkan { doing, result }

@@ -109,6 +109,12 @@ impl CommandBuffer {
         self.pending = Some(submission);
     }
 
+    /// Whether a pass of this name is recorded.
+    #[cfg(test)]
+    pub(super) fn has_pass(&self, name: &str) -> bool {
+        self.names[..self.timers].contains(&name)
+    }
+
     /// Waits for the last submission and returns its pass times; none if they have been returned before.
     pub fn finish(&mut self) -> Result<PassTimes> {
         let mut finished = PassTimes::default();

@@ -57,6 +57,8 @@ pub use shader::compute_shaders;
 #[cfg(feature = "hot-reload")]
 pub use shader::on_disk::folder as shader_folder;
 pub use staging::{Upload, upload_rows};
+#[cfg(test)]
+pub(crate) use submit::LOSE_IN;
 pub use submit::{Acquired, submit_and_wait};
 pub use swapchain::{Polled, PresentMode, Presented, Swapchain};
 pub use transfer::{read_buffer, read_image, read_mips, write_mips};

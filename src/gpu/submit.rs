@@ -29,6 +29,12 @@ impl Acquired {
     }
 }
 
+#[cfg(test)]
+thread_local! {
+    /// This thread's submissions with a pass of this name fail as on a device that is lost.
+    pub(crate) static LOSE_IN: std::cell::Cell<Option<&'static str>> = const { std::cell::Cell::new(None) };
+}
+
 impl CommandBuffer {
     /// Waits for the last submission and starts recording; also returns that submission's pass times. A recording that
     /// was begun before and not submitted is discarded.
@@ -42,6 +48,10 @@ impl Commands<'_> {
     /// Ends recording and submits it; with an acquired window image, waits for that and signals when it is drawn.
     pub fn submit(self, window: Option<&Acquired>) -> Result<()> {
         let buffer = self.buffer;
+        #[cfg(test)]
+        if LOSE_IN.get().is_some_and(|pass| buffer.has_pass(pass)) {
+            return Err(Error::vulkan("submitting work")(vk::Result::ERROR_DEVICE_LOST));
+        }
         let gpu = &buffer.gpu;
         // SAFETY: the command buffer is being recorded, outside of rendering.
         unsafe { gpu.device.end_command_buffer(buffer.raw) }.map_err(Error::vulkan("ending a recording"))?;

@@ -269,8 +269,7 @@ impl BakedLight {
         let mut bake = match std::mem::replace(&mut self.bake, Bake::Failed) {
             Bake::Idle => LightBake::new(&self.source, self.listed.take())?,
             Bake::Coming(thread) => {
-                let panicked = |_| Error::Light { problem: "a thread has panicked: a defect, please report it".into() };
-                let mut bake = thread.join().map_err(panicked)??;
+                let mut bake = thread.join().map_err(|_| Error::light_panicked())??;
                 // It may be another's by now.
                 bake.set_panorama(&self.source)?;
                 bake

@@ -1,6 +1,7 @@
 //! The loader: a thread that loads scenes and panoramas, builds pipelines, writes screenshots and frees old scenes, in the
 //! order of requests, and one that prepares lightmaps, so that no frame waits for any of it.
 
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -289,7 +290,9 @@ fn load_all(
 fn prepare_all(context: &Context, jobs: Receiver<LightmapJob>, outbox: &Outbox<impl Fn()>) {
     for LightmapJob { number, request, scene, stop } in jobs {
         if !stop.load(Ordering::Relaxed) {
-            let lightmap = request.prepare(context, &scene, &stop);
+            // A panic has been printed; the scene is shown without.
+            let prepare = AssertUnwindSafe(|| request.prepare(context, &scene, &stop));
+            let lightmap = catch_unwind(prepare).unwrap_or_else(|_| Err(Error::light_panicked()));
             outbox.put(LoadResult::Lightmap(number, lightmap.map(|lightmap| lightmap.map(Box::new))));
         }
     }
@@ -369,4 +372,41 @@ fn load_for(
 /// A path's last part, for display.
 pub fn file_name(path: &Path) -> String {
     path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned()
+}
+
+#[cfg(test)]
+mod gpu_tests {
+    use super::*;
+    use crate::gpu::with_gpu;
+    use crate::render::LightModel;
+
+    #[test]
+    fn a_lightmap_whose_preparation_panics_is_an_error_and_the_next_is_prepared() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("floors.obj");
+        // Two floors, one above the other.
+        let floor = |y: f32| format!("v -1 {y} -1\nv -1 {y} 1\nv 1 {y} 1\nv 1 {y} -1\n");
+        std::fs::write(&path, format!("{}{}f 1 2 3 4\nf 5 6 7 8\n", floor(0.0), floor(1.0))).unwrap();
+        with_gpu(|gpu| {
+            let context = Context::silent(gpu);
+            let settings = RenderSettings { light: LightModel::Baked, cube_size: 16, ..RenderSettings::default() };
+            let scene = load_scene(&path, &settings.textures.options(&context), &context.report).unwrap();
+            let renderer = Renderer::without_lightmap(&context, &scene, settings, [16, 16], 1).unwrap();
+            let mut broken = scene.clone();
+            broken.instances[0].mesh = 99;
+            let (jobs, to_do) = channel();
+            for (number, scene) in [(1, broken), (2, scene)] {
+                let request = renderer.lightmap_request();
+                jobs.send(LightmapJob { number, request, scene, stop: Arc::default() }).unwrap();
+            }
+            drop(jobs);
+            let (sender, results) = channel();
+            prepare_all(&context, to_do, &Outbox { sender, wake: WakeAtEnd(|| ()) });
+            let results: Vec<LoadResult> = results.iter().collect();
+            let [LoadResult::Lightmap(1, Err(error)), LoadResult::Lightmap(2, Ok(Some(_)))] = &results[..] else {
+                panic!("other results");
+            };
+            assert!(error.to_string().contains("light") && !error.to_string().contains('\n'), "{error}");
+        });
+    }
 }

@@ -15,6 +15,8 @@ mod frame_clock;
 pub mod headset;
 mod interrupt;
 mod loader;
+#[cfg(test)]
+mod lost_gpu_tests;
 mod needs;
 mod panel;
 mod playlist;

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::time::Instant;
 
 use clap::Args;
@@ -13,13 +14,13 @@ use super::frame_clock::ms_since;
 use super::interrupt;
 use super::loader::load_staged;
 use crate::args::{parse_size, write_json};
-use crate::asset::Outputs;
 use crate::asset::picture::Picture;
+use crate::asset::{Outputs, Report};
 use crate::context::{Context, Setup};
 use crate::gpu::{FrameRing, PassTime, Subresource, read_image};
 use crate::render::{
-    DrawCounts, Eye, FRAME_BYTES, FRAMES_IN_FLIGHT, FrameInputs, IPD_METRES, Output, RenderSettings, Renderer, Shading,
-    StandardError, TextureFacts, check_size,
+    DrawCounts, Eye, FRAME_BYTES, FRAMES_IN_FLIGHT, FrameInputs, IPD_METRES, LightModel, Output, RenderSettings,
+    Renderer, Shading, StandardError, TextureFacts, check_size,
 };
 use crate::scene::load::files as scene_files;
 use crate::scene::needs::resolution::Viewpoint;
@@ -131,11 +132,39 @@ pub struct RenderFacts {
     pub warnings: Vec<String>,
 }
 
-/// Renders a scene and writes the picture; with `stereo`, one per eye.
+/// Renders a scene and writes the picture; with `stereo`, one per eye. If the GPU is reset while it computes baked light, the
+/// picture has none, and a warning says so.
 ///
 /// # Errors
 /// Whatever stops loading, rendering or writing; a validation message where validation was asked for.
 pub fn render(request: &RenderRequest, setup: &Setup<'_>) -> Result<RenderFacts> {
+    let mut lost_baking = false;
+    match render_once(request, setup, &mut lost_baking) {
+        Err(_) if lost_baking => {
+            let scene = request.scene.display();
+            setup.report.warn(format!(
+                "{scene}: no light between things (`--light direct`), as the GPU was reset while that was computed; update \
+                 its driver if it happens again"
+            ));
+            render_direct(request, setup)
+        }
+        done => done,
+    }
+}
+
+/// Once more, with direct light alone: what was said the first time is not said again.
+fn render_direct(request: &RenderRequest, setup: &Setup<'_>) -> Result<RenderFacts> {
+    let settings = RenderSettings { light: LightModel::Direct, ..request.settings.clone() };
+    let again = Setup { report: Arc::new(Report::silent()), ..setup.clone() };
+    let facts = render_once(&RenderRequest { settings, ..request.clone() }, &again, &mut false)?;
+    let known = setup.report.warnings();
+    let new = again.report.warnings().into_iter().filter(|warning| !known.contains(warning));
+    new.for_each(|warning| setup.report.warn(warning));
+    Ok(RenderFacts { warnings: setup.report.warnings(), ..facts })
+}
+
+/// `lost_baking` says of an error that it is a GPU lost by computing light.
+fn render_once(request: &RenderRequest, setup: &Setup<'_>, lost_baking: &mut bool) -> Result<RenderFacts> {
     let output = output_of(&request.output)?;
     let frames = request.frames.unwrap_or(request.settings.shading.default_frames());
     let started = Instant::now();
@@ -167,7 +196,9 @@ pub fn render(request: &RenderRequest, setup: &Setup<'_>) -> Result<RenderFacts>
     let prepare_ms = open_ms + ms_since(started);
     let started = Instant::now();
     if !is_reference {
-        renderer.finish_lightmap(&FrameInputs::of(&scene, &eyes))?;
+        let light = renderer.finish_lightmap(&FrameInputs::of(&scene, &eyes));
+        *lost_baking = matches!(&light, Err(error) if error.is_device_lost());
+        light?;
     }
     let (gpu_frames, record_ms) = draw(&context, &mut renderer, &FrameInputs::of(&scene, &eyes), frames)?;
     let frames = record_ms.len() as u64;
