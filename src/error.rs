@@ -2,6 +2,7 @@
 
 use std::io::{ErrorKind, Write as _};
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, PoisonError};
 
 /// The crate's result.
@@ -138,9 +139,23 @@ fn vulkan_remedy(result: ash::vk::Result) -> &'static str {
 /// The first error of printing results.
 static UNPRINTED: Mutex<Option<std::io::Error>> = Mutex::new(None);
 
+/// Whether the standard output was closed when the program started (`>&-`). By now it leads nowhere: Rust opens the null
+/// device in its place, so that no file that is opened later receives what is printed.
+static WAS_CLOSED: AtomicBool = AtomicBool::new(false);
+
+/// Notes that the standard output was closed at the start: what is printed is lost.
+pub fn note_closed_output() {
+    WAS_CLOSED.store(true, Ordering::Relaxed);
+}
+
 /// Prints a line of results; [`say!`](crate::say) calls it. A closed pipe is no failure: its reader wants no more
 /// lines.
 pub fn print(line: std::fmt::Arguments<'_>) {
+    if WAS_CLOSED.load(Ordering::Relaxed) {
+        let closed = std::io::Error::other("it is closed");
+        UNPRINTED.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(closed);
+        return;
+    }
     let Err(error) = writeln!(std::io::stdout(), "{}", shown(&line.to_string(), true)) else { return };
     if error.kind() != ErrorKind::BrokenPipe {
         // The value is valid even if another thread panicked while it held the lock.

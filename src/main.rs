@@ -45,6 +45,7 @@ enum Command {
 fn main() -> ExitCode {
     let cli = Cli::try_parse().unwrap_or_else(|error| refuse(&error));
     start_log(cli.global.verbose);
+    limit_threads();
     match run(cli).and_then(|()| printed()) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
@@ -92,6 +93,18 @@ fn run(cli: Cli) -> Result<()> {
             view::answer_probe();
             Ok(())
         }
+    }
+}
+
+/// Keeps `RAYON_NUM_THREADS` to what a machine can start: with hundred thousands of threads nothing would go on.
+fn limit_threads() {
+    const MOST: usize = 256;
+    let wanted = std::env::var("RAYON_NUM_THREADS").ok().and_then(|text| text.parse::<usize>().ok());
+    let most = std::thread::available_parallelism().map_or(MOST, |cores| MOST.max(cores.get()));
+    if let Some(wanted) = wanted.filter(|wanted| *wanted > most) {
+        complain!("pbr-vr: RAYON_NUM_THREADS={wanted} is more than this machine can use; {most} threads are started");
+        // Fails only where there are threads already.
+        let _ = rayon::ThreadPoolBuilder::new().num_threads(most).build_global();
     }
 }
 

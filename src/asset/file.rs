@@ -10,6 +10,7 @@ use crate::{Error, Result};
 
 /// The whole file, if it has at most `limit` bytes; `what` names it in the error.
 pub fn read(path: &Path, what: &'static str, limit: u64) -> Result<Vec<u8>> {
+    check_no_pipe(path).map_err(Error::read(path))?;
     let file = File::open(path).map_err(Error::read(path))?;
     let size = file.metadata().map_err(Error::read(path))?.len();
     let too_large = |size: String| Error::TooLarge { path: path.into(), what, size, limit: format!("{limit} bytes") };
@@ -20,6 +21,23 @@ pub fn read(path: &Path, what: &'static str, limit: u64) -> Result<Vec<u8>> {
     // Devices and pipes report no size: the limit holds for them too.
     file.take(limit + 1).read_to_end(&mut bytes).map_err(Error::read(path))?;
     if bytes.len() as u64 > limit { Err(too_large(format!("over {limit} bytes"))) } else { Ok(bytes) }
+}
+
+/// An error for a named pipe, which nobody may ever write to: opening it would wait for ever. Open streams of this process
+/// (`/dev/stdin`, a shell's `<(…)`) have a writer.
+#[cfg(unix)]
+fn check_no_pipe(path: &Path) -> io::Result<()> {
+    use std::os::unix::fs::FileTypeExt as _;
+    let is_pipe = std::fs::metadata(path).is_ok_and(|data| data.file_type().is_fifo());
+    if is_pipe && !is_stream(path) && !path.starts_with("/dev/stdin") {
+        return Err(io::Error::new(io::ErrorKind::InvalidInput, "it is a pipe, not a file"));
+    }
+    Ok(())
+}
+
+#[cfg(not(unix))]
+fn check_no_pipe(_: &Path) -> io::Result<()> {
+    Ok(())
 }
 
 /// Writes a result of the user's: readers, a crash of the program and a crash of the machine leave the old file or the

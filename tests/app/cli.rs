@@ -271,8 +271,30 @@ fn a_full_disk_is_told_and_a_closed_pipe_is_none() {
     assert_eq!(text(&full.stderr).lines().count(), 1, "{}", text(&full.stderr));
     assert_eq!(shell("PROGRAM needs none.obj 2> /dev/full").status.code(), Some(1));
     assert_eq!(shell("PROGRAM needs none.obj 2>&-").status.code(), Some(1));
+    let closed = shell("PROGRAM needs MODEL >&-");
+    assert_eq!(closed.status.code(), Some(1), "what was to be printed is lost");
+    assert!(text(&closed.stderr).contains("closed"), "{}", text(&closed.stderr));
+    assert_eq!(shell("PROGRAM needs MODEL --json n.json > /dev/null").status.code(), Some(0));
     assert_eq!(shell("PROGRAM needs MODEL | true; exit ${PIPESTATUS[0]}").status.code(), Some(0));
     assert_eq!(shell("PROGRAM needs MODEL --json /dev/stdout | grep -q '{'").status.code(), Some(0));
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_pipe_is_no_scene_and_absurd_numbers_of_threads_are_limited() {
+    let folder = tempfile::tempdir().expect("a folder");
+    for name in ["pipe.toml", "pipe.obj", "pipe.glb"] {
+        let made = Command::new("mkfifo").arg(folder.path().join(name)).status().expect("mkfifo");
+        assert!(made.success());
+        fails(folder.path(), &["needs", name], 1, &[name, "pipe"]);
+    }
+    let model = Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/scenes/sphere.obj");
+    let mut command = Command::new(env!("CARGO_BIN_EXE_pbr-vr"));
+    command.arg("needs").arg(model).current_dir(folder.path()).env("RAYON_NUM_THREADS", "100000");
+    let started = std::time::Instant::now();
+    let output = command.output().expect("the program");
+    assert!(output.status.success() && started.elapsed().as_secs() < 60, "{:?}", started.elapsed());
+    assert!(text(&output.stderr).contains("RAYON_NUM_THREADS=100000"), "{}", text(&output.stderr));
 }
 
 #[test]
