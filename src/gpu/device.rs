@@ -322,6 +322,13 @@ impl Gpu {
         })
     }
 
+    /// Whether the GPU has not finished everything that was submitted.
+    pub fn is_busy(&self) -> bool {
+        // SAFETY: the device and its timeline are alive.
+        let finished = unsafe { self.device.get_semaphore_counter_value(self.device.timeline) };
+        finished.is_ok_and(|finished| finished < self.submitted.load(Ordering::Acquire))
+    }
+
     /// Takes over an object; it is destroyed once everything submitted up to the next submission has finished. A recording
     /// that uses it must have been submitted by now: the next submission may be another thread's.
     pub(super) fn defer_destruction(&self, object: Deferred) {

@@ -1,6 +1,8 @@
 //! The Vulkan instance: loader, layers, extensions, and the validation layer's messages.
 
+use std::cell::Cell;
 use std::ffi::{CStr, CString, c_char, c_void};
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
 use ash::vk::Handle as _;
@@ -18,18 +20,41 @@ const EXPECTED: &[(&str, &str)] = &[(
     "lavapipe 22.3 reports itself as a non-conformant driver",
 )];
 
+thread_local! {
+    /// Whether this thread is inside [`foreign_call`].
+    static IS_FOREIGN: Cell<bool> = const { Cell::new(false) };
+}
+
+/// Makes a call into a library that calls Vulkan itself, on the program's device or its own: messages of the validation
+/// layer that this thread causes meanwhile are the library's, and are counted apart.
+pub fn foreign_call<R>(call: impl FnOnce() -> R) -> R {
+    let before = IS_FOREIGN.replace(true);
+    let result = call();
+    IS_FOREIGN.set(before);
+    result
+}
+
 /// The unexpected messages of the validation layer.
 #[derive(Default)]
-pub struct Messages(Mutex<Vec<String>>);
+pub struct Messages {
+    ours: Mutex<Vec<String>>,
+    /// The number of those inside of [`foreign_call`].
+    foreign: AtomicU64,
+}
 
 impl Messages {
     fn push(&self, message: String) {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner).push(message);
+        self.ours.lock().unwrap_or_else(PoisonError::into_inner).push(message);
     }
 
-    /// All of them, oldest first.
+    /// All that this program's own calls caused, oldest first.
     pub fn all(&self) -> Vec<String> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner).clone()
+        self.ours.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+
+    /// The number of those that calls of a library caused; see [`foreign_call`]. They are no failure.
+    pub fn foreign(&self) -> u64 {
+        self.foreign.load(Ordering::Relaxed)
     }
 
     /// An error if there was any.
@@ -164,6 +189,13 @@ unsafe extern "system" fn on_message(
     let id = id.unwrap_or(c"?").to_string_lossy();
     let text = text.unwrap_or(c"?").to_string_lossy();
     if EXPECTED.iter().any(|(part, _)| id.contains(part)) {
+        return vk::FALSE;
+    }
+    if IS_FOREIGN.get() {
+        // A library that is wrong once a frame is told of once.
+        if messages.foreign.fetch_add(1, Ordering::Relaxed) == 0 {
+            tracing::warn!("validation of the headset runtime's own calls, no failure of this program: {id}: {text}");
+        }
         return vk::FALSE;
     }
     tracing::error!("validation: {id}: {text}");

@@ -47,7 +47,7 @@ pub use frame_ring::{FRAMES_IN_FLIGHT, FrameContext, FrameRing, UNIFORM_RANGE};
 #[cfg(test)]
 pub use harness_tests::with_gpu;
 pub use image::{AttachmentView, DEPTH_FORMAT, Image, ImageAccess, ImageDesc, Shape, Subresource};
-pub use instance::{Instance, Messages, validation_available};
+pub use instance::{Instance, Messages, foreign_call, validation_available};
 #[cfg(test)]
 pub use pipeline::pipelines_of_this_thread;
 pub use pipeline::{Constant, DepthBias, DepthState, GraphicsDesc, Pipeline};

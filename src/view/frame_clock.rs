@@ -2,6 +2,8 @@
 
 use std::time::{Duration, Instant};
 
+use serde::Serialize;
+
 use crate::gpu::PassTime;
 
 /// The averaging period.
@@ -15,7 +17,7 @@ pub fn ms_since(start: Instant) -> f64 {
 }
 
 /// Averages over the last period.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Rate {
     pub frames_per_second: f64,
     /// Wall time from frame to frame.

@@ -70,6 +70,7 @@ pub fn connect(options: GpuOptions<'_>) -> Result<Connected> {
     let physical = opening.runtime.output_device(instance.handle());
     let asked = |physical| Ok(opening.runtime.device_extensions(physical));
     let gpu = Gpu::open_for_headset(options, &instance, physical, asked)?;
+    watchdog.set_gpu(&gpu);
     let name = &gpu.info().name;
     if let Some(wanted) = options.name.filter(|wanted| !name.to_lowercase().contains(&wanted.to_lowercase())) {
         say!("pbr-vr: on {name} instead of {wanted}, because the headset is connected to it");

@@ -5,9 +5,10 @@ use std::path::PathBuf;
 use clap::{Args, ValueEnum};
 
 use super::args::Choice;
-use super::headset::{HiddenAreaV, RunReport};
+use super::headset::{HeadsetReport, HiddenAreaV, RunReport};
 use crate::asset::file::write_atomically;
 use crate::asset::{Outputs, shipped};
+use crate::gpu::Gpu;
 use crate::render::RenderSettings;
 use crate::scene::load::files as scene_files;
 use crate::scene::staging::Staging;
@@ -88,6 +89,19 @@ impl ViewRequest {
         let mut outputs = Outputs::of(files);
         outputs.file_if(self.staging.write_scene.as_deref())?;
         outputs.file_if(self.report.as_deref())
+    }
+
+    /// What writes the report of a session in a headset whose runtime never comes back.
+    pub(super) fn last_report(&self, gpu: &Gpu) -> impl Fn(HeadsetReport) + Send + 'static {
+        let (report, gpu) = (Self { report: self.report.clone(), ..Self::default() }, gpu.info().clone());
+        move |headset| {
+            let (frames, headset) = (headset.frames, Some(headset));
+            let (name, driver) = (gpu.name.clone(), gpu.driver.clone());
+            let run = RunReport { on: "headset", gpu: name, driver, frames, rate: None, present_mode: None, headset };
+            if let Err(error) = report.write_report(|| run) {
+                crate::complain!("pbr-vr: {error}");
+            }
+        }
     }
 
     pub(super) fn write_report(&self, report: impl FnOnce() -> RunReport) -> Result<()> {

@@ -77,7 +77,15 @@ fn write_picture(view: &ViewRequest, setup: &Setup<'_>, no_headset: &str, no_win
     let name = output.display();
     say!("pbr-vr: wrote {name}, because {no_headset}, and {no_window}; start it in a desktop session to get a window");
     let RenderFacts { gpu, driver, frames, .. } = facts;
-    view.write_report(|| RunReport { on: "picture", gpu, driver, frames, present_mode: None, headset: None })
+    view.write_report(|| RunReport {
+        on: "picture",
+        gpu,
+        driver,
+        frames,
+        rate: None,
+        present_mode: None,
+        headset: None,
+    })
 }
 
 /// Reserves the fallback's name, or a numbered one if it is taken, so that no two programs write the same file.

@@ -14,7 +14,7 @@ use headset_runtime::script::{SCRIPT_VARIABLE, Script};
 use serde_json::{Value, json};
 
 /// Where the loader looks inside an installation, and the library's name as cargo builds it.
-const INSTALLED: &str = if cfg!(windows) { "bin/vrclient_x64.dll" } else { "bin/linux64/vrclient.so" };
+pub const INSTALLED: &str = if cfg!(windows) { "bin/vrclient_x64.dll" } else { "bin/linux64/vrclient.so" };
 const BUILT: &str = if cfg!(windows) { "headset_runtime.dll" } else { "libheadset_runtime.so" };
 
 /// An installed runtime in a folder.

@@ -58,6 +58,17 @@ fn a_teleport_goes_where_the_arc_lands() {
 }
 
 #[test]
+fn buttons_that_are_inactive_while_untouched_work_as_well() {
+    let hand = Waypoint { frame: 1, position: [0.0, 1.0, 1.0], rotation_degrees: [0.0; 3] };
+    let button = vec![press("turn_right", "left", 5, 7), press("teleport", "right", 12, 16)];
+    let script = Script { left_hand: out_of_sight(), right_hand: vec![hand], show: vec![LATER], ..patient() };
+    let room = Room::with(Script { button, are_buttons_shy: true, ..script });
+    room.view(LATER).assert_clean();
+    let jumps = jumps(&room);
+    assert_eq!(jumps.len(), 3, "the start, the turn and the landing: {jumps:?}");
+}
+
+#[test]
 fn nothing_moves_that_nobody_asked_for() {
     let room = room(vec![press("grab", "left", 5, 9)], out_of_sight());
     room.view(LATER).assert_clean();

@@ -250,7 +250,30 @@ fn a_submit_that_blocks_is_noticed_and_told() {
     let room = Room::with(Script { block_submit: vec![Block { frame: 3, seconds: 6.0 }], ..patient() });
     let ran = room.view(5);
     ran.assert_clean();
-    assert!(ran.err.contains("Submit"), "{ran}");
+    assert!(ran.err.contains("Submit") && ran.err.contains("cable"), "{ran}");
+}
+
+#[test]
+fn a_submit_that_never_comes_back_ends_it_with_a_report() {
+    let room = Room::with(Script { block_submit: vec![Block { frame: 6, seconds: 600.0 }], ..patient() });
+    let ran = room.view_with(&[]);
+    ran.assert_fails_with(&["Submit never came back"]);
+    assert!(ran.out.contains("hidden by the lenses"), "no summary: {ran}");
+    let report = room.report();
+    assert_eq!((&report["frames"], &report["ended"]), (&json!(5), &json!("Submit never came back")));
+    assert_eq!(report["timeline"].as_array().map(Vec::len), Some(5));
+}
+
+#[test]
+fn messages_about_the_runtimes_own_vulkan_calls_are_no_failure_and_counted() {
+    let room = Room::with(Script { bad_vulkan: vec![3, 4], ..patient() });
+    let ran = room.view(6);
+    assert_eq!(ran.code, Some(0), "{ran}");
+    let told: Vec<&str> = ran.err.lines().filter(|line| line.contains("validation")).collect();
+    assert!(told.len() == 1 && told[0].contains("runtime's own calls"), "{ran}");
+    let messages = room.report()["runtime_messages"].as_u64().expect("a number");
+    assert!(messages >= 4, "two frames of two eyes: {messages}");
+    assert!(ran.out.contains(&format!("{messages} message(s) of the validation layer")), "{ran}");
 }
 
 #[test]
@@ -351,6 +374,28 @@ fn a_signal_ends_it_with_report_summary_and_shutdown() {
         assert!(room.report()["frames"].as_u64().is_some_and(|frames| frames >= 10));
         assert_eq!(room.headset.calls().last().expect("a call")["call"], "CleanupDone");
     }
+}
+
+#[cfg(unix)]
+#[test]
+fn a_second_signal_ends_it_at_once() {
+    let room = Room::with(Script { block_submit: vec![Block { frame: 5, seconds: 600.0 }], ..patient() });
+    let child =
+        room.headset.start(room.workshop.0.path(), &["view", "scene.toml", "--on", "headset", "--light", "direct"]);
+    let started = std::time::Instant::now();
+    while room.headset.calls_of("SubmitBlocks").is_empty() {
+        assert!(started.elapsed().as_secs() < 120, "no frames");
+        std::thread::sleep(std::time::Duration::from_millis(20));
+    }
+    let kill = |signal: &str| {
+        let pid = child.id().to_string();
+        assert!(std::process::Command::new("kill").args(["-s", signal, &pid]).status().expect("kill").success());
+    };
+    kill("INT");
+    std::thread::sleep(std::time::Duration::from_millis(500));
+    kill("TERM");
+    let ran = crate::common::headset::finish(child);
+    assert!(ran.code == Some(130) && ran.took.as_secs() < 10, "{ran}");
 }
 
 #[test]

@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use headset_runtime::script::{Script, Start};
 
-use crate::common::headset::{Headset, Ran, command, finish};
+use crate::common::headset::{Headset, INSTALLED, Ran, command, finish};
 use crate::common::{Workshop, material, sphere};
 
 /// A ball before a camera.
@@ -64,6 +64,26 @@ fn a_registry_that_names_nothing_or_half_an_installation_is_told() {
             headset.write_registry(&elsewhere);
             headset.run(workshop.0.path(), &["view", "scene.toml", "--on", on, "--frames", "2"])
         });
+    }
+}
+
+#[test]
+fn a_runtime_without_its_library_is_named_by_doctor_and_by_view() {
+    // None at all, and one that cannot be loaded.
+    for (contents, parts) in
+        [(None, ["lacks its library", "vrclient"]), (Some("junk"), ["library", "cannot be loaded"])]
+    {
+        let workshop = scene();
+        let headset = Headset::install(workshop.0.path(), &Script::default());
+        let library = workshop.path("headset").join(INSTALLED);
+        match contents {
+            None => fs::remove_file(&library).expect("the library"),
+            Some(junk) => fs::write(&library, junk).expect("junk"),
+        }
+        headset.run(workshop.0.path(), &["view", "scene.toml", "--on", "headset"]).assert_fails_with(&parts);
+        let doctor = headset.run(workshop.0.path(), &["doctor"]);
+        let line = doctor.out.lines().find(|line| line.starts_with("headset")).expect("a line");
+        assert!(parts.iter().all(|part| line.contains(part)) && !line.contains("connect"), "{line}");
     }
 }
 

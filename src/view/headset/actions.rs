@@ -59,8 +59,8 @@ pub struct InputActions {
     pub hands: [Option<Mat4>; 2],
 }
 
-/// The state of each button in each hand: pressed or not, or `None` where the runtime reports none (no such controller,
-/// dashboard open).
+/// The state of each button in each hand: pressed or not, or `None` where it is unknown (no such controller, dashboard
+/// open).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 struct Buttons([[Option<bool>; 2]; BUTTONS.len()]);
 
@@ -137,11 +137,13 @@ impl Actions {
     }
 
     /// The input of this frame; call once a frame, after waiting for poses. Empty while the runtime gives no input, for
-    /// example with its dashboard open.
-    pub fn read(&mut self, table: &VR_IVRInput_FnTable) -> InputActions {
+    /// example with its dashboard open (`dashboard`: then the buttons are the dashboard's).
+    pub fn read(&mut self, table: &VR_IVRInput_FnTable, dashboard: bool) -> InputActions {
         let has_input = self.update(table);
-        let (buttons, hands) = if has_input { (self.buttons(table), self.poses(table)) } else { Default::default() };
-        let actions = InputActions::between(&self.before, &buttons, hands);
+        let poses = if has_input { self.poses(table) } else { [Pose::default(); 2] };
+        let held = poses.map(|pose| pose.active);
+        let buttons = if dashboard || !has_input { Buttons::default() } else { self.buttons(table, held) };
+        let actions = InputActions::between(&self.before, &buttons, poses.map(|pose| pose.play_from_hand));
         self.before = buttons;
         actions
     }
@@ -163,14 +165,19 @@ impl Actions {
         status == sys::EVRInputError_VRInputError_None
     }
 
-    fn buttons(&self, table: &VR_IVRInput_FnTable) -> Buttons {
+    /// `held`: whether the left, the right hand's pose is active.
+    fn buttons(&self, table: &VR_IVRInput_FnTable, held: [bool; 2]) -> Buttons {
         let same = self.hands[0] == self.hands[1];
+        let read = |hand: usize| self.buttons.map(|action| state(table, action, self.hands[hand]));
         // Hands that cannot be told apart count as the right one.
-        let state = |action, i: usize| if same && i == 0 { None } else { pressed(table, action, self.hands[i]) };
-        Buttons(self.buttons.map(|action| [state(action, 0), state(action, 1)]))
+        let left = if same { [State::Unknown; BUTTONS.len()] } else { read(0) };
+        let right = read(1);
+        let held = if same { [false, held[0] || held[1]] } else { held };
+        let [left, right] = [(left, held[0]), (right, held[1])].map(|(states, held)| known(states, held));
+        Buttons(std::array::from_fn(|button| [left[button], right[button]]))
     }
 
-    fn poses(&self, table: &VR_IVRInput_FnTable) -> [Option<Mat4>; 2] {
+    fn poses(&self, table: &VR_IVRInput_FnTable) -> [Pose; 2] {
         self.poses.map(|action| {
             let mut data = sys::InputPoseActionData_t::default();
             let (to, size) = (&raw mut data, size_of::<sys::InputPoseActionData_t>() as u32);
@@ -180,21 +187,55 @@ impl Actions {
                 match (table.GetPoseActionDataForNextFrame, table.GetPoseActionDataRelativeToNow) {
                     (Some(read), _) => read(action, origin, to, size, 0),
                     (None, Some(read)) => read(action, origin, 0.0, to, size, 0),
-                    (None, None) => return None,
+                    (None, None) => return Pose::default(),
                 }
             };
-            let valid = status == sys::EVRInputError_VRInputError_None && data.bActive && data.pose.bPoseIsValid;
-            valid.then(|| matrix(&data.pose.mDeviceToAbsoluteTracking)).filter(|pose| pose.is_finite())
+            let active = status == sys::EVRInputError_VRInputError_None && data.bActive;
+            let pose = (active && data.pose.bPoseIsValid).then(|| matrix(&data.pose.mDeviceToAbsoluteTracking));
+            Pose { active, play_from_hand: pose.filter(|pose| pose.is_finite()) }
         })
     }
 }
 
-fn pressed(table: &VR_IVRInput_FnTable, action: VRActionHandle_t, hand: VRInputValueHandle_t) -> Option<bool> {
-    let read = table.GetDigitalActionData?;
+/// A hand's pose action.
+#[derive(Clone, Copy, Default)]
+struct Pose {
+    /// Whether a controller is in the hand, tracked or not.
+    active: bool,
+    play_from_hand: Option<Mat4>,
+}
+
+/// A hand's button as the runtime reports it.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum State {
+    /// An error, or nothing to ask.
+    Unknown,
+    /// No controller has such a button; with some runtimes also: it is not touched.
+    Inactive,
+    Pressed(bool),
+}
+
+fn state(table: &VR_IVRInput_FnTable, action: VRActionHandle_t, hand: VRInputValueHandle_t) -> State {
+    let Some(read) = table.GetDigitalActionData else { return State::Unknown };
     let mut data = sys::InputDigitalActionData_t::default();
     // SAFETY: it writes one struct of the size given.
     let status = unsafe { read(action, &raw mut data, size_of_val(&data) as u32, hand) };
-    (status == sys::EVRInputError_VRInputError_None && data.bActive).then_some(data.bState)
+    match (status, data.bActive) {
+        (sys::EVRInputError_VRInputError_None, true) => State::Pressed(data.bState),
+        (sys::EVRInputError_VRInputError_None, false) => State::Inactive,
+        _ => State::Unknown,
+    }
+}
+
+/// The states of one hand's buttons. Where the hand is there, because its pose (`held`) or another button is active, an
+/// inactive button is not pressed: some runtimes report a trackpad's parts as inactive while nobody touches them.
+fn known(states: [State; BUTTONS.len()], held: bool) -> [Option<bool>; BUTTONS.len()] {
+    let is_there = held || states.iter().any(|state| matches!(state, State::Pressed(_)));
+    states.map(|state| match state {
+        State::Pressed(pressed) => Some(pressed),
+        State::Inactive if is_there => Some(false),
+        State::Inactive | State::Unknown => None,
+    })
 }
 
 fn action(table: &VR_IVRInput_FnTable, name: &str) -> Result<VRActionHandle_t, String> {

@@ -165,9 +165,14 @@ struct Runtime {
     names: Vec<String>,
     pressed: Vec<(&'static str, &'static str)>,
     available: bool,
+    /// Only pressed buttons are active.
+    shy: bool,
+    /// Whether pose actions are active.
+    held: bool,
 }
 
-static RUNTIME: Mutex<Runtime> = Mutex::new(Runtime { names: Vec::new(), pressed: Vec::new(), available: true });
+static RUNTIME: Mutex<Runtime> =
+    Mutex::new(Runtime { names: Vec::new(), pressed: Vec::new(), available: true, shy: false, held: true });
 /// Tests that use the runtime take turns.
 static TURN: Mutex<()> = Mutex::new(());
 
@@ -217,7 +222,8 @@ unsafe extern "C" fn digital(
     let matches = |(button, of): &(&str, &str)| name(action).ends_with(button) && name(hand).ends_with(of);
     // SAFETY: the caller's struct.
     let data = unsafe { &mut *data };
-    (data.bActive, data.bState) = (true, runtime.pressed.iter().any(matches));
+    data.bState = runtime.pressed.iter().any(matches);
+    data.bActive = data.bState || !runtime.shy;
     sys::EVRInputError_VRInputError_None
 }
 
@@ -229,10 +235,11 @@ unsafe extern "C" fn pose(
     _: u64,
 ) -> sys::EVRInputError {
     assert_eq!((size, origin), (96, 1));
-    let is_left = runtime().names[action as usize - 1].ends_with("left");
+    let runtime = runtime();
+    let is_left = runtime.names[action as usize - 1].ends_with("left");
     // SAFETY: the caller's struct.
     let data = unsafe { &mut *data };
-    data.bActive = true;
+    data.bActive = runtime.held;
     data.pose.bPoseIsValid = is_left;
     data.pose.mDeviceToAbsoluteTracking.m = [[0.0, 0.0, 1.0, 10.0], [0.0, 1.0, 0.0, 20.0], [-1.0, 0.0, 0.0, 30.0]];
     sys::EVRInputError_VRInputError_None
@@ -259,7 +266,7 @@ fn table() -> VR_IVRInput_FnTable {
 /// Runs `work` with a runtime of its own that has this table.
 fn with_runtime(table: VR_IVRInput_FnTable, work: impl FnOnce(&VR_IVRInput_FnTable)) {
     let _turn = TURN.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
-    *runtime() = Runtime { names: Vec::new(), pressed: Vec::new(), available: true };
+    *runtime() = Runtime { names: Vec::new(), pressed: Vec::new(), available: true, shy: false, held: true };
     work(&table);
 }
 
@@ -267,15 +274,15 @@ fn with_runtime(table: VR_IVRInput_FnTable, work: impl FnOnce(&VR_IVRInput_FnTab
 fn buttons_and_poses_come_from_the_right_hand_and_the_left() {
     with_runtime(table(), |table| {
         let mut actions = Actions::new(table, &assets()).unwrap();
-        actions.read(table);
+        actions.read(table, false);
         runtime().pressed = vec![("teleport", "left"), ("grab", "right"), ("next_scene", "right")];
-        let input = actions.read(table);
+        let input = actions.read(table, false);
         assert_eq!((input.aim, input.grab, input.next_scene), (Some(Hand::Left), [false, true], true));
         let hand = input.hands[0].unwrap();
         assert_eq!(hand.transform_point3(Vec3::X), Vec3::new(10.0, 20.0, 29.0));
         assert_eq!(input.hands[1], None, "an invalid pose");
         runtime().pressed.clear();
-        assert_eq!(actions.read(table).teleport, Some(Hand::Left));
+        assert_eq!(actions.read(table, false).teleport, Some(Hand::Left));
         actions.tick(table, Hand::Left);
     });
 }
@@ -285,12 +292,49 @@ fn input_that_stops_while_aiming_does_not_teleport() {
     with_runtime(table(), |table| {
         let mut actions = Actions::new(table, &assets()).unwrap();
         runtime().pressed = vec![("teleport", "right")];
-        assert_eq!(actions.read(table).aim, Some(Hand::Right));
+        assert_eq!(actions.read(table, false).aim, Some(Hand::Right));
         runtime().available = false;
-        assert_eq!(actions.read(table), InputActions::default());
+        assert_eq!(actions.read(table, false), InputActions::default());
         runtime().pressed.clear();
         runtime().available = true;
-        assert_eq!(actions.read(table).teleport, None);
+        assert_eq!(actions.read(table, false).teleport, None);
+    });
+}
+
+#[test]
+fn a_button_that_is_inactive_while_nobody_touches_it_is_released() {
+    with_runtime(table(), |table| {
+        let mut actions = Actions::new(table, &assets()).unwrap();
+        runtime().shy = true;
+        actions.read(table, false);
+        runtime().pressed = vec![("teleport", "right"), ("turn_left", "left")];
+        let input = actions.read(table, false);
+        assert_eq!((input.aim, input.turn), (Some(Hand::Right), -1));
+        runtime().pressed.clear();
+        assert_eq!(actions.read(table, false).teleport, Some(Hand::Right));
+        // Another button of the hand tells as much as its pose.
+        runtime().pressed = vec![("teleport", "right"), ("grab", "right")];
+        actions.read(table, false);
+        (runtime().held, runtime().pressed) = (false, vec![("grab", "right")]);
+        assert_eq!(actions.read(table, false).teleport, Some(Hand::Right));
+        // A controller that is switched off while aiming does not.
+        runtime().pressed = vec![("teleport", "right")];
+        assert_eq!(actions.read(table, false).aim, Some(Hand::Right));
+        runtime().pressed.clear();
+        assert_eq!(actions.read(table, false), InputActions::default());
+    });
+}
+
+#[test]
+fn buttons_are_the_dashboards_while_it_is_up() {
+    with_runtime(table(), |table| {
+        let mut actions = Actions::new(table, &assets()).unwrap();
+        runtime().pressed = vec![("teleport", "right")];
+        assert_eq!(actions.read(table, false).aim, Some(Hand::Right));
+        runtime().pressed.clear();
+        let input = actions.read(table, true);
+        assert!(input.teleport.is_none() && input.hands[0].is_some(), "{input:?}");
+        assert_eq!(actions.read(table, false).teleport, None);
     });
 }
 
@@ -308,7 +352,7 @@ fn missing_entries_are_survived() {
         with_runtime(table, |table| {
             let mut actions = Actions::new(table, &assets()).unwrap();
             runtime().pressed = vec![("grab", "")];
-            input = actions.read(table);
+            input = actions.read(table, false);
             actions.tick(table, Hand::Right);
         });
         input

@@ -22,6 +22,7 @@ pub fn run(request: &ViewRequest, connected: Connected, setup: &Setup<'_>) -> Re
     let messages = context.gpu.messages();
     let session = connected.begin(request.hidden_area)?;
     let app = App::new(context, request.settings.clone(), session.target(), || {})?;
+    session.when_hopeless(request.last_report(&app.context.gpu));
     let mut headset = HeadsetApp { session, app };
     interrupt::listen(|| {});
     headset.app.open_first(&scene, request.staging.clone());
@@ -89,6 +90,7 @@ impl HeadsetApp {
             gpu: self.app.context.gpu.info().name.clone(),
             driver: self.app.context.gpu.info().driver.clone(),
             frames: self.session.frames(),
+            rate: None,
             present_mode: None,
             headset: Some(self.session.report()),
         }

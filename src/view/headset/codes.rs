@@ -18,9 +18,15 @@ impl fmt::Display for Refusal {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { code, words } = self;
         match *code {
+            sys::EVRInitError_VRInitError_Init_VRClientDLLNotFound => {
+                write!(
+                    f,
+                    "the headset runtime's library cannot be loaded (OpenVR {code}): it is damaged, or another library that \
+                     it needs is missing; reinstall SteamVR"
+                )
+            }
             sys::EVRInitError_VRInitError_Init_InstallationNotFound
             | sys::EVRInitError_VRInitError_Init_InstallationCorrupt
-            | sys::EVRInitError_VRInitError_Init_VRClientDLLNotFound
             | sys::EVRInitError_VRInitError_Init_FileNotFound
             | sys::EVRInitError_VRInitError_Init_PathRegistryNotFound => {
                 write!(f, "the headset runtime is registered but not there (OpenVR {code}); reinstall SteamVR")

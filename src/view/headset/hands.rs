@@ -42,6 +42,8 @@ pub struct Hands {
     teleport_fade: TeleportFade,
     grab: Option<(Hand, Grab)>,
     gizmos: ControllerGizmos,
+    /// Whether the runtime's dashboard is up.
+    dashboard: bool,
 }
 
 impl Hands {
@@ -50,13 +52,18 @@ impl Hands {
         let actions =
             actions(runtime).inspect_err(|why| crate::complain!("pbr-vr: headset: no controllers: {why}")).ok();
         let (teleport_fade, gizmos) = (TeleportFade::default(), ControllerGizmos::default());
-        Self { actions, rig: None, settled: false, camera: 0, teleport_fade, grab: None, gizmos }
+        Self { actions, rig: None, settled: false, camera: 0, teleport_fade, grab: None, gizmos, dashboard: false }
     }
 
     /// Moves the user to one of the scene's cameras with the next frame; also for a new scene.
     pub fn go_to(&mut self, camera: usize) {
         (self.rig, self.settled, self.camera, self.grab) = (None, false, camera, None);
         self.teleport_fade = TeleportFade::default();
+    }
+
+    /// Notes that the runtime's dashboard was opened or closed: while it is up, buttons are its own.
+    pub fn follow_dashboard(&mut self, up: bool) {
+        self.dashboard = up;
     }
 
     /// The gizmos to draw.
@@ -67,7 +74,8 @@ impl Hands {
     /// Reads this frame's input; moves the user and the models accordingly. `seconds` have passed since the last frame.
     pub fn step(&mut self, runtime: &Runtime, scene: &mut ShownScene, head: &Head, seconds: f32) -> Step {
         let table = runtime.input();
-        let input = self.actions.as_mut().zip(table).map(|(actions, table)| actions.read(table)).unwrap_or_default();
+        let input = self.actions.as_mut().zip(table).map(|(actions, table)| actions.read(table, self.dashboard));
+        let input = input.unwrap_or_default();
         let play_from_head = head.space_from_head;
         let stays = self.rig.filter(|_| self.settled || !head.is_known);
         let mut rig = stays.unwrap_or_else(|| self.start(scene, &play_from_head));

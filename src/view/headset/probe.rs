@@ -15,6 +15,18 @@ use super::runtime::{Role, Runtime};
 use crate::error::shortened;
 use crate::say;
 
+/// The runtime's library in its folder, where OpenVR's loader looks for it.
+const LIBRARY: &str = if cfg!(windows) {
+    "bin/vrclient_x64.dll"
+} else if cfg!(target_os = "macos") {
+    "bin/osx32/vrclient.dylib"
+} else if cfg!(target_arch = "aarch64") {
+    "bin/linuxarm64/vrclient.so"
+} else {
+    "bin/linux64/vrclient.so"
+};
+/// Names the runtime's folder instead of the registry.
+const OVERRIDE: &str = "VR_OVERRIDE";
 /// The hidden subcommand of the child.
 pub const SUBCOMMAND: &str = "probe-headset";
 /// The time limit for the child.
@@ -163,11 +175,21 @@ fn check_registry() -> Result<(), String> {
     let text = std::fs::read_to_string(&file).map_err(|e| format!("{} of the headset runtime: {e}", file.display()))?;
     match runtime_folders(&text) {
         None => Err(format!("{} does not name a headset runtime; reinstall SteamVR", file.display())),
-        Some(folders) if !folders.iter().any(|folder| Path::new(folder).is_dir()) => {
-            Err(format!("the headset runtime that {} names is not there; reinstall SteamVR", file.display()))
-        }
+        Some(folders) if std::env::var_os(OVERRIDE).is_none() => check_folders(&folders, &file),
         Some(_) => Ok(()),
     }
+}
+
+/// Whether one of the folders that a registry names holds a runtime's library.
+fn check_folders(folders: &[String], registry: &Path) -> Result<(), String> {
+    let Some(folder) = folders.iter().map(Path::new).find(|folder| folder.is_dir()) else {
+        return Err(format!("the headset runtime that {} names is not there; reinstall SteamVR", registry.display()));
+    };
+    if folders.iter().any(|folder| Path::new(folder).join(LIBRARY).is_file()) {
+        return Ok(());
+    }
+    let library = folder.join(LIBRARY);
+    Err(format!("the headset runtime lacks its library {}; reinstall it (SteamVR)", library.display()))
 }
 
 fn runtime_folders(registry: &str) -> Option<Vec<String>> {

@@ -6,7 +6,10 @@ use serde::Serialize;
 
 use super::frame_statistics::FrameStatistics;
 use super::hidden_area::HiddenAreaV;
+use crate::view::frame_clock::Rate;
 
+/// The display's rate where the runtime does not report it.
+pub const USUAL_HERTZ: f32 = 90.0;
 /// Frames whose times are kept: the last ones.
 const KEPT: usize = 20_000;
 
@@ -35,6 +38,9 @@ pub struct RunReport {
     pub gpu: String,
     pub driver: String,
     pub frames: u64,
+    /// The last numbers over the window's picture, also where that is a headset's.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub rate: Option<Rate>,
     /// The window's present mode at the end.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub present_mode: Option<&'static str>,
@@ -66,6 +72,8 @@ pub struct HeadsetReport {
     /// Errors of the runtime's calls that cost a frame, by call and code.
     pub failed_calls: BTreeMap<String, u64>,
     pub optics_changes: u64,
+    /// Messages of the validation layer that the runtime's own calls caused.
+    pub runtime_messages: u64,
     pub compositor: CompositorReport,
     /// Mirror frames shown, and left out because the window was not ready.
     pub mirror: [u64; 2],
@@ -90,6 +98,48 @@ impl From<&FrameStatistics> for CompositorReport {
     fn from(s: &FrameStatistics) -> Self {
         let FrameStatistics { frames, presents, dropped, reprojected, late_cpu, late_gpu, throttled, .. } = *s;
         Self { frames, presents, dropped, reprojected, late_cpu, late_gpu, throttled }
+    }
+}
+
+/// What a session notes as it goes; the watchdog shares it, to report a session whose runtime never comes back.
+#[derive(Default)]
+pub struct Record {
+    /// All but what the others hold.
+    pub facts: HeadsetReport,
+    pub statistics: FrameStatistics,
+    pub timeline: Timeline,
+}
+
+impl Record {
+    /// Facts and times so far.
+    pub fn report(&self) -> HeadsetReport {
+        HeadsetReport {
+            compositor: (&self.statistics).into(),
+            mean: self.timeline.mean(),
+            timeline: self.timeline.frames().clone(),
+            ..self.facts.clone()
+        }
+    }
+
+    /// The line printed at the end.
+    pub fn summary(&self) -> String {
+        let saved = 50.0 * self.facts.hidden_area_share.iter().sum::<f64>();
+        let FrameTime { wait_ms, cpu_ms, gpu_ms, submit_ms, .. } = self.timeline.mean();
+        let statistics = self.statistics_line();
+        let mut line = format!(
+            "{statistics}; per frame {wait_ms:.1} ms waiting, {cpu_ms:.1} ms CPU, {submit_ms:.1} ms in Submit, {gpu_ms:.1} ms GPU; \
+             {saved:.1} % of the pixels hidden by the lenses and not drawn"
+        );
+        let messages = self.facts.runtime_messages;
+        if messages > 0 {
+            line += &format!("; {messages} message(s) of the validation layer from the runtime's own calls");
+        }
+        line
+    }
+
+    /// The compositor's statistics as a line.
+    pub fn statistics_line(&self) -> String {
+        self.statistics.line(self.facts.hertz.unwrap_or(USUAL_HERTZ))
     }
 }
 

@@ -10,7 +10,7 @@ use super::codes::Refusal;
 use super::events::Event;
 use super::frame_statistics::{FRAME_TIMING_BYTES, FrameTiming};
 use super::optics::{Optics, matrix};
-use crate::gpu::Handles;
+use crate::gpu::{Handles, foreign_call};
 use crate::{Error, Result};
 
 /// The number of poses that the runtime writes, one per device; the headset's is the first.
@@ -114,7 +114,9 @@ impl Runtime {
         let mut device = 0;
         if let Some(call) = self.system().GetOutputDevice {
             // SAFETY: `instance` is a live VkInstance; the pointer is good for the call.
-            unsafe { call(&mut device, sys::ETextureType_TextureType_Vulkan, instance as *mut sys::VkInstance_T) };
+            foreign_call(|| unsafe {
+                call(&mut device, sys::ETextureType_TextureType_Vulkan, instance as *mut sys::VkInstance_T);
+            });
         }
         device
     }
@@ -124,7 +126,7 @@ impl Runtime {
         let call = self.compositor().GetVulkanDeviceExtensionsRequired;
         let physical = physical as *mut sys::VkPhysicalDevice_T;
         // SAFETY: buffer and size belong together; the physical device is of a live instance.
-        words(call.and_then(|call| text_of(|buffer, size| unsafe { call(physical, buffer, size) })))
+        words(call.and_then(|call| text_of(|buffer, size| foreign_call(|| unsafe { call(physical, buffer, size) }))))
     }
 
     /// Pixels of each eye's picture, the user's own scale included.
@@ -211,14 +213,14 @@ impl Runtime {
     pub fn wait_get_poses(&self, poses: &mut [sys::TrackedDevicePose_t; DEVICES]) -> Result<sys::EVRCompositorError> {
         let call = need(self.compositor().WaitGetPoses, "WaitGetPoses")?;
         // SAFETY: the array has as many poses as is said; no second array is asked for.
-        Ok(unsafe { call(poses.as_mut_ptr(), DEVICES as u32, ptr::null_mut(), 0) })
+        Ok(foreign_call(|| unsafe { call(poses.as_mut_ptr(), DEVICES as u32, ptr::null_mut(), 0) }))
     }
 
     /// Tells the compositor where on the queue the frame begins. Uses the program's queue.
     pub fn submit_timing(&self) {
         if let Some(call) = self.compositor().SubmitExplicitTimingData.filter(|_| self.explicit_timing) {
             // SAFETY: no arguments. It only improves measurements: its code changes nothing.
-            unsafe { call() };
+            foreign_call(|| unsafe { call() });
         }
     }
 
@@ -256,7 +258,7 @@ impl Runtime {
             false => sys::EVRSubmitFlags_Submit_Default,
         };
         // SAFETY: structures and handles are good for the call; the image is in the layout it wants.
-        Ok(unsafe { call(eye, &mut texture, &mut bounds, flags) })
+        Ok(foreign_call(|| unsafe { call(eye, &mut texture, &mut bounds, flags) }))
     }
 
     /// The compositor's timing of an earlier frame.
@@ -271,7 +273,7 @@ impl Runtime {
     pub fn post_present_handoff(&self) {
         if let Some(call) = self.compositor().PostPresentHandoff {
             // SAFETY: no arguments.
-            unsafe { call() };
+            foreign_call(|| unsafe { call() });
         }
     }
 
@@ -297,7 +299,7 @@ impl Runtime {
 impl Drop for Runtime {
     fn drop(&mut self) {
         // SAFETY: `start` has connected; nothing uses the tables any more.
-        unsafe { sys::VR_ShutdownInternal() };
+        foreign_call(|| unsafe { sys::VR_ShutdownInternal() });
     }
 }
 

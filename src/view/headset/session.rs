@@ -1,7 +1,7 @@
 //! A session in the headset: its frame loop, from the first pose to the runtime's shutdown.
 
 use std::mem::ManuallyDrop;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use glam::Mat4;
@@ -10,12 +10,12 @@ use openvr_sys as sys;
 use super::codes::{After, after};
 use super::events::Event;
 use super::eye_images::EyeImages;
-use super::frame_statistics::{FrameStatistics, FrameTiming};
+use super::frame_statistics::FrameTiming;
 use super::hands::{Hands, Step};
 use super::hidden_area::{HiddenAreaV, share};
 use super::optics::{Head, Optics};
 use super::quality::{Finished, Level, Quality};
-use super::report::{FrameTime, HeadsetReport, Timeline};
+use super::report::{FrameTime, HeadsetReport, Record, USUAL_HERTZ};
 use super::runtime::{DEVICES, EYES, Runtime};
 use super::watchdog::{Patience, Watchdog};
 use crate::gpu::{FrameRing, Gpu, PassTimes};
@@ -26,8 +26,6 @@ use crate::view::loader::Target;
 use crate::view::shown_scene::ShownScene;
 use crate::{Result, say};
 
-/// The display's rate where the runtime does not report it.
-const USUAL_HERTZ: f32 = 90.0;
 /// Seconds after which a disconnected headset is given up: longer than a loose contact.
 const GONE_SECONDS: f32 = 0.5;
 /// Frames after a change of scene whose times are ignored: the driver still compiles and moves data.
@@ -74,13 +72,15 @@ pub struct Session {
     lacking: Option<String>,
     last: Option<Instant>,
     quality: Quality,
-    statistics: FrameStatistics,
-    timeline: Timeline,
     /// GPU time of each pass of the frame that finished last.
     times: PassTimes,
     /// CPU time of the last frame.
     recording: Duration,
-    report: HeadsetReport,
+    name: String,
+    /// Pixels of an eye's picture.
+    size: [u32; 2],
+    /// Never locked while the runtime is called: the watchdog reads it if that does not come back.
+    record: Arc<Mutex<Record>>,
     gpu: Arc<Gpu>,
 }
 
@@ -92,10 +92,13 @@ impl Session {
         let size = runtime.recommended_size()?.map(|s| s.min(most));
         let hertz = runtime.display_hertz();
         let hidden = EYES.map(|eye| v.downwards(&runtime.hidden_area(eye)));
-        let report = HeadsetReport {
-            name: runtime.headset_name(),
+        let optics = [runtime.optics(EYES[0])?, runtime.optics(EYES[1])?];
+        let name = runtime.headset_name();
+        let facts = HeadsetReport {
+            name: name.clone(),
             hertz,
             size,
+            tangents: optics.map(|optics| optics.tangents),
             explicit_timing: runtime.has_explicit_timing(),
             hidden_area_v: v,
             hidden_area_share: hidden.each_ref().map(|corners| share(corners)),
@@ -109,7 +112,7 @@ impl Session {
             levels: [0; FRAMES_IN_FLIGHT],
             level: quality.level(),
             warm_up: WARM_UP,
-            optics: [runtime.optics(EYES[0])?, runtime.optics(EYES[1])?],
+            optics,
             hidden,
             head: Head::default(),
             poses: Box::new([sys::TrackedDevicePose_t::default(); DEVICES]),
@@ -117,11 +120,11 @@ impl Session {
             lacking: gpu.missing_extensions(),
             last: None,
             quality,
-            statistics: FrameStatistics::default(),
-            timeline: Timeline::default(),
             times: PassTimes::default(),
             recording: Duration::ZERO,
-            report,
+            name,
+            size,
+            record: Arc::new(Mutex::new(Record { facts, ..Record::default() })),
             gpu: Arc::clone(gpu),
             watchdog,
             runtime: ManuallyDrop::new(runtime),
@@ -130,17 +133,17 @@ impl Session {
 
     /// The target that scenes are drawn for.
     pub fn target(&self) -> Target {
-        Target { size: self.report.size, eyes: 2, hidden: self.hidden.clone() }
+        Target { size: self.size, eyes: 2, hidden: self.hidden.clone() }
     }
 
     /// Pixels of an eye's picture.
     pub fn size(&self) -> [u32; 2] {
-        self.report.size
+        self.size
     }
 
     /// The headset's name.
     pub fn name(&self) -> &str {
-        &self.report.name
+        &self.name
     }
 
     /// Pixels of the eyes' pictures that the last frame filled, from the upper left corner.
@@ -150,7 +153,7 @@ impl Session {
 
     /// Frames shown so far.
     pub fn frames(&self) -> u64 {
-        self.report.frames
+        self.noted().facts.frames
     }
 
     /// GPU time of each pass of the frame that finished last.
@@ -172,14 +175,15 @@ impl Session {
     /// One line for the screen: quality, rate, the compositor's statistics.
     pub fn line(&self) -> String {
         let [width, height] = self.level.size;
-        let statistics = self.statistics.line(self.report.hertz.unwrap_or(USUAL_HERTZ));
-        format!("{}: {width}x{height} per eye; {statistics}", self.report.name)
+        let statistics = self.noted().statistics_line();
+        format!("{}: {width}x{height} per eye; {statistics}", self.name)
     }
 
     /// Notes the mirror's time and whether it was ready.
-    pub fn mirrored(&mut self, shown: bool, ms: f64) {
-        self.report.mirror[usize::from(!shown)] += 1;
-        self.timeline.set_mirror(ms as f32);
+    pub fn mirrored(&self, shown: bool, ms: f64) {
+        let mut record = self.noted();
+        record.facts.mirror[usize::from(!shown)] += 1;
+        record.timeline.set_mirror(ms as f32);
     }
 
     /// Polls the runtime's events; to be called often, also while there is nothing to draw.
@@ -189,7 +193,7 @@ impl Session {
             match event {
                 Event::Quit => {
                     self.runtime.acknowledge_quit();
-                    self.report.quit_acknowledged = true;
+                    self.noted().facts.quit_acknowledged = true;
                     return Ok(Some(End::Quit));
                 }
                 Event::OpticsChanged => self.change_optics(),
@@ -197,7 +201,10 @@ impl Session {
                 Event::DeviceOn(device) | Event::DeviceOff(device) => {
                     tracing::info!("headset: device {device} changed")
                 }
-                Event::Dashboard(up) => tracing::info!("headset: dashboard {}", if up { "up" } else { "away" }),
+                Event::Dashboard(up) => {
+                    tracing::info!("headset: dashboard {}", if up { "up" } else { "away" });
+                    self.hands.follow_dashboard(up);
+                }
                 Event::WrongGpu => {
                     return Ok(Some(End::Lost("the runtime says that another GPU must draw; start again".into())));
                 }
@@ -230,36 +237,39 @@ impl Session {
         }
         let area = self.level.bounds.iter().product();
         let submit_ms = ms_since(started) as f32;
-        self.timeline.push(FrameTime { wait_ms, cpu_ms, submit_ms, area, ..Default::default() });
-        self.report.frames += 1;
+        let mut record = self.noted();
+        record.timeline.push(FrameTime { wait_ms, cpu_ms, submit_ms, area, ..Default::default() });
+        record.facts.frames += 1;
+        record.facts.lost_poses = self.head.lost_poses;
+        record.facts.runtime_messages = self.gpu.messages().foreign();
+        drop(record);
         Ok(FrameResult::Shown(requests))
     }
 
     /// Facts and times of the session so far.
     pub fn report(&self) -> HeadsetReport {
-        HeadsetReport {
-            tangents: self.optics.map(|optics| optics.tangents),
-            lost_poses: self.head.lost_poses,
-            compositor: (&self.statistics).into(),
-            mean: self.timeline.mean(),
-            timeline: self.timeline.frames().clone(),
-            ..self.report.clone()
-        }
+        self.noted().report()
     }
 
-    /// The line printed at the end.
-    fn summary(&self) -> String {
-        let saved = 50.0 * self.report.hidden_area_share.iter().sum::<f64>();
-        let FrameTime { wait_ms, cpu_ms, gpu_ms, submit_ms, .. } = self.timeline.mean();
-        let statistics = self.statistics.line(self.report.hertz.unwrap_or(USUAL_HERTZ));
-        format!(
-            "{statistics}; per frame {wait_ms:.1} ms waiting, {cpu_ms:.1} ms CPU, {submit_ms:.1} ms in Submit, {gpu_ms:.1} ms GPU; \
-             {saved:.1} % of the pixels hidden by the lenses and not drawn"
-        )
+    /// Sets what is done with the report if a call into the runtime never comes back, before the process ends.
+    pub fn when_hopeless(&self, write: impl Fn(HeadsetReport) + Send + 'static) {
+        let record = Arc::clone(&self.record);
+        self.watchdog.set_last_words(move |call| {
+            let mut record = record.lock().unwrap_or_else(PoisonError::into_inner);
+            record.facts.ended = format!("{call} never came back");
+            if record.facts.frames > 0 {
+                say!("pbr-vr: headset: {}", record.summary());
+            }
+            write(record.report());
+        });
+    }
+
+    fn noted(&self) -> MutexGuard<'_, Record> {
+        self.record.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     fn over(&mut self, end: End) -> FrameResult {
-        self.report.ended = match &end {
+        self.noted().facts.ended = match &end {
             End::Quit => "quit".into(),
             End::Lost(why) => why.clone(),
         };
@@ -314,8 +324,9 @@ impl Session {
     fn choose_level(&mut self, slot: usize, times: &PassTimes) {
         let gpu_ms = times.total_ms() as f32;
         let finished = (!times.is_empty()).then(|| {
-            self.timeline.set_gpu(FRAMES_IN_FLIGHT, gpu_ms);
-            let reprojected_for_gpu = self.statistics.last().is_some_and(FrameTiming::is_reprojected_for_gpu);
+            let mut record = self.noted();
+            record.timeline.set_gpu(FRAMES_IN_FLIGHT, gpu_ms);
+            let reprojected_for_gpu = record.statistics.last().is_some_and(FrameTiming::is_reprojected_for_gpu);
             Finished { gpu_ms, level: self.levels[slot], reprojected_for_gpu }
         });
         let counts = self.warm_up == 0;
@@ -340,20 +351,21 @@ impl Session {
         self.watchdog.watch("PostPresentHandoff", Patience::FRAME, handoff);
         // The previous frame, whose numbers are complete.
         if let Some(timing) = self.runtime.frame_timing(1) {
-            self.statistics.add(timing);
+            self.noted().statistics.add(timing);
         }
         Ok(None)
     }
 
-    fn judge(&mut self, call: &str, code: sys::EVRCompositorError) -> Option<End> {
+    fn judge(&self, call: &str, code: sys::EVRCompositorError) -> Option<End> {
         match after(code) {
             After::Continue => None,
             After::NoFocus => {
-                self.report.calls_without_focus += 1;
+                self.noted().facts.calls_without_focus += 1;
                 None
             }
             After::FrameLost(words) => {
-                let count = self.report.failed_calls.entry(format!("{call} {code}")).or_default();
+                let mut record = self.noted();
+                let count = record.facts.failed_calls.entry(format!("{call} {code}")).or_default();
                 *count += 1;
                 if *count == 1 {
                     let lacking = lacking_words(&self.lacking);
@@ -370,7 +382,9 @@ impl Session {
         match (self.runtime.optics(EYES[0]), self.runtime.optics(EYES[1])) {
             (Ok(left), Ok(right)) => {
                 self.optics = [left, right];
-                self.report.optics_changes += 1;
+                let mut record = self.noted();
+                record.facts.tangents = self.optics.map(|optics| optics.tangents);
+                record.facts.optics_changes += 1;
             }
             (Err(error), _) | (_, Err(error)) => crate::complain!("pbr-vr: {error}"),
         }
@@ -385,8 +399,8 @@ fn lacking_words(lacking: &Option<String>) -> String {
 
 impl Drop for Session {
     fn drop(&mut self) {
-        if self.report.frames > 0 && !std::thread::panicking() {
-            say!("pbr-vr: headset: {}", self.summary());
+        if self.frames() > 0 && !std::thread::panicking() {
+            say!("pbr-vr: headset: {}", self.noted().summary());
         }
         // Waiting fails only on a lost device, where there is nothing to wait for.
         let _ = self.gpu.wait_idle();

@@ -1,10 +1,11 @@
 //! A watchdog thread for calls into the runtime: some block for ever when the link to the headset drops, and cannot be
 //! interrupted.
 
-use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError, Weak};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
+use crate::gpu::Gpu;
 use crate::view::interrupt;
 use crate::{Error, Result};
 
@@ -35,10 +36,16 @@ struct Watched {
     noticed: bool,
 }
 
+/// What is done before the process ends because the named call never came back.
+type LastWords = Box<dyn FnOnce(&str) + Send>;
+
 #[derive(Default)]
 struct Shared {
     watched: Mutex<(Option<Watched>, bool)>,
     woken: Condvar,
+    last_words: Mutex<Option<LastWords>>,
+    /// The GPU that draws, once it is open.
+    gpu: Mutex<Weak<Gpu>>,
 }
 
 impl Shared {
@@ -73,6 +80,16 @@ impl Watchdog {
         Ok(Self { shared, thread: Some(thread) })
     }
 
+    /// Notes the GPU that draws: a call may be late because that is.
+    pub fn set_gpu(&self, gpu: &Arc<Gpu>) {
+        *self.shared.gpu.lock().unwrap_or_else(PoisonError::into_inner) = Arc::downgrade(gpu);
+    }
+
+    /// Sets what is done before the process ends because a call, whose name is given, never came back.
+    pub fn set_last_words(&self, words: impl FnOnce(&str) + Send + 'static) {
+        *self.shared.last_words.lock().unwrap_or_else(PoisonError::into_inner) = Some(Box::new(words));
+    }
+
     /// Makes a call that is watched.
     pub fn watch<R>(&self, what: &'static str, patience: Patience, call: impl FnOnce() -> R) -> R {
         self.shared.lock().0 = Some(Watched { what, since: Instant::now(), patience, noticed: false });
@@ -98,14 +115,12 @@ fn watch(shared: &Shared) {
         let Some(watched) = &mut state.0 else { continue };
         match look(watched, Instant::now()) {
             Finding::Nothing => {}
-            Finding::Late => crate::complain!(
-                "pbr-vr: headset: {} has not come back for {} s; wait, check its cable or link, or restart SteamVR; at {} s \
-                 this program ends",
-                watched.what,
-                watched.patience.notice.as_secs(),
-                watched.patience.give_up.as_secs()
-            ),
-            Finding::Hopeless => give_up(watched),
+            Finding::Late => {
+                let gpu = shared.gpu.lock().unwrap_or_else(PoisonError::into_inner).upgrade();
+                let busy = gpu.filter(|gpu| gpu.is_busy()).map(|gpu| gpu.info().name.clone());
+                crate::complain!("pbr-vr: headset: {}", late(watched, busy.as_deref()));
+            }
+            Finding::Hopeless => give_up(watched, shared),
         }
     }
 }
@@ -122,11 +137,25 @@ fn look(watched: &mut Watched, now: Instant) -> Finding {
     }
 }
 
-fn give_up(watched: &Watched) -> ! {
+/// The message about a late call; `busy` is the GPU that still draws this program's own pictures, if it does.
+fn late(Watched { what, patience, .. }: &Watched, busy: Option<&str>) -> String {
+    let [notice, give_up] = [patience.notice, patience.give_up].map(|time| time.as_secs());
+    let advice = match busy {
+        Some(gpu) => format!("{gpu} is still drawing: wait, or choose less by --scale or --samples 1"),
+        None => "wait, check its cable or link, or restart SteamVR".into(),
+    };
+    format!("{what} has not come back for {notice} s; {advice}; at {give_up} s this program ends")
+}
+
+fn give_up(watched: &Watched, shared: &Shared) -> ! {
     crate::complain!(
         "pbr-vr: headset: {} never came back; restart SteamVR, then this program, or use `--on window`",
         watched.what
     );
+    let words = shared.last_words.lock().unwrap_or_else(PoisonError::into_inner).take();
+    if let Some(words) = words {
+        words(watched.what);
+    }
     interrupt::exit_at_once(1)
 }
 
@@ -141,6 +170,15 @@ mod tests {
         let mut at = |seconds| look(&mut watched, start + Duration::from_secs(seconds));
         assert_eq!([0, 1, 3, 4, 29].map(|s| at(s) == Finding::Late), [false, false, true, false, false]);
         assert_eq!(at(30), Finding::Hopeless);
+    }
+
+    #[test]
+    fn a_late_call_is_blamed_on_the_link_only_where_the_gpu_has_nothing_to_do() {
+        let watched = Watched { what: "Submit", since: Instant::now(), patience: Patience::FRAME, noticed: false };
+        let (idle, busy) = (late(&watched, None), late(&watched, Some("llvmpipe")));
+        assert!(idle.contains("Submit has not come back for 3 s") && idle.contains("cable"), "{idle}");
+        assert!(busy.contains("llvmpipe is still drawing") && !busy.contains("cable"), "{busy}");
+        assert!([idle, busy].iter().all(|line| line.ends_with("at 30 s this program ends")));
     }
 
     #[test]

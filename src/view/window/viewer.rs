@@ -64,8 +64,9 @@ impl Viewer {
         let mut output = unsafe { WindowOutput::new(&context.gpu, window, wake.clone()) }?;
         // Whoever counts frames wants to see them all drawn.
         output.continuous = request.frames.is_some();
-        if session.is_some() {
+        if let Some(session) = &session {
             output.presenter.choose_free_mode();
+            session.when_hopeless(request.last_report(&context.gpu));
         }
         let target = session.as_ref().map_or_else(|| output.target(), Session::target);
         Ok(Self {
@@ -101,6 +102,7 @@ impl Viewer {
             gpu: self.app.context.gpu.info().name.clone(),
             driver: self.app.context.gpu.info().driver.clone(),
             frames: self.frames,
+            rate: self.output.clock.rate().cloned(),
             present_mode: Some(self.output.presenter.mode().name()),
             headset,
         }

@@ -198,6 +198,9 @@ fn accept(r: &mut Runtime, eye: sys::EVREye, submitted: &Submitted) -> sys::EVRC
     if std::mem::replace(&mut r.submitted[eye_index(eye)], true) {
         return sys::EVRCompositorError_VRCompositorError_AlreadySubmitted;
     }
+    if r.script.bad_vulkan.contains(&r.frame) {
+        r.images.misbehave();
+    }
     match r.images.copy(submitted, r.frame, r.script.shows(r.frame), r.script.show_border) {
         Ok(()) => OK,
         Err(code) => code,

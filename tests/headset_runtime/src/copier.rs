@@ -130,6 +130,16 @@ impl Copier {
         slot.under_way = Some(copy);
     }
 
+    /// Asks for a buffer of no bytes, which no driver minds.
+    pub fn misbehave(&self) {
+        let info = vk::BufferCreateInfo::default().size(0).usage(vk::BufferUsageFlags::TRANSFER_DST);
+        // SAFETY: the device lives; drivers make such a buffer or refuse.
+        if let Ok(buffer) = unsafe { self.device.create_buffer(&info, None) } {
+            // SAFETY: nothing has used it.
+            unsafe { self.device.destroy_buffer(buffer, None) };
+        }
+    }
+
     /// Finishes the copies of frames before `frame`.
     pub fn collect(&mut self, frame: u64) {
         for n in 0..self.slots.len() {

@@ -158,6 +158,13 @@ impl Images {
         }
     }
 
+    /// Calls Vulkan on the program's device, if there was an image, in a way that the validation layer does not allow.
+    pub fn misbehave(&self) {
+        if let Some(copier) = &self.copier {
+            copier.misbehave();
+        }
+    }
+
     /// Waits for the program's device and frees what is ours.
     pub fn close(&mut self) {
         if let Some(copier) = self.copier.take() {

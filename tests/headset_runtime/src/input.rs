@@ -179,7 +179,7 @@ unsafe extern "C" fn digital_action_data(
         };
         let (now, before) = (pressed(r.frame), pressed(r.frame.saturating_sub(1)));
         let data = sys::InputDigitalActionData_t {
-            bActive: is_held(r, source),
+            bActive: is_held(r, source) && (now.is_some() || !r.script.are_buttons_shy),
             activeOrigin: now.or(before).map_or(0, |b| origin(&b.hand)),
             bState: now.is_some(),
             bChanged: now.is_some() != before.is_some(),

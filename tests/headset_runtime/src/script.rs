@@ -49,8 +49,12 @@ pub struct Script {
     pub wait_error: Vec<CallError>,
     pub submit_error: Vec<CallError>,
     pub block_submit: Vec<Block>,
+    /// Frames in which Submit calls Vulkan in a way that the validation layer does not allow.
+    pub bad_vulkan: Vec<u64>,
     pub headset: Vec<Presence>,
     pub die: Vec<Death>,
+    /// Digital actions are active only while they are pressed, as some runtimes have it.
+    pub are_buttons_shy: bool,
     pub button: Vec<Button>,
     pub axis: Vec<Axis>,
     pub timing: Vec<Timing>,
@@ -245,8 +249,10 @@ impl Default for Script {
             wait_error: Vec::new(),
             submit_error: Vec::new(),
             block_submit: Vec::new(),
+            bad_vulkan: Vec::new(),
             headset: Vec::new(),
             die: Vec::new(),
+            are_buttons_shy: false,
             button: Vec::new(),
             axis: Vec::new(),
             timing: Vec::new(),
