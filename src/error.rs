@@ -71,6 +71,10 @@ pub enum Error {
     #[error("{0}; ask for less")]
     Unmet(String),
 
+    /// Ctrl-C or a signal ended work that goes on with the same command; where it ended.
+    #[error("interrupted {0}; the same command goes on from there")]
+    Interrupted(String),
+
     /// Bad usage of the command line; exit status 2.
     #[error("{0}")]
     Usage(String),

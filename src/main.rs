@@ -82,7 +82,10 @@ fn run(cli: Cli) -> Result<()> {
             if let Some(limit) = chosen(request.choice) {
                 request.settings = measure::choose(&request.scene, limit, &setup)?;
             }
-            request.run(&setup)
+            match request.sequence_files()? {
+                Some(_) => view::render_sequence(&request, &setup),
+                None => request.run(&setup),
+            }
         }
         Command::Bake(request) => request.run(&setup),
         Command::Measure(request) => measure::run(&request, &setup),

@@ -170,6 +170,11 @@ impl ReferenceAccumulator {
         self.frames
     }
 
+    /// Averages from the next frame on anew.
+    pub fn restart(&mut self) {
+        self.shown = None;
+    }
+
     /// Records one frame: `draw` draws its samples, which are accumulated; the mean is shown in the picture of `targets`. `block` is the
     /// offset of the frame's block.
     pub fn record(

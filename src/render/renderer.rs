@@ -302,6 +302,13 @@ impl Renderer {
         self.reference.as_ref()?.standard_error(slot)
     }
 
+    /// Begins a new average of the reference with the next frame, even if its inputs are the last frame's.
+    pub fn begin_average(&mut self) {
+        if let Some(reference) = &mut self.reference {
+            reference.restart();
+        }
+    }
+
     /// Records one frame, into a ring of `FRAME_BYTES`.
     ///
     /// # Errors

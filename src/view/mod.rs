@@ -23,8 +23,11 @@ mod playlist;
 mod render;
 mod request;
 mod screenshot;
+mod sequence;
+mod sequence_files;
 mod show;
 mod shown_scene;
+mod video;
 #[expect(unsafe_code, reason = "calls Vulkan and the window system")]
 mod window;
 
@@ -37,5 +40,6 @@ pub use loader::{load_scene, load_staged};
 pub use needs::{NeedsRequest, needs};
 pub use render::{RenderFacts, RenderRequest, picture_files, render};
 pub use request::{Mirror, On, ViewRequest};
+pub use sequence::render_sequence;
 pub use show::show;
 pub use window::console;

@@ -13,6 +13,7 @@ use super::args::Choice;
 use super::frame_clock::ms_since;
 use super::interrupt;
 use super::loader::load_staged;
+use super::sequence_files::{SequenceArgs, SequenceFiles};
 use crate::args::{parse_size, write_json};
 use crate::asset::picture::Picture;
 use crate::asset::{Outputs, Report};
@@ -32,7 +33,7 @@ use crate::{Error, Result, say};
 pub struct RenderRequest {
     /// A scene description (.toml) or a model (.gltf, .glb, .obj).
     pub scene: PathBuf,
-    /// The picture: .png as a viewer sees it, .exr as linear radiance.
+    /// The picture: .png as a viewer sees it, .exr as linear radiance; of a sequence also a video, .mp4.
     #[arg(short, long, value_name = "FILE")]
     pub output: PathBuf,
     /// Pixels.
@@ -42,12 +43,14 @@ pub struct RenderRequest {
     #[arg(long)]
     pub stereo: bool,
     /// Draw this many frames, for times; the last is written. With `--shading reference`, average them. 1 if left out, or
-    /// 256 to average.
+    /// 256 to average. With `--path`, the number of pictures.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     pub frames: Option<u64>,
     /// Write times and facts.
     #[arg(long, value_name = "FILE")]
     pub json: Option<PathBuf>,
+    #[command(flatten)]
+    pub sequence: SequenceArgs,
     #[command(flatten)]
     pub staging: Staging,
     #[command(flatten)]
@@ -66,6 +69,7 @@ impl RenderRequest {
             stereo: false,
             frames: None,
             json: None,
+            sequence: SequenceArgs::default(),
             staging: Staging::default(),
             settings: RenderSettings::default(),
             choice: Choice::default(),
@@ -79,12 +83,23 @@ impl RenderRequest {
     pub fn check(&self) -> Result<()> {
         let files = scene_files(&self.scene).into_iter().chain(self.staging.panorama.clone());
         let mut outputs = Outputs::of(files);
-        picture_files(&self.output, self.stereo).iter().try_for_each(|file| outputs.file(file))?;
+        match self.sequence_files()? {
+            Some(files) => files.check(&mut outputs)?,
+            None => picture_files(&self.output, self.stereo).iter().try_for_each(|file| outputs.file(file))?,
+        }
         outputs.file_if(self.staging.write_scene.as_deref())?;
         outputs.file_if(self.json.as_deref())
     }
 
-    /// The command: renders, prints the error of a reference picture and writes the facts. [`RenderRequest::check`] has
+    /// The files of a sequence; `None` for a single picture.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] for flags that do not fit together.
+    pub fn sequence_files(&self) -> Result<Option<SequenceFiles>> {
+        SequenceFiles::of(&self.sequence, &self.output, self.frames, self.settings.shading)
+    }
+
+    /// The command for a single picture: renders, prints the error of a reference picture and writes the facts. [`RenderRequest::check`] has
     /// checked the outputs.
     ///
     /// # Errors
@@ -302,6 +317,7 @@ fn output_of(path: &Path) -> Result<Output> {
     match extension.as_str() {
         "png" => Ok(Output::Display),
         "exr" => Ok(Output::Linear),
+        "mp4" => Err(Error::Usage("an .mp4 needs --turntable N or --path NAME,NAME --frames N".into())),
         _ => Err(Error::Usage(format!("{}: pictures are written as .png or .exr", path.display()))),
     }
 }

@@ -20,6 +20,7 @@ mod measure;
 mod needs;
 #[cfg(target_os = "linux")]
 mod panel;
+mod sequences;
 mod textures;
 #[cfg(target_os = "linux")]
 mod window;
