@@ -1,7 +1,7 @@
 //! Reference implementations in f64, without Vulkan: BRDF terms, sampling, integrals, colour, picture metrics.
 //!
 //! `math`, `brdf`, `disc`, `energy`, `sampling`, `cube`, `octahedral`, `openness`, `tone`, `probe` and `shadow` are the twins of the files
-//! of the same name in `glsl/` (`probe` of `probe_box.glsl`, `shadow` of `shadow_place.glsl`): same functions, same arguments, same constants.
+//! of the same name in `glsl/` (`probe` of `probe_box.glsl`, `shadow` of `shadow_place.glsl`, `reprojection` of `mirror.frag`): same functions, same arguments, same constants.
 
 pub mod brdf;
 pub mod cube;
@@ -19,6 +19,7 @@ pub mod openness;
 pub mod panorama_sums;
 pub mod probe;
 pub mod quadrature;
+pub mod reprojection;
 pub mod sampling;
 pub mod shadow;
 pub mod sun;

@@ -113,8 +113,12 @@ pub const SHOW: SetBindings = SetBindings { set: 1, bindings: &[("SHOW_MEAN", Sa
 /// A texture of the user interface.
 pub const UI: SetBindings = SetBindings { set: 1, bindings: &[("UI_TEXTURE", Sampled)] };
 
+/// The mirror of a headset: the eyes' picture.
+pub const MIRROR: SetBindings = SetBindings { set: 0, bindings: &[("MIRROR_PICTURE", Sampled)] };
+
 /// All of them.
-pub const ALL: [SetBindings; 10] = [FRAME, SCENE, TEXTURES, RAYS, RAY_TEXTURES, LIGHTMAP, PROBE, ACCUMULATE, SHOW, UI];
+pub const ALL: [SetBindings; 11] =
+    [FRAME, SCENE, TEXTURES, RAYS, RAY_TEXTURES, LIGHTMAP, PROBE, ACCUMULATE, SHOW, UI, MIRROR];
 
 /// `bindings.glsl`: a macro per binding.
 pub fn glsl() -> String {

@@ -2,7 +2,9 @@
 
 use std::sync::Arc;
 
-use super::bindings::{ACCUMULATE, FRAME, LIGHTMAP, PROBE, RAY_TEXTURES, RAYS, SCENE, SHOW, SetBindings, TEXTURES, UI};
+use super::bindings::{
+    ACCUMULATE, FRAME, LIGHTMAP, MIRROR, PROBE, RAY_TEXTURES, RAYS, SCENE, SHOW, SetBindings, TEXTURES, UI,
+};
 use crate::Result;
 use crate::gpu::{BindingType, DescriptorSetLayout, Gpu};
 
@@ -59,6 +61,11 @@ pub fn frame(gpu: &Arc<Gpu>) -> Result<DescriptorSetLayout> {
 /// The layout of a texture of the user interface.
 pub fn ui(gpu: &Arc<Gpu>) -> Result<DescriptorSetLayout> {
     layout(gpu, "interface", &UI)
+}
+
+/// The layout of a headset's mirror.
+pub fn mirror(gpu: &Arc<Gpu>) -> Result<DescriptorSetLayout> {
+    layout(gpu, "mirror", &MIRROR)
 }
 
 fn layout(gpu: &Arc<Gpu>, name: &str, set: &SetBindings) -> Result<DescriptorSetLayout> {

@@ -28,6 +28,9 @@ mod light_plan;
 mod lighting;
 mod lightmap;
 mod lightmapped;
+mod mirror_picture;
+#[cfg(test)]
+mod mirror_picture_gpu_tests;
 mod output;
 mod pace;
 mod pipeline_request;
@@ -68,6 +71,7 @@ pub use kept_pipelines::KeptPipelines;
 pub use light_detail::LightDetail;
 pub use lighting::Lighting;
 pub use lightmapped::{LightmapRequest, Lightmapped, is_lightmapped};
+pub use mirror_picture::{MirrorPart, MirrorPicture};
 pub use output::Output;
 pub use pipeline_request::PipelineRequest;
 pub use pipelines::PassPipelines;

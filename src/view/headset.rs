@@ -15,6 +15,7 @@ mod report;
 mod rig;
 mod runtime;
 mod session;
+mod steady;
 mod watchdog;
 
 use std::sync::Arc;
@@ -24,6 +25,7 @@ pub use hidden_area::HiddenAreaV;
 pub use probe::{SUBCOMMAND as PROBE_SUBCOMMAND, answer as answer_probe, probe, registry};
 pub use report::{HeadsetReport, RunReport};
 pub use session::{End, FrameResult, Session};
+pub use steady::{Seen, Steady};
 
 use crate::gpu::{Gpu, GpuOptions, Instance};
 use crate::{Error, Result, say};

@@ -54,8 +54,10 @@ pub enum On {
 /// The content of a headset's mirror window.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
 pub enum Mirror {
-    /// Both eyes, side by side.
+    /// A calm camera for those who watch: without the head's roll and tremor, with the field of view of a window.
     #[default]
+    Steady,
+    /// Both eyes, side by side.
     Both,
     Left,
     Right,

@@ -174,6 +174,12 @@ impl Program {
         used() - before
     }
 
+    /// Sends it a signal, by its name.
+    pub fn signal(&self, name: &str) {
+        let sent = Command::new("kill").args(["-s", name, &self.child.id().to_string()]).status();
+        assert!(sent.expect("kill").success());
+    }
+
     /// Waits for its end: exit status and stderr.
     pub fn end(mut self) -> (Option<i32>, String) {
         let started = Instant::now();

@@ -3,10 +3,14 @@
 use headset_runtime::script::{Presence, Script, Waypoint};
 
 use crate::common::headset::{Headset, command};
-use crate::common::room::{Room, SIZE, patient};
+use crate::common::room::{Room, SIZE, head, patient};
 use crate::desktop::{Display, ESCAPE, Hands, M, Program};
 
+/// With the panel hidden, as it covers a part of the picture: then a line of numbers is over it.
 fn start(display: &Display, room: &Room, arguments: &[&str]) -> Program {
+    // Where `common::headset::command` has the user's settings.
+    std::fs::create_dir_all(room.workshop.path("nothing/pbr-vr")).expect("a folder");
+    room.workshop.write("nothing/pbr-vr/panel.json", "{ \"shown\": false }");
     let mut command = command(
         room.workshop.0.path(),
         &[&["view", "scene.toml", "--light", "direct", "--validate"], arguments].concat(),
@@ -26,6 +30,84 @@ fn wait_for_frame(headset: &Headset, frame: u64) {
     panic!("the headset stays in frame {}", headset.frame());
 }
 
+/// Light grey pixels at the window's upper border: of text. The room has no grey there.
+fn text(pixels: &[u32]) -> usize {
+    let is_text = |pixel: &&u32| {
+        let [_, rgb @ ..] = pixel.to_be_bytes();
+        rgb.iter().all(|c| c.abs_diff(rgb[0]) <= 6 && (200..=245).contains(c))
+    };
+    pixels[..60 * 1280].iter().filter(is_text).count()
+}
+
+/// The row, in the window's lower two thirds, in which the floor's far edge crosses a column: where the picture changes most
+/// from row to row.
+fn edge(pixels: &[u32], x: usize) -> usize {
+    let grey = |y: usize| {
+        let [_, r, g, b] = pixels[y * 1280 + x].to_be_bytes().map(i32::from);
+        r + g + b
+    };
+    (240..716).max_by_key(|y| (grey(y + 3) - grey(*y)).abs()).expect("rows")
+}
+
+/// A picture of the window for whoever looks at it, where `PBR_VR_TEST_PICTURES` names a folder.
+fn keep(name: &str, pixels: &[u32]) {
+    let Some(folder) = std::env::var_os("PBR_VR_TEST_PICTURES") else { return };
+    let picture = image::RgbImage::from_fn(1280, 720, |x, y| {
+        let [_, r, g, b] = pixels[(y * 1280 + x) as usize].to_be_bytes();
+        image::Rgb([r, g, b])
+    });
+    picture.save(std::path::Path::new(&folder).join(name)).expect("a picture");
+}
+
+#[test]
+fn those_who_watch_see_a_level_horizon_and_those_who_want_the_eye_its_own() {
+    let Some(display) = Display::start() else { return };
+    // Rolled to the left, after a moment in which it turns there.
+    let way = [head(1, [0.0; 3], [0.0; 3]), head(5, [0.0, 0.4, 0.0], [0.0, -12.0, 15.0])];
+    for (mirror, level) in [("steady", true), ("left", false)] {
+        let room = Room::with(Script { head: way.to_vec(), ..patient() });
+        let arguments = ["--on", "headset", "--mirror", mirror, "--report", "report.json"];
+        let mut program = start(&display, &room, &arguments);
+        program.wait_for("headset");
+        wait_for_frame(&room.headset, 60);
+        let hands = Hands::on(&display);
+        let pixels = hands.look([1280, 720]);
+        keep(&format!("mirror-{mirror}.png"), &pixels);
+        assert!(text(&pixels) > 100, "{mirror}: no text");
+        // Beside the text and the balls, and inside the picture of the eye alone.
+        let [left, right] = [if level { 60 } else { 300 }, if level { 1220 } else { 980 }].map(|x| edge(&pixels, x));
+        let slope = right.abs_diff(left);
+        assert!(if level { slope <= 4 } else { slope > 60 }, "{mirror}: the floor ends at {left} and at {right}");
+        if level {
+            let black = pixels[120 * 1280..].iter().filter(|pixel| **pixel & 0xff_ff_ff == 0).count();
+            assert!(black < 200, "{black} black pixels: something beyond the eye's picture");
+        }
+        hands.press(&[ESCAPE]);
+        let (code, errors) = program.end();
+        assert_eq!(code, Some(0), "{errors}");
+        assert!(!errors.contains("validation"), "{errors}");
+    }
+}
+
+#[test]
+fn numbers_are_over_every_mirror_and_name_the_cpus_time() {
+    let Some(display) = Display::start() else { return };
+    let room = Room::with(patient());
+    let mut program = start(&display, &room, &["--on", "headset", "--mirror", "right", "--report", "report.json"]);
+    program.wait_for("headset");
+    wait_for_frame(&room.headset, 60);
+    let pixels = Hands::on(&display).look([1280, 720]);
+    assert!(text(&pixels) > 100, "no text");
+    // A signal ends it like Escape.
+    program.signal("INT");
+    let (code, errors) = program.end();
+    assert_eq!(code, Some(0), "{errors}");
+    assert_shut_down(&room.headset);
+    let report = room.run_report();
+    assert!(report["rate"]["record_ms"].as_f64().is_some_and(|ms| ms > 0.01), "{}", report["rate"]);
+    assert!(report["frames"].as_u64().is_some_and(|frames| frames >= 60));
+}
+
 fn assert_shut_down(headset: &Headset) {
     assert_eq!(headset.calls().last().expect("a call")["call"], "CleanupDone");
 }
@@ -34,7 +116,7 @@ fn assert_shut_down(headset: &Headset) {
 fn a_window_mirrors_the_headset_and_its_keys_work() {
     let Some(display) = Display::start() else { return };
     let room = Room::with(Script { show: vec![20], ..patient() });
-    let mut program = start(&display, &room, &["--on", "headset"]);
+    let mut program = start(&display, &room, &["--on", "headset", "--mirror", "both"]);
     program.wait_for("headset");
     wait_for_frame(&room.headset, 30);
     let hands = Hands::on(&display);
@@ -42,7 +124,7 @@ fn a_window_mirrors_the_headset_and_its_keys_work() {
     let pixels = hands.look([1280, 720]);
     let (width, height) = (1280, 1280 / 2 * SIZE[1] as usize / SIZE[0] as usize);
     let at = |x: usize, y: usize| pixels[((720 - height) / 2 + y) * width + x].to_be_bytes();
-    // The left one has text over it.
+    // Text is above.
     let shown = room.shown(20, 1);
     let mut error = 0.0;
     for (x, y) in (0..SIZE[1]).flat_map(|y| (0..SIZE[0]).map(move |x| (x, y))) {
@@ -52,8 +134,7 @@ fn a_window_mirrors_the_headset_and_its_keys_work() {
     }
     let mean = error / (3 * SIZE[0] * SIZE[1]) as f32;
     assert!(mean < 0.02, "the mirror is off by {mean}");
-    let white = (0..640).flat_map(|x| (0..height).map(move |y| (x, y))).filter(|(x, y)| at(*x, *y)[1..] == [255; 3]);
-    assert!(white.count() > 200, "no text beside the eye");
+    assert!(text(&pixels) > 100, "no text");
     // Another shading, and the end.
     let before = room.headset.frame();
     hands.press(&[M]);

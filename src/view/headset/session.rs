@@ -4,7 +4,7 @@ use std::mem::ManuallyDrop;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-use glam::Mat4;
+use glam::{Mat4, Quat};
 use openvr_sys as sys;
 
 use super::codes::{After, after};
@@ -17,9 +17,10 @@ use super::optics::{Head, Optics};
 use super::quality::{Finished, Level, Quality};
 use super::report::{FrameTime, HeadsetReport, Record, USUAL_HERTZ};
 use super::runtime::{DEVICES, EYES, Runtime};
+use super::steady::Seen;
 use super::watchdog::{Patience, Watchdog};
 use crate::gpu::{FrameRing, Gpu, PassTimes};
-use crate::render::{FRAME_BYTES, FRAMES_IN_FLIGHT};
+use crate::render::{Eye, FRAME_BYTES, FRAMES_IN_FLIGHT};
 use crate::view::app::Requests;
 use crate::view::frame_clock::ms_since;
 use crate::view::loader::Target;
@@ -66,6 +67,9 @@ pub struct Session {
     hidden: [Vec<[f32; 2]>; 2],
     head: Head,
     poses: Box<[sys::TrackedDevicePose_t; DEVICES]>,
+    /// What the last frame was drawn with: the left eye, the head, seconds since the frame before, and whether the user
+    /// was moved.
+    seen: Option<(Eye, Quat, f32, bool)>,
     /// Since when the headset has been disconnected.
     gone: Option<Instant>,
     /// Vulkan extensions that the runtime asked for and the driver lacks, until it has accepted a picture all the same.
@@ -116,6 +120,7 @@ impl Session {
             hidden,
             head: Head::default(),
             poses: Box::new([sys::TrackedDevicePose_t::default(); DEVICES]),
+            seen: None,
             gone: None,
             lacking: gpu.missing_extensions(),
             last: None,
@@ -149,6 +154,17 @@ impl Session {
     /// Pixels of the eyes' pictures that the last frame filled, from the upper left corner.
     pub fn area(&self) -> [u32; 2] {
         self.level.size
+    }
+
+    /// What the last frame was drawn with.
+    pub fn seen(&self) -> Option<Seen<'_>> {
+        let (eye, world_from_head, seconds, jumped) = self.seen?;
+        Some(Seen { eye, hidden: &self.hidden[0], world_from_head, seconds, jumped })
+    }
+
+    /// The greatest texture coordinates of what the last frame filled of the eyes' pictures.
+    pub fn bounds(&self) -> [f32; 2] {
+        self.level.bounds
     }
 
     /// Frames shown so far.
@@ -228,7 +244,10 @@ impl Session {
         let seconds = self.last.replace(started).map_or(0.0, |last| (started - last).as_secs_f32());
         let Step { world_from_play, jumped, fade, requests } =
             self.hands.step(&self.runtime, scene, &self.head, seconds);
-        let slot = self.draw(scene, world_from_play, fade)?;
+        let world_from_head = world_from_play * self.head.space_from_head;
+        let left = self.optics[0].eye(world_from_head);
+        self.seen = Some((left, Quat::from_mat4(&world_from_head).normalize(), seconds, jumped));
+        let slot = self.draw(scene, world_from_head, fade)?;
         self.recording = started.elapsed();
         let cpu_ms = ms_since(started) as f32;
         let started = Instant::now();
@@ -301,9 +320,8 @@ impl Session {
     }
 
     /// Records and submits a frame; returns its slot.
-    fn draw(&mut self, scene: &mut ShownScene, world_from_play: Mat4, fade: f32) -> Result<usize> {
+    fn draw(&mut self, scene: &mut ShownScene, world_from_head: Mat4, fade: f32) -> Result<usize> {
         let (size, slot) = (self.size(), self.ring.next_slot());
-        let world_from_head = world_from_play * self.head.space_from_head;
         let eyes = self.optics.map(|optics| optics.eye(world_from_head));
         let finished = self.ring.finish_slot()?;
         self.choose_level(slot, &finished);

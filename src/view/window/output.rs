@@ -11,11 +11,10 @@ use winit::keyboard::ModifiersState;
 use winit::window::Window;
 
 use super::keys::PressedKeys;
-use super::mirror::{crop, parts};
+use super::mirror::crop;
 use super::presenter::{Content, WindowPresenter};
 use crate::gpu::{Gpu, Rect, Subresource};
-use crate::render::Shading;
-use crate::view::Mirror;
+use crate::render::{MirrorPart, Shading};
 use crate::view::action::Action;
 use crate::view::app::{App, Update};
 use crate::view::control::{Control, Mode};
@@ -263,8 +262,8 @@ impl WindowOutput {
         Ok(true)
     }
 
-    /// Mirrors a headset's picture if an image is available now; returns whether it was.
-    pub fn mirror(&mut self, app: &mut App, session: &Session, mirror: Mirror, now: Instant) -> Result<bool> {
+    /// Mirrors these parts of a headset's picture if an image is available now; returns whether it was.
+    pub fn mirror(&mut self, app: &mut App, session: &Session, parts: &[MirrorPart], now: Instant) -> Result<bool> {
         let Some(scene) = app.scene.as_mut() else { return Ok(false) };
         let picture = session.area();
         if std::mem::take(&mut self.screenshot) {
@@ -276,8 +275,7 @@ impl WindowOutput {
         let Some(acquired) = self.presenter.poll(self.size, now)? else { return Ok(false) };
         self.lay_out(app, Some(session.line()), now);
         let Some(scene) = app.scene.as_mut() else { return Ok(false) };
-        let parts = parts(mirror, picture, self.presenter.size());
-        let content = Content::Picture(&scene.loaded.renderer, &parts);
+        let content = Content::Mirror(scene.loaded.renderer.picture(), parts);
         self.presenter.show(acquired, content, self.panel.frame(), &self.window)?;
         self.panel.recorded();
         self.panel.add_frame(self.clock.rate().map_or(0.0, |rate| rate.frame_ms as f32));

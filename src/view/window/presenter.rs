@@ -9,10 +9,12 @@ use winit::window::Window;
 
 use super::fit::Fit;
 use crate::gpu::{
-    Acquired, ColourAttachment, FrameRing, Gpu, ImageAccess, PassTimes, Polled, PresentMode, Rect, Subresource,
+    Acquired, ColourAttachment, FrameRing, Gpu, Image, ImageAccess, PassTimes, Polled, PresentMode, Rect, Subresource,
     Swapchain, read_image,
 };
-use crate::render::{FRAME_BYTES, FrameInputs, Renderer, UI_BYTES, UiFrame, UiRenderer, UiTarget};
+use crate::render::{
+    FRAME_BYTES, FrameInputs, MirrorPart, MirrorPicture, Renderer, UI_BYTES, UiFrame, UiRenderer, UiTarget,
+};
 use crate::{Error, Result};
 
 /// The pause after a failed acquisition.
@@ -30,6 +32,8 @@ pub enum Content<'a> {
     Nothing,
     /// Parts of a picture that has been drawn.
     Picture(&'a Renderer, &'a [(Subresource, [Rect; 2])]),
+    /// Parts of the eyes' picture that has been drawn for a headset.
+    Mirror(&'a Arc<Image>, &'a [MirrorPart]),
     /// A new picture of a scene.
     Scene(&'a mut Renderer, &'a FrameInputs<'a>),
 }
@@ -42,6 +46,8 @@ pub struct WindowPresenter {
     ui: UiRenderer,
     mode: PresentMode,
     fit: Fit,
+    /// Made with the first frame of a headset.
+    mirror: Option<MirrorPicture>,
     retry_at: Option<Instant>,
 }
 
@@ -59,7 +65,7 @@ impl WindowPresenter {
         let ring = FrameRing::new(gpu, FRAME_BYTES + UI_BYTES)?;
         let ui = UiRenderer::new(gpu)?;
         let gpu = Arc::clone(gpu);
-        Ok(Self { gpu, swapchain, ring, ui, mode: PresentMode::Vsync, fit: Fit::none(), retry_at: None })
+        Ok(Self { gpu, swapchain, ring, ui, mode: PresentMode::Vsync, fit: Fit::none(), mirror: None, retry_at: None })
     }
 
     /// Notes that the window's size has changed.
@@ -172,17 +178,26 @@ impl WindowPresenter {
         let whole;
         let picture = match content {
             Content::Nothing => None,
-            Content::Picture(renderer, parts) => Some((renderer, parts)),
+            Content::Picture(renderer, parts) => Some((Arc::clone(renderer.picture()), parts)),
+            Content::Mirror(eyes, parts) => {
+                let mirror = match &mut self.mirror {
+                    Some(mirror) => mirror,
+                    none => none.insert(MirrorPicture::new(&self.gpu)?),
+                };
+                let size = self.swapchain.size();
+                whole = [(Subresource { mip: 0, layer: 0 }, [Rect::of(size); 2])];
+                Some((mirror.record(&mut frame, eyes, parts, size)?, &whole[..]))
+            }
             Content::Scene(renderer, inputs) => {
                 renderer.record(&mut frame, inputs)?;
                 let rects = [Rect::of(renderer.picture().desc().size), Rect::of(self.swapchain.size())];
                 whole = [(Subresource { mip: 0, layer: 0 }, rects)];
-                Some((&*renderer, &whole[..]))
+                Some((Arc::clone(renderer.picture()), &whole[..]))
             }
         };
-        if let Some((renderer, parts)) = picture {
-            frame.commands.prepare(renderer.picture(), ImageAccess::CopyFrom);
-            self.swapchain.copy_parts(&mut frame.commands, renderer.picture(), parts, &acquired);
+        if let Some((picture, parts)) = &picture {
+            frame.commands.prepare(picture, ImageAccess::CopyFrom);
+            self.swapchain.copy_parts(&mut frame.commands, picture, parts, &acquired);
         }
         match (picture, ui, self.swapchain.format()) {
             (Some(_), None, _) | (_, _, None) => self.swapchain.end_copies(&mut frame.commands, &acquired),

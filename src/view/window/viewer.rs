@@ -8,15 +8,16 @@ use winit::window::Window;
 
 #[cfg(feature = "hot-reload")]
 use super::hot_reload::ShaderWatch;
+use super::mirror::MirrorView;
 use super::output::{WindowOutput, title};
 use crate::context::Context;
 use crate::render::RenderSettings;
 use crate::scene::staging::Staging;
+use crate::view::ViewRequest;
 use crate::view::app::{App, Update};
 use crate::view::frame_clock::ms_since;
 use crate::view::headset::{End, FrameResult, HeadsetReport, RunReport, Session};
 use crate::view::loader::file_name;
-use crate::view::{Mirror, ViewRequest};
 use crate::{Error, Result, say};
 
 /// How often the headset runtime's events are polled while there is nothing to draw.
@@ -27,7 +28,7 @@ pub struct Viewer {
     pub session: Option<Session>,
     /// Of a session that has ended.
     session_report: Option<HeadsetReport>,
-    mirror: Mirror,
+    mirror: MirrorView,
     /// Mirroring has failed and is not tried again.
     mirror_broken: bool,
     #[cfg(feature = "hot-reload")]
@@ -73,7 +74,7 @@ impl Viewer {
             app: App::new(context, request.settings.clone(), target, wake)?,
             session,
             session_report: None,
-            mirror: request.mirror,
+            mirror: MirrorView::new(request.mirror),
             mirror_broken: false,
             #[cfg(feature = "hot-reload")]
             shader_watch: ShaderWatch::new(&crate::gpu::shader_folder())?,
@@ -222,7 +223,8 @@ impl Viewer {
     /// Mirrors the headset; if that fails, the headset continues without a mirror, unless the GPU is lost.
     fn mirror_if_it_works(&mut self, now: Instant) -> Result<bool> {
         let Some(session) = self.session.as_ref().filter(|_| !self.mirror_broken) else { return Ok(false) };
-        match self.output.mirror(&mut self.app, session, self.mirror, now) {
+        let parts = self.mirror.follow(session, self.output.presenter.size());
+        match self.output.mirror(&mut self.app, session, &parts, now) {
             Err(error) if !error.is_device_lost() => {
                 self.mirror_broken = true;
                 crate::complain!("pbr-vr: the window no longer shows the headset: {error}");
