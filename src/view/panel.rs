@@ -171,10 +171,10 @@ impl Panel {
         progress.into_iter().chain(self.messages.next_end()).min()
     }
 
-    /// The time after a frame at which numbers are shown again.
-    pub fn refresh_later(&mut self) {
+    /// The time after a frame at which numbers are shown again, where the panel or, over a headset's mirror, a line has them.
+    pub fn refresh_later(&mut self, mirrors: bool) {
         let later = Instant::now() + REFRESH;
-        if self.saved.shown {
+        if self.saved.shown || mirrors {
             self.due = Some(self.due.map_or(later, |due| due.min(later)));
         }
     }

@@ -242,7 +242,7 @@ impl WindowOutput {
             let recording = self.presenter.show(acquired, content, ui, &self.window)?;
             self.clock.add_recording(recording);
             self.panel.add_frame(1e3 * seconds);
-            self.panel.refresh_later();
+            self.panel.refresh_later(false);
             self.drawn = Some(state);
         } else {
             self.clock.pause();
@@ -279,7 +279,7 @@ impl WindowOutput {
         self.presenter.show(acquired, content, self.panel.frame(), &self.window)?;
         self.panel.recorded();
         self.panel.add_frame(self.clock.rate().map_or(0.0, |rate| rate.frame_ms as f32));
-        self.panel.refresh_later();
+        self.panel.refresh_later(true);
         self.write_title(app, now);
         Ok(true)
     }
