@@ -307,8 +307,9 @@ fn a_bake_that_is_interrupted_leaves_nothing_broken_in_the_cache() {
     strips(&shop, 1);
     let folder = shop.0.path();
     let maps = folder.join("cache/pbr-vr/maps");
-    let common =
-        ["render", "strips.toml", "--size", "48x32", "--light", "baked", "--lightmap-size", "256", "--validate"];
+    // So many samples that the bake is not over before the signal comes.
+    let light = ["--light", "baked", "--lightmap-size", "256", "--lightmap-samples", "512"];
+    let common = [&["render", "strips.toml", "--size", "48x32", "--validate"], &light[..]].concat();
     let draw = |output: &str, more: &[&str]| program(folder, &[&common, &["-o", output][..], more].concat());
     let picture = |name: &str| fs::read(folder.join(name)).expect("a picture");
     succeeds(draw("plain.png", &["--no-cache"]));

@@ -72,30 +72,24 @@ fn flashes(film: &[Vec<i16>]) -> Vec<Flash> {
     flashes
 }
 
-/// One frame's luma with [`ACROSS`]² times as many pixels, averaged.
-fn fine(stage: &mut Stage, eye: &Eye) -> Vec<i16> {
-    let frame = film(stage, std::slice::from_ref(eye)).remove(0);
-    let (width, across) = (SIZE[0] as usize, ACROSS as usize);
-    let mean = |i: usize| {
-        let corner = (i / width * width * across + i % width) * across;
-        let sum: i32 =
-            (0..across * across).map(|j| i32::from(frame[corner + j / across * width * across + j % across])).sum();
-        (sum / (across * across) as i32) as i16
-    };
-    (0..width * SIZE[1] as usize).map(mean).collect()
+/// The luma of one pixel of a frame, averaged over [`ACROSS`]² pixels in its place: a picture of it alone.
+fn fine(stage: &mut Stage, eye: &Eye, pixel: usize) -> i16 {
+    let [width, height] = SIZE.map(|side| side as usize);
+    let (x, y) = ((pixel % width) as f32, (pixel / width) as f32);
+    let across = |x: f32| eye.left + (eye.right - eye.left) * x / width as f32;
+    let down = |y: f32| eye.up + (eye.down - eye.up) * y / height as f32;
+    let part = Eye { left: across(x), right: across(x + 1.0), up: down(y), down: down(y + 1.0), ..*eye };
+    let lumas = film(stage, &[part]).remove(0);
+    let sum: i32 = lumas.iter().copied().map(i32::from).sum();
+    (sum / (ACROSS * ACROSS) as i32) as i16
 }
 
 /// Of a film's flashes those that 64 samples per pixel do not show: the others are small things that move.
 fn false_flashes(gpu: &Arc<Gpu>, scene: &Scene, eyes: &[Eye], film: &[Vec<i16>]) -> usize {
-    let mut stage = Stage::new(gpu, scene, SIZE.map(|side| side * ACROSS), 4, Output::Display);
-    let (mut count, mut shown) = (0, (usize::MAX, Vec::new()));
-    for flash in flashes(film) {
-        if shown.0 != flash.frame {
-            shown = (flash.frame, fine(&mut stage, &eyes[flash.frame]));
-        }
-        count += usize::from((flash.luma - shown.1[flash.pixel]).abs() > APART_IN_SPACE);
-    }
-    count
+    let mut stage = Stage::new(gpu, scene, [ACROSS; 2], 4, Output::Display);
+    let is_false =
+        |Flash { frame, pixel, luma }: &Flash| (luma - fine(&mut stage, &eyes[*frame], *pixel)).abs() > APART_IN_SPACE;
+    flashes(film).iter().map(is_false).filter(|is_false| *is_false).count()
 }
 
 /// Walks through a scene. What flashes at most is stated in flashes per million pixels: with so few and such large pixels

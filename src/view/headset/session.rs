@@ -273,7 +273,7 @@ impl Session {
     /// Sets what is done with the report if a call into the runtime never comes back, before the process ends.
     pub fn when_hopeless(&self, write: impl Fn(HeadsetReport) + Send + 'static) {
         let record = Arc::clone(&self.record);
-        self.watchdog.set_last_words(move |call| {
+        self.watchdog.set_on_give_up(move |call| {
             let mut record = record.lock().unwrap_or_else(PoisonError::into_inner);
             record.facts.ended = format!("{call} never came back");
             if record.facts.frames > 0 {

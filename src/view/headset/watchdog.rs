@@ -37,13 +37,13 @@ struct Watched {
 }
 
 /// What is done before the process ends because the named call never came back.
-type LastWords = Box<dyn FnOnce(&str) + Send>;
+type OnGiveUp = Box<dyn FnOnce(&str) + Send>;
 
 #[derive(Default)]
 struct Shared {
     watched: Mutex<(Option<Watched>, bool)>,
     woken: Condvar,
-    last_words: Mutex<Option<LastWords>>,
+    on_give_up: Mutex<Option<OnGiveUp>>,
     /// The GPU that draws, once it is open.
     gpu: Mutex<Weak<Gpu>>,
 }
@@ -86,8 +86,8 @@ impl Watchdog {
     }
 
     /// Sets what is done before the process ends because a call, whose name is given, never came back.
-    pub fn set_last_words(&self, words: impl FnOnce(&str) + Send + 'static) {
-        *self.shared.last_words.lock().unwrap_or_else(PoisonError::into_inner) = Some(Box::new(words));
+    pub fn set_on_give_up(&self, call: impl FnOnce(&str) + Send + 'static) {
+        *self.shared.on_give_up.lock().unwrap_or_else(PoisonError::into_inner) = Some(Box::new(call));
     }
 
     /// Makes a call that is watched.
@@ -152,9 +152,9 @@ fn give_up(watched: &Watched, shared: &Shared) -> ! {
         "pbr-vr: headset: {} never came back; restart SteamVR, then this program, or use `--on window`",
         watched.what
     );
-    let words = shared.last_words.lock().unwrap_or_else(PoisonError::into_inner).take();
-    if let Some(words) = words {
-        words(watched.what);
+    let on_give_up = shared.on_give_up.lock().unwrap_or_else(PoisonError::into_inner).take();
+    if let Some(on_give_up) = on_give_up {
+        on_give_up(watched.what);
     }
     interrupt::exit_at_once(1)
 }
