@@ -146,6 +146,12 @@ impl App {
         self.revision
     }
 
+    /// Has the picture drawn again: something else has changed how it looks.
+    #[cfg(feature = "hot-reload")]
+    pub fn redraw(&mut self) {
+        self.revision += 1;
+    }
+
     /// Starts loading a scene, whatever its file extension.
     pub fn open_scene(&mut self, path: &Path) {
         let staging = self.staging_of(path);

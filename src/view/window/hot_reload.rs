@@ -39,10 +39,16 @@ impl ShaderWatch {
 
     /// Whether files have changed and the changes are complete; true once per change.
     pub fn is_due(&mut self, now: Instant) -> bool {
+        self.look_at(now);
+        self.due.take_if(|due| *due <= now).is_some()
+    }
+
+    /// When to look again: when a change will be complete, or after a while.
+    pub fn look_at(&mut self, now: Instant) -> Instant {
         if self.changes.try_iter().count() > 0 {
             self.due = Some(now + REST);
         }
-        self.due.take_if(|due| *due <= now).is_some()
+        self.due.unwrap_or(now + REST)
     }
 }
 

@@ -111,12 +111,23 @@ impl Viewer {
 
     /// When the next frame is due: at once (`Poll`), later, or after some event.
     pub fn pace(&mut self) -> ControlFlow {
-        match (self.session.is_some(), self.app.scene.is_some()) {
+        #[cfg(feature = "hot-reload")]
+        let look_at = self.shader_watch.look_at(Instant::now());
+        let pace = match (self.session.is_some(), self.app.scene.is_some()) {
             (false, _) => self.output.pace(&self.app),
             // The headset's runtime waits until a frame is due.
             (true, true) => ControlFlow::Poll,
             (true, false) => ControlFlow::WaitUntil(Instant::now() + POLL),
-        }
+        };
+        // A window at rest looks after changed shaders, too.
+        #[cfg(feature = "hot-reload")]
+        let pace = match pace {
+            _ if look_at <= Instant::now() => ControlFlow::Poll,
+            ControlFlow::Wait => ControlFlow::WaitUntil(look_at),
+            ControlFlow::WaitUntil(at) => ControlFlow::WaitUntil(at.min(look_at)),
+            ControlFlow::Poll => ControlFlow::Poll,
+        };
+        pace
     }
 
     /// Draws and shows one frame, if there is anything to draw and a place to draw it.
@@ -241,6 +252,7 @@ impl Viewer {
         let Some(scene) = self.app.scene.as_mut().filter(|_| due) else { return Ok(()) };
         match scene.loaded.reload_shaders() {
             Ok(()) => {
+                self.app.redraw();
                 self.output.panel.forget();
                 self.output.announce(
                     "shaders reloaded; light maps are precomputed again with the next panorama or scene".into(),
