@@ -4,12 +4,15 @@
 use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
 
+use clap::ValueEnum;
+
+use super::action::Action;
 use super::loader::{LoadRequest, LoadResult, LoadedScene, Loader, Target, file_name, own_panorama};
 use super::playlist::Playlist;
 use super::shown_scene::ShownScene;
 use crate::asset::Report;
 use crate::context::Context;
-use crate::render::{Change, Lighting, Lightmapped, PassPipelines, RenderSettings};
+use crate::render::{Change, Lighting, Lightmapped, PassPipelines, RenderSettings, Shading};
 use crate::scene::is_scene;
 use crate::scene::load::scene_in;
 use crate::scene::staging::Staging;
@@ -380,6 +383,24 @@ impl App {
             (_, true) => playlist.previous_panorama(),
         };
         file.map_or(Ok(()), |file| self.open(&file))
+    }
+
+    /// Performs a command that every output can give; returns those that are the output's own.
+    ///
+    /// # Errors
+    /// Those of [`App::set_settings`] and [`App::open`].
+    pub fn perform(&mut self, action: Action) -> Result<Option<Action>> {
+        match action {
+            Action::NextShading => self.shade(1, true)?,
+            Action::PreviousShading => self.shade(Shading::value_variants().len() - 1, true)?,
+            Action::Settings(settings) => self.set_settings(*settings)?,
+            Action::NextScene => self.open_neighbour(Change::Scene, false)?,
+            Action::PreviousScene => self.open_neighbour(Change::Scene, true)?,
+            Action::NextPanorama => self.open_neighbour(Change::Light, false)?,
+            Action::PreviousPanorama => self.open_neighbour(Change::Light, true)?,
+            action => return Ok(self.scene.as_mut().map_or(Some(action.clone()), |scene| scene.perform(action))),
+        }
+        Ok(None)
     }
 
     /// Starts writing a screenshot: RGBA, 8 bits a channel.

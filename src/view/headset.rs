@@ -3,12 +3,14 @@
 mod actions;
 mod app;
 mod codes;
+mod dashboard;
 mod events;
 mod eye_images;
 mod frame_statistics;
 mod hands;
 mod hidden_area;
 mod optics;
+mod overlay;
 mod probe;
 mod quality;
 mod report;

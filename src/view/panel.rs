@@ -12,7 +12,9 @@ mod style;
 
 use std::time::{Duration, Instant};
 
-use egui::{Align2, Area, Context, FontId, Frame, Id, RawInput, RichText, ScrollArea, SidePanel, TexturesDelta};
+use egui::{
+    Align2, Area, CentralPanel, Context, FontId, Frame, Id, RawInput, RichText, ScrollArea, SidePanel, TexturesDelta,
+};
 
 use super::action::Action;
 use super::app::App;
@@ -46,6 +48,8 @@ pub struct PanelInputs<'a> {
     pub headset: Option<String>,
     /// Whether frames are drawn all the time.
     pub continuous: bool,
+    /// Whether the panel is all that is drawn, always shown, rather than beside a picture.
+    pub alone: bool,
 }
 
 /// The result of a layout.
@@ -181,7 +185,11 @@ impl Panel {
 
     fn lay_out(&mut self, context: &Context, inputs: &PanelInputs<'_>, actions: &mut Vec<Action>, now: Instant) {
         let mut left = context.content_rect();
-        if self.saved.shown && inputs.app.scene.is_some() {
+        if inputs.alone {
+            CentralPanel::default().show(context, |ui| {
+                ScrollArea::vertical().auto_shrink([false, false]).show(ui, |ui| self.sections(ui, inputs, actions));
+            });
+        } else if self.saved.shown && inputs.app.scene.is_some() {
             let width = WIDTH.min(0.8 * left.width());
             let response = SidePanel::right("panel")
                 .default_width(width)
@@ -191,7 +199,7 @@ impl Panel {
                 });
             left.max.x = response.response.rect.min.x;
         }
-        if let Some(line) = inputs.headset.as_ref().filter(|_| !self.saved.shown) {
+        if let Some(line) = inputs.headset.as_ref().filter(|_| !self.saved.shown && !inputs.alone) {
             let text = rate_text(inputs.clock).map_or_else(|| line.clone(), |rate| format!("{rate}  {line}"));
             area(context, "status", Align2::LEFT_TOP, left).show(context, |ui| framed(ui, |ui| ui.label(text)));
         }

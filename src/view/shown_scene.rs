@@ -1,11 +1,16 @@
 //! The scene that is shown, with the user's changes.
 
+use std::f32::consts::TAU;
 use std::path::PathBuf;
 
 use glam::Mat4;
 
+use super::action::Action;
 use super::loader::LoadedScene;
 use crate::render::{ControllerGizmos, CullOptions, Eye, FrameInputs};
+
+/// Radians of one step of the panorama's rotation.
+const ROTATION_STEP: f32 = TAU / 72.0;
 
 /// The current scene with the user's changes.
 pub struct ShownScene {
@@ -47,6 +52,21 @@ impl ShownScene {
         self.exposure_ev = self.loaded.exposure_ev;
         self.environment_rotation = self.first_rotation;
         self.world_from_models = Mat4::IDENTITY;
+    }
+
+    /// Performs a command that changes how the scene is seen; returns others.
+    pub fn perform(&mut self, action: Action) -> Option<Action> {
+        match action {
+            Action::AddExposure(thirds) => self.exposure_ev += f32::from(thirds) / 3.0,
+            Action::Exposure(ev) => self.exposure_ev = ev,
+            Action::AddRotation(steps) => {
+                let rotation = self.environment_rotation + f32::from(steps) * ROTATION_STEP;
+                self.environment_rotation = rotation.rem_euclid(TAU);
+            }
+            Action::Rotation(radians) => self.environment_rotation = radians.rem_euclid(TAU),
+            action => return Some(action),
+        }
+        None
     }
 
     /// The inputs of a frame of the scene; `fade` darkens it, 0 to 1.

@@ -10,6 +10,7 @@ mod desktop;
 
 #[cfg(target_os = "linux")]
 mod beside_window;
+mod dashboard;
 mod hands;
 #[cfg(target_os = "linux")]
 mod long_run;

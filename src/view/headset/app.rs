@@ -1,11 +1,14 @@
 //! The app with a headset as its only output: frame loop and shutdown.
 
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use super::session::{End, FrameResult, Session};
 use super::{Connected, RunReport};
 use crate::context::Setup;
+use crate::render::RenderSettings;
+use crate::view::action::Action;
 use crate::view::app::{App, Update};
+use crate::view::frame_clock::FrameClock;
 use crate::view::{ViewRequest, interrupt, screenshot};
 use crate::{Error, Result, say};
 
@@ -23,7 +26,8 @@ pub fn run(request: &ViewRequest, connected: Connected, setup: &Setup<'_>) -> Re
     let session = connected.begin(request.hidden_area)?;
     let app = App::new(context, request.settings.clone(), session.target(), || {})?;
     session.when_hopeless(request.last_report(&app.context.gpu));
-    let mut headset = HeadsetApp { session, app };
+    let first_settings = request.settings.clone();
+    let mut headset = HeadsetApp { session, app, clock: FrameClock::default(), first_settings };
     interrupt::listen(|| {});
     headset.app.open_first(&scene, request.staging.clone());
     let end = headset.play(request.frames);
@@ -43,6 +47,9 @@ pub fn run(request: &ViewRequest, connected: Connected, setup: &Setup<'_>) -> Re
 struct HeadsetApp {
     session: Session,
     app: App,
+    clock: FrameClock,
+    /// Those of the command line.
+    first_settings: RenderSettings,
 }
 
 impl HeadsetApp {
@@ -60,6 +67,11 @@ impl HeadsetApp {
                 FrameResult::Over(end) => return Ok(Some(end)),
                 FrameResult::Shown(requests) => self.app.obey(requests)?,
             }
+            self.clock.add_gpu(self.session.times(), self.session.times().total_ms());
+            self.clock.add_recording(self.session.recording());
+            self.clock.tick(Instant::now());
+            let actions = self.session.follow_dashboard(&self.app, &self.clock)?;
+            actions.into_iter().try_for_each(|action| self.perform(action))?;
             if self.session.frames() == 1 {
                 let [width, height] = self.session.size();
                 let (headset, gpu) = (self.session.name(), &self.app.context.gpu.info().name);
@@ -72,11 +84,42 @@ impl HeadsetApp {
         Ok(None)
     }
 
+    /// Performs a command of the panel on the dashboard.
+    fn perform(&mut self, action: Action) -> Result<()> {
+        let Some(action) = self.app.perform(action)? else { return Ok(()) };
+        let Some(scene) = &mut self.app.scene else { return Ok(()) };
+        match action {
+            Action::Camera(index) if index < scene.loaded.cameras.len() => {
+                scene.camera = index;
+                self.session.go_to(index);
+            }
+            Action::Reset => {
+                scene.reset();
+                self.session.go_to(scene.camera);
+                self.app.set_settings(self.first_settings.clone())?;
+            }
+            Action::Open(path) => {
+                if let Err(error) = self.app.open(&path) {
+                    self.complain(&error);
+                }
+            }
+            // A panel that is alone has no other controls.
+            _ => {}
+        }
+        Ok(())
+    }
+
+    /// Shows and prints an error that changed nothing.
+    fn complain(&mut self, error: &Error) {
+        crate::complain!("pbr-vr: {error}");
+        self.session.show_error(error);
+    }
+
     fn collect(&mut self) -> Result<()> {
         while let Some(update) = self.app.collect()? {
             match update {
                 Update::Scene { .. } => self.session.go_to(0),
-                Update::Failed(error) => crate::complain!("pbr-vr: {error}"),
+                Update::Failed(error) => self.complain(&error),
                 Update::Screenshot(written) => screenshot::report(&written),
                 Update::Light(_) | Update::Settings => {}
             }

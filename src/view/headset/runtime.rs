@@ -38,6 +38,8 @@ pub struct Runtime {
     compositor: *const sys::VR_IVRCompositor_FnTable,
     /// Null if the runtime has no input system.
     input: *const sys::VR_IVRInput_FnTable,
+    /// Null if the runtime has no overlays.
+    overlay: *const sys::VR_IVROverlay_FnTable,
     /// Whether the compositor leaves the program's queue alone in `wait_get_poses`.
     explicit_timing: bool,
 }
@@ -56,13 +58,19 @@ impl Runtime {
             return Err(Refusal { code, words: words_of(code) });
         }
         // From here on, Drop disconnects whatever fails.
-        let mut runtime =
-            Self { system: ptr::null(), compositor: ptr::null(), input: ptr::null(), explicit_timing: false };
+        let mut runtime = Self {
+            system: ptr::null(),
+            compositor: ptr::null(),
+            input: ptr::null(),
+            overlay: ptr::null(),
+            explicit_timing: false,
+        };
         runtime.system = table(sys::IVRSystem_Version)?;
         if role == Role::Scene {
             runtime.compositor = table(sys::IVRCompositor_Version)?;
             // Without input one can still look around.
             runtime.input = table(sys::IVRInput_Version).unwrap_or(ptr::null());
+            runtime.overlay = table(sys::IVROverlay_Version).unwrap_or(ptr::null());
         }
         Ok(runtime)
     }
@@ -234,19 +242,7 @@ impl Runtime {
         jumped: bool,
     ) -> Result<sys::EVRCompositorError> {
         let call = need(self.compositor().Submit, "Submit")?;
-        let Handles { instance, physical, device, queue, family } = picture.handles;
-        let mut data = sys::VRVulkanTextureData_t {
-            m_nImage: picture.image,
-            m_pDevice: device as *mut _,
-            m_pPhysicalDevice: physical as *mut _,
-            m_pInstance: instance as *mut _,
-            m_pQueue: queue as *mut _,
-            m_nQueueFamilyIndex: family,
-            m_nWidth: picture.size[0],
-            m_nHeight: picture.size[1],
-            m_nFormat: picture.format,
-            m_nSampleCount: 1,
-        };
+        let mut data = picture.data();
         let mut texture = sys::Texture_t {
             handle: (&raw mut data).cast(),
             eType: sys::ETextureType_TextureType_Vulkan,
@@ -283,6 +279,12 @@ impl Runtime {
         unsafe { self.input.as_ref() }
     }
 
+    /// The function table of overlays; `None` if there is none.
+    pub fn overlay(&self) -> Option<&sys::VR_IVROverlay_FnTable> {
+        // SAFETY: as for `input`.
+        unsafe { self.overlay.as_ref() }
+    }
+
     fn system(&self) -> &sys::VR_IVRSystem_FnTable {
         // SAFETY: `start` has got it from the runtime, which keeps it until `drop`.
         unsafe { &*self.system }
@@ -303,7 +305,26 @@ impl Drop for Runtime {
     }
 }
 
-/// One eye's image as the runtime requires it: 2D, one sample, in a layout to be copied from.
+impl EyePicture {
+    /// The same for the runtime.
+    pub fn data(&self) -> sys::VRVulkanTextureData_t {
+        let Handles { instance, physical, device, queue, family } = self.handles;
+        sys::VRVulkanTextureData_t {
+            m_nImage: self.image,
+            m_pDevice: device as *mut _,
+            m_pPhysicalDevice: physical as *mut _,
+            m_pInstance: instance as *mut _,
+            m_pQueue: queue as *mut _,
+            m_nQueueFamilyIndex: family,
+            m_nWidth: self.size[0],
+            m_nHeight: self.size[1],
+            m_nFormat: self.format,
+            m_nSampleCount: 1,
+        }
+    }
+}
+
+/// One eye's image, or an overlay's, as the runtime requires it: 2D, one sample, in a layout to be copied from.
 pub struct EyePicture {
     pub handles: Handles,
     /// VkImage.

@@ -8,6 +8,7 @@ use glam::{Mat4, Quat};
 use openvr_sys as sys;
 
 use super::codes::{After, after};
+use super::dashboard::Dashboard;
 use super::events::Event;
 use super::eye_images::EyeImages;
 use super::frame_statistics::FrameTiming;
@@ -21,11 +22,13 @@ use super::steady::Seen;
 use super::watchdog::{Patience, Watchdog};
 use crate::gpu::{FrameRing, Gpu, PassTimes};
 use crate::render::{Eye, FRAME_BYTES, FRAMES_IN_FLIGHT};
-use crate::view::app::Requests;
-use crate::view::frame_clock::ms_since;
+use crate::view::action::Action;
+use crate::view::app::{App, Requests};
+use crate::view::frame_clock::{FrameClock, ms_since};
 use crate::view::loader::Target;
+use crate::view::panel::PanelInputs;
 use crate::view::shown_scene::ShownScene;
-use crate::{Result, say};
+use crate::{Error, Result, say};
 
 /// Seconds after which a disconnected headset is given up: longer than a loose contact.
 const GONE_SECONDS: f32 = 0.5;
@@ -76,6 +79,8 @@ pub struct Session {
     lacking: Option<String>,
     last: Option<Instant>,
     quality: Quality,
+    /// `None` where the runtime has no overlays.
+    dashboard: Option<Dashboard>,
     /// GPU time of each pass of the frame that finished last.
     times: PassTimes,
     /// CPU time of the last frame.
@@ -108,6 +113,9 @@ impl Session {
             hidden_area_share: hidden.each_ref().map(|corners| share(corners)),
             ..Default::default()
         };
+        // Everything else works without.
+        let refused = |why: String| crate::complain!("pbr-vr: headset: no panel on the dashboard: {why}");
+        let dashboard = Dashboard::new(gpu, &runtime)?.map_err(refused).ok();
         let quality = Quality::new(1e3 / hertz.unwrap_or(USUAL_HERTZ), size);
         Ok(Self {
             hands: Hands::new(&runtime),
@@ -125,6 +133,7 @@ impl Session {
             lacking: gpu.missing_extensions(),
             last: None,
             quality,
+            dashboard,
             times: PassTimes::default(),
             recording: Duration::ZERO,
             name,
@@ -200,6 +209,32 @@ impl Session {
         let mut record = self.noted();
         record.facts.mirror[usize::from(!shown)] += 1;
         record.timeline.set_mirror(ms as f32);
+    }
+
+    /// Shows an error on the dashboard's panel, where there is one.
+    pub fn show_error(&mut self, error: &Error) {
+        self.dashboard.iter_mut().for_each(|dashboard| dashboard.error(error.to_string()));
+    }
+
+    /// Follows the panel on the dashboard, between two frames; returns what was chosen there.
+    ///
+    /// # Errors
+    /// A failed Vulkan call.
+    pub fn follow_dashboard(&mut self, app: &App, clock: &FrameClock) -> Result<Vec<Action>> {
+        let (headset, slot) = (Some(self.line()), self.ring.next_slot());
+        let Some(dashboard) = &mut self.dashboard else { return Ok(Vec::new()) };
+        let inputs = PanelInputs {
+            app,
+            clock,
+            control: None,
+            present_mode: "headset",
+            slot,
+            headset,
+            continuous: true,
+            alone: true,
+        };
+        let runtime = &self.runtime;
+        self.watchdog.watch("the dashboard's overlay", Patience::FRAME, || dashboard.follow(runtime, &inputs))
     }
 
     /// Polls the runtime's events; to be called often, also while there is nothing to draw.

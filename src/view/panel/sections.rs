@@ -79,6 +79,9 @@ impl Panel {
         ui.horizontal(|ui| {
             ui.heading(&scene.loaded.name);
             ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
+                if inputs.alone {
+                    return;
+                }
                 let hide = ui.button("Hide (H)");
                 place(ui, "Hide", &hide);
                 if hide.clicked() {
@@ -96,7 +99,9 @@ impl Panel {
                 ("Reset all", "R", Action::Reset),
                 ("Fullscreen", "F11", Action::Fullscreen),
             ];
-            for (text, key, action) in buttons {
+            // Alone, the panel is in a headset.
+            let fits = |action: &Action| !inputs.alone || *action == Action::Reset;
+            for (text, key, action) in buttons.into_iter().filter(|(_, _, action)| fits(action)) {
                 let button = ui.button(text).on_hover_text(key);
                 place(ui, text, &button);
                 if button.clicked() {

@@ -1,8 +1,5 @@
 //! Keyboard and mouse events of the viewer.
 
-use std::f32::consts::TAU;
-
-use clap::ValueEnum;
 use glam::Vec2;
 use winit::dpi::PhysicalPosition;
 use winit::event::{ElementState, KeyEvent, MouseButton, MouseScrollDelta, WindowEvent};
@@ -12,13 +9,9 @@ use super::keys::action;
 use super::output::{Drag, WindowOutput};
 use super::viewer::Viewer;
 use crate::Result;
-use crate::render::{Change, Shading};
 use crate::scene::description_text::append_camera;
 use crate::view::action::Action;
-use crate::view::shown_scene::ShownScene;
 
-/// Radians of one step of the panorama's rotation.
-const ROTATION_STEP: f32 = TAU / 72.0;
 /// Pixels of a touchpad's scrolling, at scale 1, that count as one notch of a wheel.
 const PIXELS_PER_NOTCH: f64 = 40.0;
 
@@ -119,9 +112,8 @@ impl Viewer {
 
     fn perform(&mut self, action: Action) -> Result<()> {
         self.output.panel.refresh();
+        let Some(action) = self.app.perform(action)? else { return Ok(()) };
         match action {
-            // `key` handles it; the panel has no such button.
-            Action::Quit => {}
             Action::Panel => self.output.panel.toggle(),
             Action::Screenshot => self.output.screenshot = true,
             Action::Fullscreen => self.output.switch_fullscreen(),
@@ -130,10 +122,6 @@ impl Viewer {
                 let mode = self.output.presenter.next_mode();
                 self.output.note(format!("showing frames: {}", mode.name()));
             }
-            // A headset on a desk holds still, so the reference is among these.
-            Action::NextShading => self.app.shade(1, true)?,
-            Action::PreviousShading => self.app.shade(Shading::value_variants().len() - 1, true)?,
-            Action::Settings(settings) => self.app.set_settings(*settings)?,
             Action::SwitchMode => self.output.control.iter_mut().for_each(|control| control.switch_mode()),
             Action::NextCamera => self.choose_camera(self.app.scene.as_ref().map_or(0, |scene| scene.camera + 1)),
             Action::Camera(index) => {
@@ -146,28 +134,11 @@ impl Viewer {
             }
             Action::SaveCamera(name) => self.save_camera(&name),
             Action::Reset => self.reset()?,
-            Action::AddExposure(thirds) => self.change_scene(|scene| scene.exposure_ev += f32::from(thirds) / 3.0),
-            Action::Exposure(ev) => self.change_scene(|scene| scene.exposure_ev = ev),
-            Action::AddRotation(steps) => self.change_scene(|scene| {
-                let rotation = scene.environment_rotation + f32::from(steps) * ROTATION_STEP;
-                scene.environment_rotation = rotation.rem_euclid(TAU);
-            }),
-            Action::Rotation(radians) => {
-                self.change_scene(|scene| scene.environment_rotation = radians.rem_euclid(TAU))
-            }
             Action::Open(path) => self.open(&path),
-            Action::NextScene => self.app.open_neighbour(Change::Scene, false)?,
-            Action::PreviousScene => self.app.open_neighbour(Change::Scene, true)?,
-            Action::NextPanorama => self.app.open_neighbour(Change::Light, false)?,
-            Action::PreviousPanorama => self.app.open_neighbour(Change::Light, true)?,
+            // `key` quits, and the app performs the others.
+            _ => {}
         }
         Ok(())
-    }
-
-    fn change_scene(&mut self, change: impl FnOnce(&mut ShownScene)) {
-        if let Some(scene) = &mut self.app.scene {
-            change(scene);
-        }
     }
 
     fn choose_camera(&mut self, index: usize) {

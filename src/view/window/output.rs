@@ -297,6 +297,7 @@ impl WindowOutput {
             slot: self.presenter.slot(),
             headset,
             continuous: self.continuous,
+            alone: false,
         };
         let input = self.ui_input.take_egui_input(&self.window);
         let output = self.panel.run(input, &inputs);

@@ -211,6 +211,8 @@ impl Viewer {
             let (headset, gpu) = (session.name(), &self.app.context.gpu.info().name);
             say!("pbr-vr: in the headset {headset}, {width}x{height} per eye on {gpu}, mirrored in a window");
         }
+        let Some(session) = &mut self.session else { return Ok(()) };
+        self.output.actions.extend(session.follow_dashboard(&self.app, &self.output.clock)?);
         self.app.obey(requests)
     }
 

@@ -11,7 +11,7 @@ use crate::frame_times::FrameTimes;
 use crate::log::Log;
 use crate::runtime::{self, Runtime};
 use crate::script::Script;
-use crate::{chaperone, compositor, input, system};
+use crate::{chaperone, compositor, input, overlay, system};
 
 /// The methods in the order of `ivrclientcore.h`; each takes the object first.
 #[repr(C)]
@@ -129,6 +129,8 @@ fn table(name: &str) -> Option<*mut c_void> {
         Some(compositor::table())
     } else if is(sys::IVRInput_Version) {
         Some(input::table())
+    } else if is(sys::IVROverlay_Version) {
+        Some(overlay::table())
     } else {
         is(sys::IVRChaperone_Version).then(chaperone::table)
     }

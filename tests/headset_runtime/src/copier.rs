@@ -67,7 +67,8 @@ impl Copier {
             .flags(vk::CommandPoolCreateFlags::RESET_COMMAND_BUFFER);
         // SAFETY: the device lives until Cleanup, where all of this is destroyed first.
         let pool = must("a command pool", unsafe { device.create_command_pool(&pool_info, None) });
-        let count = 2 * DEPTH as u32;
+        // Both eyes and the overlay.
+        let count = 3 * DEPTH as u32;
         let info = vk::CommandBufferAllocateInfo::default().command_pool(pool).command_buffer_count(count);
         // SAFETY: as above.
         let all = must("command buffers", unsafe { device.allocate_command_buffers(&info) });

@@ -14,6 +14,7 @@ mod frame_times;
 mod images;
 mod input;
 mod log;
+mod overlay;
 mod pace;
 mod place;
 mod runtime;

@@ -13,6 +13,7 @@ use crate::frame_times::FrameTimes;
 use crate::images::Images;
 use crate::input::Actions;
 use crate::log::Log;
+use crate::overlay::Dashboard;
 use crate::pace::Pace;
 use crate::script::{EyeOptics, Script};
 
@@ -40,6 +41,7 @@ pub struct Runtime {
     pub actions: Actions,
     pub pace: Pace,
     pub times: FrameTimes,
+    pub dashboard: Dashboard,
 }
 
 static RUNTIME: Mutex<Option<Runtime>> = Mutex::new(None);
@@ -65,6 +67,7 @@ impl Runtime {
             actions: Actions::default(),
             pace: Pace::new(script.hz, script.is_paced),
             times,
+            dashboard: Dashboard::default(),
             script: Arc::new(script),
         }
     }

@@ -58,6 +58,31 @@ pub struct Script {
     pub button: Vec<Button>,
     pub axis: Vec<Axis>,
     pub timing: Vec<Timing>,
+    /// Overlays cannot be made.
+    pub no_overlays: bool,
+    /// When the dashboard shows the program's overlay.
+    pub dashboard: Vec<Shown>,
+    /// What the laser mouse does on it, in order.
+    pub laser: Vec<Laser>,
+}
+
+/// Something is shown.
+#[derive(Clone, Debug, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct Shown {
+    pub frame: u64,
+    pub last: Option<u64>,
+}
+
+/// The laser mouse points at the overlay.
+#[derive(Clone, Debug, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct Laser {
+    pub frame: u64,
+    /// Part of the overlay's width and height, from its upper left corner.
+    pub at: [f32; 2],
+    /// Whether its button is pressed or released then.
+    pub pressed: Option<bool>,
 }
 
 /// How starting goes.
@@ -256,6 +281,9 @@ impl Default for Script {
             button: Vec::new(),
             axis: Vec::new(),
             timing: Vec::new(),
+            no_overlays: false,
+            dashboard: Vec::new(),
+            laser: Vec::new(),
         }
     }
 }
