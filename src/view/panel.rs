@@ -67,7 +67,7 @@ pub struct Panel {
     due: Option<Instant>,
     saved: Saved,
     messages: Messages,
-    library: Library,
+    thumbnails: Library,
     history: History,
     camera_name: String,
     warnings: Vec<String>,
@@ -79,7 +79,7 @@ impl Panel {
         let context = Context::default();
         style::apply(&context);
         Self {
-            library: Library::new(wake),
+            thumbnails: Library::new(wake),
             context,
             frame: UiFrame::default(),
             due: Some(Instant::now()),

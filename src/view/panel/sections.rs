@@ -212,7 +212,7 @@ impl Panel {
             let laid_out = ui.painter().layout(text.to_owned(), font, visuals.text_color(), inner.width());
             ui.painter_at(inner).galley(inner.min, laid_out, visuals.text_color());
         };
-        match self.library.get(&context, file) {
+        match self.thumbnails.get(&context, file) {
             Thumbnail::Ready(texture) => {
                 let whole = egui::Rect::from_min_max(egui::pos2(0.0, 0.0), egui::pos2(1.0, 1.0));
                 ui.painter().image(texture.id(), inner, whole, egui::Color32::WHITE);
