@@ -10,12 +10,7 @@ pub fn caches() -> Option<PathBuf> {
 }
 
 fn caches_of(variable: impl Fn(&str) -> Option<OsString>) -> Option<PathBuf> {
-    let folder = absolute(variable);
-    if cfg!(windows) {
-        folder("LOCALAPPDATA")
-    } else {
-        folder("XDG_CACHE_HOME").or_else(|| folder("HOME").map(|home| home.join(".cache")))
-    }
+    user_folder(variable, "LOCALAPPDATA", ["XDG_CACHE_HOME", ".cache"])
 }
 
 /// For settings: `%APPDATA%` on Windows, else `$XDG_CONFIG_HOME` or `~/.config`; `None` where the system names no such folder.
@@ -24,12 +19,17 @@ pub fn settings() -> Option<PathBuf> {
 }
 
 fn settings_of(variable: impl Fn(&str) -> Option<OsString>) -> Option<PathBuf> {
+    user_folder(variable, "APPDATA", ["XDG_CONFIG_HOME", ".config"])
+}
+
+/// What `windows` names there; elsewhere what `xdg` names, or else the folder in HOME.
+fn user_folder(
+    variable: impl Fn(&str) -> Option<OsString>,
+    windows: &str,
+    [xdg, in_home]: [&str; 2],
+) -> Option<PathBuf> {
     let folder = absolute(variable);
-    if cfg!(windows) {
-        folder("APPDATA")
-    } else {
-        folder("XDG_CONFIG_HOME").or_else(|| folder("HOME").map(|home| home.join(".config")))
-    }
+    if cfg!(windows) { folder(windows) } else { folder(xdg).or_else(|| folder("HOME").map(|home| home.join(in_home))) }
 }
 
 /// The user's pictures: the known folder on Windows, which may be on another drive or in the cloud; else what
@@ -43,9 +43,8 @@ pub fn pictures() -> Option<PathBuf> {
 
 #[cfg(not(windows))]
 fn pictures_of(variable: impl Fn(&str) -> Option<OsString>) -> Option<PathBuf> {
-    let folder = absolute(variable);
-    let home = folder("HOME")?;
-    let list = folder("XDG_CONFIG_HOME").unwrap_or_else(|| home.join(".config")).join("user-dirs.dirs");
+    let home = absolute(&variable)("HOME")?;
+    let list = settings_of(variable)?.join("user-dirs.dirs");
     named_folder(&std::fs::read_to_string(list).ok()?, "XDG_PICTURES_DIR", &home)
 }
 

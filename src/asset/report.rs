@@ -84,9 +84,10 @@ impl Report {
         self.lock().clone()
     }
 
-    /// The warnings after the first `count`, in order.
-    pub fn warnings_after(&self, count: usize) -> Vec<String> {
-        self.lock().get(count..).map_or_else(Vec::new, <[String]>::to_vec)
+    /// How many warnings there are, and the newest of them, in order.
+    pub fn newest_warnings(&self, most: usize) -> (usize, Vec<String>) {
+        let warnings = self.lock();
+        (warnings.len(), warnings[warnings.len().saturating_sub(most)..].to_vec())
     }
 
     /// What is being worked on, if that is known: the bar that was started last, or else what is timed.
@@ -165,8 +166,8 @@ mod tests {
         assert_eq!(report.stage(), None);
         report.warn("first");
         report.warn("second");
-        assert_eq!(report.warnings_after(1), ["second"]);
-        assert!(report.warnings_after(2).is_empty() && report.warnings_after(9).is_empty());
+        assert_eq!(report.newest_warnings(1), (2, vec!["second".into()]));
+        assert_eq!(report.newest_warnings(9).1, ["first", "second"]);
     }
 
     #[test]

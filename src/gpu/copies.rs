@@ -162,25 +162,6 @@ impl Commands<'_> {
         unsafe { self.device().cmd_clear_color_image(self.buffer.raw, image.raw, layout, &zero, &[range]) };
     }
 
-    pub(super) fn clear_raw(&mut self, image: vk::Image, range: vk::ImageSubresourceRange) {
-        let (layout, black) = (ImageAccess::CopyTo.parts().0, vk::ClearColorValue { float32: [0.0, 0.0, 0.0, 1.0] });
-        // SAFETY: the command buffer is being recorded; the image is alive and in this layout.
-        unsafe { self.device().cmd_clear_color_image(self.buffer.raw, image, layout, &black, &[range]) };
-    }
-
-    /// Lets copies write over what was cleared or copied before.
-    pub(super) fn copied(&mut self) {
-        let (_, stage, access) = ImageAccess::CopyTo.parts();
-        let barrier = [vk::MemoryBarrier2::default()
-            .src_stage_mask(stage)
-            .src_access_mask(access)
-            .dst_stage_mask(stage)
-            .dst_access_mask(access)];
-        let info = vk::DependencyInfo::default().memory_barriers(&barrier);
-        // SAFETY: the command buffer is being recorded.
-        unsafe { self.device().cmd_pipeline_barrier2(self.buffer.raw, &info) };
-    }
-
     pub(super) fn layers(&self, image: &Image, mip: u32) -> vk::ImageSubresourceLayers {
         vk::ImageSubresourceLayers {
             aspect_mask: image.aspect(),

@@ -9,7 +9,7 @@ use raw_window_handle::{RawDisplayHandle, RawWindowHandle};
 use super::commands::{Commands, transition};
 use super::copies::Rect;
 use super::device::Gpu;
-use super::image::{AttachmentView, Image, ImageAccess, Subresource};
+use super::image::{AttachmentView, Image, ImageAccess};
 use super::submit::Acquired;
 use super::window_images::{ACQUIRE_NS, RANGE, WindowImages};
 use crate::{Error, Result};
@@ -230,14 +230,14 @@ impl Swapchain {
     pub fn begin_drawing(&self, commands: &mut Commands<'_>, to: &mut Acquired) -> Result<AttachmentView<'_>> {
         let images = self.current.as_ref().ok_or_else(no_images)?;
         to.first_touch = vk::PipelineStageFlags2::COLOR_ATTACHMENT_OUTPUT;
-        // As in `copy_parts`: the layout changes after the acquisition.
+        // As in `copy`: the layout changes after the acquisition.
         let start = transition(ImageAccess::Fresh, ImageAccess::Colour).src_stage_mask(to.first_touch);
         let index = to.index as usize;
         commands.raw_image_barrier(start.image(images.images[index]).subresource_range(RANGE));
         Ok(AttachmentView { raw: images.views[index], layers: 1, of: PhantomData })
     }
 
-    /// The same after `copy_parts`, whose content stays.
+    /// The same after `copy`, whose content stays.
     pub fn begin_drawing_over(&self, commands: &mut Commands<'_>, to: &Acquired) -> Result<AttachmentView<'_>> {
         let images = self.current.as_ref().ok_or_else(no_images)?;
         let index = to.index as usize;
@@ -253,39 +253,26 @@ impl Swapchain {
         commands.raw_image_barrier(end.image(images.images[to.index as usize]).subresource_range(RANGE));
     }
 
-    /// Scales parts of a picture's layers into parts of the acquired image and leaves the rest black; `from` must be
-    /// prepared for `CopyFrom`. `end_copies` or `begin_drawing_over` comes after it.
-    pub fn copy_parts(
-        &self,
-        commands: &mut Commands<'_>,
-        from: &Image,
-        parts: &[(Subresource, [Rect; 2])],
-        to: &Acquired,
-    ) {
+    /// Scales a picture, its first layer, over the whole acquired image; `from` must be prepared for `CopyFrom`. `end_copy` or
+    /// `begin_drawing_over` comes after it.
+    pub fn copy(&self, commands: &mut Commands<'_>, from: &Image, to: &Acquired) {
         let Some(images) = &self.current else { return };
         let image = images.images[to.index as usize];
         // The acquisition is waited for at these stages, and this barrier begins at the same ones: so the layout changes
-        // after the window system has read the image. Clear and blits, all that writes to it, come after the change.
+        // after the window system has read the image. The blit, all that writes to it, comes after the change.
         let start = transition(ImageAccess::Fresh, ImageAccess::CopyTo).src_stage_mask(to.first_touch);
         commands.raw_image_barrier(start.image(image).subresource_range(RANGE));
-        let layers = |mip, layer| vk::ImageSubresourceLayers {
+        let layer = vk::ImageSubresourceLayers {
             aspect_mask: vk::ImageAspectFlags::COLOR,
-            mip_level: mip,
-            base_array_layer: layer,
+            mip_level: 0,
+            base_array_layer: 0,
             layer_count: 1,
         };
-        let covered = parts.iter().any(|(_, [_, onto])| *onto == Rect::of(self.size()));
-        if !covered {
-            commands.clear_raw(image, RANGE);
-            commands.copied();
-        }
-        for (part, rects) in parts {
-            commands.blit_raw(from.raw, image, *rects, [layers(part.mip, part.layer), layers(0, 0)]);
-        }
+        commands.blit_raw(from.raw, image, [from.desc().size, self.size()].map(Rect::of), [layer; 2]);
     }
 
-    /// Transitions the image for presenting after `copy_parts`.
-    pub fn end_copies(&self, commands: &mut Commands<'_>, to: &Acquired) {
+    /// Transitions the image for presenting after `copy`.
+    pub fn end_copy(&self, commands: &mut Commands<'_>, to: &Acquired) {
         let Some(images) = &self.current else { return };
         let end = transition(ImageAccess::CopyTo, ImageAccess::Present);
         commands.raw_image_barrier(end.image(images.images[to.index as usize]).subresource_range(RANGE));

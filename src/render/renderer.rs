@@ -245,10 +245,15 @@ impl Renderer {
         self.targets.set_draft(&self.context.gpu, draft && self.reference.is_none())
     }
 
+    /// Whether the last frame was coarse.
+    pub fn is_draft(&self) -> bool {
+        self.targets.is_draft()
+    }
+
     /// Whether the last frame is worth another one even if nothing moves: it was a draft, or light is still computed, or the
     /// reference averages.
     pub fn is_unfinished(&self) -> bool {
-        self.targets.is_draft() || self.reference.is_some() || self.light_progress().is_some()
+        self.is_draft() || self.reference.is_some() || self.light_progress().is_some()
     }
 
     /// Draws only the upper left `area` pixels of the picture from now on, at most all of them.

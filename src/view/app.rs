@@ -1,13 +1,13 @@
 //! State shared by all outputs: the current scene, the requested settings, the loader and the playlist. Outputs (a window, a
 //! headset, or both) draw it and pass on the user's requests.
 
-use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
 
 use clap::ValueEnum;
 
 use super::action::Action;
 use super::loader::{LoadRequest, LoadResult, LoadedScene, Loader, Target, file_name, own_panorama};
+use super::loading_files::LoadingFiles;
 use super::playlist::Playlist;
 use super::shown_scene::ShownScene;
 use crate::asset::Report;
@@ -48,19 +48,6 @@ struct NewLight {
     settings: RenderSettings,
 }
 
-/// A file that is being loaded: a panorama, which brings light, or a scene.
-struct Loading {
-    brings: Change,
-    settings: RenderSettings,
-}
-
-impl Loading {
-    /// Whether it leaves less than this change to be made for the wanted settings.
-    fn leaves_less(&self, change: Change, wanted: &RenderSettings) -> bool {
-        self.brings >= change && self.settings.difference(wanted) < change
-    }
-}
-
 /// The state that outputs share. Drop order: the loader's thread ends before the scene is freed.
 pub struct App {
     loader: Loader,
@@ -69,6 +56,8 @@ pub struct App {
     pub scene: Option<ShownScene>,
     /// The requested settings; the shown scene changes to them when the loader has finished.
     settings: RenderSettings,
+    /// Those of the start.
+    first_settings: RenderSettings,
     target: Target,
     /// The number of the last request for pipelines.
     pipelines: u64,
@@ -82,10 +71,7 @@ pub struct App {
     first: Option<(PathBuf, Staging)>,
     /// The panorama that was chosen for the scene that is shown, and stays with the next ones that name none.
     chosen: Option<PathBuf>,
-    /// Names of the files being loaded, in order.
-    pub loading: VecDeque<String>,
-    /// What each of these files is loaded for.
-    loading_settings: VecDeque<Loading>,
+    loading: LoadingFiles,
     /// Counts changes of the scene, its light, its settings or its target: what is drawn from then on may look different.
     revision: u64,
     /// Screenshots that are being written.
@@ -108,6 +94,7 @@ impl App {
             loader: Loader::new(&context, wake)?,
             playlist: Playlist::new(),
             scene: None,
+            first_settings: settings.clone(),
             settings,
             target,
             pipelines: 0,
@@ -116,8 +103,7 @@ impl App {
             scenes: 0,
             first: None,
             chosen: None,
-            loading: VecDeque::new(),
-            loading_settings: VecDeque::new(),
+            loading: LoadingFiles::default(),
             revision: 0,
             screenshots: 0,
             context,
@@ -132,6 +118,11 @@ impl App {
     /// Scenes and panoramas to choose from.
     pub fn playlist(&self) -> &Playlist {
         &self.playlist
+    }
+
+    /// The files that are being loaded.
+    pub fn loading(&self) -> &LoadingFiles {
+        &self.loading
     }
 
     /// Warnings and progress of loading.
@@ -160,7 +151,7 @@ impl App {
         let staging = self.staging_of(path);
         self.playlist.set_scene(path);
         staging.panorama.iter().for_each(|panorama| self.playlist.set_panorama(panorama));
-        self.begin_loading(path, Change::Scene);
+        self.loading.begin(path, Change::Scene, &self.settings);
         let (path, target, settings) = (path.to_owned(), self.target.clone(), self.settings.clone());
         self.scenes += 1;
         self.loader.start(LoadRequest::Scene { number: self.scenes, path, staging, settings, target });
@@ -215,18 +206,8 @@ impl App {
 
     fn load_panorama(&mut self, path: &Path) {
         self.scene.iter_mut().for_each(|scene| scene.last_panorama = Some(path.to_owned()));
-        self.begin_loading(path, Change::Light);
+        self.loading.begin(path, Change::Light, &self.settings);
         self.loader.start(LoadRequest::Panorama { path: path.to_owned(), settings: self.settings.clone() });
-    }
-
-    fn begin_loading(&mut self, path: &Path, brings: Change) {
-        self.loading.push_back(file_name(path));
-        self.loading_settings.push_back(Loading { brings, settings: self.settings.clone() });
-    }
-
-    fn end_loading(&mut self) {
-        self.loading.pop_front();
-        self.loading_settings.pop_front();
     }
 
     /// A panorama cannot be loaded: the one that is shown is the last again.
@@ -266,7 +247,7 @@ impl App {
         self.revision += 1;
         Ok(match result {
             LoadResult::Scene(scene) => {
-                self.end_loading();
+                self.loading.end();
                 match scene {
                     Ok(scene) => Some(self.show(scene)?),
                     Err(error) if self.scene.is_none() => return Err(error),
@@ -275,7 +256,7 @@ impl App {
             }
             LoadResult::Lightmap(number, lightmap) => self.map_light(number, lightmap)?,
             LoadResult::Panorama { path, settings, lighting } => {
-                self.end_loading();
+                self.loading.end();
                 match lighting {
                     Ok(lighting) => self.light(NewLight { path, lighting: *lighting, settings })?,
                     Err(error) => {
@@ -326,7 +307,7 @@ impl App {
             return Ok(());
         }
         let change = renderer.settings().difference(&self.settings);
-        let is_loading = self.loading_settings.iter().any(|loading| loading.leaves_less(change, &self.settings));
+        let is_loading = self.loading.leave_less(change, &self.settings);
         match change {
             Change::Nothing => {}
             Change::Targets => renderer.set_scale(self.settings.scale)?,
@@ -363,26 +344,13 @@ impl App {
     /// # Errors
     /// Those of [`App::set_settings`].
     pub fn obey(&mut self, requests: Requests) -> Result<()> {
-        let scene = requests.next_scene.then(|| self.playlist.next_scene()).flatten();
-        let panorama = requests.next_panorama.then(|| self.playlist.next_panorama()).flatten();
-        // Both are of known kinds.
-        scene.into_iter().chain(panorama).try_for_each(|path| self.open(&path))?;
+        if requests.next_scene {
+            self.perform(Action::NextScene)?;
+        }
+        if requests.next_panorama {
+            self.perform(Action::NextPanorama)?;
+        }
         if requests.next_shading { self.shade(1, false) } else { Ok(()) }
-    }
-
-    /// Starts loading the scene, or the panorama, `before` or after the present one in the playlist, if there is another.
-    ///
-    /// # Errors
-    /// Those of [`App::open`].
-    pub fn open_neighbour(&mut self, brings: Change, before: bool) -> Result<()> {
-        let playlist = &mut self.playlist;
-        let file = match (brings, before) {
-            (Change::Scene, false) => playlist.next_scene(),
-            (Change::Scene, true) => playlist.previous_scene(),
-            (_, false) => playlist.next_panorama(),
-            (_, true) => playlist.previous_panorama(),
-        };
-        file.map_or(Ok(()), |file| self.open(&file))
     }
 
     /// Performs a command that every output can give; returns those that are the output's own.
@@ -390,17 +358,35 @@ impl App {
     /// # Errors
     /// Those of [`App::set_settings`] and [`App::open`].
     pub fn perform(&mut self, action: Action) -> Result<Option<Action>> {
-        match action {
-            Action::NextShading => self.shade(1, true)?,
-            Action::PreviousShading => self.shade(Shading::value_variants().len() - 1, true)?,
-            Action::Settings(settings) => self.set_settings(*settings)?,
-            Action::NextScene => self.open_neighbour(Change::Scene, false)?,
-            Action::PreviousScene => self.open_neighbour(Change::Scene, true)?,
-            Action::NextPanorama => self.open_neighbour(Change::Light, false)?,
-            Action::PreviousPanorama => self.open_neighbour(Change::Light, true)?,
-            action => return Ok(self.scene.as_mut().map_or(Some(action.clone()), |scene| scene.perform(action))),
-        }
-        Ok(None)
+        let playlist = &mut self.playlist;
+        let file = match action {
+            Action::NextScene => playlist.next_scene(),
+            Action::PreviousScene => playlist.previous_scene(),
+            Action::NextPanorama => playlist.next_panorama(),
+            Action::PreviousPanorama => playlist.previous_panorama(),
+            Action::NextShading => return self.shade(1, true).map(|()| None),
+            Action::PreviousShading => {
+                return self.shade(Shading::value_variants().len() - 1, true).map(|()| None);
+            }
+            Action::Settings(settings) => return self.set_settings(*settings).map(|()| None),
+            action => {
+                return Ok(match &mut self.scene {
+                    Some(scene) => scene.perform(action),
+                    None => Some(action),
+                });
+            }
+        };
+        // There may be no other.
+        file.map_or(Ok(()), |file| self.open(&file)).map(|()| None)
+    }
+
+    /// Restores exposure, the panorama's rotation, models and the settings of the start.
+    ///
+    /// # Errors
+    /// Those of [`App::set_settings`].
+    pub fn reset(&mut self) -> Result<()> {
+        self.scene.iter_mut().for_each(ShownScene::reset);
+        self.set_settings(self.first_settings.clone())
     }
 
     /// Starts writing a screenshot: RGBA, 8 bits a channel.

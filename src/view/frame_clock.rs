@@ -1,5 +1,6 @@
 //! Frame times: the time step of the running frame, and averages for the display.
 
+use std::collections::VecDeque;
 use std::time::{Duration, Instant};
 
 use serde::Serialize;
@@ -10,6 +11,9 @@ use crate::gpu::PassTime;
 const PERIOD: Duration = Duration::from_millis(500);
 /// The longest time step; after a stall, movement continues from where it was.
 const LONGEST_STEP: Duration = Duration::from_millis(100);
+
+/// Frames whose own times are kept.
+pub const RECENT: usize = 120;
 
 /// Milliseconds since a moment.
 pub fn ms_since(start: Instant) -> f64 {
@@ -42,6 +46,7 @@ pub struct FrameClock {
     passes: Vec<(PassTime, u32)>,
     gpu: (f64, u32),
     rate: Option<Rate>,
+    recent: VecDeque<f32>,
 }
 
 impl FrameClock {
@@ -51,6 +56,8 @@ impl FrameClock {
         let step = now.saturating_duration_since(last);
         self.frames += 1;
         self.time += step;
+        self.recent.truncate(RECENT - 1);
+        self.recent.push_front(1e3 * step.as_secs_f32());
         if self.time >= PERIOD {
             self.finish_period();
         }
@@ -79,6 +86,11 @@ impl FrameClock {
     pub fn add_recording(&mut self, time: Duration) {
         self.recording += time;
         self.recorded += 1;
+    }
+
+    /// The last [`RECENT`] frames' times, milliseconds, newest first.
+    pub fn recent(&self) -> impl ExactSizeIterator<Item = f32> {
+        self.recent.iter().copied()
     }
 
     /// The last full period's averages.
@@ -123,6 +135,7 @@ mod tests {
             clock.add_gpu(&[pass("scene", scene), pass("text", 0.5)], scene + 1.0);
             clock.add_gpu(&[], 0.0);
         }
+        assert_eq!(clock.recent().len(), 50);
         let rate = clock.rate().expect("a second has passed");
         assert!((rate.frames_per_second - 50.0).abs() < 1e-9 && (rate.frame_ms - 20.0).abs() < 1e-9);
         assert!((rate.record_ms - 0.5).abs() < 0.01, "{rate:?}");
@@ -137,7 +150,9 @@ mod tests {
         assert_eq!(clock.tick(start + Duration::from_secs(3)), 0.1);
         assert!((clock.rate().expect("three seconds").frames_per_second - 1.0 / 3.0).abs() < 1e-9);
         clock.pause();
+        assert!(clock.recent().eq([3000.0]), "the stall itself is shown");
         assert_eq!(clock.tick(start + Duration::from_secs(60)), 0.0);
+        assert_eq!(clock.recent().len(), 1);
         assert!((clock.rate().expect("as before").frames_per_second - 1.0 / 3.0).abs() < 1e-9);
     }
 }

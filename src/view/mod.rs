@@ -15,6 +15,7 @@ mod frame_clock;
 pub mod headset;
 mod interrupt;
 mod loader;
+mod loading_files;
 #[cfg(test)]
 mod lost_gpu_tests;
 mod needs;

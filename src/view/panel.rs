@@ -22,7 +22,6 @@ use super::control::Control;
 use super::frame_clock::FrameClock;
 use crate::asset::Stage;
 use crate::render::{MAX_TEXTURE_SIDE, UiFrame};
-use graph::History;
 use library::Library;
 use messages::Messages;
 use saved::Saved;
@@ -68,9 +67,7 @@ pub struct Panel {
     saved: Saved,
     messages: Messages,
     thumbnails: Library,
-    history: History,
     camera_name: String,
-    warnings: Vec<String>,
 }
 
 impl Panel {
@@ -85,9 +82,7 @@ impl Panel {
             due: Some(Instant::now()),
             saved: Saved::load(),
             messages: Messages::default(),
-            history: History::default(),
             camera_name: String::new(),
-            warnings: Vec::new(),
         }
     }
 
@@ -144,16 +139,10 @@ impl Panel {
         self.due
     }
 
-    /// Notes a drawn frame's time, milliseconds.
-    pub fn add_frame(&mut self, ms: f32) {
-        self.history.add(ms);
-    }
-
     /// Lays out a frame.
     pub fn run(&mut self, mut input: RawInput, inputs: &PanelInputs<'_>) -> PanelOutput {
         let now = Instant::now();
         input.max_texture_side = Some(MAX_TEXTURE_SIDE);
-        self.warnings.extend(inputs.app.report().warnings_after(self.warnings.len()));
         let mut actions = Vec::new();
         let context = self.context.clone();
         let output = context.run(input, |context| self.lay_out(context, inputs, &mut actions, now));
@@ -169,7 +158,7 @@ impl Panel {
 
     /// When something that is shown changes by itself.
     fn own_due(&self, inputs: &PanelInputs<'_>, now: Instant) -> Option<Instant> {
-        let loads = !inputs.app.loading.is_empty() || inputs.app.scene.is_none();
+        let loads = !inputs.app.loading().is_empty() || inputs.app.scene.is_none();
         let light = inputs.app.scene.as_ref().and_then(|scene| scene.loaded.light_progress()).is_some();
         let progress = (loads || light).then_some(now + PROGRESS);
         progress.into_iter().chain(self.messages.next_end()).min()
@@ -185,29 +174,26 @@ impl Panel {
 
     fn lay_out(&mut self, context: &Context, inputs: &PanelInputs<'_>, actions: &mut Vec<Action>, now: Instant) {
         let mut left = context.content_rect();
+        let is_beside = self.saved.shown && inputs.app.scene.is_some();
+        let mut sections = |ui: &mut egui::Ui| {
+            ScrollArea::vertical().auto_shrink([false, false]).show(ui, |ui| self.sections(ui, inputs, actions));
+        };
         if inputs.alone {
-            CentralPanel::default().show(context, |ui| {
-                ScrollArea::vertical().auto_shrink([false, false]).show(ui, |ui| self.sections(ui, inputs, actions));
-            });
-        } else if self.saved.shown && inputs.app.scene.is_some() {
-            let width = WIDTH.min(0.8 * left.width());
-            let response = SidePanel::right("panel")
-                .default_width(width)
-                .max_width(width.max(0.8 * left.width()))
-                .show(context, |ui| {
-                    ScrollArea::vertical().auto_shrink([false, false]).show(ui, |ui| self.sections(ui, inputs, actions))
-                });
-            left.max.x = response.response.rect.min.x;
+            CentralPanel::default().show(context, |ui| sections(ui));
+        } else if is_beside {
+            let widest = 0.8 * left.width();
+            let panel = SidePanel::right("panel").default_width(WIDTH.min(widest)).max_width(widest);
+            left.max.x = panel.show(context, |ui| sections(ui)).response.rect.min.x;
         }
         if let Some(line) = inputs.headset.as_ref().filter(|_| !self.saved.shown && !inputs.alone) {
             let text = rate_text(inputs.clock).map_or_else(|| line.clone(), |rate| format!("{rate}  {line}"));
-            area(context, "status", Align2::LEFT_TOP, left).show(context, |ui| framed(ui, |ui| ui.label(text)));
+            area("status", Align2::LEFT_TOP, left).show(context, |ui| framed(ui, |ui| ui.label(text)));
         }
         self.progress(context, inputs, left);
         let lines = self.messages.current(now);
         if !lines.is_empty() {
             let width = (left.width() - 4.0 * MARGIN).max(80.0);
-            area(context, "messages", Align2::LEFT_BOTTOM, left).show(context, |ui| {
+            area("messages", Align2::LEFT_BOTTOM, left).show(context, |ui| {
                 ui.set_max_width(width.min(640.0));
                 for line in lines {
                     framed(ui, |ui| {
@@ -222,12 +208,12 @@ impl Panel {
     fn progress(&self, context: &Context, inputs: &PanelInputs<'_>, left: egui::Rect) {
         let app = inputs.app;
         let Some(scene) = &app.scene else {
-            let place = area(context, "loading", Align2::CENTER_CENTER, left);
+            let place = area("loading", Align2::CENTER_CENTER, left);
             place.show(context, |ui| {
                 framed(ui, |ui| {
                     ui.set_max_width((left.width() - 4.0 * MARGIN).clamp(80.0, 420.0));
                     ui.label(RichText::new("pbr-vr").font(FontId::proportional(22.0)));
-                    let name = app.loading.front().map_or("", String::as_str);
+                    let name = app.loading().names().next().unwrap_or_default();
                     ui.label(format!("loading {name} on {}", app.context.gpu.info().name));
                     stage(ui, app.report().stage().as_ref());
                     ui.label(RichText::new("Esc quits").weak());
@@ -236,22 +222,18 @@ impl Panel {
             return;
         };
         let light = scene.loaded.light_progress();
-        if app.loading.is_empty() && light.is_none() {
+        if app.loading().is_empty() && light.is_none() {
             return;
         }
-        area(
-            context,
-            "progress",
-            Align2::LEFT_TOP,
-            left.translate(egui::vec2(0.0, if inputs.headset.is_some() { 40.0 } else { 0.0 })),
-        )
-        .show(context, |ui| {
+        // Below the line of numbers.
+        let top = if inputs.headset.is_some() { 40.0 } else { 0.0 };
+        area("progress", Align2::LEFT_TOP, left.translate(egui::vec2(0.0, top))).show(context, |ui| {
             framed(ui, |ui| {
                 ui.set_max_width((left.width() - 4.0 * MARGIN).clamp(80.0, 320.0));
-                for name in &app.loading {
+                for name in app.loading().names() {
                     ui.label(format!("loading {name}"));
                 }
-                if app.loading.is_empty() {
+                if app.loading().is_empty() {
                     light.iter().for_each(|part| bar(ui, "soft light", *part));
                 } else {
                     stage(ui, app.report().stage().as_ref());
@@ -262,7 +244,7 @@ impl Panel {
 }
 
 /// An area of the picture that takes no input.
-fn area(_: &Context, name: &'static str, align: Align2, within: egui::Rect) -> Area {
+fn area(name: &'static str, align: Align2, within: egui::Rect) -> Area {
     let within = within.shrink(MARGIN);
     Area::new(Id::new(name)).pivot(align).fixed_pos(align.pos_in_rect(&within)).interactable(false)
 }

@@ -286,15 +286,9 @@ fn last_slot(frames: u64) -> usize {
 }
 
 fn write_layers(context: &Context, renderer: &Renderer, request: &RenderRequest) -> Result<Vec<PathBuf>> {
-    let output = renderer.settings().output;
     let files = picture_files(&request.output, request.stereo);
     for (layer, file) in (0u32..).zip(&files) {
-        let bytes = read_image(&context.gpu, renderer.picture(), Subresource { mip: 0, layer }, output.bytes())?;
-        let [width, height] = request.size;
-        let picture = match output {
-            Output::Display => Picture::from_srgb8("render", width, height, &bytes),
-            Output::Linear => Picture::from_radiance("render", width, height, &bytemuck::pod_collect_to_vec(&bytes)),
-        };
+        let picture = drawn_picture(context, renderer, layer)?;
         picture.write(file)?;
         let lost = picture.pixels.iter().filter(|pixel| !pixel.iter().all(|v| v.is_finite())).count();
         if lost > 0 {
@@ -307,6 +301,19 @@ fn write_layers(context: &Context, renderer: &Renderer, request: &RenderRequest)
     Ok(files)
 }
 
+/// One eye's picture as the renderer has drawn it.
+///
+/// # Errors
+/// A failed Vulkan call.
+pub fn drawn_picture(context: &Context, renderer: &Renderer, layer: u32) -> Result<Picture> {
+    let (output, [width, height]) = (renderer.settings().output, renderer.picture().desc().size);
+    let bytes = read_image(&context.gpu, renderer.picture(), Subresource { mip: 0, layer }, output.bytes())?;
+    Ok(match output {
+        Output::Display => Picture::from_srgb8("render", width, height, &bytes),
+        Output::Linear => Picture::from_radiance("render", width, height, &bytemuck::pod_collect_to_vec(&bytes)),
+    })
+}
+
 /// The files of a render: one, or one for each eye.
 pub fn picture_files(output: &Path, stereo: bool) -> Vec<PathBuf> {
     if stereo { vec![suffixed(output, "-left"), suffixed(output, "-right")] } else { vec![output.to_owned()] }
@@ -317,7 +324,6 @@ fn output_of(path: &Path) -> Result<Output> {
     match extension.as_str() {
         "png" => Ok(Output::Display),
         "exr" => Ok(Output::Linear),
-        "mp4" => Err(Error::Usage("an .mp4 needs --turntable N or --path NAME,NAME --frames N".into())),
         _ => Err(Error::Usage(format!("{}: pictures are written as .png or .exr", path.display()))),
     }
 }

@@ -10,16 +10,15 @@ use serde::{Deserialize, Serialize};
 use super::frame_clock::ms_since;
 use super::interrupt;
 use super::loader::load_staged;
-use super::render::RenderRequest;
+use super::render::{RenderRequest, drawn_picture};
 use super::sequence_files::SequenceFiles;
 use super::video::{Ffmpeg, Pictures};
 use crate::args::write_json;
 use crate::asset::cache::Key;
 use crate::asset::file::{read, write_atomically};
-use crate::asset::picture::Picture;
 use crate::context::{Context, Setup};
-use crate::gpu::{FrameRing, Subresource, read_image};
-use crate::render::{Eye, FRAME_BYTES, FrameInputs, Output, RenderSettings, Renderer, Shading, check_size};
+use crate::gpu::FrameRing;
+use crate::render::{Eye, FRAME_BYTES, FrameInputs, RenderSettings, Renderer, Shading, check_size};
 use crate::scene::camera_path::{along, turntable};
 use crate::scene::{Camera, Scene};
 use crate::{Error, Result, say};
@@ -230,7 +229,7 @@ fn draw(
         }
         let name = files.name(*number);
         let file = files.folder.join(&name);
-        picture(context, &renderer, size)?.write(&file)?;
+        drawn_picture(context, &renderer, 0)?.write(&file)?;
         record.pictures.insert(name, hash_of(&file)?);
         record.write(&files.record())?;
         progress.inc(1);
@@ -242,18 +241,10 @@ fn draw(
     Ok(())
 }
 
-fn picture(context: &Context, renderer: &Renderer, [width, height]: [u32; 2]) -> Result<Picture> {
-    let output = renderer.settings().output;
-    let bytes = read_image(&context.gpu, renderer.picture(), Subresource { mip: 0, layer: 0 }, output.bytes())?;
-    Ok(match output {
-        Output::Display => Picture::from_srgb8("render", width, height, &bytes),
-        Output::Linear => Picture::from_radiance("render", width, height, &bytemuck::pod_collect_to_vec(&bytes)),
-    })
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::render::Output;
     use crate::view::args::parsed;
 
     fn files(arguments: &[&str]) -> Result<Option<SequenceFiles>> {

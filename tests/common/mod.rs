@@ -228,6 +228,15 @@ pub fn succeeds(child: Child) -> String {
 }
 
 /// A JSON file's content.
+/// Where a control of the panel is, as `-vv` says it last: its middle and its size, pixels of what it is drawn on.
+pub fn control_in(log: &str, name: &str) -> Option<[[f64; 2]; 2]> {
+    let start = format!("panel: {name} at ");
+    let line = log.lines().rev().find_map(|line| line.split(&start).nth(1))?;
+    let numbers: Vec<f64> = line.trim().split([',', ' ', 'x']).map(|n| n.parse().expect("a number")).collect();
+    let [x, y, width, height] = numbers[..] else { panic!("{line}") };
+    Some([[x + width / 2.0, y + height / 2.0], [width, height]])
+}
+
 pub fn json(path: &Path) -> serde_json::Value {
     serde_json::from_slice(&fs::read(path).expect("the facts")).expect("JSON")
 }

@@ -20,6 +20,8 @@ use x11rb::protocol::xproto::{
 use x11rb::rust_connection::RustConnection;
 use x11rb::wrapper::ConnectionExt as _;
 
+use crate::common::control_in;
+
 const PATIENCE: Duration = Duration::from_secs(180);
 pub const SCREEN: [u16; 2] = [2600, 2000];
 
@@ -131,14 +133,10 @@ impl Program {
     /// The middle of a control of the panel, pixels of the window, and its size, as `-vv` says them.
     pub fn place(&self, name: &str) -> ([f64; 2], [f64; 2]) {
         let started = Instant::now();
-        let start = format!("panel: {name} at ");
         loop {
             let errors = self.errors();
-            if let Some(line) = errors.lines().rev().find_map(|line| line.split(&start).nth(1)) {
-                let numbers: Vec<f64> =
-                    line.trim().split([',', ' ', 'x']).map(|n| n.parse().expect("a number")).collect();
-                let [x, y, width, height] = numbers[..] else { panic!("{line}") };
-                return ([x + width / 2.0, y + height / 2.0], [width, height]);
+            if let Some([middle, size]) = control_in(&errors, name) {
+                return (middle, size);
             }
             assert!(started.elapsed() < Duration::from_secs(20), "no control {name} in: {errors}");
             std::thread::sleep(Duration::from_millis(20));

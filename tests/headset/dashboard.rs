@@ -3,6 +3,7 @@
 use headset_runtime::script::{Laser, Script, Shown};
 use pbr_vr::asset::picture::Picture;
 
+use crate::common::control_in;
 use crate::common::room::{Room, assert_same, patient};
 
 /// The overlay's pixels, as `SetOverlayMouseScale` gives them.
@@ -10,16 +11,6 @@ const SIZE: [f32; 2] = [960.0, 1200.0];
 
 fn seen(frame: u64, last: u64) -> Vec<Shown> {
     vec![Shown { frame, last: Some(last) }]
-}
-
-/// Where a control is, as `-vv` says: the middle and the size, parts of the overlay's.
-fn place(errors: &str, name: &str) -> ([f32; 2], [f32; 2]) {
-    let start = format!("panel: {name} at ");
-    let line = errors.lines().rev().find_map(|line| line.split(&start).nth(1));
-    let line = line.unwrap_or_else(|| panic!("no control {name} in {errors}"));
-    let numbers: Vec<f32> = line.trim().split([',', ' ', 'x']).map(|n| n.parse().expect("a number")).collect();
-    let [x, y, width, height] = numbers[..] else { panic!("{line}") };
-    ([(x + width / 2.0) / SIZE[0], (y + height / 2.0) / SIZE[1]], [width / SIZE[0], height / SIZE[1]])
 }
 
 fn mean(picture: &Picture) -> f32 {
@@ -45,9 +36,9 @@ fn the_panel_is_seen_on_the_dashboard_and_the_laser_moves_its_exposure() {
     // It is beside the scene, not in it.
     assert_same(&room.shown(70, 0), &room.shown(10, 0), "before and after the dashboard");
 
-    // Three quarters along the track, whose 140 points are 350 pixels.
-    let ([x, y], [width, _]) = place(&ran.err, "exposure");
-    let at = [x - width / 2.0 + 0.6 * 350.0 / SIZE[0], y];
+    // Six tenths along the track, whose 140 points are 350 pixels.
+    let [[x, y], [width, _]] = control_in(&ran.err, "exposure").expect("the slider");
+    let at = [(x - width / 2.0 + 0.6 * 350.0) as f32 / SIZE[0], y as f32 / SIZE[1]];
     let laser = |frame, pressed| Laser { frame, at, pressed };
     let laser = vec![laser(30, None), laser(60, Some(true)), laser(90, Some(false))];
     let room = Room::with(Script { dashboard: seen(20, 130), laser, show: vec![25, 140], ..patient() });

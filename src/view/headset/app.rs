@@ -5,7 +5,6 @@ use std::time::{Duration, Instant};
 use super::session::{End, FrameResult, Session};
 use super::{Connected, RunReport};
 use crate::context::Setup;
-use crate::render::RenderSettings;
 use crate::view::action::Action;
 use crate::view::app::{App, Update};
 use crate::view::frame_clock::FrameClock;
@@ -26,8 +25,7 @@ pub fn run(request: &ViewRequest, connected: Connected, setup: &Setup<'_>) -> Re
     let session = connected.begin(request.hidden_area)?;
     let app = App::new(context, request.settings.clone(), session.target(), || {})?;
     session.when_hopeless(request.last_report(&app.context.gpu));
-    let first_settings = request.settings.clone();
-    let mut headset = HeadsetApp { session, app, clock: FrameClock::default(), first_settings };
+    let mut headset = HeadsetApp { session, app, clock: FrameClock::default() };
     interrupt::listen(|| {});
     headset.app.open_first(&scene, request.staging.clone());
     let end = headset.play(request.frames);
@@ -48,8 +46,6 @@ struct HeadsetApp {
     session: Session,
     app: App,
     clock: FrameClock,
-    /// Those of the command line.
-    first_settings: RenderSettings,
 }
 
 impl HeadsetApp {
@@ -67,9 +63,7 @@ impl HeadsetApp {
                 FrameResult::Over(end) => return Ok(Some(end)),
                 FrameResult::Shown(requests) => self.app.obey(requests)?,
             }
-            self.clock.add_gpu(self.session.times(), self.session.times().total_ms());
-            self.clock.add_recording(self.session.recording());
-            self.clock.tick(Instant::now());
+            self.session.time_frame(&mut self.clock, Instant::now());
             let actions = self.session.follow_dashboard(&self.app, &self.clock)?;
             actions.into_iter().try_for_each(|action| self.perform(action))?;
             if self.session.frames() == 1 {
@@ -94,9 +88,8 @@ impl HeadsetApp {
                 self.session.go_to(index);
             }
             Action::Reset => {
-                scene.reset();
                 self.session.go_to(scene.camera);
-                self.app.set_settings(self.first_settings.clone())?;
+                self.app.reset()?;
             }
             Action::Open(path) => {
                 if let Err(error) = self.app.open(&path) {
@@ -133,7 +126,7 @@ impl HeadsetApp {
             gpu: self.app.context.gpu.info().name.clone(),
             driver: self.app.context.gpu.info().driver.clone(),
             frames: self.session.frames(),
-            rate: None,
+            rate: self.clock.rate().cloned(),
             present_mode: None,
             headset: Some(self.session.report()),
         }

@@ -35,7 +35,7 @@ pub struct Dashboard {
     /// When the last picture was drawn.
     drawn: Option<Instant>,
     /// Pictures drawn so far.
-    pub pictures: u64,
+    pictures: u64,
 }
 
 impl Dashboard {
@@ -65,24 +65,23 @@ impl Dashboard {
         }))
     }
 
-    /// Follows the laser mouse, and draws the panel if it is seen and has changed. Returns what was chosen. Waits for nothing but
-    /// its own picture before the last.
-    ///
-    /// # Errors
-    /// A failed Vulkan call.
-    pub fn follow(&mut self, runtime: &Runtime, inputs: &PanelInputs<'_>) -> Result<Vec<Action>> {
-        let Some(table) = runtime.overlay() else { return Ok(Vec::new()) };
+    /// Follows the laser mouse; whether the panel is to be shown again: it is seen, and has changed.
+    pub fn is_due(&mut self, runtime: &Runtime) -> bool {
+        let Some(table) = runtime.overlay() else { return false };
         while let Some(event) = self.overlay.next_event(table) {
             self.take(event);
         }
         let now = Instant::now();
         let rests = self.drawn.is_some_and(|at| now < at + PERIOD);
-        if rests || !self.overlay.is_visible(table) {
-            return Ok(Vec::new());
-        }
-        if self.events.is_empty() && self.panel.due().is_none_or(|due| due > now) {
-            return Ok(Vec::new());
-        }
+        let changes = !self.events.is_empty() || self.panel.due().is_some_and(|due| due <= now);
+        !rests && changes && self.overlay.is_visible(table)
+    }
+
+    /// Lays the panel out, draws and shows it; returns what was chosen. Waits for nothing but its own picture before the last.
+    ///
+    /// # Errors
+    /// A failed Vulkan call.
+    pub fn show(&mut self, runtime: &Runtime, inputs: &PanelInputs<'_>) -> Result<Vec<Action>> {
         let size = Vec2::new(SIZE[0] as f32, SIZE[1] as f32) / PIXELS_PER_POINT;
         let mut input = RawInput {
             screen_rect: Some(Rect::from_min_size(Pos2::ZERO, size)),
@@ -95,10 +94,11 @@ impl Dashboard {
         }
         let actions = self.panel.run(input, inputs).actions;
         let picture = self.draw()?;
-        if let Err(why) = self.gpu.with_queue_locked(|| self.overlay.show(table, &picture)) {
+        let shown = runtime.overlay().map(|table| self.gpu.with_queue_locked(|| self.overlay.show(table, &picture)));
+        if let Some(Err(why)) = shown {
             tracing::debug!("headset: dashboard: {why}");
         }
-        self.drawn = Some(now);
+        self.drawn = Some(Instant::now());
         self.pictures += 1;
         // What was chosen is seen with the next picture; numbers change by themselves.
         if actions.is_empty() {

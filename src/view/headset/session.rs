@@ -34,6 +34,8 @@ use crate::{Error, Result, say};
 const GONE_SECONDS: f32 = 0.5;
 /// Frames after a change of scene whose times are ignored: the driver still compiles and moves data.
 const WARM_UP: u32 = 10;
+/// What the watchdog calls the dashboard's calls.
+const OVERLAY: &str = "the dashboard's overlay";
 /// The pause after a frame that the runtime refuses, because refused frames are not paced.
 const PAUSE: Duration = Duration::from_millis(5);
 
@@ -181,20 +183,17 @@ impl Session {
         self.noted().facts.frames
     }
 
-    /// GPU time of each pass of the frame that finished last.
-    pub fn times(&self) -> &PassTimes {
-        &self.times
-    }
-
     /// Moves the user to one of the scene's cameras with the next frame; also for a new scene.
     pub fn go_to(&mut self, camera: usize) {
         self.hands.go_to(camera);
         self.warm_up = WARM_UP;
     }
 
-    /// CPU time of the last frame: input, waiting for the frame before the last, recording.
-    pub fn recording(&self) -> Duration {
-        self.recording
+    /// Notes the last frame's times.
+    pub fn time_frame(&self, clock: &mut FrameClock, now: Instant) {
+        clock.add_gpu(&self.times, self.times.total_ms());
+        clock.add_recording(self.recording);
+        clock.tick(now);
     }
 
     /// One line for the screen: quality, rate, the compositor's statistics.
@@ -221,20 +220,24 @@ impl Session {
     /// # Errors
     /// A failed Vulkan call.
     pub fn follow_dashboard(&mut self, app: &App, clock: &FrameClock) -> Result<Vec<Action>> {
-        let (headset, slot) = (Some(self.line()), self.ring.next_slot());
-        let Some(dashboard) = &mut self.dashboard else { return Ok(Vec::new()) };
+        let (runtime, watchdog) = (&self.runtime, &self.watchdog);
+        let watched =
+            |dashboard: &mut Dashboard| watchdog.watch(OVERLAY, Patience::FRAME, || dashboard.is_due(runtime));
+        if !self.dashboard.as_mut().is_some_and(watched) {
+            return Ok(Vec::new());
+        }
         let inputs = PanelInputs {
             app,
             clock,
             control: None,
             present_mode: "headset",
-            slot,
-            headset,
+            slot: self.ring.next_slot(),
+            headset: Some(self.line()),
             continuous: true,
             alone: true,
         };
-        let runtime = &self.runtime;
-        self.watchdog.watch("the dashboard's overlay", Patience::FRAME, || dashboard.follow(runtime, &inputs))
+        let Some(dashboard) = &mut self.dashboard else { return Ok(Vec::new()) };
+        self.watchdog.watch(OVERLAY, Patience::FRAME, || dashboard.show(&self.runtime, &inputs))
     }
 
     /// Polls the runtime's events; to be called often, also while there is nothing to draw.

@@ -6,7 +6,7 @@ use egui::{CollapsingHeader, ComboBox, Grid, RichText, ScrollArea, Slider, Ui};
 
 use super::library::{SIZE, Thumbnail};
 use super::place::place;
-use super::{Panel, PanelInputs, rate_text, settings, style};
+use super::{Panel, PanelInputs, graph, rate_text, settings, style};
 use crate::render::Change;
 use crate::view::action::Action;
 use crate::view::control::Mode;
@@ -54,8 +54,8 @@ impl Panel {
         self.section(ui, "Shading", false, |_, ui| settings::shading(ui, inputs.app.settings(), actions));
         self.section(ui, "Quality", false, |_, ui| settings::quality(ui, inputs.app.settings(), actions));
         self.section(ui, "Statistics", false, |panel, ui| panel.statistics(ui, inputs, scene, actions));
-        let warnings = format!("Warnings ({})", self.warnings.len());
-        self.section(ui, &warnings, false, |panel, ui| panel.warnings(ui));
+        let (count, newest) = inputs.app.report().newest_warnings(MOST_WARNINGS);
+        self.section(ui, &format!("Warnings ({count})"), false, |_, ui| warnings(ui, &newest));
         self.section(ui, "Keys", false, |_, ui| keys(ui));
     }
 
@@ -230,7 +230,7 @@ impl Panel {
     }
 
     fn statistics(&self, ui: &mut Ui, inputs: &PanelInputs<'_>, scene: &ShownScene, actions: &mut Vec<Action>) {
-        self.history.show(ui);
+        graph::show(ui, inputs.clock);
         let mut continuous = inputs.continuous;
         let what = "else only when something changes";
         if inputs.headset.is_none() {
@@ -267,14 +267,13 @@ impl Panel {
             row("GPU", inputs.app.context.gpu.info().name.clone());
         });
     }
+}
 
-    fn warnings(&self, ui: &mut Ui) {
-        if self.warnings.is_empty() {
-            ui.label("none");
-        }
-        let first = self.warnings.len().saturating_sub(MOST_WARNINGS);
-        self.warnings[first..].iter().for_each(|warning| drop(ui.label(style::error(warning))));
+fn warnings(ui: &mut Ui, newest: &[String]) {
+    if newest.is_empty() {
+        ui.label("none");
     }
+    newest.iter().for_each(|warning| drop(ui.label(style::error(warning))));
 }
 
 fn keys(ui: &mut Ui) {

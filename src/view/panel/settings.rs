@@ -83,28 +83,28 @@ fn value_name(value: &impl ValueEnum) -> String {
 }
 
 fn one_of_enum<T: ValueEnum + PartialEq + Copy>(ui: &mut Ui, label: &str, value: &mut T) {
-    let all = T::value_variants();
-    ui.horizontal(|ui| {
-        let choice = ComboBox::from_id_salt(label).selected_text(value_name(value)).show_ui(ui, |ui| {
-            for variant in all {
-                let possible = variant.to_possible_value();
-                let help = possible.as_ref().and_then(|possible| Some(possible.get_help()?.to_string()));
-                let response = ui.selectable_value(value, *variant, value_name(variant));
-                place(ui, &format!("{label}={}", value_name(variant)), &response);
-                help.into_iter().for_each(|help| drop(response.clone().on_hover_text(help)));
-            }
-        });
-        place(ui, label, &choice.response);
-        ui.label(label);
-    });
+    let help = |value: &T| Some(value.to_possible_value()?.get_help()?.to_string());
+    choose(ui, label, value, T::value_variants(), (value_name, help));
 }
 
 fn one_of<T: PartialEq + Copy>(ui: &mut Ui, label: &str, value: &mut T, all: &[T], text: impl Fn(&T) -> String) {
+    choose(ui, label, value, all, (text, |_: &T| None));
+}
+
+/// A list of values, each with its text and, where there is any, its help.
+fn choose<T: PartialEq + Copy>(
+    ui: &mut Ui,
+    label: &str,
+    value: &mut T,
+    all: &[T],
+    (text, help): (impl Fn(&T) -> String, impl Fn(&T) -> Option<String>),
+) {
     ui.horizontal(|ui| {
         let choice = ComboBox::from_id_salt(label).selected_text(text(value)).show_ui(ui, |ui| {
             for choice in all {
                 let response = ui.selectable_value(value, *choice, text(choice));
                 place(ui, &format!("{label}={}", text(choice)), &response);
+                help(choice).into_iter().for_each(|help| drop(response.clone().on_hover_text(help)));
             }
         });
         place(ui, label, &choice.response);

@@ -167,10 +167,7 @@ impl Viewer {
     }
 
     fn reset(&mut self) -> Result<()> {
-        let Some(scene) = &mut self.app.scene else { return Ok(()) };
-        scene.reset();
-        let camera = scene.camera;
-        self.choose_camera(camera);
-        self.app.set_settings(self.first_settings.clone())
+        self.choose_camera(self.app.scene.as_ref().map_or(0, |scene| scene.camera));
+        self.app.reset()
     }
 }

@@ -13,8 +13,8 @@ use winit::window::Window;
 use super::keys::PressedKeys;
 use super::mirror::crop;
 use super::presenter::{Content, WindowPresenter};
-use crate::gpu::{Gpu, Rect, Subresource};
-use crate::render::{MirrorPart, Shading};
+use crate::gpu::Gpu;
+use crate::render::MirrorPart;
 use crate::view::action::Action;
 use crate::view::app::{App, Update};
 use crate::view::control::{Control, Mode};
@@ -184,7 +184,8 @@ impl WindowOutput {
         let rests = self.moved.map(|at| at + REST).filter(|at| *at > now);
         match self.drawn.as_ref() {
             Some(drawn) if *drawn == state => {
-                scene.loaded.renderer.is_unfinished().then(|| rests.filter(|_| self.is_draft(scene)).unwrap_or(now))
+                let renderer = &scene.loaded.renderer;
+                renderer.is_unfinished().then(|| rests.filter(|_| renderer.is_draft()).unwrap_or(now))
             }
             _ => Some(now),
         }
@@ -195,11 +196,6 @@ impl WindowOutput {
         control.mode() == Mode::Fly && self.keys.movement() != glam::Vec3::ZERO
     }
 
-    /// Whether pictures are coarse while something moves.
-    fn is_draft(&self, scene: &ShownScene) -> bool {
-        self.drafts && !matches!(scene.loaded.renderer.settings().shading, Shading::Reference)
-    }
-
     /// Draws and shows one frame; returns whether there was an image to draw to.
     pub fn draw(&mut self, app: &mut App) -> Result<bool> {
         if self.size.contains(&0) {
@@ -207,7 +203,7 @@ impl WindowOutput {
         }
         let (acquired, times) = self.presenter.begin(self.size)?;
         // Frames that show the last picture again would make the scene look cheap.
-        if times.iter().any(|time| time.name == "scene") {
+        if times.iter().any(|time| time.name != "interface") {
             self.clock.add_gpu(&times, times.total_ms());
         }
         let Some(acquired) = acquired else { return Ok(false) };
@@ -241,15 +237,11 @@ impl WindowOutput {
             let content = Content::Scene(renderer, &inputs);
             let recording = self.presenter.show(acquired, content, ui, &self.window)?;
             self.clock.add_recording(recording);
-            self.panel.add_frame(1e3 * seconds);
             self.panel.refresh_later(false);
             self.drawn = Some(state);
         } else {
             self.clock.pause();
-            let renderer = &scene.loaded.renderer;
-            let rects = [Rect::of(renderer.picture().desc().size), Rect::of(size)];
-            let parts = [(Subresource { mip: 0, layer: 0 }, rects)];
-            self.presenter.show(acquired, Content::Picture(renderer, &parts), ui, &self.window)?;
+            self.presenter.show(acquired, Content::Picture(&scene.loaded.renderer), ui, &self.window)?;
         }
         if std::mem::take(&mut self.screenshot) {
             let pixels = self.presenter.read(&scene.loaded.renderer)?;
@@ -273,19 +265,18 @@ impl WindowOutput {
             app.write_screenshot(pixels, picture);
         }
         let Some(acquired) = self.presenter.poll(self.size, now)? else { return Ok(false) };
-        self.lay_out(app, Some(session.line()), now);
+        self.lay_out(app, Some(session), now);
         let Some(scene) = app.scene.as_mut() else { return Ok(false) };
         let content = Content::Mirror(scene.loaded.renderer.picture(), parts);
         self.presenter.show(acquired, content, self.panel.frame(), &self.window)?;
         self.panel.recorded();
-        self.panel.add_frame(self.clock.rate().map_or(0.0, |rate| rate.frame_ms as f32));
         self.panel.refresh_later(true);
         self.write_title(app, now);
         Ok(true)
     }
 
     /// Lays the panel out where that is due; its commands wait in `actions`.
-    fn lay_out(&mut self, app: &App, headset: Option<String>, now: Instant) {
+    fn lay_out(&mut self, app: &App, session: Option<&Session>, now: Instant) {
         if self.panel.due().is_none_or(|at| at > now) {
             return;
         }
@@ -295,7 +286,7 @@ impl WindowOutput {
             control: self.control.as_ref(),
             present_mode: self.presenter.mode().name(),
             slot: self.presenter.slot(),
-            headset,
+            headset: session.map(Session::line),
             continuous: self.continuous,
             alone: false,
         };

@@ -9,7 +9,7 @@ use winit::window::Window;
 
 use super::fit::Fit;
 use crate::gpu::{
-    Acquired, ColourAttachment, FrameRing, Gpu, Image, ImageAccess, PassTimes, Polled, PresentMode, Rect, Subresource,
+    Acquired, ColourAttachment, FrameRing, Gpu, Image, ImageAccess, PassTimes, Polled, PresentMode, Subresource,
     Swapchain, read_image,
 };
 use crate::render::{
@@ -30,8 +30,8 @@ const GROUND: [f32; 4] = [0.01, 0.01, 0.01, 1.0];
 pub enum Content<'a> {
     /// There is no scene yet.
     Nothing,
-    /// Parts of a picture that has been drawn.
-    Picture(&'a Renderer, &'a [(Subresource, [Rect; 2])]),
+    /// The picture of a scene that has been drawn.
+    Picture(&'a Renderer),
     /// Parts of the eyes' picture that has been drawn for a headset.
     Mirror(&'a Arc<Image>, &'a [MirrorPart]),
     /// A new picture of a scene.
@@ -175,32 +175,27 @@ impl WindowPresenter {
     ) -> Result<Duration> {
         let started = ThreadTime::now();
         let mut frame = self.ring.begin()?;
-        let whole;
         let picture = match content {
             Content::Nothing => None,
-            Content::Picture(renderer, parts) => Some((Arc::clone(renderer.picture()), parts)),
+            Content::Picture(renderer) => Some(Arc::clone(renderer.picture())),
             Content::Mirror(eyes, parts) => {
                 let mirror = match &mut self.mirror {
                     Some(mirror) => mirror,
                     none => none.insert(MirrorPicture::new(&self.gpu)?),
                 };
-                let size = self.swapchain.size();
-                whole = [(Subresource { mip: 0, layer: 0 }, [Rect::of(size); 2])];
-                Some((mirror.record(&mut frame, eyes, parts, size)?, &whole[..]))
+                Some(mirror.record(&mut frame, eyes, parts, self.swapchain.size())?)
             }
             Content::Scene(renderer, inputs) => {
                 renderer.record(&mut frame, inputs)?;
-                let rects = [Rect::of(renderer.picture().desc().size), Rect::of(self.swapchain.size())];
-                whole = [(Subresource { mip: 0, layer: 0 }, rects)];
-                Some((Arc::clone(renderer.picture()), &whole[..]))
+                Some(Arc::clone(renderer.picture()))
             }
         };
-        if let Some((picture, parts)) = &picture {
+        if let Some(picture) = &picture {
             frame.commands.prepare(picture, ImageAccess::CopyFrom);
-            self.swapchain.copy_parts(&mut frame.commands, picture, parts, &acquired);
+            self.swapchain.copy(&mut frame.commands, picture, &acquired);
         }
         match (picture, ui, self.swapchain.format()) {
-            (Some(_), None, _) | (_, _, None) => self.swapchain.end_copies(&mut frame.commands, &acquired),
+            (Some(_), None, _) | (_, _, None) => self.swapchain.end_copy(&mut frame.commands, &acquired),
             (picture, ui, Some(format)) => {
                 let colour = match picture {
                     Some(_) => {

@@ -12,12 +12,16 @@ impl QuitTimer {
     pub fn start(limit: Duration) -> Self {
         let due = Arc::new(AtomicBool::new(true));
         let its = Arc::clone(&due);
-        std::thread::spawn(move || {
+        let wait = move || {
             std::thread::sleep(limit);
             if its.swap(false, Ordering::SeqCst) {
                 quit();
             }
-        });
+        };
+        // Without a thread the end takes as long as it takes.
+        if let Err(error) = std::thread::Builder::new().name("quit".into()).spawn(wait) {
+            tracing::debug!("no thread ends the process early: {error}");
+        }
         Self(due)
     }
 }

@@ -11,7 +11,6 @@ use super::hot_reload::ShaderWatch;
 use super::mirror::MirrorView;
 use super::output::{WindowOutput, title};
 use crate::context::Context;
-use crate::render::RenderSettings;
 use crate::scene::staging::Staging;
 use crate::view::ViewRequest;
 use crate::view::app::{App, Update};
@@ -36,10 +35,6 @@ pub struct Viewer {
     pub app: App,
     pub output: WindowOutput,
     frames: u64,
-    /// Those of the command line.
-    pub first_settings: RenderSettings,
-    /// Whether the line about the window has been printed.
-    announced: bool,
 }
 
 impl Viewer {
@@ -80,8 +75,6 @@ impl Viewer {
             shader_watch: ShaderWatch::new(&crate::gpu::shader_folder())?,
             output,
             frames: 0,
-            announced: false,
-            first_settings: request.settings.clone(),
         })
     }
 
@@ -140,7 +133,7 @@ impl Viewer {
         }
         if self.output.draw(&mut self.app)? {
             self.frames += u64::from(self.app.scene.is_some());
-            if self.frames == 1 && !std::mem::replace(&mut self.announced, true) {
+            if self.frames == 1 {
                 let [width, height] = self.output.presenter.size();
                 say!("pbr-vr: window {width}x{height} on {}", self.app.context.gpu.info().name);
             }
@@ -199,10 +192,7 @@ impl Viewer {
         };
         self.frames += 1;
         let now = Instant::now();
-        let clock = &mut self.output.clock;
-        clock.add_gpu(session.times(), session.times().total_ms());
-        clock.add_recording(session.recording());
-        clock.tick(now);
+        session.time_frame(&mut self.output.clock, now);
         let shown = self.mirror_if_it_works(now)?;
         let Some(session) = &mut self.session else { return Ok(()) };
         session.mirrored(shown, ms_since(now));
@@ -211,7 +201,6 @@ impl Viewer {
             let (headset, gpu) = (session.name(), &self.app.context.gpu.info().name);
             say!("pbr-vr: in the headset {headset}, {width}x{height} per eye on {gpu}, mirrored in a window");
         }
-        let Some(session) = &mut self.session else { return Ok(()) };
         self.output.actions.extend(session.follow_dashboard(&self.app, &self.output.clock)?);
         self.app.obey(requests)
     }
