@@ -1,27 +1,10 @@
 // Leaves holes in shadows of surfaces with holes, and of those that cover a part of what is behind them that part of the texels.
 #version 460
 #extension GL_GOOGLE_include_directive : require
-#include "shared.glsl"
-
-layout(BASE_COLOR_MAP) uniform sampler2D base_color_map;
-
-layout(location = 0) in vec2 uv;
-layout(location = 1) flat in float alpha_cutoff;
-layout(location = 2) in float opacity;
-
-// A threshold above 0 and at most 1 for each texel: sixteen different ones in any four by four (Bayer, "An optimum method for
-// two-level rendition of continuous-tone pictures" (1973)), which filtered lookups average.
-float dither()
-{
-    uvec2 at = uvec2(gl_FragCoord.xy) & 3u;
-    uint x = at.x ^ at.y, y = at.y;
-    uint rank = (x & 1u) << 3u | (y & 1u) << 2u | (x >> 1u & 1u) << 1u | (y >> 1u & 1u);
-    return (float(rank) + 0.5) / 16.0;
-}
+#include "holes.glsl"
 
 void main()
 {
-    float alpha = texture(base_color_map, uv).a * opacity;
-    if (alpha < (alpha_cutoff < 0.0 ? dither() : alpha_cutoff))
+    if (is_hole())
         discard;
 }

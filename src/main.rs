@@ -75,6 +75,7 @@ fn run(cli: Cli) -> Result<()> {
             if let Some(limit) = chosen(request.choice) {
                 request.settings = measure::choose(&request.scene()?, limit, &setup)?;
             }
+            request.measurements = Some(measure::measured);
             view::show(&request, &setup)
         }
         Command::Render(mut request) => {

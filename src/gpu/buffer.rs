@@ -21,7 +21,7 @@ pub enum BufferKind {
     Storage,
     /// Small data the CPU writes and shaders read.
     Uniform,
-    /// Larger data the CPU writes and shaders read.
+    /// Larger data the CPU writes and shaders read; copies may change it between frames.
     StorageFromCpu,
     /// Per-frame data the CPU writes and shaders read, as uniform and as storage buffers.
     Arena,
@@ -40,7 +40,7 @@ impl BufferKind {
             Self::Index => (Usage::INDEX_BUFFER | Usage::STORAGE_BUFFER | copies, MemoryLocation::GpuOnly),
             Self::Storage => (Usage::STORAGE_BUFFER | copies, MemoryLocation::GpuOnly),
             Self::Uniform => (Usage::UNIFORM_BUFFER, MemoryLocation::CpuToGpu),
-            Self::StorageFromCpu => (Usage::STORAGE_BUFFER, MemoryLocation::CpuToGpu),
+            Self::StorageFromCpu => (Usage::STORAGE_BUFFER | Usage::TRANSFER_DST, MemoryLocation::CpuToGpu),
             Self::Arena => (Usage::UNIFORM_BUFFER | Usage::STORAGE_BUFFER, MemoryLocation::CpuToGpu),
             Self::Upload => (Usage::TRANSFER_SRC, MemoryLocation::CpuToGpu),
             Self::Readback => (Usage::TRANSFER_DST, MemoryLocation::GpuToCpu),

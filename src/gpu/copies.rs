@@ -38,6 +38,23 @@ impl Commands<'_> {
         unsafe { self.device().cmd_copy_buffer(self.buffer.raw, from.raw, to.raw, &[region]) };
     }
 
+    /// Writes a multiple of four bytes, at most 65536 (the limit of vkCmdUpdateBuffer), after all that was recorded before has
+    /// read the buffer and before anything that follows does.
+    pub fn update_buffer(&mut self, to: &Buffer, offset: u64, bytes: &[u8]) {
+        let read = [vk::MemoryBarrier2::default()
+            .src_stage_mask(vk::PipelineStageFlags2::ALL_COMMANDS)
+            .src_access_mask(vk::AccessFlags2::MEMORY_WRITE)
+            .dst_stage_mask(vk::PipelineStageFlags2::ALL_TRANSFER)
+            .dst_access_mask(vk::AccessFlags2::TRANSFER_WRITE)];
+        let info = vk::DependencyInfo::default().memory_barriers(&read);
+        // SAFETY: the command buffer is being recorded; the buffer is alive.
+        unsafe {
+            self.device().cmd_pipeline_barrier2(self.buffer.raw, &info);
+            self.device().cmd_update_buffer(self.buffer.raw, to.raw, offset, bytes);
+        }
+        self.buffers_written();
+    }
+
     /// Copies tightly packed texels into one layer of one mip; the image must be prepared for `CopyTo`.
     pub fn copy_to_image(&mut self, from: &Buffer, offset: u64, image: &Image, part: Subresource) {
         let region = self.region(image, part).buffer_offset(offset);

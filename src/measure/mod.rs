@@ -24,7 +24,7 @@ use crate::asset::file::write_atomically;
 use crate::context::{Context, Setup};
 use crate::{Error, Result, say};
 
-pub use ladder::choose;
+pub use ladder::{choose, measured};
 pub use pareto::Limit;
 pub use request::MeasureRequest;
 

@@ -43,6 +43,8 @@ pub struct LightState {
     /// Of the panorama about +Y, radians.
     pub rotation: f32,
     pub world_from_models: Mat4,
+    /// A hash of the scene's changes, where there are any.
+    pub edits: Option<blake3::Hash>,
 }
 
 /// What light is computed from.
@@ -70,6 +72,8 @@ pub struct BakedLight {
     /// What it is computed for; `None` before the first frame.
     computed_for: Option<LightState>,
     is_done: bool,
+    /// Whether the last frame had another state, for which light is computed once that rests.
+    is_behind: bool,
     /// Whether the images hold light that came from the cache.
     has_light: bool,
     /// Whether the cache has it.
@@ -151,6 +155,7 @@ impl BakedLight {
             made_by,
             computed_for: None,
             is_done: false,
+            is_behind: false,
             has_light: false,
             kept: false,
             rest: Rest::default(),
@@ -194,14 +199,15 @@ impl BakedLight {
         self.probe_scale
     }
 
-    /// Whether nothing is left to be computed.
+    /// Whether nothing is left to be computed, nor will be while frames stay as the last one.
     pub fn is_done(&self) -> bool {
-        self.is_done || matches!(self.bake, Bake::Failed)
+        self.is_done && !self.is_behind || matches!(self.bake, Bake::Failed)
     }
 
     /// The part of the lightmap that is computed, 0 to 1.
     pub fn progress(&self) -> f32 {
         match &self.bake {
+            Bake::There(_) if self.is_behind => 0.0,
             Bake::There(bake) => bake.progress(),
             Bake::Idle | Bake::Coming(_) => 0.0,
             Bake::Failed => 1.0,
@@ -231,7 +237,8 @@ impl BakedLight {
             self.computed_for = Some(now);
             self.restart(scale);
         }
-        if self.computed_for != Some(now) || self.is_done() {
+        self.is_behind = self.computed_for != Some(now);
+        if self.is_behind || self.is_done() {
             return Ok(false);
         }
         match self.advance() {
@@ -294,6 +301,7 @@ impl BakedLight {
         if self.computed_for.replace(now).is_some_and(|before| before != now) {
             self.restart(scale);
         }
+        self.is_behind = false;
         if !self.is_done() {
             self.prepare()?;
         }
@@ -345,10 +353,13 @@ impl BakedLight {
     }
 
     fn source(&self, state: LightState) -> blake3::Hash {
-        let LightState { panorama, rotation, world_from_models } = state;
+        let LightState { panorama, rotation, world_from_models, edits } = state;
         let mut hasher = blake3::Hasher::new();
         hasher.update(self.made_by.as_bytes()).update(panorama.as_bytes()).update(&rotation.to_le_bytes());
         hasher.update(bytemuck::bytes_of(&world_from_models));
+        if let Some(edits) = edits {
+            hasher.update(edits.as_bytes());
+        }
         hasher.update(self.probes().map_or(&[][..], |probes| bytemuck::cast_slice(probes.placed())));
         hasher.finalize()
     }

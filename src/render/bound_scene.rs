@@ -2,7 +2,8 @@
 
 use std::sync::Arc;
 
-use super::baked_light::BakedLight;
+use super::baked_light::{BakedLight, LightState};
+use super::edits::{EditPlaces, SceneEdits};
 use super::frame::{FRAME_BYTES, FrameInputs, SceneConstants, sun_block};
 use super::frame_set::FrameSet;
 use super::layouts::Layouts;
@@ -12,8 +13,8 @@ use super::pipeline_request::PipelineRequest;
 use super::scene_resources::SceneResources;
 use super::settings::RenderSettings;
 use super::shadow_maps::{Placement, ShadowMaps};
-use super::shadow_pass::ShadowPass;
 use super::shared::FrameBlock;
+use super::surface_pass::SurfacePass;
 use crate::Result;
 use crate::asset::Report;
 use crate::context::Context;
@@ -34,6 +35,9 @@ pub struct BoundScene {
     /// Light that surfaces give back, where it is modelled.
     pub baked: Option<BakedLight>,
     pub shadows: ShadowMaps,
+    edits: SceneEdits,
+    /// Where the buffers do not have the edits yet.
+    unwritten: EditPlaces,
     /// `bindings::SCENE`.
     pub set: DescriptorSet,
 }
@@ -49,7 +53,26 @@ impl BoundScene {
     ) -> Result<Self> {
         let shadows = ShadowMaps::new(gpu, &resources.shadow_plan, lighting.sun.is_some())?;
         let set = scene_set(gpu, layouts, (&resources, &shadows), &lighting, baked.as_ref())?;
-        Ok(Self { resources, lighting, baked, shadows, set })
+        let (edits, unwritten) = Default::default();
+        Ok(Self { resources, lighting, baked, shadows, edits, unwritten, set })
+    }
+
+    /// Changes of the scene as its file has it.
+    pub fn edits(&self) -> &SceneEdits {
+        &self.edits
+    }
+
+    /// Shows the scene with these changes from the next frame on; returns whether that takes other pipelines to be right.
+    pub fn set_edits(&mut self, edits: SceneEdits) -> bool {
+        let before = self.resources.variants_for(&self.edits);
+        self.unwritten.extend(self.edits.places(&edits));
+        self.edits = edits;
+        self.resources.variants_for(&self.edits) != before
+    }
+
+    /// Brings the buffers up to date with the edits.
+    pub fn write_edits(&mut self, commands: &mut Commands<'_>) {
+        self.resources.write(commands, &self.edits, &std::mem::take(&mut self.unwritten));
     }
 
     /// Puts the scene under another light.
@@ -69,7 +92,19 @@ impl BoundScene {
         baked.set_panorama(&self.lighting)?;
         self.set = scene_set(gpu, layouts, (&resources, &self.shadows), &self.lighting, Some(&baked))?;
         (self.resources, self.baked) = (resources, Some(baked));
+        // They are as the file has them.
+        self.unwritten = self.edits.places(&self.edits);
         Ok(())
+    }
+
+    /// What soft light depends on in a frame.
+    fn light_state(&self, inputs: &FrameInputs<'_>) -> LightState {
+        LightState {
+            panorama: self.lighting.digest,
+            rotation: inputs.environment_rotation,
+            world_from_models: inputs.world_from_models,
+            edits: self.edits.digest(),
+        }
     }
 
     /// Follows what light depends on in a frame; returns whether there is a piece of it to compute.
@@ -77,8 +112,7 @@ impl BoundScene {
     /// # Errors
     /// A lost GPU.
     pub fn follow_light(&mut self, inputs: &FrameInputs<'_>, report: &Report) -> Result<bool> {
-        let Lighting { maps, digest, .. } = &self.lighting;
-        let state = inputs.light_state(*digest);
+        let (maps, state) = (&self.lighting.maps, self.light_state(inputs));
         self.baked.as_mut().map_or(Ok(false), |baked| baked.follow(state, maps.scale, report))
     }
 
@@ -94,8 +128,7 @@ impl BoundScene {
     /// Computes light to its end, and keeps it in the cache; returns the GPU time that it took, milliseconds, 0 where there
     /// is nothing to do.
     pub fn finish_light(&mut self, context: &Context, inputs: &FrameInputs<'_>) -> Result<f64> {
-        let Lighting { maps, digest, .. } = &self.lighting;
-        let state = inputs.light_state(*digest);
+        let (maps, state) = (&self.lighting.maps, self.light_state(inputs));
         if !self.baked.as_mut().map_or(Ok(false), |baked| baked.demand(state, maps.scale))? {
             return Ok(0.0);
         }
@@ -105,6 +138,7 @@ impl BoundScene {
         while let Some(part) = self.light_progress() {
             let mut frame = ring.begin()?;
             gpu_ms += frame.finished.total_ms();
+            self.write_edits(&mut frame.commands);
             self.record_light(&mut frame, &block, BAKE_MS)?;
             progress.set_position((part * PROGRESS as f32) as u64);
             frame.submit(None)?;
@@ -121,7 +155,12 @@ impl BoundScene {
     }
 
     /// Records the drawing of shadow maps that do not show the scene as it is, if a pass draws any.
-    pub fn update_shadows(&mut self, commands: &mut Commands<'_>, pass: Option<&ShadowPass>, inputs: &FrameInputs<'_>) {
+    pub fn update_shadows(
+        &mut self,
+        commands: &mut Commands<'_>,
+        pass: Option<&SurfacePass>,
+        inputs: &FrameInputs<'_>,
+    ) {
         let sun = self.lighting.sun.map(|sun| sun_block(&sun, inputs.environment_rotation));
         let place =
             Placement { world_from_models: inputs.world_from_models, towards_sun: sun.map(|sun| sun.towards.into()) };
@@ -156,7 +195,7 @@ impl BoundScene {
         PipelineRequest {
             gpu: Arc::clone(gpu),
             layouts: Arc::clone(layouts),
-            variants: self.resources.variants.clone(),
+            variants: self.resources.variants_for(&self.edits),
             constant_lights: self.resources.constant_lights,
             lightmap_layers: self.baked.as_ref().map_or(0, BakedLight::layers),
             probes: self.baked.as_ref().map_or(0, BakedLight::probe_count),

@@ -64,6 +64,13 @@ impl Eye {
         })
     }
 
+    /// The part of it that one pixel of a picture shows, counted from the upper left corner.
+    pub fn of_pixel(&self, [x, y]: [u32; 2], [width, height]: [u32; 2]) -> Self {
+        let column = |x: u32| self.left + (self.right - self.left) * x as f32 / width as f32;
+        let row = |y: u32| self.up + (self.down - self.up) * y as f32 / height as f32;
+        Self { left: column(x), right: column(x + 1), up: row(y), down: row(y + 1), ..*self }
+    }
+
     /// Position in world space, metres.
     pub fn position(&self) -> Vec3 {
         self.world_from_view.w_axis.truncate()
@@ -136,6 +143,20 @@ mod tests {
             let axes = Mat3::from_mat4(eye.world_from_view);
             assert!((axes.determinant() - 1.0).abs() < 1e-5);
             assert!(axes.y_axis.y >= -1e-6);
+        }
+    }
+
+    #[test]
+    fn a_pixel_of_an_eye_shows_what_the_eye_shows_there() {
+        let eye =
+            Eye { left: -1.5, right: 0.5, down: -0.25, up: 0.75, ..Eye::looking(Vec3::ONE, Vec3::ZERO, 50.0, 1.0) };
+        let size = [20, 10];
+        for pixel in [[0, 0], [19, 9], [7, 3]] {
+            // The pixel's centre in the picture, from -1 to 1, and back into the world.
+            let centre = [0, 1].map(|i| (2.0 * pixel[i] as f32 + 1.0) / size[i] as f32 - 1.0);
+            let world = eye.clip_from_world().inverse() * Vec4::new(centre[0], centre[1], 0.5, 1.0);
+            let seen = ndc(&eye.of_pixel(pixel, size), world.truncate() / world.w);
+            assert!(seen.truncate().length() < 1e-3, "{pixel:?}: {seen}");
         }
     }
 

@@ -15,7 +15,6 @@ use crate::gpu::{Commands, Constant, Cull, DepthState, Format, GraphicsDesc, Pip
 use crate::reference::energy::Scattering;
 use crate::reference::table::SplitSum;
 use crate::scene::MaterialFeatures;
-use crate::scene::needs::Metalness;
 
 /// The fragment stages and the format and samples of their target.
 struct Stages {
@@ -86,11 +85,7 @@ impl ForwardPass {
         let multiple = settings.scattering == Scattering::Multiple;
         let surface = |features: &MaterialFeatures| {
             // A path that begins on one material goes on to others.
-            let features = if is_reference {
-                MaterialFeatures { metalness: Metalness::Mixed, multi_scatter: true, ..*features }
-            } else {
-                *features
-            };
+            let features = if is_reference { features.with_any_factors() } else { *features };
             let constants: Vec<Constant> = common.into_iter().chain(constants(features, multiple)).collect();
             let fragment = if features.alpha_mask { stages.cutout } else { stages.surface };
             // The reference covers by chance instead.

@@ -2,7 +2,6 @@
 
 use glam::{DVec2, Mat4};
 
-use super::baked_light::LightState;
 use super::draws::CullOptions;
 use super::eye::Eye;
 use super::gizmos::{ControllerGizmos, GizmoVertex, MAX_GIZMO_VERTICES};
@@ -45,11 +44,6 @@ impl<'a> FrameInputs<'a> {
             culling: CullOptions::default(),
             gizmos: None,
         }
-    }
-
-    /// What soft light changes with.
-    pub(super) fn light_state(&self, panorama: blake3::Hash) -> LightState {
-        LightState { panorama, rotation: self.environment_rotation, world_from_models: self.world_from_models }
     }
 
     /// The uniform block, with the scene's constants added.

@@ -91,7 +91,8 @@ impl LightmapRequest {
         let source = LightSource { scene, geometry, ray_scene, importance };
         let mut baked = BakedLight::new(context, &self.layouts, source, flattened.atlas.size[0], &self.settings)?;
         let rotation = scene.environment.rotation_degrees.to_radians();
-        let state = LightState { panorama: self.panorama, rotation, world_from_models: Mat4::IDENTITY };
+        let world_from_models = Mat4::IDENTITY;
+        let state = LightState { panorama: self.panorama, rotation, world_from_models, edits: None };
         if !baked.load(context, state, self.scale)? {
             baked.prepare()?;
         }

@@ -12,6 +12,7 @@ pub mod bindings;
 mod bound_scene;
 mod culling;
 mod draws;
+mod edits;
 mod emitters;
 mod eye;
 mod forward;
@@ -33,6 +34,7 @@ mod mirror_picture;
 mod mirror_picture_gpu_tests;
 mod output;
 mod pace;
+mod picker;
 mod pipeline_request;
 mod pipelines;
 mod probe_maps;
@@ -54,16 +56,17 @@ mod settings;
 #[cfg(test)]
 mod shadow_gpu_tests;
 mod shadow_maps;
-mod shadow_pass;
 mod shadow_plan;
 mod shared;
 #[cfg(test)]
 mod shared_gpu_tests;
 mod sun_view;
+mod surface_pass;
 mod targets;
 mod ui;
 
 pub use draws::{CullOptions, DrawCounts, Order};
+pub use edits::{MaterialFactors, SceneEdits};
 pub use eye::{Eye, IPD_METRES, NEAR_METRES};
 pub use frame::{FRAME_BYTES, FrameInputs};
 pub use gizmos::{ControllerGizmos, GizmoVertex, MAX_GIZMO_VERTICES};

@@ -6,9 +6,10 @@ use super::hidden_area::HiddenAreaPass;
 use super::pipeline_request::PipelineRequest;
 use super::reference_accumulator::{ReferenceAccumulator, ReferencePasses};
 use super::settings::{RenderSettings, Shading};
-use super::shadow_pass::ShadowPass;
 use super::shadow_plan::LampShadows;
+use super::surface_pass::SurfacePass;
 use crate::Result;
+use crate::scene::MaterialFeatures;
 
 /// All pipelines; built again when shading, samples, output or the number of eyes change.
 pub struct PassPipelines {
@@ -16,12 +17,14 @@ pub struct PassPipelines {
     pub(super) eyes: u32,
     /// Whether they shade a sun.
     pub(super) sun: bool,
+    /// The combinations of features that materials are drawn with.
+    pub(super) variants: Vec<MaterialFeatures>,
     pub(super) forward: ForwardPass,
     /// Only with more than one eye.
     pub(super) gizmos: Option<GizmoPass>,
     pub(super) hidden_area: Option<HiddenAreaPass>,
     /// Only where something has a shadow map.
-    pub(super) shadows: Option<ShadowPass>,
+    pub(super) shadows: Option<SurfacePass>,
     /// Only for [`Shading::Reference`].
     pub(super) reference: Option<ReferencePasses>,
 }
@@ -42,10 +45,11 @@ impl PassPipelines {
             settings: settings.clone(),
             eyes: *eyes,
             sun: request.shades_sun(),
+            variants: request.variants.clone(),
             forward: ForwardPass::new(request)?,
             gizmos: has_headset_passes.then(|| GizmoPass::new(request)).transpose()?,
             hidden_area: has_headset_passes.then(|| HiddenAreaPass::new(request)).transpose()?,
-            shadows: has_shadows.then(|| ShadowPass::new(request)).transpose()?,
+            shadows: has_shadows.then(|| SurfacePass::shadow(request)).transpose()?,
             reference: is_reference.then(|| ReferencePasses::new(request)).transpose()?,
         })
     }

@@ -8,6 +8,7 @@ use glam::Mat4;
 use super::baked_light::BakedLight;
 use super::bound_scene::{BAKE_MS, BoundScene};
 use super::draws::{DrawCounts, DrawList};
+use super::edits::{MaterialFactors, SceneEdits};
 use super::eye::Eye;
 use super::frame::FrameInputs;
 use super::frame_set::FrameSet;
@@ -16,6 +17,7 @@ use super::kept_pipelines::KeptPipelines;
 use super::layouts::Layouts;
 use super::lighting::Lighting;
 use super::lightmapped::{LightmapRequest, Lightmapped};
+use super::picker::Picker;
 use super::pipeline_request::PipelineRequest;
 use super::pipelines::PassPipelines;
 use super::probe_maps::ProbeMaps;
@@ -41,6 +43,8 @@ pub struct Renderer {
     reference: Option<ReferenceAccumulator>,
     hidden_area: Option<HiddenArea>,
     draws: DrawList,
+    /// From the first time that something is picked.
+    picker: Option<Picker>,
     /// Of the first eye's place.
     rest: Rest<Option<Mat4>>,
 }
@@ -100,6 +104,7 @@ impl Renderer {
             pipelines,
             hidden_area: None,
             draws: DrawList::default(),
+            picker: None,
             rest: Rest::default(),
         })
     }
@@ -214,6 +219,42 @@ impl Renderer {
         self.set_pipelines(pipelines)
     }
 
+    /// Changes of the scene as its file has it.
+    pub fn edits(&self) -> &SceneEdits {
+        self.scene.edits()
+    }
+
+    /// Shows the scene with these changes from the next frame on. Returns whether that takes other pipelines than the changes
+    /// before, as [`Renderer::lacks_pipelines`] says.
+    pub fn set_edits(&mut self, edits: SceneEdits) -> bool {
+        self.begin_average();
+        self.scene.set_edits(edits)
+    }
+
+    /// Whether the pipelines cannot show all factors of edited materials, or could show more than is needed.
+    pub fn lacks_pipelines(&self) -> bool {
+        self.pipelines.variants != self.scene.resources.variants_for(self.edits())
+    }
+
+    /// A material's factors as they are shown.
+    pub fn factors(&self, material: usize) -> Option<MaterialFactors> {
+        let block = self.scene.resources.material_blocks.get(material)?;
+        Some(MaterialFactors::of(&self.edits().material(material, *block)))
+    }
+
+    /// The index of the material in the pixel that an eye sees, [`Eye::of_pixel`]; `None` for the sky. Waits for the GPU.
+    ///
+    /// # Errors
+    /// A failed Vulkan call.
+    pub fn pick(&mut self, eye: &Eye, world_from_models: Mat4) -> Result<Option<usize>> {
+        let request = self.pipeline_request(self.settings().clone(), 1);
+        let picker = match self.picker.take() {
+            Some(picker) => picker,
+            None => Picker::new(&request)?,
+        };
+        self.picker.insert(picker).material(&self.scene, eye, world_from_models)
+    }
+
     /// Builds pipelines on the calling thread and uses them from now on; on an error the old ones stay.
     ///
     /// # Errors
@@ -319,14 +360,17 @@ impl Renderer {
     /// # Errors
     /// A ring with too few bytes.
     pub fn record(&mut self, frame: &mut FrameContext<'_>, inputs: &FrameInputs<'_>) -> Result<()> {
+        self.scene.write_edits(&mut frame.commands);
         self.list_draws(inputs);
         let rests = self.eye_rests(inputs);
         self.scene.update_shadows(&mut frame.commands, self.pipelines.shadows.as_ref(), inputs);
         let Self { scene, pipelines, targets, reference, draws, .. } = self;
-        let block = inputs.block(scene.constants());
         if reference.is_none() && scene.follow_light(inputs, &self.context.report)? {
+            let block = inputs.block(scene.constants());
             scene.record_light(frame, &block, piece_ms(&self.context, inputs.eyes.len(), rests))?;
         }
+        // After the light: with its last piece come the probes.
+        let block = inputs.block(scene.constants());
         if let Some((reference, passes)) = reference.as_mut().zip(pipelines.reference.as_ref()) {
             let index = reference.next_index(block, targets.area);
             let eyes = Eye::each(inputs.eyes, |eye| jittered(eye, index, targets.area));

@@ -10,6 +10,7 @@ use std::sync::Arc;
 use glam::Vec3;
 
 use super::draws::{Draw, Layer};
+use super::edits::{EditPlaces, SceneEdits};
 use super::ray_scene::LazyRayScene;
 use super::settings::RenderSettings;
 use super::shadow_plan::ShadowPlan;
@@ -17,7 +18,7 @@ use super::shared::{InstanceBlock, LightBlock, MaterialBlock, material_flag};
 use crate::Result;
 use crate::asset::model::Cone;
 use crate::context::Context;
-use crate::gpu::{Buffer, BufferKind, Gpu};
+use crate::gpu::{Buffer, BufferKind, Commands, Gpu};
 use crate::scene::cluster::{Cluster, clusters};
 use crate::scene::{GeometryView, Lookup, Material, MaterialFeatures, PointLight, Scene, SceneFeatures};
 pub use geometry::Geometry;
@@ -31,10 +32,15 @@ pub struct SceneResources {
     pub instances: Arc<Buffer>,
     pub materials: Arc<Buffer>,
     pub lights: Arc<Buffer>,
+    /// What the scene's file has of the last two.
+    pub material_blocks: Vec<MaterialBlock>,
+    pub light_blocks: Vec<LightBlock>,
     pub light_count: u32,
     pub shadow_plan: ShadowPlan,
     /// Each combination of features that a material needs; [`Draw::variant`] is an index.
     pub variants: Vec<MaterialFeatures>,
+    /// For each of the scene's materials, the index of its combination.
+    pub variant_of_materials: Vec<u32>,
     /// The number of point lights that shaders are made for; `None` for any.
     pub constant_lights: Option<u32>,
     /// [`Draw::textures`] is an index of one of its sets.
@@ -45,6 +51,34 @@ pub struct SceneResources {
 }
 
 impl SceneResources {
+    /// The combinations that pipelines are made for: those of edited materials can show any factors.
+    pub fn variants_for(&self, edits: &SceneEdits) -> Vec<MaterialFeatures> {
+        let mut variants = self.variants.clone();
+        for material in edits.materials.keys() {
+            if let Some(variant) = self.variant_of_materials.get(*material) {
+                let features = &mut variants[*variant as usize];
+                *features = features.with_any_factors();
+            }
+        }
+        variants
+    }
+
+    /// Records the writing of these materials and lamps as they are with their changes.
+    pub fn write(&self, commands: &mut Commands<'_>, edits: &SceneEdits, places: &EditPlaces) {
+        for index in &places.materials {
+            if let Some(block) = self.material_blocks.get(*index) {
+                let (block, offset) = (edits.material(*index, *block), index * size_of::<MaterialBlock>());
+                commands.update_buffer(&self.materials, offset as u64, bytemuck::bytes_of(&block));
+            }
+        }
+        for index in &places.lamps {
+            if let Some(block) = self.light_blocks.get(*index) {
+                let (block, offset) = (edits.lamp(*index, *block), index * size_of::<LightBlock>());
+                commands.update_buffer(&self.lights, offset as u64, bytemuck::bytes_of(&block));
+            }
+        }
+    }
+
     /// Uploads a scene whose textures are there with this geometry: its own, or the same with lightmap coordinates.
     ///
     /// # Errors
@@ -84,8 +118,11 @@ impl SceneResources {
             materials: storage(gpu, "materials", &blocks)?,
             lights: storage(gpu, "lights", &lights)?,
             light_count: u32::try_from(lights.len()).unwrap_or(u32::MAX),
+            material_blocks: blocks,
+            light_blocks: lights,
             shadow_plan,
             variants: variants.all,
+            variant_of_materials: drawn.iter().map(|drawn| drawn.variant).collect(),
             constant_lights: features.lights,
             ray_scene: Arc::new(LazyRayScene::new(scene, geometry, &textures.sets)),
             textures,

@@ -10,10 +10,10 @@ use glam::{Mat4, Vec3, Vec4};
 use super::draws::{CullOptions, Draw, DrawList, Order};
 use super::eye::Eye;
 use super::scene_resources::SceneResources;
-use super::shadow_pass::ShadowPass;
 use super::shadow_plan::{FACES, LampMap, ShadowPlan, face_tangent};
 use super::shared::SunShadowBlock;
 use super::sun_view::SunView;
+use super::surface_pass::SurfacePass;
 use crate::Result;
 use crate::gpu::{
     Attachments, Commands, DEPTH_FORMAT, DepthAttachment, DescriptorSet, Gpu, Image, ImageAccess, ImageDesc,
@@ -92,7 +92,7 @@ impl ShadowMaps {
     pub fn update(
         &mut self,
         commands: &mut Commands<'_>,
-        pass: Option<&ShadowPass>,
+        pass: Option<&SurfacePass>,
         scene: (&SceneResources, &DescriptorSet),
         place: Placement,
     ) {
@@ -119,7 +119,7 @@ impl ShadowMaps {
     fn draw_lamps(
         &mut self,
         commands: &mut Commands<'_>,
-        pass: &ShadowPass,
+        pass: &SurfacePass,
         (resources, set): (&SceneResources, &DescriptorSet),
         world_from_models: Mat4,
     ) {
@@ -138,7 +138,7 @@ impl ShadowMaps {
     fn draw_sun(
         &mut self,
         commands: &mut Commands<'_>,
-        pass: &ShadowPass,
+        pass: &SurfacePass,
         (resources, set): (&SceneResources, &DescriptorSet),
         world_from_models: Mat4,
         towards: Vec3,

@@ -83,6 +83,11 @@ impl MaterialFeatures {
         blends: false,
     };
 
+    /// The same for any factors of base color, metallic and roughness.
+    pub fn with_any_factors(self) -> Self {
+        Self { metalness: Metalness::Mixed, multi_scatter: true, ..self }
+    }
+
     /// Everything but what only this material's vertices have, or what changes its picture.
     fn everything(material: &Material) -> Self {
         let Self { vertex_colours, second_uv, blends, .. } = Self::of(material);

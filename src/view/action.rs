@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use crate::render::RenderSettings;
+use crate::render::{MaterialFactors, RenderSettings};
 
 /// One command.
 #[derive(Clone, Debug, PartialEq)]
@@ -32,6 +32,12 @@ pub enum Action {
     AddRotation(i8),
     /// The panorama's rotation, radians.
     Rotation(f32),
+    /// Show what there is to know of one of the scene's materials, from 0.
+    Material(usize),
+    /// Change a material's factors, or give it those of its file again.
+    Factors(usize, Option<MaterialFactors>),
+    /// Multiply a lamp's intensity, or give it that of its file again.
+    Lamp(usize, Option<f32>),
     Settings(Box<RenderSettings>),
     /// Show a scene or a panorama.
     Open(PathBuf),

@@ -8,6 +8,7 @@ use clap::ValueEnum;
 use super::action::Action;
 use super::loader::{LoadRequest, LoadResult, LoadedScene, Loader, Target, file_name, own_panorama};
 use super::loading_files::LoadingFiles;
+use super::measured::Measurements;
 use super::playlist::Playlist;
 use super::shown_scene::ShownScene;
 use crate::asset::Report;
@@ -80,7 +81,8 @@ pub struct App {
 }
 
 impl App {
-    /// An app without a scene. The loader calls `wake` whenever [`App::collect`] has something to collect.
+    /// An app without a scene. The loader calls `wake` whenever [`App::collect`] has something to collect, and `measurements`
+    /// for each scene.
     ///
     /// # Errors
     /// No thread can be started.
@@ -89,9 +91,10 @@ impl App {
         settings: RenderSettings,
         target: Target,
         wake: impl Fn() + Clone + Send + 'static,
+        measurements: Option<Measurements>,
     ) -> Result<Self> {
         Ok(Self {
-            loader: Loader::new(&context, wake)?,
+            loader: Loader::new(&context, measurements, wake)?,
             playlist: Playlist::new(),
             scene: None,
             first_settings: settings.clone(),
@@ -306,7 +309,8 @@ impl App {
             self.loader.start(LoadRequest::Pipelines(self.pipelines, request));
             return Ok(());
         }
-        let change = renderer.settings().difference(&self.settings);
+        let least = if renderer.lacks_pipelines() { Change::Pipelines } else { Change::Nothing };
+        let change = renderer.settings().difference(&self.settings).max(least);
         let is_loading = self.loading.leave_less(change, &self.settings);
         match change {
             Change::Nothing => {}
@@ -370,17 +374,16 @@ impl App {
             }
             Action::Settings(settings) => return self.set_settings(*settings).map(|()| None),
             action => {
-                return Ok(match &mut self.scene {
-                    Some(scene) => scene.perform(action),
-                    None => Some(action),
-                });
+                let Some(scene) = &mut self.scene else { return Ok(Some(action)) };
+                let left = scene.perform(action);
+                return if scene.take_change_of_pipelines() { self.follow_settings() } else { Ok(()) }.map(|()| left);
             }
         };
         // There may be no other.
         file.map_or(Ok(()), |file| self.open(&file)).map(|()| None)
     }
 
-    /// Restores exposure, the panorama's rotation, models and the settings of the start.
+    /// Restores exposure, the panorama's rotation, models, materials, lamps and the settings of the start.
     ///
     /// # Errors
     /// Those of [`App::set_settings`].
@@ -459,6 +462,7 @@ impl App {
 
     fn show(&mut self, loaded: Box<LoadedScene>) -> Result<Update> {
         let mut scene = ShownScene::new(loaded);
+        self.scene.iter().for_each(|old| scene.keep_edits(old));
         // The number of eyes and the settings may have changed while the scene was loading.
         draw_for(&mut scene, self.target.eyes)?;
         let old = self.scene.replace(scene);

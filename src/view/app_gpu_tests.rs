@@ -94,7 +94,7 @@ impl Desk {
         let wake = gate.clone();
         let target = Target { size: SIZE, eyes: 1, hidden: [Vec::new(), Vec::new()] };
         let ring = FrameRing::new(&context.gpu, FRAME_BYTES).unwrap();
-        let app = App::new(context, settings, target, move || wake.pass()).unwrap();
+        let app = App::new(context, settings, target, move || wake.pass(), None).unwrap();
         let mut desk = Self { gate, app, ring, made: 0 };
         desk.app.open_scene(scene);
         desk.gate.wait_for(1);

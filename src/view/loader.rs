@@ -10,6 +10,8 @@ use std::thread::JoinHandle;
 
 use glam::Vec3;
 
+use super::measured::{MeasuredSettings, Measurements};
+use super::scene_parts::SceneParts;
 use super::screenshot;
 use crate::asset::{Panorama, Report, TextureOptions, shipped};
 use crate::context::Context;
@@ -63,6 +65,9 @@ pub struct LoadedScene {
     /// The file of the panorama that lights it; `None` for uniform light.
     pub panorama: Option<PathBuf>,
     pub renderer: Renderer,
+    pub parts: SceneParts,
+    /// What has been measured for it.
+    pub measured: Vec<MeasuredSettings>,
     /// At least one.
     pub cameras: Vec<Camera>,
     pub bounds: Bounds,
@@ -174,7 +179,11 @@ impl Loader {
     ///
     /// # Errors
     /// [`Error::Window`] where no thread can be started.
-    pub fn new(context: &Context, wake: impl Fn() + Clone + Send + 'static) -> Result<Self> {
+    pub fn new(
+        context: &Context,
+        measurements: Option<Measurements>,
+        wake: impl Fn() + Clone + Send + 'static,
+    ) -> Result<Self> {
         // Of everything that is loaded from now on.
         let report = Arc::new(Report::to_terminal());
         let context = Context { report: Arc::clone(&report), ..context.clone() };
@@ -184,9 +193,9 @@ impl Loader {
         let closing = Arc::new(AtomicBool::new(false));
         let outbox = |sender| Outbox { sender, wake: WakeAtEnd(wake.clone()) };
         let (first, second) = (outbox(sender.clone()), outbox(sender));
-        let (its_context, is_closing) = (context.clone(), Arc::clone(&closing));
+        let work = Work { context: context.clone(), measurements, closing: Arc::clone(&closing) };
         let threads = vec![
-            thread("loading", move || load_all(&its_context, &is_closing, to_do, &jobs, &first))?,
+            thread("loading", move || load_all(&work, to_do, &jobs, &first))?,
             thread("lightmaps", move || prepare_all(&context, jobs_to_do, &second))?,
         ];
         Ok(Self { requests: Some(requests), results, closing, stop: Arc::default(), threads, report })
@@ -267,19 +276,25 @@ fn thread(name: &str, work: impl FnOnce() + Send + 'static) -> Result<JoinHandle
     started.map_err(|e| Error::Window { problem: format!("no thread for {name} can be started ({e})") })
 }
 
+/// What the first thread works with.
+struct Work {
+    context: Context,
+    measurements: Option<Measurements>,
+    closing: Arc<AtomicBool>,
+}
+
 /// The work of the first thread.
 fn load_all(
-    context: &Context,
-    closing: &AtomicBool,
+    work: &Work,
     requests: Receiver<(LoadRequest, Arc<AtomicBool>)>,
     jobs: &Sender<LightmapJob>,
     outbox: &Outbox<impl Fn()>,
 ) {
     for (request, stop) in requests {
-        if closing.load(Ordering::Relaxed) && !matches!(request, LoadRequest::Screenshot { .. }) {
+        if work.closing.load(Ordering::Relaxed) && !matches!(request, LoadRequest::Screenshot { .. }) {
             continue;
         }
-        let (result, job) = perform(context, request, stop);
+        let (result, job) = perform(work, request, stop);
         result.into_iter().for_each(|result| outbox.put(result));
         // This fails only if the other thread has panicked, which has been printed.
         job.into_iter().for_each(|job| drop(jobs.send(job)));
@@ -299,14 +314,11 @@ fn prepare_all(context: &Context, jobs: Receiver<LightmapJob>, outbox: &Outbox<i
 }
 
 /// Returns the request's result and what it leaves to be done.
-fn perform(
-    context: &Context,
-    request: LoadRequest,
-    stop: Arc<AtomicBool>,
-) -> (Option<LoadResult>, Option<LightmapJob>) {
+fn perform(work: &Work, request: LoadRequest, stop: Arc<AtomicBool>) -> (Option<LoadResult>, Option<LightmapJob>) {
+    let context = &work.context;
     match request {
         LoadRequest::Scene { number, path, staging, settings, target } => {
-            let (loaded, scene) = match load_for(context, (number, path, staging), settings, &target) {
+            let (loaded, scene) = match load_for(work, (number, path, staging), settings, &target) {
                 Ok((loaded, scene)) => (Ok(loaded), scene),
                 Err(error) => (Err(error), None),
             };
@@ -338,7 +350,7 @@ fn perform(
 
 /// Loads a scene without its lightmap; returns what that is prepared from, where there is to be one.
 fn load_for(
-    context: &Context,
+    Work { context, measurements, .. }: &Work,
     (number, path, staging): (u64, PathBuf, Staging),
     settings: RenderSettings,
     target: &Target,
@@ -356,8 +368,10 @@ fn load_for(
         lightmap_follows,
         name: file_name(&path),
         panorama,
-        path,
         renderer,
+        parts: SceneParts::of(&scene),
+        measured: measurements.map_or_else(Vec::new, |measurements| measurements(&path, context)),
+        path,
         cameras: scene.cameras.clone(),
         bounds,
         floors,

@@ -4,6 +4,7 @@
 mod graph;
 mod library;
 mod messages;
+mod parts;
 mod place;
 mod saved;
 mod sections;
@@ -26,6 +27,8 @@ use library::Library;
 use messages::Messages;
 use saved::Saved;
 
+/// The title of the section for materials.
+const MATERIAL: &str = "Material";
 /// Points.
 const WIDTH: f32 = 310.0;
 const MARGIN: f32 = 10.0;
@@ -68,6 +71,8 @@ pub struct Panel {
     messages: Messages,
     thumbnails: Library,
     camera_name: String,
+    /// A section that is to be open from the next layout on, by its title.
+    opened: Option<&'static str>,
 }
 
 impl Panel {
@@ -83,6 +88,7 @@ impl Panel {
             saved: Saved::load(),
             messages: Messages::default(),
             camera_name: String::new(),
+            opened: None,
         }
     }
 
@@ -126,6 +132,12 @@ impl Panel {
     #[cfg(feature = "hot-reload")]
     pub fn forget(&mut self) {
         self.messages.clear();
+        self.refresh();
+    }
+
+    /// Opens the section of the chosen material.
+    pub fn open_material(&mut self) {
+        self.opened = Some(MATERIAL);
         self.refresh();
     }
 

@@ -6,6 +6,7 @@ use clap::{Args, ValueEnum};
 
 use super::args::Choice;
 use super::headset::{HeadsetReport, HiddenAreaV, RunReport};
+use super::measured::Measurements;
 use crate::asset::file::write_atomically;
 use crate::asset::{Outputs, shipped};
 use crate::gpu::Gpu;
@@ -15,7 +16,7 @@ use crate::scene::staging::Staging;
 use crate::{Error, Result};
 
 /// A scene and how to show it.
-#[derive(Args, Clone, Debug, Default, PartialEq)]
+#[derive(Args, Clone, Debug, Default)]
 pub struct ViewRequest {
     /// A scene description (.toml) or a model (.gltf, .glb, .obj); the demo if left out.
     pub scene: Option<PathBuf>,
@@ -40,6 +41,9 @@ pub struct ViewRequest {
     pub settings: RenderSettings,
     #[command(flatten)]
     pub choice: Choice,
+    /// Finds what the panel shows beside settings.
+    #[arg(skip)]
+    pub measurements: Option<Measurements>,
 }
 
 /// Which output `view` uses.
@@ -120,7 +124,8 @@ mod tests {
 
     #[test]
     fn without_arguments_a_request_is_the_default_one() {
-        assert_eq!(parsed::<ViewRequest>(&[]).expect("arguments"), ViewRequest::default());
+        let (parsed_none, default) = (parsed::<ViewRequest>(&[]).expect("arguments"), ViewRequest::default());
+        assert_eq!(format!("{parsed_none:?}"), format!("{default:?}"));
         for arguments in [["--on", "toaster"], ["--frames", "0"], ["--mirror", "none"]] {
             assert!(parsed::<ViewRequest>(&arguments).is_err(), "{arguments:?}");
         }

@@ -7,7 +7,7 @@ use glam::Mat4;
 
 use super::action::Action;
 use super::loader::LoadedScene;
-use crate::render::{ControllerGizmos, CullOptions, Eye, FrameInputs};
+use crate::render::{ControllerGizmos, CullOptions, Eye, FrameInputs, SceneEdits};
 
 /// Radians of one step of the panorama's rotation.
 const ROTATION_STEP: f32 = TAU / 72.0;
@@ -17,6 +17,8 @@ pub struct ShownScene {
     pub loaded: Box<LoadedScene>,
     /// The index of the last chosen camera.
     pub camera: usize,
+    /// The index of the last chosen material.
+    pub material: Option<usize>,
     /// Stops.
     pub exposure_ev: f32,
     /// Of the panorama about +Y, radians.
@@ -29,6 +31,8 @@ pub struct ShownScene {
     pub last_panorama: Option<PathBuf>,
     /// The rotation after [`ShownScene::reset`]: 0 for a panorama other than the scene's own.
     pub first_rotation: f32,
+    /// Whether changes of materials take other pipelines than those that were asked for.
+    takes_pipelines: bool,
 }
 
 impl ShownScene {
@@ -37,18 +41,29 @@ impl ShownScene {
         let (exposure_ev, rotation) = (loaded.exposure_ev, loaded.environment_rotation);
         Self {
             camera: 0,
+            material: None,
             exposure_ev,
             environment_rotation: rotation,
             world_from_models: Mat4::IDENTITY,
             panorama: loaded.panorama.clone(),
             last_panorama: loaded.panorama.clone(),
             first_rotation: rotation,
+            takes_pipelines: false,
             loaded,
         }
     }
 
-    /// Restores the initial exposure, panorama rotation and models.
+    /// Goes on with the changes of materials and lamps of a scene that was the same before it was loaded again.
+    pub fn keep_edits(&mut self, old: &Self) {
+        if self.loaded.path == old.loaded.path && self.loaded.parts == old.loaded.parts {
+            self.material = old.material;
+            self.loaded.renderer.set_edits(old.loaded.renderer.edits().clone());
+        }
+    }
+
+    /// Restores the initial exposure, panorama rotation, models, materials and lamps.
     pub fn reset(&mut self) {
+        self.loaded.renderer.set_edits(SceneEdits::default());
         self.exposure_ev = self.loaded.exposure_ev;
         self.environment_rotation = self.first_rotation;
         self.world_from_models = Mat4::IDENTITY;
@@ -59,14 +74,29 @@ impl ShownScene {
         match action {
             Action::AddExposure(thirds) => self.exposure_ev += f32::from(thirds) / 3.0,
             Action::Exposure(ev) => self.exposure_ev = ev,
+            Action::Material(index) => self.material = Some(index).filter(|i| *i < self.loaded.parts.materials.len()),
             Action::AddRotation(steps) => {
                 let rotation = self.environment_rotation + f32::from(steps) * ROTATION_STEP;
                 self.environment_rotation = rotation.rem_euclid(TAU);
             }
             Action::Rotation(radians) => self.environment_rotation = radians.rem_euclid(TAU),
+            Action::Factors(index, factors) => self.edit(|edits| edits.set_material(index, factors)),
+            Action::Lamp(index, factor) => self.edit(|edits| edits.set_lamp(index, factor)),
             action => return Some(action),
         }
         None
+    }
+
+    fn edit(&mut self, edit: impl FnOnce(&mut SceneEdits)) {
+        let renderer = &mut self.loaded.renderer;
+        let mut edits = renderer.edits().clone();
+        edit(&mut edits);
+        self.takes_pipelines |= renderer.set_edits(edits);
+    }
+
+    /// Whether other pipelines have become necessary since the last call.
+    pub fn take_change_of_pipelines(&mut self) -> bool {
+        std::mem::take(&mut self.takes_pipelines)
     }
 
     /// The inputs of a frame of the scene; `fade` darkens it, 0 to 1.

@@ -236,7 +236,9 @@ impl ApplicationHandler<()> for EventHandler<'_> {
                 }
                 // Released, a button is for whoever it was pressed for.
                 WindowEvent::MouseInput { state, button, .. } if !taken || !state.is_pressed() => {
-                    viewer.output.button(state, button);
+                    if let Some(pixel) = viewer.output.button(state, button) {
+                        viewer.pick(pixel)?;
+                    }
                 }
                 WindowEvent::CursorMoved { position, .. } => viewer.output.pointer(position),
                 WindowEvent::MouseWheel { delta, .. } if !taken => viewer.output.wheel(delta),

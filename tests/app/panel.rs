@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 
 use pbr_vr::asset::picture::{Picture, compare};
 
-use crate::common::Workshop;
+use crate::common::{Workshop, material};
 use crate::desktop::{Display, ESCAPE, H, Hands, L, P, Program, command};
 use crate::window::{assert_clean, small_scene};
 
@@ -144,6 +144,51 @@ fn every_choice_changes_the_picture_as_the_command_line_does() {
     visit.program.wait_for("lit by ");
     visit.hands.press(&[L]);
     visit.program.wait_for("lit by night.exr");
+    visit.end();
+}
+
+#[test]
+fn a_click_shows_the_material_there_and_its_factors_change_the_picture() {
+    let Some(display) = Display::start() else { return };
+    let (workshop, scene) = small_scene();
+    let lamp = "[[light]]\npoint = { position = [1, 2, 2], intensity = [20, 20, 20] }\n";
+    let text = std::fs::read_to_string(&scene).expect("the scene");
+    std::fs::write(&scene, text + lamp).expect("a test file");
+    let mut visit = Visit::begin(&display, &workshop, &[]);
+    let folder = workshop.0.path();
+    let first = visit.shot();
+    // Sections below have room then.
+    visit.click("Light");
+    visit.click("Scene");
+    visit.program.click(&visit.hands, [640.0, 360.0]);
+    let in_use = || visit.program.errors().matches("the settings are in use").count();
+    let before = in_use();
+    visit.slide("metallic", 0.5);
+    let started = Instant::now();
+    while in_use() == before {
+        assert!(started.elapsed() < Duration::from_secs(60), "no pipelines for a material that is half a metal");
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    let half = visit.shot();
+    workshop.write("gold.mtl", &material([1.0, 0.8, 0.3], 0.5, 0.3));
+    // A click is a pixel or two beside the middle of the slider.
+    let [changed, off] = [&first, &rendered(folder, &[])].map(|other| flip(&half, other));
+    assert!(changed > 0.01 && off < 0.1 * changed, "{changed} from the start, {off} from what it is to be");
+
+    visit.click("As in its file");
+    assert!(flip(&visit.shot(), &first) < 1e-6, "not as its file has it");
+    visit.slide("roughness", 0.9);
+    assert!(flip(&visit.shot(), &first) > 1e-3, "no rougher");
+    visit.click("Material");
+    visit.click("Lamps");
+    visit.click("lamp 1");
+    visit.click("Reset all");
+    assert!(flip(&visit.shot(), &first) < 1e-6, "not as at the start");
+    visit.click("lamp 1");
+    let dark = visit.shot();
+    std::fs::write(&scene, std::fs::read_to_string(&scene).expect("the scene").replace(lamp, "")).expect("a test file");
+    workshop.write("gold.mtl", &material([1.0, 0.8, 0.3], 1.0, 0.3));
+    assert!(flip(&dark, &rendered(folder, &[])) < 1e-4, "a lamp that is off shines");
     visit.end();
 }
 

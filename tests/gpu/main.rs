@@ -8,6 +8,7 @@ mod common;
 mod blending;
 mod damaged;
 mod draws;
+mod edits;
 mod emission;
 mod model_lights;
 mod models;

@@ -11,7 +11,7 @@ use crate::reference::metrics::PIXELS_PER_DEGREE;
 const NOISE: f64 = 0.0005;
 
 /// Configurations by flags, time and FLIP; the first must be the default.
-fn ladder(configs: &[(&str, f64, f64)]) -> Ladder {
+pub fn ladder(configs: &[(&str, f64, f64)]) -> Ladder {
     let default_ms = configs[0].1;
     let config = |(index, &(flags, ms, flip)): (usize, &(&str, f64, f64))| {
         // Noise in a block of its own: any two differ by it in two blocks.

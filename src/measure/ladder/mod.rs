@@ -22,7 +22,7 @@ use crate::{Result, say};
 use config::{Config, Ladder};
 use settings_bench::SettingsBench;
 
-pub use store::choose;
+pub use store::{choose, measured};
 
 /// The scenes that are measured if none is named.
 const SCENES: [&str; 3] = ["sphere", "teapot", "tearoom"];

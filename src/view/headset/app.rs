@@ -23,7 +23,7 @@ pub fn run(request: &ViewRequest, connected: Connected, setup: &Setup<'_>) -> Re
     let context = setup.with(&connected.gpu);
     let messages = context.gpu.messages();
     let session = connected.begin(request.hidden_area)?;
-    let app = App::new(context, request.settings.clone(), session.target(), || {})?;
+    let app = App::new(context, request.settings.clone(), session.target(), || {}, request.measurements)?;
     session.when_hopeless(request.last_report(&app.context.gpu));
     let mut headset = HeadsetApp { session, app, clock: FrameClock::default() };
     interrupt::listen(|| {});

@@ -6,7 +6,7 @@ use egui::{CollapsingHeader, ComboBox, Grid, RichText, ScrollArea, Slider, Ui};
 
 use super::library::{SIZE, Thumbnail};
 use super::place::place;
-use super::{Panel, PanelInputs, graph, rate_text, settings, style};
+use super::{MATERIAL, Panel, PanelInputs, graph, parts, rate_text, settings, style};
 use crate::render::Change;
 use crate::view::action::Action;
 use crate::view::control::Mode;
@@ -23,8 +23,9 @@ const LIST_HEIGHT: f32 = 220.0;
 const MOST_WARNINGS: usize = 100;
 
 /// Keys and gestures, and what they do.
-const KEYS: [(&str, &str); 18] = [
+const KEYS: [(&str, &str); 19] = [
     ("H  F1", "show or hide this panel"),
+    ("click", "the material there, with its factors"),
     ("drag left", "orbit; look around while flying"),
     ("drag right", "pan (also the middle button)"),
     ("wheel", "zoom; speed while flying"),
@@ -48,11 +49,18 @@ impl Panel {
     /// All sections, from top to bottom.
     pub(super) fn sections(&mut self, ui: &mut Ui, inputs: &PanelInputs<'_>, actions: &mut Vec<Action>) {
         let Some(scene) = &inputs.app.scene else { return };
+        let chosen = (inputs.app.settings(), scene.loaded.measured.as_slice());
         self.head(ui, inputs, scene, actions);
         self.section(ui, "Scene", true, |panel, ui| panel.scene(ui, inputs, scene, actions));
         self.section(ui, "Light", true, |panel, ui| panel.light(ui, inputs, scene, actions));
-        self.section(ui, "Shading", false, |_, ui| settings::shading(ui, inputs.app.settings(), actions));
-        self.section(ui, "Quality", false, |_, ui| settings::quality(ui, inputs.app.settings(), actions));
+        self.section(ui, MATERIAL, false, |_, ui| parts::material(ui, scene, actions));
+        self.section(ui, "Lamps", false, |_, ui| parts::lamps(ui, scene, actions));
+        self.section(ui, "Shading", false, |_, ui| {
+            settings::section(ui, chosen, actions, |choices, ui| choices.shading(ui));
+        });
+        self.section(ui, "Quality", false, |_, ui| {
+            settings::section(ui, chosen, actions, |choices, ui| choices.quality(ui));
+        });
         self.section(ui, "Statistics", false, |panel, ui| panel.statistics(ui, inputs, scene, actions));
         let (count, newest) = inputs.app.report().newest_warnings(MOST_WARNINGS);
         self.section(ui, &format!("Warnings ({count})"), false, |_, ui| warnings(ui, &newest));
@@ -64,8 +72,9 @@ impl Panel {
         // Without a count, if there is one.
         let id = title.split(" (").next().unwrap_or(title).to_owned();
         let was_open = self.saved.sections.get(&id).copied().unwrap_or(open);
+        let opened = self.opened.take_if(|opened| *opened == title).map(|_| true);
         let header = CollapsingHeader::new(RichText::new(title).strong()).id_salt(&id).default_open(was_open);
-        let shown = header.show(ui, |ui| add(self, ui));
+        let shown = header.open(opened).show(ui, |ui| add(self, ui));
         place(ui, &id, &shown.header_response);
         let is_open = shown.fully_open();
         if is_open != was_open {
@@ -171,7 +180,8 @@ impl Panel {
         if slider.changed() {
             actions.push(Action::Rotation(degrees.to_radians()));
         }
-        settings::light(ui, inputs.app.settings(), actions);
+        let chosen = (inputs.app.settings(), scene.loaded.measured.as_slice());
+        settings::section(ui, chosen, actions, |choices, ui| choices.light(ui));
         ui.horizontal(|ui| {
             ui.label("panorama");
             step(ui, "panorama", [Action::PreviousPanorama, Action::NextPanorama], actions);

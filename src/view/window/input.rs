@@ -12,6 +12,8 @@ use crate::Result;
 use crate::scene::description_text::append_camera;
 use crate::view::action::Action;
 
+/// Points that the pointer may move between pressing and releasing a button for it to be a click.
+const CLICK_POINTS: f64 = 4.0;
 /// Pixels of a touchpad's scrolling, at scale 1, that count as one notch of a wheel.
 const PIXELS_PER_NOTCH: f64 = 40.0;
 
@@ -21,26 +23,38 @@ impl WindowOutput {
         self.focused = focused;
         if !focused {
             self.keys.release_all();
-            self.drag = None;
+            (self.drag, self.pressed) = (None, None);
         }
     }
 
-    /// A mouse button was pressed or released.
-    pub fn button(&mut self, state: ElementState, button: MouseButton) {
+    /// A mouse button was pressed or released; returns where that was a click with the left one, in pixels.
+    pub fn button(&mut self, state: ElementState, button: MouseButton) -> Option<[u32; 2]> {
         let drag = match button {
             MouseButton::Left => Drag::Turn,
             MouseButton::Right | MouseButton::Middle => Drag::Pan,
-            _ => return,
+            _ => return None,
         };
         match state {
-            ElementState::Pressed => self.drag = Some(drag),
-            ElementState::Released => self.drag = self.drag.filter(|current| *current != drag),
+            ElementState::Pressed => {
+                self.drag = Some(drag);
+                self.pressed = self.pointer.filter(|_| drag == Drag::Turn);
+                None
+            }
+            ElementState::Released => {
+                self.drag = self.drag.filter(|current| *current != drag);
+                let pressed = self.pressed.take()?;
+                let is_within = |at: f64, side: u32| (0.0..f64::from(side)).contains(&at);
+                let clicked = is_within(pressed.x, self.size[0]) && is_within(pressed.y, self.size[1]);
+                clicked.then_some([pressed.x as u32, pressed.y as u32])
+            }
         }
     }
 
     /// The mouse pointer has moved.
     pub fn pointer(&mut self, position: PhysicalPosition<f64>) {
         let before = self.pointer.replace(position).unwrap_or(position);
+        let limit = CLICK_POINTS * self.window.scale_factor();
+        self.pressed = self.pressed.filter(|at| (at.x - position.x).hypot(at.y - position.y) <= limit);
         let height = f64::from(self.size[1].max(1));
         let moved = Vec2::new((position.x - before.x) as f32, (position.y - before.y) as f32) / height as f32;
         if let Some(control) = &mut self.control {
@@ -102,6 +116,27 @@ impl Viewer {
             None => {}
         }
         Ok(false)
+    }
+
+    /// Shows the panel's section for the material in this pixel of the window, where the panel is shown.
+    pub fn pick(&mut self, pixel: [u32; 2]) -> Result<()> {
+        let size = self.output.presenter.size();
+        let is_inside = pixel[0] < size[0] && pixel[1] < size[1];
+        // A headset's mirror is another picture.
+        let may_pick = self.session.is_none() && self.output.panel.is_shown() && is_inside;
+        let Some((scene, control)) = self.app.scene.as_mut().zip(self.output.control.as_ref()).filter(|_| may_pick)
+        else {
+            return Ok(());
+        };
+        let eye = control.eye(size[0] as f32 / size[1] as f32).of_pixel(pixel, size);
+        match scene.loaded.renderer.pick(&eye, scene.world_from_models)? {
+            Some(index) => {
+                self.perform(Action::Material(index))?;
+                self.output.panel.open_material();
+            }
+            None => self.output.note("there is nothing but the panorama"),
+        }
+        Ok(())
     }
 
     /// Performs the panel's commands.

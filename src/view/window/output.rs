@@ -14,7 +14,7 @@ use super::keys::PressedKeys;
 use super::mirror::crop;
 use super::presenter::{Content, WindowPresenter};
 use crate::gpu::Gpu;
-use crate::render::MirrorPart;
+use crate::render::{MirrorPart, SceneEdits};
 use crate::view::action::Action;
 use crate::view::app::{App, Update};
 use crate::view::control::{Control, Mode};
@@ -53,6 +53,8 @@ pub struct WindowOutput {
     pub keys: PressedKeys,
     pub modifiers: ModifiersState,
     pub drag: Option<Drag>,
+    /// Where the left button was pressed, while it is and the pointer has not left that place.
+    pub pressed: Option<PhysicalPosition<f64>>,
     pub pointer: Option<PhysicalPosition<f64>>,
     /// The window's, pixels.
     pub size: [u32; 2],
@@ -82,6 +84,7 @@ struct PictureState {
     world_from_models: Mat4,
     exposure_ev: f32,
     environment_rotation: f32,
+    edits: SceneEdits,
 }
 
 impl PictureState {
@@ -93,6 +96,7 @@ impl PictureState {
             world_from_models: scene.world_from_models,
             exposure_ev: scene.exposure_ev,
             environment_rotation: scene.environment_rotation,
+            edits: scene.loaded.renderer.edits().clone(),
         }
     }
 
@@ -125,6 +129,7 @@ impl WindowOutput {
             keys: PressedKeys::default(),
             modifiers: ModifiersState::empty(),
             drag: None,
+            pressed: None,
             pointer: None,
             size: window.inner_size().into(),
             occluded: false,
@@ -384,6 +389,7 @@ mod tests {
             world_from_models: Mat4::IDENTITY,
             exposure_ev: 0.0,
             environment_rotation: 0.0,
+            edits: SceneEdits::default(),
         };
         assert!(!state.moved_to(&PictureState { revision: 2, ..state.clone() }));
         assert!(state.moved_to(&PictureState { exposure_ev: 0.1, revision: 2, ..state.clone() }));

@@ -66,7 +66,7 @@ impl Viewer {
         }
         let target = session.as_ref().map_or_else(|| output.target(), Session::target);
         Ok(Self {
-            app: App::new(context, request.settings.clone(), target, wake)?,
+            app: App::new(context, request.settings.clone(), target, wake, request.measurements)?,
             session,
             session_report: None,
             mirror: MirrorView::new(request.mirror),

@@ -1,4 +1,4 @@
-// Places a vertex of one instance in a shadow map.
+// Places a vertex of one instance in a shadow map, or in a target that tells materials apart.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "instance.glsl"
@@ -14,10 +14,12 @@ layout(location = 1) in vec2 uv_in;
 layout(location = 0) out vec2 uv;
 layout(location = 1) flat out float alpha_cutoff; // below 0: alpha is coverage
 layout(location = 2) out float opacity;
+layout(location = 3) flat out uint material_index;
 
 void main()
 {
-    Material material = materials[instances[draw.instance].material];
+    material_index = instances[draw.instance].material;
+    Material material = materials[material_index];
     bool is_second = (material.flags & MATERIAL_SECOND_UV << MAP_BASE_COLOR) != 0u;
     uv = is_second ? vertex_extras[gl_VertexIndex].uv1 : uv_in;
     alpha_cutoff = (material.flags & MATERIAL_BLENDS) != 0u ? -1.0 : material.alpha_cutoff;

@@ -1,4 +1,4 @@
-//! The pass that draws depth into shadow maps; surfaces with holes leave them open.
+//! Draws surfaces without their light: their depth into shadow maps, or which material is seen. Holes stay open.
 
 use std::mem::offset_of;
 
@@ -11,7 +11,7 @@ use super::scene_resources::{PackedVertex, SceneResources};
 use crate::Result;
 use crate::gpu::{Commands, Cull, DepthState, DescriptorSet, Format, GraphicsDesc, Pipeline};
 
-/// Push constants of `glsl/shadow.vert`.
+/// Push constants of `glsl/placed.vert`.
 #[repr(C)]
 #[derive(Clone, Copy, Pod, Zeroable)]
 struct Push {
@@ -19,31 +19,57 @@ struct Push {
     instance: u32,
 }
 
-/// Locations of `glsl/shadow.vert`.
+/// Locations of `glsl/placed.vert`.
 const ATTRIBUTES: [(Format, u32); 2] = [
     (Format::R32G32B32_SFLOAT, offset_of!(PackedVertex, position) as u32),
     (Format::R32G32_SFLOAT, offset_of!(PackedVertex, uv) as u32),
 ];
 
+/// What [`SurfacePass::picking`] draws into.
+pub const PICKED: Format = Format::R32_UINT;
+
 /// Pipelines for whole surfaces and for those with holes.
-pub struct ShadowPass {
+pub struct SurfacePass {
     whole: Pipeline,
     /// Only where the scene has some.
     cutout: Option<Pipeline>,
     /// Of each of the scene's variants, whether it has holes.
     has_holes: Vec<bool>,
+    /// Whether only those faces are drawn that a picture shows.
+    as_seen: bool,
 }
 
-impl ShadowPass {
-    /// Creates the pipelines.
-    pub fn new(PipelineRequest { gpu, layouts, variants, .. }: &PipelineRequest) -> Result<Self> {
+/// What the passes differ in.
+struct Kind<'a> {
+    name: &'a str,
+    fragments: [Option<&'a str>; 2],
+    colours: &'a [Format],
+    as_seen: bool,
+}
+
+impl SurfacePass {
+    /// Draws depth alone.
+    pub fn shadow(request: &PipelineRequest) -> Result<Self> {
+        let fragments = [None, Some("shadow_cutout.frag")];
+        Self::new(request, Kind { name: "shadow", fragments, colours: &[], as_seen: false })
+    }
+
+    /// Draws one more than the index of each fragment's material, into a target of [`PICKED`].
+    pub fn picking(request: &PipelineRequest) -> Result<Self> {
+        let fragments = [Some("pick.frag"), Some("pick_cutout.frag")];
+        Self::new(request, Kind { name: "pick", fragments, colours: &[PICKED], as_seen: true })
+    }
+
+    fn new(PipelineRequest { gpu, layouts, variants, .. }: &PipelineRequest, kind: Kind<'_>) -> Result<Self> {
+        let Kind { name, fragments: [whole, cutout], colours, as_seen } = kind;
         let pipeline = |fragment| {
             Pipeline::graphics(
                 gpu,
                 &GraphicsDesc {
-                    name: "shadow",
-                    vertex: "shadow.vert",
+                    name,
+                    vertex: "placed.vert",
                     fragment,
+                    colours,
                     sets: &layouts.drawing(),
                     push_bytes: size_of::<Push>() as u32,
                     vertex_stride: size_of::<PackedVertex>() as u32,
@@ -54,11 +80,11 @@ impl ShadowPass {
             )
         };
         let has_holes: Vec<bool> = variants.iter().map(|features| features.alpha_mask || features.blends).collect();
-        let cutout = has_holes.contains(&true).then(|| pipeline(Some("shadow_cutout.frag"))).transpose()?;
-        Ok(Self { whole: pipeline(None)?, cutout, has_holes })
+        let cutout = has_holes.contains(&true).then(|| pipeline(cutout)).transpose()?;
+        Ok(Self { whole: pipeline(whole)?, cutout, has_holes, as_seen })
     }
 
-    /// Draws depth, reversed; to be called while rendering into a map.
+    /// Draws, with reversed depth; to be called while rendering into a map or target.
     pub fn draw(
         &self,
         commands: &mut Commands<'_>,
@@ -85,8 +111,9 @@ impl ShadowPass {
             if last.is_none_or(|(_, last)| last.instance != call.instance) {
                 commands.push(pipeline, bytemuck::bytes_of(&Push { clip_from_models, instance: call.instance }));
             }
-            if last.is_none_or(|(_, last)| last.cull != call.cull) {
-                commands.cull(call.cull);
+            let faces = |call: &DrawCall| if self.as_seen { call.seen_faces() } else { call.cull };
+            if last.is_none_or(|(_, last)| faces(last) != faces(call)) {
+                commands.cull(faces(call));
             }
             commands.draw_indexed(call.indices.clone(), 1);
             last = Some((cutout.is_some(), call));
