@@ -1,4 +1,4 @@
-//! The commands of a person at the window, whether a key or the panel gives them.
+//! The commands of a person, whether a key, the panel or a controller gives them.
 
 use std::path::PathBuf;
 
@@ -47,4 +47,12 @@ pub enum Action {
     PreviousPanorama,
     /// Draw all the time, for measuring, or only when something changes.
     Continuous(bool),
+}
+
+/// Requests made with a controller's buttons.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Requests {
+    pub next_scene: bool,
+    pub next_panorama: bool,
+    pub next_shading: bool,
 }

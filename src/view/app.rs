@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use clap::ValueEnum;
 
-use super::action::Action;
+use super::action::{Action, Requests};
 use super::loader::{LoadRequest, LoadResult, LoadedScene, Loader, Target, file_name, own_panorama};
 use super::loading_files::LoadingFiles;
 use super::measured::Measurements;
@@ -19,18 +19,10 @@ use crate::scene::load::scene_in;
 use crate::scene::staging::Staging;
 use crate::{Error, Result};
 
-/// Requests made with a controller's buttons.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Requests {
-    pub next_scene: bool,
-    pub next_panorama: bool,
-    pub next_shading: bool,
-}
-
 /// A result of the loader.
 pub enum Update {
-    /// Another scene is shown; whether there was one before it.
-    Scene { replaced: bool },
+    /// Another scene is shown, or the same one again.
+    Scene(Arrival),
     /// The scene is lit by the panorama of this name.
     Light(String),
     /// The scene is drawn with other settings.
@@ -39,6 +31,16 @@ pub enum Update {
     Screenshot(Result<PathBuf>),
     /// A file could not be loaded; nothing has changed.
     Failed(Error),
+}
+
+/// What a scene that is shown takes the place of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Arrival {
+    First,
+    /// Another scene, or one that was opened again.
+    Next,
+    /// The same scene, which other settings made load again: everything that a person has changed stays.
+    Again,
 }
 
 /// Light that is shown as soon as its pipelines are there.
@@ -68,6 +70,8 @@ pub struct App {
     new_lightmap: Option<Lightmapped>,
     /// The number of the last request for a scene.
     scenes: u64,
+    /// That number, where the request was for the shown scene with other settings.
+    again: Option<u64>,
     /// The scene of the command line, and what that says of it.
     first: Option<(PathBuf, Staging)>,
     /// The panorama that was chosen for the scene that is shown, and stays with the next ones that name none.
@@ -104,6 +108,7 @@ impl App {
             new_light: None,
             new_lightmap: None,
             scenes: 0,
+            again: None,
             first: None,
             chosen: None,
             loading: LoadingFiles::default(),
@@ -331,7 +336,10 @@ impl App {
 
     fn load_again(&mut self) {
         let path = self.scene.as_ref().map(|scene| scene.loaded.path.clone());
-        path.iter().for_each(|path| self.open_scene(path));
+        if let Some(path) = path {
+            self.open_scene(&path);
+            self.again = Some(self.scenes);
+        }
     }
 
     /// Changes the shading by `steps` in the list of all; see `Shading::step`.
@@ -461,18 +469,17 @@ impl App {
     }
 
     fn show(&mut self, loaded: Box<LoadedScene>) -> Result<Update> {
+        let again = self.again == Some(loaded.number);
         let mut scene = ShownScene::new(loaded);
-        self.scene.iter().for_each(|old| scene.keep_edits(old));
+        self.scene.iter().filter(|_| again).for_each(|old| scene.go_on_from(old));
         // The number of eyes and the settings may have changed while the scene was loading.
         draw_for(&mut scene, self.target.eyes)?;
         let old = self.scene.replace(scene);
         (self.new_light, self.new_lightmap) = (None, None);
         self.follow_settings()?;
-        let replaced = old.is_some();
-        if let Some(old) = old {
-            self.loader.start(LoadRequest::Discard(old.loaded));
-        }
-        Ok(Update::Scene { replaced })
+        let Some(old) = old else { return Ok(Update::Scene(Arrival::First)) };
+        self.loader.start(LoadRequest::Discard(old.loaded));
+        Ok(Update::Scene(if again { Arrival::Again } else { Arrival::Next }))
     }
 }
 

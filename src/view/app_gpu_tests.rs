@@ -10,7 +10,9 @@ use crate::asset::{Cache, Storage};
 use crate::gpu::{FrameRing, Gpu, Subresource, pipelines_of_this_thread, read_image, with_gpu};
 use crate::reference::brdf::Geometry;
 use crate::reference::table::SplitSum;
-use crate::render::{Eye, FRAME_BYTES, FrameInputs, LightDetail, LightModel, Renderer, Shading, TextureSettings};
+use crate::render::{
+    Eye, FRAME_BYTES, FrameInputs, LightDetail, LightModel, MaterialFactors, Renderer, Shading, TextureSettings,
+};
 use crate::scene::Model;
 use crate::scene::staging::Stage;
 
@@ -98,7 +100,7 @@ impl Desk {
         let mut desk = Self { gate, app, ring, made: 0 };
         desk.app.open_scene(scene);
         desk.gate.wait_for(1);
-        assert!(matches!(desk.app.collect().unwrap(), Some(Update::Scene { replaced: false })));
+        assert!(matches!(desk.app.collect().unwrap(), Some(Update::Scene(Arrival::First))));
         desk.made = pipelines_of_this_thread();
         desk
     }
@@ -127,10 +129,13 @@ impl Desk {
         self.gate.open();
         let started = Instant::now();
         let mut changes = [0, 0];
-        while self.app.settings != *self.settings() || !self.app.loading.is_empty() {
+        while self.app.settings != *self.settings()
+            || !self.app.loading.is_empty()
+            || self.shown().renderer.lacks_pipelines()
+        {
             assert!(started.elapsed() < PATIENCE, "{:?} are still not {:?}", self.settings(), self.app.settings);
             match self.app.collect().unwrap() {
-                Some(Update::Scene { .. }) => changes[0] += 1,
+                Some(Update::Scene(_)) => changes[0] += 1,
                 Some(Update::Light(_)) => changes[1] += 1,
                 Some(Update::Failed(error)) => panic!("{error}"),
                 _ => {}
@@ -153,7 +158,7 @@ impl Desk {
         let mut rested = 0;
         while rested < 20 {
             assert!(started.elapsed() < PATIENCE, "light at {:?}", self.shown().light_progress());
-            assert!(!matches!(self.app.collect().unwrap(), Some(Update::Scene { .. } | Update::Failed(_))));
+            assert!(!matches!(self.app.collect().unwrap(), Some(Update::Scene(_) | Update::Failed(_))));
             self.draw();
             let waits = !self.app.loading.is_empty() || self.app.new_light.is_some();
             rested = if waits || self.shown().light_progress().is_some() { 0 } else { rested + 1 };
@@ -226,7 +231,7 @@ fn another_scene_drops_the_pipelines_of_the_one_before_which_the_loader_frees() 
         desk.app.open_scene(&scene());
         desk.app.set_settings(shaded(Shading::Normal)).unwrap();
         desk.gate.wait_for(2);
-        assert!(matches!(desk.app.collect().unwrap(), Some(Update::Scene { replaced: true })));
+        assert!(matches!(desk.app.collect().unwrap(), Some(Update::Scene(Arrival::Next))));
         // The loader is held: so nobody else has freed it.
         assert!(old.upgrade().is_some());
         desk.gate.wait_for(3);
@@ -259,6 +264,42 @@ fn light_and_scene_are_made_again_for_other_settings() {
             assert!(desk.draw() == Desk::new(gpu, wanted.clone()).draw(), "another picture with {wanted:?}");
             desk.made = pipelines_of_this_thread();
         }
+    });
+}
+
+#[test]
+fn settings_that_load_the_scene_again_leave_what_a_person_has_changed() {
+    let factors = MaterialFactors { base_color: glam::Vec3::new(0.2, 0.4, 0.9), metallic: 0.4, roughness: 0.6 };
+    with_gpu(|gpu| {
+        let mut desk = Desk::new(gpu, settings());
+        let at_first = desk.draw();
+        let everything = RenderSettings { model: Model::Everything, ..settings() };
+        for action in [Action::Exposure(-1.0), Action::Material(0), Action::Factors(0, Some(factors))] {
+            assert_eq!(desk.app.perform(action).unwrap(), None);
+        }
+        assert_eq!(desk.settle(), [0, 0]);
+        desk.app.set_settings(everything).unwrap();
+        assert_eq!(desk.settle(), [1, 0]);
+        let shown = desk.app.scene.as_ref().unwrap();
+        assert_eq!((shown.exposure_ev, shown.material), (-1.0, Some(0)));
+        assert_eq!(shown.loaded.renderer.factors(0), Some(factors));
+        let changed = desk.draw();
+        assert!(changed != at_first);
+        desk.app.set_settings(settings()).unwrap();
+        desk.settle();
+        assert!(!desk.shown().renderer.lacks_pipelines());
+
+        // Opened by a person, it is as in its file.
+        desk.app.open_scene(&scene());
+        assert_eq!(desk.settle(), [1, 0]);
+        assert!(desk.draw() == at_first && desk.shown().renderer.edits().is_empty());
+        // And so it is after a reset.
+        desk.app.perform(Action::Factors(0, Some(factors))).unwrap();
+        desk.settle();
+        assert!(desk.draw() != at_first);
+        desk.app.reset().unwrap();
+        desk.settle();
+        assert!(desk.draw() == at_first);
     });
 }
 

@@ -53,9 +53,17 @@ impl ShownScene {
         }
     }
 
-    /// Goes on with the changes of materials and lamps of a scene that was the same before it was loaded again.
-    pub fn keep_edits(&mut self, old: &Self) {
-        if self.loaded.path == old.loaded.path && self.loaded.parts == old.loaded.parts {
+    /// Goes on with what was changed of the same scene before it was loaded again.
+    pub fn go_on_from(&mut self, old: &Self) {
+        (self.exposure_ev, self.world_from_models) = (old.exposure_ev, old.world_from_models);
+        if self.panorama == old.panorama {
+            (self.environment_rotation, self.first_rotation) = (old.environment_rotation, old.first_rotation);
+        }
+        // The file may have changed meanwhile.
+        if self.loaded.cameras == old.loaded.cameras {
+            self.camera = old.camera;
+        }
+        if self.loaded.parts == old.loaded.parts {
             self.material = old.material;
             self.loaded.renderer.set_edits(old.loaded.renderer.edits().clone());
         }

@@ -6,7 +6,7 @@ use super::session::{End, FrameResult, Session};
 use super::{Connected, RunReport};
 use crate::context::Setup;
 use crate::view::action::Action;
-use crate::view::app::{App, Update};
+use crate::view::app::{App, Arrival, Update};
 use crate::view::frame_clock::FrameClock;
 use crate::view::{ViewRequest, interrupt, screenshot};
 use crate::{Error, Result, say};
@@ -111,7 +111,8 @@ impl HeadsetApp {
     fn collect(&mut self) -> Result<()> {
         while let Some(update) = self.app.collect()? {
             match update {
-                Update::Scene { .. } => self.session.go_to(0),
+                Update::Scene(Arrival::Again) => {}
+                Update::Scene(_) => self.session.go_to(0),
                 Update::Failed(error) => self.complain(&error),
                 Update::Screenshot(written) => screenshot::report(&written),
                 Update::Light(_) | Update::Settings => {}

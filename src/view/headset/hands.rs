@@ -10,7 +10,7 @@ use super::rig::{Arc, Grab, Rig, SNAP_DEGREES, TeleportFade, is_object, teleport
 use super::runtime::Runtime;
 use crate::asset::shipped;
 use crate::render::ControllerGizmos;
-use crate::view::app::Requests;
+use crate::view::action::Requests;
 use crate::view::shown_scene::ShownScene;
 
 /// Linear display colours: wands and rays, and arcs without a landing.

@@ -16,7 +16,7 @@ use super::presenter::{Content, WindowPresenter};
 use crate::gpu::Gpu;
 use crate::render::{MirrorPart, SceneEdits};
 use crate::view::action::Action;
-use crate::view::app::{App, Update};
+use crate::view::app::{App, Arrival, Update};
 use crate::view::control::{Control, Mode};
 use crate::view::frame_clock::{FrameClock, Rate};
 use crate::view::headset::Session;
@@ -305,7 +305,8 @@ impl WindowOutput {
     pub fn update(&mut self, app: &App, update: Update) {
         self.panel.refresh();
         match update {
-            Update::Scene { replaced } => {
+            Update::Scene(Arrival::Again) => self.drawn = None,
+            Update::Scene(arrival) => {
                 let Some(scene) = &app.scene else { return };
                 let mut control = Control::new(&scene.loaded.cameras[0], scene.loaded.bounds);
                 if self.control.as_ref().is_some_and(|old| old.mode() == Mode::Fly) {
@@ -313,7 +314,7 @@ impl WindowOutput {
                 }
                 (self.control, self.titled) = (Some(control), None);
                 (self.drawn, self.moved) = (None, None);
-                if replaced {
+                if arrival == Arrival::Next {
                     self.announce(format!("showing {}", scene.loaded.name));
                 }
             }

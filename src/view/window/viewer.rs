@@ -13,7 +13,7 @@ use super::output::{WindowOutput, title};
 use crate::context::Context;
 use crate::scene::staging::Staging;
 use crate::view::ViewRequest;
-use crate::view::app::{App, Update};
+use crate::view::app::{App, Arrival, Update};
 use crate::view::frame_clock::ms_since;
 use crate::view::headset::{End, FrameResult, HeadsetReport, RunReport, Session};
 use crate::view::loader::file_name;
@@ -157,7 +157,7 @@ impl Viewer {
     /// Takes what the loader has finished.
     pub fn collect(&mut self) -> Result<()> {
         while let Some(update) = self.app.collect()? {
-            if let (Update::Scene { .. }, Some(session)) = (&update, &mut self.session) {
+            if let (Update::Scene(Arrival::First | Arrival::Next), Some(session)) = (&update, &mut self.session) {
                 session.go_to(0);
             }
             self.output.update(&self.app, update);
