@@ -22,8 +22,10 @@ const SIZE: [u32; 2] = [960, 1200];
 const PIXELS_PER_POINT: f32 = 2.5;
 /// The shortest time between two pictures: a panel needs no 90 a second.
 const PERIOD: Duration = Duration::from_millis(50);
-/// The least time between two pictures in times of what one costs a frame of the eyes at most.
+/// The least time between two pictures in times of what the last one may have cost a frame of the eyes, up to the longest
+/// with which one can still drag a slider.
 const REST: u32 = 10;
+const LONGEST_REST: Duration = Duration::from_millis(250);
 /// Points of a step of the wheel.
 const POINTS_PER_STEP: f32 = 40.0;
 
@@ -166,7 +168,7 @@ impl HeadsetPanel {
 
     /// After something that may have cost a frame so much.
     fn rest(&mut self, now: Instant, cost: Duration) {
-        self.rests_until = self.rests_until.max(Some(now + REST * cost));
+        self.rests_until = self.rests_until.max(Some(now + (REST * cost).min(LONGEST_REST)));
     }
 
     fn follow_hands(&mut self, table: &Table, input: PanelInput, places: &HandPlaces) {
