@@ -69,7 +69,7 @@ fn the_button_shows_and_hides_the_panel_beside_the_left_controller() {
     let room = Room::with(script);
     let ran = room.view(180);
     ran.assert_clean();
-    assert!(!ran.err.contains("no panel"), "{ran}");
+    assert!(!ran.err.contains("panel"), "{ran}");
     assert_eq!(shown_and_hidden(&room), [vec![20], vec![80]]);
     let rows = place(&room);
     // Its middle is above and ahead of the controller; it faces up and back.
@@ -146,15 +146,13 @@ fn the_panel_goes_with_the_hand_and_comes_back_with_it() {
 
 #[test]
 fn what_the_runtime_refuses_costs_a_line_and_the_other_panel_stays() {
-    for (refused, stays, words) in
-        [("held", DASHBOARD, "no panel at the left hand"), ("dashboard", HELD, "no panel on the dashboard")]
-    {
+    for (refused, stays, place) in [("held", DASHBOARD, "hand"), ("dashboard", HELD, "dashboard")] {
         let script = Script { dashboard: seen(50, 90), refused_overlays: vec![refused.into()], ..script(10, 48) };
         let room = Room::with(script);
         let ran = room.view(100);
         ran.assert_clean();
-        assert_eq!(ran.err.lines().filter(|line| line.contains("panel")).count(), 1, "{ran}");
-        assert!(ran.err.contains(words), "{ran}");
+        let lines: Vec<&str> = ran.err.lines().filter(|line| line.contains("panel")).collect();
+        assert!(lines.len() == 1 && lines[0].contains(place), "{ran}");
         let calls = room.headset.calls_of("SetOverlayTexture");
         assert!(!calls.is_empty() && calls.iter().all(|call| call["overlay"] == stays), "{refused}: {calls:?}");
         assert_eq!(room.headset.calls_of("Submit").len(), 200, "all eyes of all frames");
@@ -163,15 +161,12 @@ fn what_the_runtime_refuses_costs_a_line_and_the_other_panel_stays() {
 
 #[test]
 fn an_overlay_that_cannot_be_used_is_destroyed() {
-    for (refused, words) in [
-        ("SetOverlayInputMethod", "no panel at the left hand: SetOverlayInputMethod returns 12"),
-        ("ShowOverlay", "no panel at the left hand any more: ShowOverlay returns 12"),
-    ] {
+    for refused in ["SetOverlayInputMethod", "ShowOverlay"] {
         let room = Room::with(Script { refused_held_calls: vec![refused.into()], ..script(10, 20) });
         let ran = room.view(30);
         ran.assert_clean();
-        assert_eq!(ran.err.lines().filter(|line| line.contains("panel")).count(), 1, "{ran}");
-        assert!(ran.err.contains(words), "{ran}");
+        let lines: Vec<&str> = ran.err.lines().filter(|line| line.contains("panel")).collect();
+        assert!(lines.len() == 1 && lines[0].contains(refused), "{ran}");
         let destroyed = room.headset.calls_of("DestroyOverlay");
         assert!(destroyed.len() == 1 && destroyed[0]["overlay"] == HELD, "{destroyed:?}");
         assert_eq!(left_over(&room), 1, "the dashboard's");
