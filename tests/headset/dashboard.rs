@@ -79,8 +79,8 @@ fn a_runtime_without_overlays_costs_one_line_and_nothing_else() {
 #[test]
 fn no_frame_waits_for_the_panel_to_be_shown() {
     // A picture is taken only once the next frame has begun: frames that waited for it would never begin, which the
-    // runtime says after a while.
-    let room = Room::with(Script { is_overlay_slow: true, dashboard: seen(5, 400), ..patient() });
+    // runtime says after a while. None is begun near the end, after which no frame begins.
+    let room = Room::with(Script { is_overlay_slow: true, dashboard: seen(5, 300), ..patient() });
     room.view(400).assert_clean();
     let calls = room.headset.calls();
     let name = |at: usize| calls[at]["call"].as_str().expect("a name");
