@@ -51,6 +51,17 @@ pub struct UiRenderer {
     pipelines: Vec<(Format, Pipeline)>,
     sampler: Arc<Sampler>,
     textures: HashMap<TextureId, UiTexture>,
+    /// What the last recording was the last to use. An object that is dropped while a recording uses it must wait for that
+    /// one's submission, and would only wait for the next, which may be another thread's: so it is kept until the next
+    /// recording, by when this one was submitted.
+    used: Vec<Used>,
+}
+
+/// Something that a recording uses and nothing after it.
+#[expect(dead_code, reason = "only kept")]
+enum Used {
+    Texels(Arc<Buffer>),
+    Texture(UiTexture),
 }
 
 /// A texture with a copy of its texels, which rows are uploaded from.
@@ -90,6 +101,7 @@ impl UiRenderer {
             pipelines: Vec::new(),
             sampler: Sampler::new(gpu, "interface", AddressMode::Clamp, 1)?,
             textures: HashMap::new(),
+            used: Vec::new(),
             gpu: Arc::clone(gpu),
         })
     }
@@ -99,6 +111,7 @@ impl UiRenderer {
     /// # Errors
     /// No memory for a texture; a pipeline for a new format cannot be made.
     pub fn record(&mut self, frame: &mut FrameContext<'_>, target: UiTarget<'_>, ui: &UiFrame) -> Result<()> {
+        self.used.clear();
         for (id, delta) in &ui.textures.set {
             self.set_texture(&mut frame.commands, *id, delta)?;
         }
@@ -120,8 +133,8 @@ impl UiRenderer {
                 }
             });
         });
-        // What earlier frames still read is destroyed after them.
-        ui.textures.free.iter().for_each(|id| drop(self.textures.remove(id)));
+        let freed = ui.textures.free.iter().filter_map(|id| self.textures.remove(id));
+        self.used.extend(freed.map(Used::Texture));
         Ok(())
     }
 
@@ -156,7 +169,7 @@ impl UiRenderer {
             (Some(_), None) => return Ok(()),
             (None, _) => {
                 let texture = self.make_texture(texels)?;
-                self.textures.insert(id, texture);
+                self.used.extend(self.textures.insert(id, texture).map(Used::Texture));
                 0..texels.height()
             }
         };
@@ -168,6 +181,7 @@ impl UiRenderer {
         // Textures have at most `MAX_TEXTURE_SIDE` rows.
         commands.copy_rows_to_image(&staging, 0, &texture.image, 0, rows.start as u32..rows.end as u32);
         commands.prepare(&texture.image, ImageAccess::Sampled);
+        self.used.push(Used::Texels(staging));
         Ok(())
     }
 

@@ -3,14 +3,16 @@
 mod actions;
 mod app;
 mod codes;
-mod dashboard;
 mod events;
 mod eye_images;
 mod frame_statistics;
 mod hands;
+mod held;
 mod hidden_area;
 mod optics;
 mod overlay;
+mod painter;
+mod panel;
 mod probe;
 mod quality;
 mod report;

@@ -99,6 +99,11 @@ impl Panel {
         shows.then_some(&self.frame)
     }
 
+    /// The last layout, to be recorded elsewhere; there is none then until the next.
+    pub fn take_frame(&mut self) -> UiFrame {
+        std::mem::take(&mut self.frame)
+    }
+
     /// Notes that the last layout's changes of textures have been recorded.
     pub fn recorded(&mut self) {
         self.frame.textures = TexturesDelta::default();

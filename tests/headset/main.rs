@@ -12,6 +12,7 @@ mod desktop;
 mod beside_window;
 mod dashboard;
 mod hands;
+mod held_panel;
 #[cfg(target_os = "linux")]
 mod long_run;
 mod openvr_loader;

@@ -17,8 +17,17 @@ const HANDS: [&str; 2] = ["/user/hand/left", "/user/hand/right"];
 const POSES: [&str; 2] = ["hand_left", "hand_right"];
 const HAPTIC: &str = "/actions/demo/out/haptic";
 /// Buttons, in the order of [`Button`].
-const BUTTONS: [&str; 8] =
-    ["teleport", "turn_left", "turn_right", "grab", "next_scene", "next_panorama", "next_shading", "reset_seated"];
+const BUTTONS: [&str; 9] = [
+    "teleport",
+    "turn_left",
+    "turn_right",
+    "grab",
+    "next_scene",
+    "next_panorama",
+    "next_shading",
+    "reset_seated",
+    "panel",
+];
 
 #[derive(Clone, Copy)]
 enum Button {
@@ -30,6 +39,7 @@ enum Button {
     NextPanorama,
     NextShading,
     ResetSeated,
+    Panel,
 }
 
 /// A hand; also an index into pairs.
@@ -37,6 +47,18 @@ enum Button {
 pub enum Hand {
     Left,
     Right,
+}
+
+/// Whom the controllers' buttons belong to.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum ButtonOwner {
+    #[default]
+    Scene,
+    /// The laser mouse on the panel at the left hand: the scene has only the button that hides the panel, where the
+    /// runtime reports it.
+    Laser,
+    /// The runtime's dashboard.
+    Dashboard,
 }
 
 /// What the user does with the controllers in this frame.
@@ -55,6 +77,8 @@ pub struct InputActions {
     pub next_panorama: bool,
     pub next_shading: bool,
     pub reset_seated: bool,
+    /// The panel at the left hand is to be shown or hidden.
+    pub panel: bool,
     /// `play_from_hand` of the left, the right hand where it is tracked; −Z is where it points.
     pub hands: [Option<Mat4>; 2],
 }
@@ -67,6 +91,13 @@ struct Buttons([[Option<bool>; 2]; BUTTONS.len()]);
 impl Buttons {
     fn is_pressed(&self, button: Button, hand: Hand) -> bool {
         self.0[button as usize][hand as usize] == Some(true)
+    }
+
+    /// With all others unknown.
+    fn only(&self, button: Button) -> Self {
+        let mut only = Self::default();
+        only.0[button as usize] = self.0[button as usize];
+        only
     }
 }
 
@@ -89,6 +120,7 @@ impl InputActions {
             next_panorama: pressed(Button::NextPanorama),
             next_shading: pressed(Button::NextShading),
             reset_seated: pressed(Button::ResetSeated),
+            panel: pressed(Button::Panel),
             hands,
         }
     }
@@ -137,12 +169,17 @@ impl Actions {
     }
 
     /// The input of this frame; call once a frame, after waiting for poses. Empty while the runtime gives no input, for
-    /// example with its dashboard open (`dashboard`: then the buttons are the dashboard's).
-    pub fn read(&mut self, table: &VR_IVRInput_FnTable, dashboard: bool) -> InputActions {
+    /// example with its dashboard open; buttons that are another's are unknown.
+    pub fn read(&mut self, table: &VR_IVRInput_FnTable, owner: ButtonOwner) -> InputActions {
         let has_input = self.update(table);
         let poses = if has_input { self.poses(table) } else { [Pose::default(); 2] };
         let held = poses.map(|pose| pose.active);
-        let buttons = if dashboard || !has_input { Buttons::default() } else { self.buttons(table, held) };
+        let buttons = match owner {
+            _ if !has_input => Buttons::default(),
+            ButtonOwner::Scene => self.buttons(table, held),
+            ButtonOwner::Laser => self.buttons(table, held).only(Button::Panel),
+            ButtonOwner::Dashboard => Buttons::default(),
+        };
         let actions = InputActions::between(&self.before, &buttons, poses.map(|pose| pose.play_from_hand));
         self.before = buttons;
         actions

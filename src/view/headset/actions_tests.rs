@@ -64,8 +64,8 @@ fn every_action_has_a_name_for_people() {
 
 #[test]
 fn buttons_are_numbered_like_their_names() {
-    let last = Button::ResetSeated as usize;
-    assert_eq!((BUTTONS[Button::Grab as usize], BUTTONS[last], last), ("grab", "reset_seated", BUTTONS.len() - 1));
+    let last = Button::Panel as usize;
+    assert_eq!((BUTTONS[Button::Grab as usize], BUTTONS[last], last), ("grab", "panel", BUTTONS.len() - 1));
 }
 
 #[test]
@@ -274,15 +274,15 @@ fn with_runtime(table: VR_IVRInput_FnTable, work: impl FnOnce(&VR_IVRInput_FnTab
 fn buttons_and_poses_come_from_the_right_hand_and_the_left() {
     with_runtime(table(), |table| {
         let mut actions = Actions::new(table, &assets()).unwrap();
-        actions.read(table, false);
+        actions.read(table, ButtonOwner::Scene);
         runtime().pressed = vec![("teleport", "left"), ("grab", "right"), ("next_scene", "right")];
-        let input = actions.read(table, false);
+        let input = actions.read(table, ButtonOwner::Scene);
         assert_eq!((input.aim, input.grab, input.next_scene), (Some(Hand::Left), [false, true], true));
         let hand = input.hands[0].unwrap();
         assert_eq!(hand.transform_point3(Vec3::X), Vec3::new(10.0, 20.0, 29.0));
         assert_eq!(input.hands[1], None, "an invalid pose");
         runtime().pressed.clear();
-        assert_eq!(actions.read(table, false).teleport, Some(Hand::Left));
+        assert_eq!(actions.read(table, ButtonOwner::Scene).teleport, Some(Hand::Left));
         actions.tick(table, Hand::Left);
     });
 }
@@ -292,12 +292,12 @@ fn input_that_stops_while_aiming_does_not_teleport() {
     with_runtime(table(), |table| {
         let mut actions = Actions::new(table, &assets()).unwrap();
         runtime().pressed = vec![("teleport", "right")];
-        assert_eq!(actions.read(table, false).aim, Some(Hand::Right));
+        assert_eq!(actions.read(table, ButtonOwner::Scene).aim, Some(Hand::Right));
         runtime().available = false;
-        assert_eq!(actions.read(table, false), InputActions::default());
+        assert_eq!(actions.read(table, ButtonOwner::Scene), InputActions::default());
         runtime().pressed.clear();
         runtime().available = true;
-        assert_eq!(actions.read(table, false).teleport, None);
+        assert_eq!(actions.read(table, ButtonOwner::Scene).teleport, None);
     });
 }
 
@@ -306,22 +306,22 @@ fn a_button_that_is_inactive_while_nobody_touches_it_is_released() {
     with_runtime(table(), |table| {
         let mut actions = Actions::new(table, &assets()).unwrap();
         runtime().shy = true;
-        actions.read(table, false);
+        actions.read(table, ButtonOwner::Scene);
         runtime().pressed = vec![("teleport", "right"), ("turn_left", "left")];
-        let input = actions.read(table, false);
+        let input = actions.read(table, ButtonOwner::Scene);
         assert_eq!((input.aim, input.turn), (Some(Hand::Right), -1));
         runtime().pressed.clear();
-        assert_eq!(actions.read(table, false).teleport, Some(Hand::Right));
+        assert_eq!(actions.read(table, ButtonOwner::Scene).teleport, Some(Hand::Right));
         // Another button of the hand tells as much as its pose.
         runtime().pressed = vec![("teleport", "right"), ("grab", "right")];
-        actions.read(table, false);
+        actions.read(table, ButtonOwner::Scene);
         (runtime().held, runtime().pressed) = (false, vec![("grab", "right")]);
-        assert_eq!(actions.read(table, false).teleport, Some(Hand::Right));
+        assert_eq!(actions.read(table, ButtonOwner::Scene).teleport, Some(Hand::Right));
         // A controller that is switched off while aiming does not.
         runtime().pressed = vec![("teleport", "right")];
-        assert_eq!(actions.read(table, false).aim, Some(Hand::Right));
+        assert_eq!(actions.read(table, ButtonOwner::Scene).aim, Some(Hand::Right));
         runtime().pressed.clear();
-        assert_eq!(actions.read(table, false), InputActions::default());
+        assert_eq!(actions.read(table, ButtonOwner::Scene), InputActions::default());
     });
 }
 
@@ -330,12 +330,43 @@ fn buttons_are_the_dashboards_while_it_is_up() {
     with_runtime(table(), |table| {
         let mut actions = Actions::new(table, &assets()).unwrap();
         runtime().pressed = vec![("teleport", "right")];
-        assert_eq!(actions.read(table, false).aim, Some(Hand::Right));
+        assert_eq!(actions.read(table, ButtonOwner::Scene).aim, Some(Hand::Right));
         runtime().pressed.clear();
-        let input = actions.read(table, true);
+        let input = actions.read(table, ButtonOwner::Dashboard);
         assert!(input.teleport.is_none() && input.hands[0].is_some(), "{input:?}");
-        assert_eq!(actions.read(table, false).teleport, None);
+        assert_eq!(actions.read(table, ButtonOwner::Scene).teleport, None);
     });
+}
+
+#[test]
+fn the_laser_leaves_the_scene_only_the_button_of_the_panel() {
+    with_runtime(table(), |table| {
+        let mut actions = Actions::new(table, &assets()).unwrap();
+        runtime().pressed = vec![("teleport", "right")];
+        assert_eq!(actions.read(table, ButtonOwner::Scene).aim, Some(Hand::Right));
+        runtime().pressed = vec![("grab", "right"), ("next_scene", "right")];
+        let muted = actions.read(table, ButtonOwner::Laser);
+        assert!(muted.grab == [false; 2] && !muted.next_scene && muted.teleport.is_none(), "{muted:?}");
+        runtime().pressed = vec![("panel", "left")];
+        assert!(actions.read(table, ButtonOwner::Laser).panel);
+        assert!(!actions.read(table, ButtonOwner::Laser).panel, "a press counts once");
+    });
+}
+
+#[test]
+fn the_panels_button_is_the_left_hands_alone_and_shares_its_place_with_no_other() {
+    for binding in list(&json("actions.json"), "default_bindings") {
+        let file = text(binding, "binding_url");
+        let binding = json(file);
+        let panel = format!("{ACTION_SET}/in/panel");
+        let sources = list(&binding["bindings"][ACTION_SET], "sources");
+        let all = sources.iter().flat_map(|source| {
+            let inputs = source["inputs"].as_object().unwrap();
+            inputs.iter().map(move |(input, output)| (text(source, "path"), input, text(output, "output")))
+        });
+        let of_panel: Vec<_> = all.filter(|(.., output)| *output == panel).collect();
+        assert!(matches!(of_panel[..], [(path, ..)] if path.starts_with(HANDS[0])), "{file}: {of_panel:?}");
+    }
 }
 
 #[test]
@@ -352,7 +383,7 @@ fn missing_entries_are_survived() {
         with_runtime(table, |table| {
             let mut actions = Actions::new(table, &assets()).unwrap();
             runtime().pressed = vec![("grab", "")];
-            input = actions.read(table, false);
+            input = actions.read(table, ButtonOwner::Scene);
             actions.tick(table, Hand::Right);
         });
         input

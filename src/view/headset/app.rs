@@ -64,7 +64,7 @@ impl HeadsetApp {
                 FrameResult::Shown(requests) => self.app.obey(requests)?,
             }
             self.session.time_frame(&mut self.clock, Instant::now());
-            let actions = self.session.follow_dashboard(&self.app, &self.clock)?;
+            let actions = self.session.follow_panel(&self.app, &self.clock)?;
             actions.into_iter().try_for_each(|action| self.perform(action))?;
             if self.session.frames() == 1 {
                 let [width, height] = self.session.size();
@@ -78,7 +78,7 @@ impl HeadsetApp {
         Ok(None)
     }
 
-    /// Performs a command of the panel on the dashboard.
+    /// Performs a command of the panel.
     fn perform(&mut self, action: Action) -> Result<()> {
         let Some(action) = self.app.perform(action)? else { return Ok(()) };
         let Some(scene) = &mut self.app.scene else { return Ok(()) };

@@ -4,7 +4,7 @@ use glam::{Mat4, Vec3};
 
 use openvr_sys::VR_IVRInput_FnTable;
 
-use super::actions::{Actions, Hand, InputActions};
+use super::actions::{Actions, ButtonOwner, Hand, InputActions};
 use super::optics::Head;
 use super::rig::{Arc, Grab, Rig, SNAP_DEGREES, TeleportFade, is_object, teleport_arc, turned_models};
 use super::runtime::Runtime;
@@ -28,6 +28,18 @@ pub struct Step {
     /// Darkness of the picture, 0 to 1.
     pub fade: f32,
     pub requests: Requests,
+    pub panel: PanelInput,
+}
+
+/// What the hands do with the panel at the left one.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct PanelInput {
+    /// It is to be shown, or hidden again.
+    pub toggled: bool,
+    /// `play_from_hand` of the right hand, which points along its −Z.
+    pub pointer: Option<Mat4>,
+    /// The right hand does something else in the scene: aims a teleport, holds a model.
+    pub is_busy: bool,
 }
 
 /// The user's place and hands in the current scene.
@@ -44,6 +56,8 @@ pub struct Hands {
     gizmos: ControllerGizmos,
     /// Whether the runtime's dashboard is up.
     dashboard: bool,
+    /// Whether the right hand's laser is on the panel at the left one.
+    laser: bool,
 }
 
 impl Hands {
@@ -52,7 +66,8 @@ impl Hands {
         let actions =
             actions(runtime).inspect_err(|why| crate::complain!("pbr-vr: headset: no controllers: {why}")).ok();
         let (teleport_fade, gizmos) = (TeleportFade::default(), ControllerGizmos::default());
-        Self { actions, rig: None, settled: false, camera: 0, teleport_fade, grab: None, gizmos, dashboard: false }
+        let (dashboard, laser) = (false, false);
+        Self { actions, rig: None, settled: false, camera: 0, teleport_fade, grab: None, gizmos, dashboard, laser }
     }
 
     /// Moves the user to one of the scene's cameras with the next frame; also for a new scene.
@@ -66,6 +81,11 @@ impl Hands {
         self.dashboard = up;
     }
 
+    /// Notes whether the laser mouse is on the panel at the left hand: meanwhile buttons are its own.
+    pub fn follow_laser(&mut self, on: bool) {
+        self.laser = on;
+    }
+
     /// The gizmos to draw.
     pub fn gizmos(&self) -> &ControllerGizmos {
         &self.gizmos
@@ -74,7 +94,12 @@ impl Hands {
     /// Reads this frame's input; moves the user and the models accordingly. `seconds` have passed since the last frame.
     pub fn step(&mut self, runtime: &Runtime, scene: &mut ShownScene, head: &Head, seconds: f32) -> Step {
         let table = runtime.input();
-        let input = self.actions.as_mut().zip(table).map(|(actions, table)| actions.read(table, self.dashboard));
+        let owner = match (self.dashboard, self.laser) {
+            (true, _) => ButtonOwner::Dashboard,
+            (false, true) => ButtonOwner::Laser,
+            (false, false) => ButtonOwner::Scene,
+        };
+        let input = self.actions.as_mut().zip(table).map(|(actions, table)| actions.read(table, owner));
         let input = input.unwrap_or_default();
         let play_from_head = head.space_from_head;
         let stays = self.rig.filter(|_| self.settled || !head.is_known);
@@ -103,7 +128,10 @@ impl Hands {
         self.draw(&rig, &input);
         let InputActions { next_scene, next_panorama, next_shading, .. } = input;
         let requests = Requests { next_scene, next_panorama, next_shading };
-        Step { world_from_play: rig.world_from_play(), jumped, fade, requests }
+        let right = Hand::Right as usize;
+        let is_busy = input.grab[right] || input.aim == Some(Hand::Right);
+        let panel = PanelInput { toggled: input.panel, pointer: input.hands[right], is_busy };
+        Step { world_from_play: rig.world_from_play(), jumped, fade, requests, panel }
     }
 
     fn start(&self, scene: &ShownScene, play_from_head: &Mat4) -> Rig {

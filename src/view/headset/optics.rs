@@ -45,6 +45,18 @@ pub fn matrix(rows: &sys::HmdMatrix34_t) -> Mat4 {
     Mat4::from_cols(x, y, z, Vec4::W).transpose()
 }
 
+/// The rows of a matrix.
+pub fn rows(matrix: &Mat4) -> sys::HmdMatrix34_t {
+    let [x, y, z] = [0, 1, 2].map(|row| matrix.row(row).to_array());
+    sys::HmdMatrix34_t { m: [x, y, z] }
+}
+
+/// `play_from_device`, where the runtime has a good pose of it.
+pub fn place(pose: &sys::TrackedDevicePose_t) -> Option<Mat4> {
+    let place = matrix(&pose.mDeviceToAbsoluteTracking);
+    (pose.bDeviceIsConnected && pose.bPoseIsValid && is_rigid(&place)).then_some(place)
+}
+
 fn is_rigid(matrix: &Mat4) -> bool {
     let turn = Mat3::from_mat4(*matrix);
     matrix.is_finite() && (turn * turn.transpose()).abs_diff_eq(Mat3::IDENTITY, 1e-2) && turn.determinant() > 0.0
@@ -103,6 +115,7 @@ mod tests {
         // A quarter turn about +Y takes -Z to -X.
         let rows = sys::HmdMatrix34_t { m: [[0.0, 0.0, 1.0, 5.0], [0.0, 1.0, 0.0, 6.0], [-1.0, 0.0, 0.0, 7.0]] };
         assert_eq!(matrix(&rows).transform_point3(Vec3::NEG_Z), Vec3::new(4.0, 6.0, 7.0));
+        assert_eq!(super::rows(&matrix(&rows)).m, rows.m);
     }
 
     #[test]

@@ -1,18 +1,22 @@
-//! An overlay on the runtime's dashboard: its picture, and the laser mouse that points at it. Raw calls of IVROverlay.
+//! An overlay on the runtime's dashboard or fixed to a controller: its picture, and the laser mouse that points at it. Raw
+//! calls of IVROverlay.
 
 use std::ffi::CStr;
 
+use glam::Mat4;
 use openvr_sys as sys;
 use sys::VR_IVROverlay_FnTable as Table;
 
+use super::optics::rows;
 use super::runtime::EyePicture;
 use crate::gpu::foreign_call;
 
-/// The overlay's key, which no other program may have, and the name under its icon.
-const KEY: &CStr = c"pbr-vr.panel";
+/// The overlays' keys, which no other program may have, and the name that people read.
+const DASHBOARD_KEY: &CStr = c"pbr-vr.panel";
+const HELD_KEY: &CStr = c"pbr-vr.panel-at-hand";
 const NAME: &CStr = c"pbr-vr";
 /// Width on the dashboard, metres.
-const WIDTH_METRES: f32 = 1.2;
+const DASHBOARD_METRES: f32 = 1.2;
 
 /// What the laser mouse does, pixels of the overlay from its upper left corner.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -41,21 +45,51 @@ impl Overlay {
     ///
     /// # Errors
     /// Why there is none, in words.
-    pub fn new(table: &Table, size: [u32; 2]) -> Result<Self, String> {
+    pub fn on_dashboard(table: &Table, size: [u32; 2]) -> Result<Self, String> {
         let create = table.CreateDashboardOverlay.ok_or("the runtime lacks CreateDashboardOverlay")?;
+        let [key, name] = [DASHBOARD_KEY, NAME].map(|text| text.as_ptr().cast_mut());
         let (mut handle, mut thumbnail) = (0, 0);
         // SAFETY: both texts end in NUL and are only read; the pointers are good for the call.
-        let code = unsafe { create(KEY.as_ptr().cast_mut(), NAME.as_ptr().cast_mut(), &mut handle, &mut thumbnail) };
-        accepted("CreateDashboardOverlay", code)?;
-        let overlay = Self { handle, size };
-        overlay.accept_mouse(table)?;
-        Ok(overlay)
+        accepted("CreateDashboardOverlay", unsafe { create(key, name, &mut handle, &mut thumbnail) })?;
+        Self { handle, size }.set_up(table, DASHBOARD_METRES)
     }
 
-    fn accept_mouse(&self, table: &Table) -> Result<(), String> {
+    /// Makes a hidden overlay of `size` pixels and so many metres that can be fixed to a controller.
+    ///
+    /// # Errors
+    /// Why there is none, in words.
+    pub fn held(table: &Table, size: [u32; 2], width_metres: f32) -> Result<Self, String> {
+        let create = table.CreateOverlay.ok_or("the runtime lacks CreateOverlay")?;
+        let [key, name] = [HELD_KEY, NAME].map(|text| text.as_ptr().cast_mut());
+        let mut handle = 0;
+        // SAFETY: as above.
+        accepted("CreateOverlay", unsafe { create(key, name, &mut handle) })?;
+        Self { handle, size }.set_up(table, width_metres)
+    }
+
+    /// Sets width and input; an overlay that cannot have them is destroyed.
+    fn set_up(self, table: &Table, width_metres: f32) -> Result<Self, String> {
+        match self.accept_mouse(table, width_metres) {
+            Ok(()) => Ok(self),
+            Err(why) => {
+                self.destroy(table);
+                Err(why)
+            }
+        }
+    }
+
+    /// Removes it from the runtime; one that stays is removed by VR_Shutdown (openvr.h, IVROverlay::DestroyOverlay).
+    pub fn destroy(self, table: &Table) {
+        if let Some(destroy) = table.DestroyOverlay {
+            // SAFETY: takes any handle.
+            unsafe { destroy(self.handle) };
+        }
+    }
+
+    fn accept_mouse(&self, table: &Table, width_metres: f32) -> Result<(), String> {
         if let Some(call) = table.SetOverlayWidthInMeters {
             // SAFETY: takes any handle and width.
-            accepted("SetOverlayWidthInMeters", unsafe { call(self.handle, WIDTH_METRES) })?;
+            accepted("SetOverlayWidthInMeters", unsafe { call(self.handle, width_metres) })?;
         }
         let call = table.SetOverlayInputMethod.ok_or("the runtime lacks SetOverlayInputMethod")?;
         // SAFETY: a value of the enumeration.
@@ -64,14 +98,57 @@ impl Overlay {
         let mut scale = sys::HmdVector2_t { v: self.size.map(|side| side as f32) };
         // SAFETY: the pointer is good for the call.
         accepted("SetOverlayMouseScale", unsafe { call(self.handle, &mut scale) })?;
-        if let Some(call) = table.SetOverlayFlag {
-            // SAFETY: a value of the enumeration. Without the flag there are no scroll events, and nothing else is missing.
-            unsafe { call(self.handle, sys::VROverlayFlags_SendVRSmoothScrollEvents, true) };
-        }
+        // Without the flag there are no scroll events, and nothing else is missing.
+        let _ = self.set_flag(table, sys::VROverlayFlags_SendVRSmoothScrollEvents, true);
         Ok(())
     }
 
-    /// Whether the dashboard shows it now.
+    fn set_flag(&self, table: &Table, flag: sys::VROverlayFlags, on: bool) -> Result<(), String> {
+        let call = table.SetOverlayFlag.ok_or("the runtime lacks SetOverlayFlag")?;
+        // SAFETY: a value of the enumeration.
+        accepted("SetOverlayFlag", unsafe { call(self.handle, flag, on) })
+    }
+
+    /// What [`TextureCall::show`] knows it by.
+    pub fn handle(&self) -> sys::VROverlayHandle_t {
+        self.handle
+    }
+
+    /// Fixes it to a device.
+    ///
+    /// # Errors
+    /// The call and the runtime's code.
+    pub fn fix_to(&self, table: &Table, device: u32, device_from_overlay: &Mat4) -> Result<(), String> {
+        let call = table.SetOverlayTransformTrackedDeviceRelative;
+        let call = call.ok_or("the runtime lacks SetOverlayTransformTrackedDeviceRelative")?;
+        let mut place = rows(device_from_overlay);
+        // SAFETY: the pointer is good for the call, which takes any handle and device.
+        accepted("SetOverlayTransformTrackedDeviceRelative", unsafe { call(self.handle, device, &mut place) })
+    }
+
+    /// Shows or hides it; not for one on the dashboard.
+    ///
+    /// # Errors
+    /// The call and the runtime's code.
+    pub fn set_shown(&self, table: &Table, shown: bool) -> Result<(), String> {
+        let (call, name) = match shown {
+            true => (table.ShowOverlay, "ShowOverlay"),
+            false => (table.HideOverlay, "HideOverlay"),
+        };
+        let call = call.ok_or_else(|| format!("the runtime lacks {name}"))?;
+        // SAFETY: takes any handle.
+        accepted(name, unsafe { call(self.handle) })
+    }
+
+    /// Turns the laser mouse on or off for as long as the overlay is visible.
+    ///
+    /// # Errors
+    /// The call and the runtime's code.
+    pub fn set_laser(&self, table: &Table, on: bool) -> Result<(), String> {
+        self.set_flag(table, sys::VROverlayFlags_MakeOverlaysInteractiveIfVisible, on)
+    }
+
+    /// Whether it can be seen now.
     pub fn is_visible(&self, table: &Table) -> bool {
         // SAFETY: takes any handle.
         table.IsOverlayVisible.is_some_and(|call| unsafe { call(self.handle) })
@@ -111,21 +188,38 @@ impl Overlay {
             _ => None,
         }
     }
+}
+
+/// The entry that gives an overlay its picture. Unlike the table it may be kept, and called by another thread: openvr.h
+/// restricts SetOverlayTexture to the overlay's process, not to a thread. (OpenGL's textures belong to a context, and so
+/// to a thread; Vulkan's do not.)
+#[derive(Clone, Copy)]
+pub struct TextureCall(unsafe extern "C" fn(sys::VROverlayHandle_t, *mut sys::Texture_t) -> sys::EVROverlayError);
+
+impl TextureCall {
+    /// # Errors
+    /// The runtime lacks it.
+    ///
+    /// # Safety
+    /// It must not be used once the runtime is disconnected.
+    pub unsafe fn new(table: &Table) -> Result<Self, String> {
+        Ok(Self(table.SetOverlayTexture.ok_or("the runtime lacks SetOverlayTexture")?))
+    }
 
     /// Shows a picture, in layout TRANSFER_SRC_OPTIMAL, from now on. Uses the program's queue.
     ///
     /// # Errors
     /// The call and the runtime's code.
-    pub fn show(&self, table: &Table, picture: &EyePicture) -> Result<(), String> {
-        let call = table.SetOverlayTexture.ok_or("the runtime lacks SetOverlayTexture")?;
+    pub fn show(self, overlay: sys::VROverlayHandle_t, picture: &EyePicture) -> Result<(), String> {
         let mut data = picture.data();
         let mut texture = sys::Texture_t {
             handle: (&raw mut data).cast(),
             eType: sys::ETextureType_TextureType_Vulkan,
             eColorSpace: sys::EColorSpace_ColorSpace_Auto,
         };
-        // SAFETY: structures and handles are good for the call; the image is in the layout it wants.
-        accepted("SetOverlayTexture", foreign_call(|| unsafe { call(self.handle, &mut texture) }))
+        // SAFETY: structures and handles are good for the call; the image is in the layout it wants; the runtime is
+        // connected, as promised to `new`.
+        accepted("SetOverlayTexture", foreign_call(|| unsafe { (self.0)(overlay, &mut texture) }))
     }
 }
 

@@ -6,6 +6,7 @@ use std::ptr;
 
 use openvr_sys as sys;
 
+use super::actions::Hand;
 use super::codes::Refusal;
 use super::events::Event;
 use super::frame_statistics::{FRAME_TIMING_BYTES, FrameTiming};
@@ -79,6 +80,17 @@ impl Runtime {
     pub fn is_connected(&self, device: u32) -> bool {
         // SAFETY: the entry takes any index.
         self.system().IsTrackedDeviceConnected.is_none_or(|call| unsafe { call(device) })
+    }
+
+    /// The device that the runtime takes for the controller in the left, the right hand; `None` where there is none.
+    pub fn device_in(&self, hand: Hand) -> Option<u32> {
+        let role = match hand {
+            Hand::Left => sys::ETrackedControllerRole_TrackedControllerRole_LeftHand,
+            Hand::Right => sys::ETrackedControllerRole_TrackedControllerRole_RightHand,
+        };
+        // SAFETY: a value of the enumeration.
+        let device = self.system().GetTrackedDeviceIndexForControllerRole.map(|call| unsafe { call(role) });
+        device.filter(|device| (*device as usize) < DEVICES)
     }
 
     /// The headset's maker and model, as far as the runtime reports them.

@@ -8,13 +8,14 @@ use glam::{Mat4, Quat};
 use openvr_sys as sys;
 
 use super::codes::{After, after};
-use super::dashboard::Dashboard;
 use super::events::Event;
 use super::eye_images::EyeImages;
 use super::frame_statistics::FrameTiming;
-use super::hands::{Hands, Step};
+use super::hands::{Hands, PanelInput, Step};
+use super::held::HandPlaces;
 use super::hidden_area::{HiddenAreaV, share};
 use super::optics::{Head, Optics};
+use super::panel::HeadsetPanel;
 use super::quality::{Finished, Level, Quality};
 use super::report::{FrameTime, HeadsetReport, Record, USUAL_HERTZ};
 use super::runtime::{DEVICES, EYES, Runtime};
@@ -34,8 +35,8 @@ use crate::{Error, Result, say};
 const GONE_SECONDS: f32 = 0.5;
 /// Frames after a change of scene whose times are ignored: the driver still compiles and moves data.
 const WARM_UP: u32 = 10;
-/// What the watchdog calls the dashboard's calls.
-const OVERLAY: &str = "the dashboard's overlay";
+/// What the watchdog calls the calls for the panel.
+const OVERLAY: &str = "the panel's overlay";
 /// The pause after a frame that the runtime refuses, because refused frames are not paced.
 const PAUSE: Duration = Duration::from_millis(5);
 
@@ -82,7 +83,9 @@ pub struct Session {
     last: Option<Instant>,
     quality: Quality,
     /// `None` where the runtime has no overlays.
-    dashboard: Option<Dashboard>,
+    panel: Option<HeadsetPanel>,
+    /// What the hands did with it in the last frame.
+    panel_input: PanelInput,
     /// GPU time of each pass of the frame that finished last.
     times: PassTimes,
     /// CPU time of the last frame.
@@ -115,9 +118,8 @@ impl Session {
             hidden_area_share: hidden.each_ref().map(|corners| share(corners)),
             ..Default::default()
         };
-        // Everything else works without.
-        let refused = |why: String| crate::complain!("pbr-vr: headset: no panel on the dashboard: {why}");
-        let dashboard = Dashboard::new(gpu, &runtime)?.map_err(refused).ok();
+        // SAFETY: `Drop` drops it before the runtime; on failure here, arguments are dropped last.
+        let panel = unsafe { HeadsetPanel::new(gpu, &runtime) }?;
         let quality = Quality::new(1e3 / hertz.unwrap_or(USUAL_HERTZ), size);
         Ok(Self {
             hands: Hands::new(&runtime),
@@ -135,7 +137,8 @@ impl Session {
             lacking: gpu.missing_extensions(),
             last: None,
             quality,
-            dashboard,
+            panel,
+            panel_input: PanelInput::default(),
             times: PassTimes::default(),
             recording: Duration::ZERO,
             name,
@@ -210,20 +213,23 @@ impl Session {
         record.timeline.set_mirror(ms as f32);
     }
 
-    /// Shows an error on the dashboard's panel, where there is one.
+    /// Shows an error on the panel, where there is one.
     pub fn show_error(&mut self, error: &Error) {
-        self.dashboard.iter_mut().for_each(|dashboard| dashboard.error(error.to_string()));
+        self.panel.iter_mut().for_each(|panel| panel.error(error.to_string()));
     }
 
-    /// Follows the panel on the dashboard, between two frames; returns what was chosen there.
+    /// Follows the panel on the dashboard and at the hand, between two frames; returns what was chosen there.
     ///
     /// # Errors
     /// A failed Vulkan call.
-    pub fn follow_dashboard(&mut self, app: &App, clock: &FrameClock) -> Result<Vec<Action>> {
-        let (runtime, watchdog) = (&self.runtime, &self.watchdog);
-        let watched =
-            |dashboard: &mut Dashboard| watchdog.watch(OVERLAY, Patience::FRAME, || dashboard.is_due(runtime));
-        if !self.dashboard.as_mut().is_some_and(watched) {
+    pub fn follow_panel(&mut self, app: &App, clock: &FrameClock) -> Result<Vec<Action>> {
+        let Some(panel) = &mut self.panel else { return Ok(Vec::new()) };
+        let input = std::mem::take(&mut self.panel_input);
+        let is_due = self.watchdog.watch(OVERLAY, Patience::FRAME, || {
+            panel.follow(&self.runtime, input, &HandPlaces::new(&self.runtime, &self.poses))
+        })?;
+        self.hands.follow_laser(panel.has_laser());
+        if !is_due {
             return Ok(Vec::new());
         }
         let inputs = PanelInputs {
@@ -236,8 +242,7 @@ impl Session {
             continuous: true,
             alone: true,
         };
-        let Some(dashboard) = &mut self.dashboard else { return Ok(Vec::new()) };
-        self.watchdog.watch(OVERLAY, Patience::FRAME, || dashboard.show(&self.runtime, &inputs))
+        Ok(self.panel.as_mut().map(|panel| panel.lay_out(&inputs)).unwrap_or_default())
     }
 
     /// Polls the runtime's events; to be called often, also while there is nothing to draw.
@@ -280,8 +285,9 @@ impl Session {
         let wait_ms = ms_since(started) as f32;
         let started = Instant::now();
         let seconds = self.last.replace(started).map_or(0.0, |last| (started - last).as_secs_f32());
-        let Step { world_from_play, jumped, fade, requests } =
+        let Step { world_from_play, jumped, fade, requests, panel } =
             self.hands.step(&self.runtime, scene, &self.head, seconds);
+        self.panel_input = panel;
         let world_from_head = world_from_play * self.head.space_from_head;
         let left = self.optics[0].eye(world_from_head);
         self.seen = Some((left, Quat::from_mat4(&world_from_head).normalize(), seconds, jumped));
@@ -343,6 +349,7 @@ impl Session {
                 gpu.with_queue_locked(|| runtime.wait_get_poses(poses))
             }
         })?;
+        self.panel.iter().for_each(|panel| panel.gate().close());
         if code == sys::EVRCompositorError_VRCompositorError_None {
             self.head.follow(&self.poses[0]);
             if self.poses[0].bDeviceIsConnected {
@@ -371,6 +378,8 @@ impl Session {
         let mut frame = self.ring.begin()?;
         renderer.record(&mut frame, &inputs)?;
         self.images.fill(&mut frame.commands, slot, renderer.picture(), self.level.size);
+        let panel = self.panel.as_ref();
+        self.watchdog.watch(OVERLAY, Patience::FRAME, || panel.iter().for_each(|panel| panel.gate().wait()));
         self.gpu.with_queue_locked(|| self.runtime.submit_timing());
         frame.submit(None)?;
         Ok(slot)
@@ -458,6 +467,9 @@ impl Drop for Session {
         if self.frames() > 0 && !std::thread::panicking() {
             say!("pbr-vr: headset: {}", self.noted().summary());
         }
+        // The thread that paints the panel calls the runtime.
+        let panel = self.panel.take();
+        self.watchdog.watch(OVERLAY, Patience::FRAME, || drop(panel));
         // Waiting fails only on a lost device, where there is nothing to wait for.
         let _ = self.gpu.wait_idle();
         let (runtime, gpu) = (&mut self.runtime, &self.gpu);

@@ -201,7 +201,7 @@ impl Viewer {
             let (headset, gpu) = (session.name(), &self.app.context.gpu.info().name);
             say!("pbr-vr: in the headset {headset}, {width}x{height} per eye on {gpu}, mirrored in a window");
         }
-        self.output.actions.extend(session.follow_dashboard(&self.app, &self.output.clock)?);
+        self.output.actions.extend(session.follow_panel(&self.app, &self.output.clock)?);
         self.app.obey(requests)
     }
 

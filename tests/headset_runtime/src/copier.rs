@@ -6,7 +6,9 @@ use std::process;
 use ash::vk::{self, Handle as _};
 use openvr_sys as sys;
 
-/// Copies under way at most per eye.
+/// Both eyes, the dashboard's overlay and the held one.
+pub const KINDS: [&str; 4] = ["left", "right", "overlay", "held"];
+/// Copies under way at most per kind.
 const DEPTH: u64 = 2;
 /// After so long a copy is taken to hang: the program broke the device or its queue.
 const PATIENCE_NS: u64 = 60_000_000_000;
@@ -67,8 +69,7 @@ impl Copier {
             .flags(vk::CommandPoolCreateFlags::RESET_COMMAND_BUFFER);
         // SAFETY: the device lives until Cleanup, where all of this is destroyed first.
         let pool = must("a command pool", unsafe { device.create_command_pool(&pool_info, None) });
-        // Both eyes and the overlay.
-        let count = 3 * DEPTH as u32;
+        let count = (KINDS.len() as u64 * DEPTH) as u32;
         let info = vk::CommandBufferAllocateInfo::default().command_pool(pool).command_buffer_count(count);
         // SAFETY: as above.
         let all = must("command buffers", unsafe { device.allocate_command_buffers(&info) });

@@ -7,13 +7,14 @@ use ash::vk::{self, Handle as _};
 use openvr_sys as sys;
 use serde_json::{Value, json};
 
-use crate::copier::{Copier, Copy};
+use crate::copier::{Copier, Copy, KINDS};
 
 type Code = sys::EVRCompositorError;
 
-/// One eye's image as submitted.
+/// One eye's image, or an overlay's, as submitted.
 #[derive(Clone)]
 pub struct Submitted {
+    /// Of [`KINDS`]: an eye, or an overlay.
     pub eye: usize,
     pub data: sys::VRVulkanTextureData_t,
     /// uMin, vMin, uMax, vMax.
@@ -85,9 +86,6 @@ impl Submitted {
     }
 }
 
-/// Stands for the overlay in the place of an eye.
-pub const OVERLAY: usize = 2;
-
 /// The program's device and our copies on it.
 pub struct Images {
     folder: PathBuf,
@@ -146,20 +144,12 @@ impl Images {
         }
         let copier = self.copier.as_mut().filter(|copier| copier.is_on(data));
         let copier = copier.ok_or(sys::EVRCompositorError_VRCompositorError_TextureIsOnWrongDevice)?;
-        let name = ["left", "right", "overlay"][submitted.eye];
+        let name = KINDS[submitted.eye];
         let file = shown.then(|| self.folder.join(format!("frame-{frame:06}-{name}.png")));
         let image = vk::Image::from_raw(data.m_nImage);
         copier.copy(submitted.eye, Copy { image, format, part, is_flipped, frame, file });
         self.copied += 1;
         Ok(())
-    }
-
-    /// The same for the overlay's picture, which is always written, with the number of the frame before it.
-    ///
-    /// # Errors
-    /// The code that Submit would answer with.
-    pub fn copy_overlay(&mut self, submitted: &Submitted, frame: u64) -> Result<(), Code> {
-        self.copy(&Submitted { eye: OVERLAY, ..submitted.clone() }, frame, true, false)
     }
 
     /// Before a frame begins: waits for the copies of the frame before the last.

@@ -178,8 +178,11 @@ unsafe extern "C" fn digital_action_data(
             buttons.find(|b| b.action == name && lasts(frame, b.frame, b.last) && is_from(&b.hand, source))
         };
         let (now, before) = (pressed(r.frame), pressed(r.frame.saturating_sub(1)));
+        // In laser mouse mode, buttons are the overlays'.
+        let is_muted = r.has_laser();
+        let now = now.filter(|_| !is_muted);
         let data = sys::InputDigitalActionData_t {
-            bActive: is_held(r, source) && (now.is_some() || !r.script.are_buttons_shy),
+            bActive: is_held(r, source) && !is_muted && (now.is_some() || !r.script.are_buttons_shy),
             activeOrigin: now.or(before).map_or(0, |b| origin(&b.hand)),
             bState: now.is_some(),
             bChanged: now.is_some() != before.is_some(),

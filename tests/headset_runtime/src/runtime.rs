@@ -8,12 +8,11 @@ use glam::Affine3A;
 use openvr_sys as sys;
 use serde_json::{Value, json};
 
-use crate::client_core::NOTHING;
 use crate::frame_times::FrameTimes;
 use crate::images::Images;
 use crate::input::Actions;
 use crate::log::Log;
-use crate::overlay::Dashboard;
+use crate::overlay::Overlays;
 use crate::pace::Pace;
 use crate::script::{EyeOptics, Script};
 
@@ -41,7 +40,7 @@ pub struct Runtime {
     pub actions: Actions,
     pub pace: Pace,
     pub times: FrameTimes,
-    pub dashboard: Dashboard,
+    pub overlays: Overlays,
 }
 
 static RUNTIME: Mutex<Option<Runtime>> = Mutex::new(None);
@@ -67,7 +66,7 @@ impl Runtime {
             actions: Actions::default(),
             pace: Pace::new(script.hz, script.is_paced),
             times,
-            dashboard: Dashboard::default(),
+            overlays: Overlays::default(),
             script: Arc::new(script),
         }
     }
@@ -103,7 +102,8 @@ pub fn start(runtime: Runtime) {
 pub fn stop() {
     let stopped = RUNTIME.lock().unwrap_or_else(PoisonError::into_inner).take();
     if let Some(mut runtime) = stopped {
-        runtime.call("Cleanup", NOTHING);
+        let overlays = runtime.overlays.count();
+        runtime.call("Cleanup", json!({ "overlays": overlays }));
         runtime.times.end();
         runtime.images.close();
         runtime.call("CleanupDone", json!({ "copied": runtime.images.copied }));

@@ -58,12 +58,18 @@ pub struct Script {
     pub button: Vec<Button>,
     pub axis: Vec<Axis>,
     pub timing: Vec<Timing>,
-    /// Overlays cannot be made.
-    pub no_overlays: bool,
+    /// Overlays that cannot be made: `dashboard`, `held`.
+    pub refused_overlays: Vec<String>,
+    /// Calls that fail for the one that is held.
+    pub refused_held_calls: Vec<String>,
+    /// SetOverlayTexture comes back only once the next frame has begun, but for a program whose frames wait for it.
+    pub is_overlay_slow: bool,
     /// When the dashboard shows the program's overlay.
     pub dashboard: Vec<Shown>,
-    /// What the laser mouse does on it, in order.
+    /// What the laser mouse does on the program's overlays, in order.
     pub laser: Vec<Laser>,
+    /// When a hand's controller is connected, but not tracked.
+    pub lost_hand: Vec<LostHand>,
 }
 
 /// Something is shown.
@@ -74,15 +80,28 @@ pub struct Shown {
     pub last: Option<u64>,
 }
 
-/// The laser mouse points at the overlay.
+/// The laser mouse points at an overlay.
 #[derive(Clone, Debug, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Laser {
     pub frame: u64,
+    /// At the one that is fixed to a controller, where the laser mouse is on for it then, rather than at the dashboard's.
+    #[serde(default)]
+    pub held: bool,
     /// Part of the overlay's width and height, from its upper left corner.
     pub at: [f32; 2],
     /// Whether its button is pressed or released then.
     pub pressed: Option<bool>,
+}
+
+/// A hand is not tracked.
+#[derive(Clone, Debug, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct LostHand {
+    pub frame: u64,
+    pub last: Option<u64>,
+    /// `left` or `right`.
+    pub hand: String,
 }
 
 /// How starting goes.
@@ -281,9 +300,12 @@ impl Default for Script {
             button: Vec::new(),
             axis: Vec::new(),
             timing: Vec::new(),
-            no_overlays: false,
+            refused_overlays: Vec::new(),
+            refused_held_calls: Vec::new(),
+            is_overlay_slow: false,
             dashboard: Vec::new(),
             laser: Vec::new(),
+            lost_hand: Vec::new(),
         }
     }
 }

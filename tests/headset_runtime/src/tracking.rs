@@ -31,11 +31,13 @@ impl Runtime {
         let place = if is_seated { self.standing_from_seated.inverse() * place } else { place };
         let loss = self.script.pose.iter().find(|p| device == HEAD && lasts(frame, p.frame, p.last));
         let is_there = device != HEAD || self.is_connected;
+        let name = ["", "left", "right"].get(device as usize).copied().unwrap_or_default();
+        let is_lost = self.script.lost_hand.iter().any(|l| l.hand == name && lasts(frame, l.frame, l.last));
         sys::TrackedDevicePose_t {
             mDeviceToAbsoluteTracking: rows(place),
             eTrackingResult: loss
                 .map_or(sys::ETrackingResult_TrackingResult_Running_OK, |l| l.result as sys::ETrackingResult),
-            bPoseIsValid: is_there && loss.is_none_or(|l| l.valid),
+            bPoseIsValid: is_there && !is_lost && loss.is_none_or(|l| l.valid),
             bDeviceIsConnected: is_there,
             ..Default::default()
         }
