@@ -117,7 +117,7 @@ impl Painter {
     pub fn new(gpu: &Arc<Gpu>, call: TextureCall, size: [u32; 2]) -> Result<Self> {
         let usage = ImageUsageFlags::COLOR_ATTACHMENT | ImageUsageFlags::TRANSFER_SRC | ImageUsageFlags::SAMPLED;
         let image = || Image::new(gpu, "panel", ImageDesc::flat(Output::Display.format(), size, usage));
-        let mut easel = Easel {
+        let mut pictures = PanelPictures {
             ui: UiRenderer::new(gpu)?,
             images: [image()?, image()?],
             ring: FrameRing::new(gpu, UI_BYTES)?,
@@ -132,7 +132,7 @@ impl Painter {
         let work = move || {
             for job in taken {
                 // Nobody wants to know any more: the session ends.
-                if finished.send(easel.paint(&job, &gate_there)).is_err() {
+                if finished.send(pictures.paint(&job, &gate_there)).is_err() {
                     break;
                 }
             }
@@ -183,7 +183,7 @@ impl Drop for Painter {
 }
 
 /// What the thread draws with.
-struct Easel {
+struct PanelPictures {
     ui: UiRenderer,
     /// Taken in turn: the runtime may still read the last one.
     images: [Arc<Image>; 2],
@@ -194,7 +194,7 @@ struct Easel {
     pictures: usize,
 }
 
-impl Easel {
+impl PanelPictures {
     /// The time of the longest call into the runtime.
     fn paint(&mut self, job: &Job, gate: &Gate) -> Result<Duration> {
         let picture = self.draw(&job.ui)?;
