@@ -174,6 +174,9 @@ void main()
     else
         colour = display_value(value_of(s));
     colour.a = s.alpha;
+#ifdef LATE_DEPTH
+    gl_FragStencilRefARB = 0; // no stencil is tested: see Gpu::wants_late_depth
+#endif
 }
 
 #endif

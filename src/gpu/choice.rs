@@ -107,6 +107,8 @@ pub(super) struct Options {
     pub(super) cube_arrays: bool,
     /// VK_EXT_memory_budget.
     pub(super) memory_budget: bool,
+    /// What is asked of [`super::Gpu::wants_late_depth`].
+    pub(super) late_depth: bool,
 }
 
 /// All GPUs, the preferred one first, those that cannot be used last.
@@ -186,7 +188,7 @@ fn examine(instance: &Instance, physical: vk::PhysicalDevice, goal: Goal<'_>) ->
     unsafe { instance.raw.get_physical_device_properties2(physical, &mut properties2) };
     let text = |s: std::result::Result<&CStr, _>| s.unwrap_or(c"?").to_string_lossy().into_owned();
     info.driver = format!("{} {}", text(driver.driver_name_as_c_str()), text(driver.driver_info_as_c_str()));
-    let features = Features::of(instance, physical);
+    let features = Features::of(instance, physical, driver.driver_id);
     let has_swapchain = has_extension(instance, physical, khr::swapchain::NAME);
     info.options = vec![
         ("anisotropic filtering", features.options.anisotropy),
@@ -222,7 +224,7 @@ struct Features {
 }
 
 impl Features {
-    fn of(instance: &Instance, physical: vk::PhysicalDevice) -> Self {
+    fn of(instance: &Instance, physical: vk::PhysicalDevice, driver: vk::DriverId) -> Self {
         let mut v12 = vk::PhysicalDeviceVulkan12Features::default();
         let mut v13 = vk::PhysicalDeviceVulkan13Features::default();
         let mut all = vk::PhysicalDeviceFeatures2::default().push_next(&mut v12).push_next(&mut v13);
@@ -234,6 +236,8 @@ impl Features {
             compressed_textures: core.texture_compression_bc == vk::TRUE,
             cube_arrays: core.image_cube_array == vk::TRUE,
             memory_budget: has_extension(instance, physical, ext::memory_budget::NAME),
+            late_depth: driver == vk::DriverId::MESA_LLVMPIPE
+                && has_extension(instance, physical, ext::shader_stencil_export::NAME),
         };
         let needed = [
             ("dynamicRendering", v13.dynamic_rendering),

@@ -210,6 +210,16 @@ impl Gpu {
         self.options.cube_arrays
     }
 
+    /// Whether several samples a pixel are drawn sooner where depth is tested after shading, by shaders that write a stencil
+    /// reference, used or not (`VK_EXT_shader_stencil_export`).
+    ///
+    /// llvmpipe shades blocks of eight pixels. With one sample it leaves out those that are hidden; with more it leaves out
+    /// none, not even those without a covered sample, unless depth comes last (Mesa 22.3 to 24.3, `generate_fs_loop` in
+    /// `lp_state_fs.c`).
+    pub fn wants_late_depth(&self) -> bool {
+        self.options.late_depth
+    }
+
     /// The content of the pipeline cache, for [`Gpu::merge_pipeline_cache`] in another run.
     pub fn pipeline_cache_bytes(&self) -> Result<Vec<u8>> {
         self.pipeline_cache.bytes()

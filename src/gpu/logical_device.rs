@@ -80,6 +80,9 @@ fn create(instance: &Instance, chosen: &Candidate, present: bool, asked: &[CStri
     if chosen.options.memory_budget {
         extensions.push(ext::memory_budget::NAME.as_ptr());
     }
+    if chosen.options.late_depth {
+        extensions.push(ext::shader_stencil_export::NAME.as_ptr());
+    }
     if present {
         extensions.push(khr::swapchain::NAME.as_ptr());
     }

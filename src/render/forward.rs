@@ -26,7 +26,8 @@ struct Stages {
 }
 
 impl Stages {
-    fn new(settings: &RenderSettings, probes: bool) -> Self {
+    /// `late_depth`: what [`Gpu::wants_late_depth`](crate::gpu::Gpu::wants_late_depth) says.
+    fn new(settings: &RenderSettings, probes: bool, late_depth: bool) -> Self {
         if settings.shading == Shading::Reference {
             return Self {
                 surface: "reference.frag",
@@ -37,8 +38,12 @@ impl Stages {
             };
         }
         let (colour, samples) = (settings.output.format(), settings.samples);
-        let [surface, holed] =
-            if probes { ["forward_probes.frag", "cutout_probes.frag"] } else { ["forward.frag", "cutout.frag"] };
+        let [surface, holed] = match (probes, late_depth && samples == 4) {
+            (false, false) => ["forward.frag", "cutout.frag"],
+            (true, false) => ["forward_probes.frag", "cutout_probes.frag"],
+            (false, true) => ["forward_late.frag", "cutout_late.frag"],
+            (true, true) => ["forward_probes_late.frag", "cutout_probes_late.frag"],
+        };
         let cutout = if samples == 4 { holed } else { surface };
         Self { surface, cutout, sky: "sky.frag", colour, samples }
     }
@@ -57,7 +62,7 @@ impl ForwardPass {
     pub fn new(request: &PipelineRequest) -> Result<Self> {
         let PipelineRequest { gpu, layouts, variants, constant_lights, lightmap_layers, settings, eyes, .. } = request;
         let is_reference = settings.shading == Shading::Reference;
-        let stages = Stages::new(settings, request.probes > 0);
+        let stages = Stages::new(settings, request.probes > 0, gpu.wants_late_depth());
         let common: [Constant; 13] = [
             (constant::EYES, *eyes),
             (constant::SHADING, settings.shading as u32),
@@ -184,4 +189,22 @@ fn constants(features: MaterialFeatures, multiple: bool) -> [Constant; 10] {
         (constant::SECOND_UV, features.second_uv),
         (constant::BLENDS, u32::from(features.blends)),
     ]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn depth_comes_late_only_where_it_is_asked_for_and_with_several_samples() {
+        let names = |samples, probes, late| {
+            let Stages { surface, cutout, .. } =
+                Stages::new(&RenderSettings { samples, ..RenderSettings::default() }, probes, late);
+            [surface, cutout]
+        };
+        assert_eq!(names(4, false, false), ["forward.frag", "cutout.frag"]);
+        assert_eq!(names(4, true, true), ["forward_probes_late.frag", "cutout_probes_late.frag"]);
+        assert_eq!(names(4, false, true), ["forward_late.frag", "cutout_late.frag"]);
+        assert_eq!(names(1, false, true), ["forward.frag", "forward.frag"]);
+    }
 }

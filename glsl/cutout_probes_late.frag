@@ -1,0 +1,7 @@
+// Fragments as cutout_probes.frag's, with depth tested after them.
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#extension GL_ARB_shader_stencil_export : require
+#define LATE_DEPTH
+#define LOCAL_PROBES
+#include "cutout.glsl"
