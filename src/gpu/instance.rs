@@ -13,12 +13,15 @@ use crate::{Error, Result};
 
 const VALIDATION_LAYER: &CStr = c"VK_LAYER_KHRONOS_validation";
 
-/// Known harmless validation messages: part of the message's id, and the reason.
-const EXPECTED: &[(&str, &str)] = &[(
-    // Sent once per instance by the layer itself when a driver is not conformant.
-    "WARNING-CreateInstance-status-message",
-    "lavapipe 22.3 reports itself as a non-conformant driver",
-)];
+/// Known harmless validation messages: part of the message's id and text, and the reason.
+const EXPECTED: &[(&str, &str)] = &[
+    (
+        // Sent once per instance by the layer itself when a driver is not conformant.
+        "WARNING-CreateInstance-status-message",
+        "lavapipe 22.3 reports itself as a non-conformant driver",
+    ),
+    ("env var 'VK_INSTANCE_LAYERS' defined", "the loader tells of layers that the user has chosen"),
+];
 
 thread_local! {
     /// Whether this thread is inside [`foreign_call`].
@@ -188,18 +191,19 @@ unsafe extern "system" fn on_message(
     let (id, text) = unsafe { (data.message_id_name_as_c_str(), data.message_as_c_str()) };
     let id = id.unwrap_or(c"?").to_string_lossy();
     let text = text.unwrap_or(c"?").to_string_lossy();
-    if EXPECTED.iter().any(|(part, _)| id.contains(part)) {
+    let message = format!("{id}: {text}");
+    if EXPECTED.iter().any(|(part, _)| message.contains(part)) {
         return vk::FALSE;
     }
     if IS_FOREIGN.get() {
         // A library that is wrong once a frame is told of once.
         if messages.foreign.fetch_add(1, Ordering::Relaxed) == 0 {
-            tracing::warn!("validation of the headset runtime's own calls, no failure of this program: {id}: {text}");
+            tracing::warn!("validation of the headset runtime's own calls, no failure of this program: {message}");
         }
         return vk::FALSE;
     }
-    tracing::error!("validation: {id}: {text}");
-    messages.push(format!("{id}: {text}"));
+    tracing::error!("validation: {message}");
+    messages.push(message);
     vk::FALSE
 }
 

@@ -6,11 +6,14 @@ use std::path::{Path, PathBuf};
 use clap::ValueEnum;
 
 use super::action::{Action, Requests};
-use super::loader::{LoadRequest, LoadResult, LoadedScene, Loader, Target, file_name, own_panorama};
+use super::kept::Kept;
+use super::loader::{LoadRequest, LoadResult, LoadedScene, Loader, Target, file_name};
 use super::loading_files::LoadingFiles;
 use super::measured::Measurements;
 use super::playlist::Playlist;
-use super::shown_scene::ShownScene;
+use super::shown_scene::{SceneChanges, ShownScene};
+use super::stagings::Stagings;
+use super::update::{Arrival, Update};
 use crate::asset::Report;
 use crate::context::Context;
 use crate::render::{Change, Lighting, Lightmapped, PassPipelines, RenderSettings, Shading};
@@ -18,30 +21,6 @@ use crate::scene::is_scene;
 use crate::scene::load::scene_in;
 use crate::scene::staging::Staging;
 use crate::{Error, Result};
-
-/// A result of the loader.
-pub enum Update {
-    /// Another scene is shown, or the same one again.
-    Scene(Arrival),
-    /// The scene is lit by the panorama of this name.
-    Light(String),
-    /// The scene is drawn with other settings.
-    Settings,
-    /// A screenshot was written.
-    Screenshot(Result<PathBuf>),
-    /// A file could not be loaded; nothing has changed.
-    Failed(Error),
-}
-
-/// What a scene that is shown takes the place of.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Arrival {
-    First,
-    /// Another scene, or one that was opened again.
-    Next,
-    /// The same scene, which other settings made load again: everything that a person has changed stays.
-    Again,
-}
 
 /// Light that is shown as soon as its pipelines are there.
 struct NewLight {
@@ -72,10 +51,9 @@ pub struct App {
     scenes: u64,
     /// That number, where the request was for the shown scene with other settings.
     again: Option<u64>,
-    /// The scene of the command line, and what that says of it.
-    first: Option<(PathBuf, Staging)>,
-    /// The panorama that was chosen for the scene that is shown, and stays with the next ones that name none.
-    chosen: Option<PathBuf>,
+    /// What was changed of the scene of that request by an app before this one.
+    changes: Option<SceneChanges>,
+    stagings: Stagings,
     loading: LoadingFiles,
     /// Counts changes of the scene, its light, its settings or its target: what is drawn from then on may look different.
     revision: u64,
@@ -109,8 +87,8 @@ impl App {
             new_lightmap: None,
             scenes: 0,
             again: None,
-            first: None,
-            chosen: None,
+            changes: None,
+            stagings: Stagings::default(),
             loading: LoadingFiles::default(),
             revision: 0,
             screenshots: 0,
@@ -156,7 +134,18 @@ impl App {
 
     /// Starts loading a scene, whatever its file extension.
     pub fn open_scene(&mut self, path: &Path) {
-        let staging = self.staging_of(path);
+        let staging = self.stagings.of(path, self.scene.as_ref());
+        self.load_scene(path, staging);
+    }
+
+    /// Starts loading a scene that goes on as it was shown, under the panorama that was asked for last.
+    fn open_again(&mut self, path: &Path, panorama: Option<PathBuf>) {
+        let staging = self.stagings.of(path, self.scene.as_ref());
+        self.load_scene(path, Staging { panorama: panorama.or(staging.panorama), ..staging });
+        self.again = Some(self.scenes);
+    }
+
+    fn load_scene(&mut self, path: &Path, staging: Staging) {
         self.playlist.set_scene(path);
         staging.panorama.iter().for_each(|panorama| self.playlist.set_panorama(panorama));
         self.loading.begin(path, Change::Scene, &self.settings);
@@ -165,29 +154,34 @@ impl App {
         self.loader.start(LoadRequest::Scene { number: self.scenes, path, staging, settings, target });
     }
 
-    /// Starts loading the scene of the command line, which keeps its stage whenever it is loaded again.
-    pub fn open_first(&mut self, path: &Path, staging: Staging) {
-        self.first = Some((path.to_owned(), staging));
-        self.open_scene(path);
+    /// Ends, and returns what another app can go on with.
+    pub fn keep(mut self) -> Kept {
+        let shown = self.scene.as_ref();
+        Kept {
+            scene: shown.map(|scene| scene.loaded.path.as_path()).or(self.stagings.first()).map(Path::to_owned),
+            changes: shown.map(ShownScene::changes).or(self.changes.take()),
+            playlist: self.playlist,
+            stagings: self.stagings,
+            settings: self.settings,
+            first_settings: self.first_settings,
+        }
     }
 
-    /// What the command line says of a scene. One that names no panorama keeps that which was chosen for the one before.
-    fn staging_of(&mut self, path: &Path) -> Staging {
-        if let Some(scene) = &self.scene {
-            let (asked, loaded) = (&scene.last_panorama, &scene.loaded.panorama);
-            self.chosen =
-                if asked == loaded { self.chosen.take().filter(|c| Some(c) == loaded.as_ref()) } else { asked.clone() };
+    /// Goes on with what an app before this one has shown.
+    pub fn restore(&mut self, kept: Kept) {
+        let Kept { playlist, stagings, scene, changes, settings, first_settings } = kept;
+        (self.playlist, self.stagings) = (playlist, stagings);
+        (self.settings, self.first_settings) = (settings, first_settings);
+        if let Some(scene) = scene {
+            self.open_again(&scene, changes.as_ref().and_then(|changes| changes.panorama.clone()));
         }
-        let mut staging = Staging::default();
-        if let Some((_, first)) = self.first.as_mut().filter(|(first, _)| first == path) {
-            staging = first.clone();
-            // Once: the file may be edited while the window is open.
-            first.write_scene = None;
-        }
-        if self.chosen.is_some() && own_panorama(path).is_none() {
-            staging.panorama.clone_from(&self.chosen);
-        }
-        staging
+        self.changes = changes;
+    }
+
+    /// Starts loading the scene of the command line, which keeps its stage whenever it is loaded again.
+    pub fn open_first(&mut self, path: &Path, staging: Staging) {
+        self.stagings.set_first(path, staging);
+        self.open_scene(path);
     }
 
     /// Starts loading a scene or a panorama, by its extension; of a folder its scene.
@@ -335,10 +329,9 @@ impl App {
     }
 
     fn load_again(&mut self) {
-        let path = self.scene.as_ref().map(|scene| scene.loaded.path.clone());
-        if let Some(path) = path {
-            self.open_scene(&path);
-            self.again = Some(self.scenes);
+        let shown = self.scene.as_ref().map(|scene| (scene.loaded.path.clone(), scene.last_panorama.clone()));
+        if let Some((path, panorama)) = shown {
+            self.open_again(&path, panorama);
         }
     }
 
@@ -471,15 +464,20 @@ impl App {
     fn show(&mut self, loaded: Box<LoadedScene>) -> Result<Update> {
         let again = self.again == Some(loaded.number);
         let mut scene = ShownScene::new(loaded);
-        self.scene.iter().filter(|_| again).for_each(|old| scene.go_on_from(old));
+        let changes = self.scene.as_ref().map(ShownScene::changes).or(self.changes.take());
+        changes.iter().filter(|_| again).for_each(|changes| scene.apply(changes));
         // The number of eyes and the settings may have changed while the scene was loading.
         draw_for(&mut scene, self.target.eyes)?;
         let old = self.scene.replace(scene);
         (self.new_light, self.new_lightmap) = (None, None);
         self.follow_settings()?;
-        let Some(old) = old else { return Ok(Update::Scene(Arrival::First)) };
-        self.loader.start(LoadRequest::Discard(old.loaded));
-        Ok(Update::Scene(if again { Arrival::Again } else { Arrival::Next }))
+        let arrival = match &old {
+            _ if again => Arrival::Again,
+            Some(_) => Arrival::Next,
+            None => Arrival::First,
+        };
+        old.into_iter().for_each(|old| self.loader.start(LoadRequest::Discard(old.loaded)));
+        Ok(Update::Scene(arrival))
     }
 }
 

@@ -14,6 +14,7 @@ mod frame_clock;
 #[expect(unsafe_code, reason = "calls OpenVR")]
 pub mod headset;
 mod interrupt;
+mod kept;
 mod loader;
 mod loading_files;
 #[cfg(test)]
@@ -30,6 +31,8 @@ mod sequence;
 mod sequence_files;
 mod show;
 mod shown_scene;
+mod stagings;
+mod update;
 mod video;
 #[expect(unsafe_code, reason = "calls Vulkan and the window system")]
 mod window;

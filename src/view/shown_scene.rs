@@ -7,7 +7,9 @@ use glam::Mat4;
 
 use super::action::Action;
 use super::loader::LoadedScene;
+use super::scene_parts::SceneParts;
 use crate::render::{ControllerGizmos, CullOptions, Eye, FrameInputs, SceneEdits};
+use crate::scene::Camera;
 
 /// Radians of one step of the panorama's rotation.
 const ROTATION_STEP: f32 = TAU / 72.0;
@@ -35,6 +37,23 @@ pub struct ShownScene {
     takes_pipelines: bool,
 }
 
+/// What a person has changed of a scene; see [`ShownScene`].
+#[derive(Clone, Debug)]
+pub struct SceneChanges {
+    camera: usize,
+    material: Option<usize>,
+    exposure_ev: f32,
+    /// Of the panorama: now, and after a reset.
+    rotation: [f32; 2],
+    world_from_models: Mat4,
+    /// The panorama asked for last.
+    pub panorama: Option<PathBuf>,
+    edits: SceneEdits,
+    /// The scene's, by whose order some of this goes.
+    cameras: Vec<Camera>,
+    parts: SceneParts,
+}
+
 impl ShownScene {
     /// A scene as it was loaded.
     pub fn new(loaded: Box<LoadedScene>) -> Self {
@@ -53,19 +72,34 @@ impl ShownScene {
         }
     }
 
+    /// What was changed of it.
+    pub fn changes(&self) -> SceneChanges {
+        SceneChanges {
+            camera: self.camera,
+            material: self.material,
+            exposure_ev: self.exposure_ev,
+            rotation: [self.environment_rotation, self.first_rotation],
+            world_from_models: self.world_from_models,
+            panorama: self.last_panorama.clone(),
+            edits: self.loaded.renderer.edits().clone(),
+            cameras: self.loaded.cameras.clone(),
+            parts: self.loaded.parts.clone(),
+        }
+    }
+
     /// Goes on with what was changed of the same scene before it was loaded again.
-    pub fn go_on_from(&mut self, old: &Self) {
-        (self.exposure_ev, self.world_from_models) = (old.exposure_ev, old.world_from_models);
-        if self.panorama == old.panorama {
-            (self.environment_rotation, self.first_rotation) = (old.environment_rotation, old.first_rotation);
+    pub fn apply(&mut self, changes: &SceneChanges) {
+        (self.exposure_ev, self.world_from_models) = (changes.exposure_ev, changes.world_from_models);
+        if self.panorama == changes.panorama {
+            [self.environment_rotation, self.first_rotation] = changes.rotation;
         }
         // The file may have changed meanwhile.
-        if self.loaded.cameras == old.loaded.cameras {
-            self.camera = old.camera;
+        if self.loaded.cameras == changes.cameras {
+            self.camera = changes.camera;
         }
-        if self.loaded.parts == old.loaded.parts {
-            self.material = old.material;
-            self.loaded.renderer.set_edits(old.loaded.renderer.edits().clone());
+        if self.loaded.parts == changes.parts {
+            self.material = changes.material;
+            self.loaded.renderer.set_edits(changes.edits.clone());
         }
     }
 

@@ -14,7 +14,7 @@ mod quit;
 mod viewer;
 
 use std::sync::Arc;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use winit::application::ApplicationHandler;
 use winit::dpi::LogicalSize;
@@ -25,12 +25,13 @@ use winit::window::{Window, WindowId};
 
 use super::headset::{self, Session};
 use super::interrupt;
+use super::kept::{Losses, OPENED_AGAIN};
 use super::request::{ViewRequest, Wanted};
 use crate::context::Setup;
 use crate::gpu::{Gpu, GpuOptions, Messages};
-use crate::{Error, Result, say};
+use crate::{Error, Result, complain, say};
 use quit::QuitTimer;
-use viewer::Viewer;
+use viewer::{KeptViewer, Viewer};
 
 /// While a window is dragged or its menu is open, Windows runs a modal loop, in which winit emits redraws but never
 /// `about_to_wait`. Elsewhere `about_to_wait` follows every redraw.
@@ -72,7 +73,8 @@ pub fn run(
         proxy,
         viewer: None,
         opened: false,
-        messages: None,
+        messages: Vec::new(),
+        losses: Losses::default(),
         failure: None,
         reported: Ok(()),
         waited: false,
@@ -86,7 +88,7 @@ pub fn run(
     }
     ended.map_err(window_error)?;
     handler.reported?;
-    handler.messages.map_or(Ok(()), |messages| messages.check())?;
+    handler.messages.iter().try_for_each(|messages| messages.check())?;
     Ok(None)
 }
 
@@ -110,7 +112,9 @@ struct EventHandler<'a> {
     viewer: Option<Viewer>,
     /// Whether a viewer has ever been created.
     opened: bool,
-    messages: Option<Arc<Messages>>,
+    /// Of each GPU that was opened.
+    messages: Vec<Arc<Messages>>,
+    losses: Losses,
     /// The error that ended the program early.
     failure: Option<Error>,
     /// The result of writing the report.
@@ -124,18 +128,36 @@ impl EventHandler<'_> {
         let scene = self.request.scene()?;
         let attributes = Window::default_attributes().with_title("pbr-vr").with_inner_size(SIZE);
         let window = event_loop.create_window(attributes).map_err(window_error)?;
-        let display = event_loop.display_handle().map_err(window_error)?;
-        let handle = window.window_handle().map_err(window_error)?;
-        let options = GpuOptions { display: Some(display), window: Some(handle), ..self.setup.gpu };
-        let (gpu, session) = self.open_gpu(options)?;
-        self.messages = Some(gpu.messages());
-        // SAFETY: `exiting` drops the viewer while the event loop still runs.
-        let mut viewer =
-            unsafe { Viewer::new(self.setup.with(&gpu), window, self.request, self.proxy.clone(), session) }?;
+        let mut viewer = self.open(event_loop, window)?;
         self.opened = true;
         self.no_headset.iter().for_each(|why| say!("pbr-vr: in a window, because {why}"));
         viewer.open_first(&scene, self.request.staging.clone());
         Ok(viewer)
+    }
+
+    fn open(&mut self, event_loop: &ActiveEventLoop, window: Window) -> Result<Viewer> {
+        let display = event_loop.display_handle().map_err(window_error)?;
+        let handle = window.window_handle().map_err(window_error)?;
+        let options = GpuOptions { display: Some(display), window: Some(handle), ..self.setup.gpu };
+        let (gpu, session) = self.open_gpu(options)?;
+        self.messages.push(gpu.messages());
+        // SAFETY: `exiting` and `go_on` drop the viewer while the event loop still runs.
+        unsafe { Viewer::new(self.setup.with(&gpu), window, self.request, self.proxy.clone(), session) }
+    }
+
+    /// Opens a GPU again after the loss of one, and shows the same as before.
+    fn go_on(&mut self, event_loop: &ActiveEventLoop, lost: &Error) -> Result<()> {
+        let Some(viewer) = self.viewer.take() else { return Ok(()) };
+        tracing::debug!("{lost}");
+        complain!("pbr-vr: {OPENED_AGAIN}");
+        let report = viewer.report();
+        let KeptViewer { window, view } = viewer.keep();
+        let mut viewer = self.open(event_loop, window).inspect_err(|_| {
+            self.reported = self.request.write_report(|| report);
+        })?;
+        viewer.restore(view);
+        self.viewer = Some(viewer);
+        Ok(())
     }
 
     fn open_gpu(&self, options: GpuOptions<'_>) -> Result<(Arc<Gpu>, Option<Session>)> {
@@ -160,7 +182,9 @@ impl EventHandler<'_> {
     fn with(&mut self, event_loop: &ActiveEventLoop, act: impl FnOnce(&mut Viewer) -> Result<()>) {
         // After the first failure there are no more attempts: the device may be gone.
         let Some(viewer) = self.viewer.as_mut().filter(|_| self.failure.is_none()) else { return };
-        if let Err(error) = act(viewer) {
+        let Err(error) = act(viewer) else { return };
+        let goes_on = self.losses.may_go_on_after(&error, Instant::now());
+        if let Err(error) = if goes_on { self.go_on(event_loop, &error) } else { Err(error) } {
             self.failure = Some(error);
             event_loop.exit();
         }

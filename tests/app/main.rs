@@ -16,6 +16,8 @@ mod cli;
 mod exporters;
 mod ladder;
 mod loading;
+#[cfg(target_os = "linux")]
+mod lost_gpu;
 mod measure;
 mod needs;
 #[cfg(target_os = "linux")]

@@ -165,8 +165,18 @@ pub fn finish(mut child: Child) -> Ran {
 impl Headset {
     /// Starts the program on this headset, with the validation layer.
     pub fn start(&self, folder: &Path, arguments: &[&str]) -> Child {
+        self.start_with(folder, arguments, [])
+    }
+
+    /// The same with more in its environment.
+    pub fn start_with<const N: usize>(
+        &self,
+        folder: &Path,
+        arguments: &[&str],
+        environment: [(&str, OsString); N],
+    ) -> Child {
         let mut command = command(folder, &[arguments, &["--validate"]].concat());
-        command.envs(self.environment()).spawn().expect("the program starts")
+        command.envs(self.environment()).envs(environment).spawn().expect("the program starts")
     }
 
     /// Runs it to its end; a call that no program should make fails the test.

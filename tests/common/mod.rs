@@ -2,6 +2,7 @@
 #![allow(dead_code)]
 
 pub mod colour;
+pub mod fault;
 pub mod gltf;
 pub mod headset;
 pub mod light;

@@ -2,6 +2,7 @@
 
 use headset_runtime::script::{Presence, Script, Waypoint};
 
+use crate::common::fault::FaultLayer;
 use crate::common::headset::{Headset, command};
 use crate::common::room::{Room, SIZE, head, patient};
 use crate::desktop::{Display, ESCAPE, Hands, M, Program};
@@ -17,6 +18,26 @@ fn start(display: &Display, room: &Room, arguments: &[&str]) -> Program {
     );
     command.envs(room.headset.environment());
     Program::spawn(display, command)
+}
+
+#[test]
+fn headset_and_mirror_go_on_after_a_lost_gpu() {
+    let Some(display) = Display::start() else { return };
+    let room = Room::with(patient());
+    let folder = room.workshop.0.path();
+    let layer = FaultLayer::install(folder);
+    let flags = ["view", "scene.toml", "--light", "direct", "--validate", "--frames", "60", "--report", "report.json"];
+    let mut command = command(folder, &flags);
+    command.envs(room.headset.environment()).envs(layer.environment());
+    let program = Program::spawn(&display, command);
+    wait_for_frame(&room.headset, 10);
+    layer.lose_in("vkQueueSubmit2");
+    layer.wait();
+    let (code, errors) = program.end();
+    assert_eq!((code, errors.lines().count()), (Some(0), 1), "{errors}");
+    // Frames are counted over both GPUs, the headset's own since the second start.
+    let (all, since) = (room.run_report()["frames"].as_u64(), room.report()["frames"].as_u64());
+    assert!(all == Some(60) && since < Some(52) && since > Some(30), "{all:?} frames, {since:?} since then");
 }
 
 /// Waits until the headset has come to a frame.

@@ -15,6 +15,7 @@ mod hands;
 mod held_panel;
 #[cfg(target_os = "linux")]
 mod long_run;
+mod lost_gpu;
 mod openvr_loader;
 mod session;
 mod start;

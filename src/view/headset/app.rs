@@ -6,10 +6,12 @@ use super::session::{End, FrameResult, Session};
 use super::{Connected, RunReport};
 use crate::context::Setup;
 use crate::view::action::Action;
-use crate::view::app::{App, Arrival, Update};
+use crate::view::app::App;
 use crate::view::frame_clock::FrameClock;
+use crate::view::kept::{Kept, Losses, OPENED_AGAIN};
+use crate::view::update::{Arrival, Update};
 use crate::view::{ViewRequest, interrupt, screenshot};
-use crate::{Error, Result, say};
+use crate::{Error, Result, complain, say};
 
 /// How often the runtime's events are polled while the first scene is loading.
 const POLL: Duration = Duration::from_millis(10);
@@ -20,15 +22,26 @@ const POLL: Duration = Duration::from_millis(10);
 /// [`Error::Headset`] if the headset is lost; whatever stops loading or drawing; validation messages where asked for.
 pub fn run(request: &ViewRequest, connected: Connected, setup: &Setup<'_>) -> Result<()> {
     let scene = request.scene()?;
-    let context = setup.with(&connected.gpu);
-    let messages = context.gpu.messages();
-    let session = connected.begin(request.hidden_area)?;
-    let app = App::new(context, request.settings.clone(), session.target(), || {}, request.measurements)?;
-    session.when_hopeless(request.last_report(&app.context.gpu));
-    let mut headset = HeadsetApp { session, app, clock: FrameClock::default() };
+    let mut messages = vec![connected.gpu.messages()];
+    let mut headset = HeadsetApp::new(request, connected, setup)?;
     interrupt::listen(|| {});
     headset.app.open_first(&scene, request.staging.clone());
-    let end = headset.play(request.frames);
+    let (mut end, mut losses) = (headset.play(request.frames), Losses::default());
+    while let Err(error) = &end
+        && losses.may_go_on_after(error, Instant::now())
+    {
+        tracing::debug!("{error}");
+        complain!("pbr-vr: {OPENED_AGAIN}");
+        let report = headset.report();
+        let kept = headset.keep();
+        let again = super::connect(setup.gpu).and_then(|connected| {
+            messages.push(connected.gpu.messages());
+            HeadsetApp::new(request, connected, setup)
+        });
+        headset = again.or_else(|error| request.write_report(|| report).and(Err(error)))?;
+        headset.app.restore(kept);
+        end = headset.play(request.frames);
+    }
     let reported = request.write_report(|| headset.report());
     // Destroying the device may add validation messages, for example about leaks.
     drop(headset);
@@ -38,7 +51,7 @@ pub fn run(request: &ViewRequest, connected: Connected, setup: &Setup<'_>) -> Re
         None => {}
     }
     reported?;
-    messages.check()
+    messages.iter().try_for_each(|messages| messages.check())
 }
 
 /// Drop order: the session, and with it the runtime, before anything on the GPU.
@@ -49,6 +62,21 @@ struct HeadsetApp {
 }
 
 impl HeadsetApp {
+    fn new(request: &ViewRequest, connected: Connected, setup: &Setup<'_>) -> Result<Self> {
+        let context = setup.with(&connected.gpu);
+        let session = connected.begin(request.hidden_area)?;
+        let app = App::new(context, request.settings.clone(), session.target(), || {}, request.measurements)?;
+        session.when_hopeless(request.last_report(&app.context.gpu));
+        Ok(Self { session, app, clock: FrameClock::default() })
+    }
+
+    /// Ends on this GPU; returns what goes on with another.
+    fn keep(self) -> Kept {
+        let Self { session, app, .. } = self;
+        drop(session);
+        app.keep()
+    }
+
     fn play(&mut self, frames: Option<u64>) -> Result<Option<End>> {
         while !interrupt::is_requested() {
             self.collect()?;

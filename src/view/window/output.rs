@@ -16,7 +16,7 @@ use super::presenter::{Content, WindowPresenter};
 use crate::gpu::Gpu;
 use crate::render::{MirrorPart, SceneEdits};
 use crate::view::action::Action;
-use crate::view::app::{App, Arrival, Update};
+use crate::view::app::App;
 use crate::view::control::{Control, Mode};
 use crate::view::frame_clock::{FrameClock, Rate};
 use crate::view::headset::Session;
@@ -24,6 +24,7 @@ use crate::view::loader::Target;
 use crate::view::panel::{Panel, PanelInputs};
 use crate::view::screenshot;
 use crate::view::shown_scene::ShownScene;
+use crate::view::update::{Arrival, Update};
 use crate::{Error, Result, say};
 
 /// How often a minimised window is polled.
@@ -142,6 +143,13 @@ impl WindowOutput {
             titled: None,
             window,
         })
+    }
+
+    /// Ends on this GPU; returns what goes on with another.
+    pub fn keep(self) -> (Window, Option<Control>) {
+        let Self { presenter, window, control, .. } = self;
+        drop(presenter);
+        (window, control)
     }
 
     /// The target of scenes that only this window shows.

@@ -13,10 +13,13 @@ use super::output::{WindowOutput, title};
 use crate::context::Context;
 use crate::scene::staging::Staging;
 use crate::view::ViewRequest;
-use crate::view::app::{App, Arrival, Update};
+use crate::view::app::App;
+use crate::view::control::Control;
 use crate::view::frame_clock::ms_since;
 use crate::view::headset::{End, FrameResult, HeadsetReport, RunReport, Session};
+use crate::view::kept::Kept;
 use crate::view::loader::file_name;
+use crate::view::update::{Arrival, Update};
 use crate::{Error, Result, say};
 
 /// How often the headset runtime's events are polled while there is nothing to draw.
@@ -34,6 +37,19 @@ pub struct Viewer {
     shader_watch: ShaderWatch,
     pub app: App,
     pub output: WindowOutput,
+    frames: u64,
+}
+
+/// What outlasts a viewer whose GPU was lost.
+pub struct KeptViewer {
+    pub window: Window,
+    pub view: KeptView,
+}
+
+/// What the window shows.
+pub struct KeptView {
+    app: Kept,
+    control: Option<Control>,
     frames: u64,
 }
 
@@ -76,6 +92,23 @@ impl Viewer {
             output,
             frames: 0,
         })
+    }
+
+    /// Ends on this GPU; returns what goes on with another.
+    pub fn keep(self) -> KeptViewer {
+        let Self { session, app, output, frames, .. } = self;
+        // The runtime is shut down before anything else, as always.
+        drop(session);
+        let app = app.keep();
+        let (window, control) = output.keep();
+        KeptViewer { window, view: KeptView { app, control, frames } }
+    }
+
+    /// Goes on with what a viewer before this one has shown.
+    pub fn restore(&mut self, view: KeptView) {
+        let KeptView { app, control, frames } = view;
+        (self.output.control, self.frames) = (control, frames);
+        self.app.restore(app);
     }
 
     /// Frames shown so far.

@@ -212,7 +212,11 @@ impl Copier {
     /// Waits for the program's device, as runtimes do at the end, and frees all.
     pub fn close(mut self) {
         // SAFETY: VR_Shutdown's contract: the device still lives.
-        must("waiting for the device", unsafe { self.device.device_wait_idle() });
+        match unsafe { self.device.device_wait_idle() } {
+            // A program may leave a headset because its GPU is lost.
+            Err(vk::Result::ERROR_DEVICE_LOST) => {}
+            waited => must("waiting for the device", waited),
+        }
         for n in 0..self.slots.len() {
             self.finish(n);
             self.free_memory(n);

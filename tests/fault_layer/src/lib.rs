@@ -1,0 +1,117 @@
+//! A Vulkan layer that loses the GPU on purpose, when a test says so: a call fails with
+//! `VK_ERROR_DEVICE_LOST`, and from then on everything that the device is asked for does, as the specification has it ("Lost
+//! Device"). Another device is whole again.
+
+mod chain;
+mod device;
+mod faults;
+
+use std::ffi::{CStr, c_char, c_void};
+use std::fs;
+use std::mem::transmute;
+use std::path::Path;
+
+use ash::vk;
+use serde_json::json;
+
+use chain::{NegotiateInterface, device_link, instance_link, last_instance, set_last_instance};
+use device::Function;
+
+/// The layer's name, for `VK_INSTANCE_LAYERS`.
+pub const LAYER: &str = "VK_LAYER_PBRVR_fault";
+pub use faults::VARIABLE;
+
+/// Writes the layer's manifest into `folder`, for `VK_LAYER_PATH`; `library` is this crate's, as cargo has built it.
+///
+/// # Errors
+/// The file cannot be written.
+pub fn install(folder: &Path, library: &Path) -> std::io::Result<()> {
+    let manifest = json!({
+        "file_format_version": "1.2.0",
+        "layer": {
+            "name": LAYER,
+            "type": "GLOBAL",
+            "library_path": library,
+            "api_version": "1.3.0",
+            "implementation_version": "1",
+            "description": "lets a chosen call fail",
+        },
+    });
+    fs::write(folder.join("fault_layer.json"), manifest.to_string())
+}
+
+/// The loader's first call: which interface both speak.
+///
+/// # Safety
+/// The pointer is to the loader's structure.
+#[unsafe(no_mangle)]
+pub unsafe extern "system" fn vkNegotiateLoaderLayerInterfaceVersion(interface: *mut NegotiateInterface) -> vk::Result {
+    // SAFETY: the loader's structure is good for the call.
+    let interface = unsafe { &mut *interface };
+    interface.offer(get_instance_proc_addr, device::get_device_proc_addr);
+    vk::Result::SUCCESS
+}
+
+unsafe extern "system" fn get_instance_proc_addr(
+    instance: vk::Instance,
+    name: *const c_char,
+) -> vk::PFN_vkVoidFunction {
+    // SAFETY: the caller's text ends in NUL.
+    let asked = unsafe { CStr::from_ptr(name) };
+    let own: Option<*const c_void> = match asked.to_bytes() {
+        b"vkGetInstanceProcAddr" => Some(get_instance_proc_addr as *const c_void),
+        b"vkCreateInstance" => Some(create_instance as *const c_void),
+        b"vkCreateDevice" => Some(create_device as *const c_void),
+        _ => device::own(asked),
+    };
+    if let Some(own) = own {
+        // SAFETY: a function of this library with the signature of that name.
+        return Some(unsafe { transmute::<*const c_void, Function>(own) });
+    }
+    // SAFETY: the next layer's function, with the caller's arguments.
+    last_instance().and_then(|(_, next)| unsafe { next(instance, name) })
+}
+
+unsafe extern "system" fn create_instance(
+    info: *const vk::InstanceCreateInfo<'_>,
+    allocator: *const vk::AllocationCallbacks<'_>,
+    instance: *mut vk::Instance,
+) -> vk::Result {
+    // SAFETY: the loader chains its link into every call of a layer.
+    let Some(next) = (unsafe { instance_link((*info).p_next) }) else { return vk::Result::ERROR_INITIALIZATION_FAILED };
+    // SAFETY: before there is an instance, only global functions are asked for.
+    let create = unsafe { next(vk::Instance::null(), c"vkCreateInstance".as_ptr()) };
+    let Some(create) = create else { return vk::Result::ERROR_INITIALIZATION_FAILED };
+    // SAFETY: the next layer's function of this name; arguments are the caller's.
+    unsafe {
+        let create = transmute::<Function, vk::PFN_vkCreateInstance>(create);
+        let created = create(info, allocator, instance);
+        if created == vk::Result::SUCCESS {
+            set_last_instance(*instance, next);
+        }
+        created
+    }
+}
+
+unsafe extern "system" fn create_device(
+    physical: vk::PhysicalDevice,
+    info: *const vk::DeviceCreateInfo<'_>,
+    allocator: *const vk::AllocationCallbacks<'_>,
+    device: *mut vk::Device,
+) -> vk::Result {
+    // SAFETY: as for an instance.
+    let link = unsafe { device_link((*info).p_next) };
+    let Some(((next_instance, next_device), (instance, _))) = link.zip(last_instance()) else {
+        return vk::Result::ERROR_INITIALIZATION_FAILED;
+    };
+    // SAFETY: the next layer's function, of the instance that the physical device is of.
+    let create = unsafe { next_instance(instance, c"vkCreateDevice".as_ptr()) };
+    let Some(create) = create else { return vk::Result::ERROR_INITIALIZATION_FAILED };
+    // SAFETY: the next layer's function of this name; arguments are the caller's.
+    let created = unsafe { transmute::<Function, vk::PFN_vkCreateDevice>(create)(physical, info, allocator, device) };
+    if created == vk::Result::SUCCESS {
+        // SAFETY: the device was just created by the next layer.
+        unsafe { device::remember(*device, next_device) };
+    }
+    created
+}
