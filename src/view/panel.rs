@@ -13,9 +13,7 @@ mod style;
 
 use std::time::{Duration, Instant};
 
-use egui::{
-    Align2, Area, CentralPanel, Context, FontId, Frame, Id, RawInput, RichText, ScrollArea, SidePanel, TexturesDelta,
-};
+use egui::{Align2, Area, CentralPanel, Context, FontId, Frame, Id, RawInput, RichText, SidePanel, TexturesDelta};
 
 use super::action::Action;
 use super::app::App;
@@ -193,7 +191,7 @@ impl Panel {
         let mut left = context.content_rect();
         let is_beside = self.saved.shown && inputs.app.scene.is_some();
         let mut sections = |ui: &mut egui::Ui| {
-            ScrollArea::vertical().auto_shrink([false, false]).show(ui, |ui| self.sections(ui, inputs, actions));
+            style::scrolled().auto_shrink([false, false]).show(ui, |ui| self.sections(ui, inputs, actions));
         };
         if inputs.alone {
             CentralPanel::default().show(context, |ui| sections(ui));

@@ -301,6 +301,12 @@ fn a_scenes_light_is_written_with_all_its_probes_and_another_reader_agrees() {
 
 /// In the middle of a bake, as soon as it is known what to bake.
 #[cfg(unix)]
+/// Whole files of a cache: those that are still being written have another name, and may be gone before they are read.
+fn written(maps: &Path) -> usize {
+    let files = fs::read_dir(maps).into_iter().flatten().map(|entry| entry.expect("an entry").path());
+    files.filter(|path| path.extension().is_some_and(|e| e == "ktx2")).count()
+}
+
 #[test]
 fn a_bake_that_is_interrupted_leaves_nothing_broken_in_the_cache() {
     let shop = Workshop::new();
@@ -317,7 +323,7 @@ fn a_bake_that_is_interrupted_leaves_nothing_broken_in_the_cache() {
     let mut child = draw("a.png", &[]);
     let started = std::time::Instant::now();
     // The panorama's maps, the table, the atlas, and what light consists of.
-    while entries(&maps).keys().filter(|path| path.extension().is_some_and(|e| e == "ktx2")).count() < 6 {
+    while written(&maps) < 6 {
         assert!(started.elapsed().as_secs() < 120 && child.try_wait().expect("a state").is_none(), "no bake");
         std::thread::sleep(std::time::Duration::from_millis(5));
     }

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use egui::{CollapsingHeader, ComboBox, Grid, RichText, ScrollArea, Slider, Ui};
+use egui::{CollapsingHeader, ComboBox, Grid, RichText, Slider, Ui};
 
 use super::library::{SIZE, Thumbnail};
 use super::place::place;
@@ -188,7 +188,7 @@ impl Panel {
             ui.label(scene.panorama.as_deref().map_or_else(|| "uniform light".into(), file_name));
         });
         let height = LIST_HEIGHT;
-        ScrollArea::vertical().id_salt("panoramas").max_height(height).show(ui, |ui| {
+        style::scrolled().id_salt("panoramas").max_height(height).show(ui, |ui| {
             ui.horizontal_wrapped(|ui| {
                 for file in inputs.app.playlist().panoramas() {
                     // The same file may be named in several ways.

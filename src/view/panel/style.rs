@@ -1,6 +1,7 @@
 //! Colours and sizes of the panel: light text on a dark ground that covers the picture, so that it can be read over any.
 
-use egui::{Color32, Context, RichText, Theme, Visuals};
+use egui::scroll_area::ScrollSource;
+use egui::{Color32, Context, RichText, ScrollArea, Theme, Visuals};
 
 /// Behind text over the picture: opaque enough for a contrast of 7:1 over white (WCAG 2.1, 1.4.6).
 pub const GROUND: Color32 = Color32::from_black_alpha(245);
@@ -27,6 +28,12 @@ pub fn apply(context: &Context) {
     });
 }
 
+/// An area that wheel and scroll bar move. A drag does not: a click of a hand that still moves would throw away what it
+/// was meant for, by the hand's speed.
+pub fn scrolled() -> ScrollArea {
+    ScrollArea::vertical().scroll_source(ScrollSource::MOUSE_WHEEL | ScrollSource::SCROLL_BAR)
+}
+
 /// Text of an error.
 pub fn error(text: &str) -> RichText {
     RichText::new(text).color(ERROR)
@@ -35,6 +42,47 @@ pub fn error(text: &str) -> RichText {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// How far a list has moved half a second after some frames of 1/60 s, each with its events.
+    fn moved_by(frames: &[&[egui::Event]]) -> f32 {
+        let context = Context::default();
+        let mut offset = 0.0;
+        for (frame, events) in frames.iter().chain(&[&[][..]; 30]).enumerate() {
+            let input = egui::RawInput {
+                screen_rect: Some(egui::Rect::from_min_size(egui::Pos2::ZERO, egui::vec2(300.0, 200.0))),
+                time: Some(frame as f64 / 60.0),
+                events: events.to_vec(),
+                ..egui::RawInput::default()
+            };
+            let _ = context.run(input, |context| {
+                egui::CentralPanel::default().show(context, |ui| {
+                    let area = scrolled().show(ui, |ui| (0..100).map(|i| ui.button(format!("{i}"))).count());
+                    offset = area.state.offset.y;
+                });
+            });
+        }
+        offset
+    }
+
+    #[test]
+    fn a_click_of_a_moving_hand_does_not_move_a_list_but_a_wheel_does() {
+        let at = |y| egui::Event::PointerMoved(egui::pos2(20.0, y));
+        let button = |pressed| egui::Event::PointerButton {
+            pos: egui::pos2(20.0, 80.0),
+            button: egui::PointerButton::Primary,
+            pressed,
+            modifiers: egui::Modifiers::NONE,
+        };
+        let click: [&[egui::Event]; 6] =
+            [&[at(190.0)], &[at(150.0)], &[at(110.0)], &[at(80.0), button(true)], &[at(78.0)], &[button(false)]];
+        assert_eq!(moved_by(&click), 0.0);
+        let wheel = egui::Event::MouseWheel {
+            unit: egui::MouseWheelUnit::Line,
+            delta: egui::vec2(0.0, -3.0),
+            modifiers: egui::Modifiers::NONE,
+        };
+        assert!(moved_by(&[&[at(80.0)], &[wheel]]) > 20.0);
+    }
 
     /// Relative luminance, WCAG 2.1.
     fn luminance(colour: [f32; 3]) -> f32 {
