@@ -148,7 +148,7 @@ impl App {
     fn load_scene(&mut self, path: &Path, staging: Staging) {
         self.playlist.set_scene(path);
         staging.panorama.iter().for_each(|panorama| self.playlist.set_panorama(panorama));
-        self.loading.begin(path, Change::Scene, &self.settings);
+        self.loading.begin_scene(path);
         let (path, target, settings) = (path.to_owned(), self.target.clone(), self.settings.clone());
         self.scenes += 1;
         self.loader.start(LoadRequest::Scene { number: self.scenes, path, staging, settings, target });
@@ -208,15 +208,20 @@ impl App {
 
     fn load_panorama(&mut self, path: &Path) {
         self.scene.iter_mut().for_each(|scene| scene.last_panorama = Some(path.to_owned()));
-        self.loading.begin(path, Change::Light, &self.settings);
+        self.loading.begin_panorama(path);
         self.loader.start(LoadRequest::Panorama { path: path.to_owned(), settings: self.settings.clone() });
     }
 
-    /// A panorama cannot be loaded: the one that is shown is the last again.
-    fn forget_panorama(&mut self, path: &Path) {
-        if let Some(scene) = self.scene.as_mut().filter(|scene| scene.last_panorama.as_deref() == Some(path)) {
+    /// A file cannot be loaded: what waited for it is asked for now, but not the same file once more.
+    fn go_on_without(&mut self, path: &Path, error: Error) -> Result<Update> {
+        let Some(scene) = &mut self.scene else { return Err(error) };
+        if scene.last_panorama.as_deref() == Some(path) {
             scene.last_panorama = scene.panorama.clone();
         }
+        if scene.loaded.path != path && scene.panorama.as_deref() != Some(path) {
+            self.follow_settings()?;
+        }
+        Ok(Update::Failed(error))
     }
 
     /// Changes the target of the current scene and of those that are still loading.
@@ -249,22 +254,18 @@ impl App {
         self.revision += 1;
         Ok(match result {
             LoadResult::Scene(scene) => {
-                self.loading.end();
-                match scene {
-                    Ok(scene) => Some(self.show(scene)?),
-                    Err(error) if self.scene.is_none() => return Err(error),
-                    Err(error) => Some(Update::Failed(error)),
-                }
+                let path = self.loading.end().unwrap_or_default();
+                Some(match scene {
+                    Ok(scene) => self.show(scene)?,
+                    Err(error) => self.go_on_without(&path, error)?,
+                })
             }
             LoadResult::Lightmap(number, lightmap) => self.map_light(number, lightmap)?,
             LoadResult::Panorama { path, settings, lighting } => {
                 self.loading.end();
                 match lighting {
                     Ok(lighting) => self.light(NewLight { path, lighting: *lighting, settings })?,
-                    Err(error) => {
-                        self.forget_panorama(&path);
-                        Some(Update::Failed(error))
-                    }
+                    Err(error) => Some(self.go_on_without(&path, error)?),
                 }
             }
             // Another request has replaced this one.
@@ -293,7 +294,8 @@ impl App {
         self.follow_settings()
     }
 
-    /// Asks the loader for whatever the shown scene needs for the current settings, unless it is already loading that.
+    /// Asks the loader for whatever the shown scene needs for the current settings. Other light and another scene wait for
+    /// the files that are being loaded: these may be what is shown then.
     fn follow_settings(&mut self) -> Result<()> {
         let Some(scene) = &mut self.scene else { return Ok(()) };
         self.pipelines += 1;
@@ -310,7 +312,6 @@ impl App {
         }
         let least = if renderer.lacks_pipelines() { Change::Pipelines } else { Change::Nothing };
         let change = renderer.settings().difference(&self.settings).max(least);
-        let is_loading = self.loading.leave_less(change, &self.settings);
         match change {
             Change::Nothing => {}
             Change::Targets => renderer.set_scale(self.settings.scale)?,
@@ -318,7 +319,7 @@ impl App {
                 let request = renderer.pipeline_request(self.settings.clone(), renderer.eyes());
                 self.loader.start(LoadRequest::Pipelines(self.pipelines, request));
             }
-            Change::Light | Change::Scene if is_loading => {}
+            Change::Light | Change::Scene if !self.loading.is_empty() => {}
             Change::Light => match scene.last_panorama.clone() {
                 Some(panorama) => self.load_panorama(&panorama),
                 None => self.load_again(),
@@ -468,6 +469,9 @@ impl App {
         changes.iter().filter(|_| again).for_each(|changes| scene.apply(changes));
         // The number of eyes and the settings may have changed while the scene was loading.
         draw_for(&mut scene, self.target.eyes)?;
+        if let Some(panorama) = self.loading.last_panorama() {
+            scene.last_panorama = Some(panorama.to_owned());
+        }
         let old = self.scene.replace(scene);
         (self.new_light, self.new_lightmap) = (None, None);
         self.follow_settings()?;

@@ -1,176 +1,21 @@
-//! The app between requests and results. The loader goes on only as far as a test lets it, and every pipeline is counted
-//! for the thread that made it.
+//! The app between requests and results.
+
+#[path = "app_desk.rs"]
+mod desk;
 
 use std::path::PathBuf;
-use std::sync::{Arc, Condvar, Mutex};
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use super::*;
-use crate::asset::{Cache, Storage};
-use crate::gpu::{FrameRing, Gpu, Subresource, pipelines_of_this_thread, read_image, with_gpu};
+use crate::asset::Cache;
+use crate::gpu::{FrameRing, Subresource, pipelines_of_this_thread, read_image, with_gpu};
 use crate::reference::brdf::Geometry;
 use crate::reference::table::SplitSum;
-use crate::render::{
-    Eye, FRAME_BYTES, FrameInputs, LightDetail, LightModel, MaterialFactors, Renderer, Shading, TextureSettings,
-};
+use crate::render::{Eye, FRAME_BYTES, FrameInputs, LightDetail, LightModel, MaterialFactors, Renderer, Shading};
 use crate::scene::Model;
 use crate::scene::staging::Stage;
-
-const SIZE: [u32; 2] = [48, 32];
-/// Longer than any request takes on a busy machine.
-const PATIENCE: Duration = Duration::from_secs(180);
-
-/// Where the loader waits after each result.
-#[derive(Clone, Default)]
-struct Gate(Arc<(Mutex<Passing>, Condvar)>);
-
-#[derive(Default)]
-struct Passing {
-    /// Results so far.
-    arrived: usize,
-    /// Results after which the loader goes on.
-    allowed: usize,
-}
-
-impl Gate {
-    /// The loader's part.
-    fn pass(&self) {
-        let (state, changed) = &*self.0;
-        let mut passing = state.lock().unwrap();
-        passing.arrived += 1;
-        changed.notify_all();
-        let own = passing.arrived;
-        drop(changed.wait_while(passing, |passing| passing.allowed < own).unwrap());
-    }
-
-    /// Lets it go on until it has had `count` results in all, and waits for the last of these.
-    fn wait_for(&self, count: usize) {
-        let (state, changed) = &*self.0;
-        let mut passing = state.lock().unwrap();
-        passing.allowed = passing.allowed.max(count - 1);
-        changed.notify_all();
-        let waited = changed.wait_timeout_while(passing, PATIENCE, |passing| passing.arrived < count).unwrap();
-        assert!(!waited.1.timed_out(), "no result {count}");
-    }
-
-    fn open(&self) {
-        self.0.0.lock().unwrap().allowed = usize::MAX;
-        self.0.1.notify_all();
-    }
-}
-
-impl Drop for Desk {
-    fn drop(&mut self) {
-        // The app waits for its loader's end.
-        self.gate.open();
-    }
-}
-
-/// An app that shows a scene, with its loader held behind that scene's result.
-struct Desk {
-    gate: Gate,
-    app: App,
-    ring: FrameRing,
-    /// Pipelines that this thread had made before.
-    made: usize,
-}
-
-/// Small and quick.
-fn settings() -> RenderSettings {
-    let textures = TextureSettings { storage: Some(Storage::Raw), anisotropy: Some(1), ..Default::default() };
-    let light = LightModel::Direct;
-    RenderSettings { samples: 1, cube_size: 16, irradiance_size: 4, textures, light, ..Default::default() }
-}
-
-fn scene() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/scenes/sphere.toml")
-}
-
-impl Desk {
-    fn new(gpu: &Arc<Gpu>, settings: RenderSettings) -> Self {
-        Self::open(Context::silent(gpu), settings, &scene())
-    }
-
-    fn open(context: Context, settings: RenderSettings, scene: &Path) -> Self {
-        let gate = Gate::default();
-        let wake = gate.clone();
-        let target = Target { size: SIZE, eyes: 1, hidden: [Vec::new(), Vec::new()] };
-        let ring = FrameRing::new(&context.gpu, FRAME_BYTES).unwrap();
-        let app = App::new(context, settings, target, move || wake.pass(), None).unwrap();
-        let mut desk = Self { gate, app, ring, made: 0 };
-        desk.app.open_scene(scene);
-        desk.gate.wait_for(1);
-        assert!(matches!(desk.app.collect().unwrap(), Some(Update::Scene(Arrival::First))));
-        desk.made = pipelines_of_this_thread();
-        desk
-    }
-
-    /// How the shown scene is drawn.
-    fn settings(&self) -> &RenderSettings {
-        self.app.scene.as_ref().unwrap().loaded.renderer.settings()
-    }
-
-    /// Draws a frame as outputs do.
-    fn draw(&mut self) -> Vec<u8> {
-        let scene = self.app.scene.as_mut().unwrap();
-        let eyes = [Eye::of_camera(&scene.loaded.cameras[0], SIZE[0] as f32 / SIZE[1] as f32)];
-        let inputs = scene.inputs(&eyes, 0.0, None);
-        let mut frame = self.ring.begin().unwrap();
-        scene.loaded.renderer.record(&mut frame, &inputs).unwrap();
-        frame.submit(None).unwrap();
-        self.ring.finish_all().unwrap();
-        let picture = scene.loaded.renderer.picture();
-        read_image(&self.app.context.gpu, picture, Subresource { mip: 0, layer: 0 }, 4).unwrap()
-    }
-
-    /// Collects until the shown scene is drawn with the wanted settings and nothing is being loaded. Frames go on
-    /// meanwhile, and none of them makes a pipeline. Returns how many scenes and lights there were.
-    fn settle(&mut self) -> [usize; 2] {
-        self.gate.open();
-        let started = Instant::now();
-        let mut changes = [0, 0];
-        while self.app.settings != *self.settings()
-            || !self.app.loading.is_empty()
-            || self.shown().renderer.lacks_pipelines()
-        {
-            assert!(started.elapsed() < PATIENCE, "{:?} are still not {:?}", self.settings(), self.app.settings);
-            match self.app.collect().unwrap() {
-                Some(Update::Scene(_)) => changes[0] += 1,
-                Some(Update::Light(_)) => changes[1] += 1,
-                Some(Update::Failed(error)) => panic!("{error}"),
-                _ => {}
-            }
-            self.draw();
-        }
-        self.assert_made_none();
-        changes
-    }
-
-    fn shown(&self) -> &LoadedScene {
-        &self.app.scene.as_ref().unwrap().loaded
-    }
-
-    /// Draws until all light of the shown scene is computed; returns the last picture.
-    fn light_up(&mut self) -> Vec<u8> {
-        self.gate.open();
-        let started = Instant::now();
-        // Light is computed again once all has rested for some frames.
-        let mut rested = 0;
-        while rested < 20 {
-            assert!(started.elapsed() < PATIENCE, "light at {:?}", self.shown().light_progress());
-            assert!(!matches!(self.app.collect().unwrap(), Some(Update::Scene(_) | Update::Failed(_))));
-            self.draw();
-            let waits = !self.app.loading.is_empty() || self.app.new_light.is_some();
-            rested = if waits || self.shown().light_progress().is_some() { 0 } else { rested + 1 };
-        }
-        self.assert_made_none();
-        self.draw()
-    }
-
-    fn assert_made_none(&self) {
-        assert_eq!(pipelines_of_this_thread() - self.made, 0, "pipelines made between frames");
-    }
-}
+use desk::{Desk, PATIENCE, SIZE, panorama, scene, settings};
 
 fn shaded(shading: Shading) -> RenderSettings {
     RenderSettings { shading, ..settings() }
@@ -336,6 +181,45 @@ fn a_panorama_that_does_not_load_is_not_asked_for_again() {
     });
 }
 
+#[test]
+fn settings_that_change_while_files_are_loaded_bring_back_nothing_that_was_before() {
+    let folder = tempfile::tempdir().unwrap();
+    let (other, forest) = (box_scene(folder.path()), panorama("forest.exr"));
+    let broken = folder.path().join("broken.obj");
+    std::fs::write(&broken, "f 1 2 3\n").unwrap();
+    let everything = RenderSettings { model: Model::Everything, ..settings() };
+    let finer = RenderSettings { cube_size: 32, ..settings() };
+    with_gpu(|gpu| {
+        let after = |open: &dyn Fn(&mut App), wanted: &RenderSettings| {
+            let mut desk = Desk::new(gpu, settings());
+            open(&mut desk.app);
+            desk.app.set_settings(wanted.clone()).unwrap();
+            desk.gate.open();
+            let started = Instant::now();
+            let mut failed = 0;
+            while desk.settings() != wanted || !desk.app.loading.is_empty() {
+                assert!(started.elapsed() < PATIENCE, "{:?} are still not {wanted:?}", desk.settings());
+                failed += usize::from(matches!(desk.app.collect().unwrap(), Some(Update::Failed(_))));
+            }
+            (desk.shown().path.clone(), desk.app.scene.as_ref().unwrap().panorama.clone(), failed)
+        };
+        let own = Desk::new(gpu, settings()).shown().panorama.clone();
+        for wanted in [&everything, &finer] {
+            let (path, _, failed) = after(&|app| app.open_scene(&other), wanted);
+            assert_eq!((path, failed), (other.clone(), 0));
+            let both = |app: &mut App| {
+                app.open_scene(&other);
+                app.open(&forest).unwrap();
+            };
+            assert_eq!(after(&both, wanted), (other.clone(), Some(forest.clone()), 0));
+            // What waited for a file that cannot be loaded goes on.
+            let shown = (scene(), own.clone(), 1);
+            assert_eq!(after(&|app| app.open_scene(&broken), wanted), shown);
+            assert_eq!(after(&|app| app.open(Path::new("not/there.exr")).unwrap(), wanted), shown);
+        }
+    });
+}
+
 /// A box on a floor.
 fn box_scene(folder: &Path) -> PathBuf {
     let corner = |i: u32| format!("v {} {} {}\n", i & 1, (i >> 1) & 1, i >> 2);
@@ -389,8 +273,7 @@ fn light_between_things_comes_to_a_scene_that_is_shown_and_changes_nothing_else(
 #[test]
 fn panoramas_stay_with_models_that_name_none_and_the_first_scene_keeps_its_stage() {
     let folder = tempfile::tempdir().unwrap();
-    let (path, assets) = (box_scene(folder.path()), Path::new(env!("CARGO_MANIFEST_DIR")).join("assets"));
-    let [forest, sunset] = ["forest.exr", "sunset.exr"].map(|name| assets.join("panoramas").join(name));
+    let (path, [forest, sunset]) = (box_scene(folder.path()), ["forest.exr", "sunset.exr"].map(panorama));
     with_gpu(|gpu| {
         let mut desk = Desk::new(gpu, settings());
         let staging = Staging {
@@ -439,7 +322,7 @@ fn a_lightmap_of_a_scene_that_is_no_longer_shown_is_dropped() {
 fn light_between_things_is_that_of_the_panorama_that_is_shown() {
     let folder = tempfile::tempdir().unwrap();
     let path = box_scene(folder.path());
-    let forest = Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/panoramas/forest.exr");
+    let forest = panorama("forest.exr");
     with_gpu(|gpu| {
         // Another panorama, asked for before the lightmap is there, and after.
         let mut early = Desk::open(Context::silent(gpu), baked(), &path);

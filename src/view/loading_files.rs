@@ -1,16 +1,14 @@
-//! The files that are being loaded, oldest first, and what they are loaded for.
+//! The files that are being loaded, oldest first.
 
 use std::collections::VecDeque;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use super::loader::file_name;
-use crate::render::{Change, RenderSettings};
 
-/// A file that is being loaded: a panorama, which brings light, or a scene.
+/// A file that is being loaded.
 struct LoadingFile {
-    name: String,
-    brings: Change,
-    settings: RenderSettings,
+    path: PathBuf,
+    is_panorama: bool,
 }
 
 /// The files that are being loaded, in the order in which they will be done.
@@ -20,19 +18,24 @@ pub struct LoadingFiles {
 }
 
 impl LoadingFiles {
-    /// Adds a file that is loaded with these settings.
-    pub fn begin(&mut self, path: &Path, brings: Change, settings: &RenderSettings) {
-        self.files.push_back(LoadingFile { name: file_name(path), brings, settings: settings.clone() });
+    /// Adds a scene.
+    pub fn begin_scene(&mut self, path: &Path) {
+        self.files.push_back(LoadingFile { path: path.to_owned(), is_panorama: false });
     }
 
-    /// Removes the oldest file: it is loaded, or cannot be.
-    pub fn end(&mut self) {
-        self.files.pop_front();
+    /// Adds a panorama.
+    pub fn begin_panorama(&mut self, path: &Path) {
+        self.files.push_back(LoadingFile { path: path.to_owned(), is_panorama: true });
+    }
+
+    /// Removes the oldest file and returns its path: it is loaded, or cannot be.
+    pub fn end(&mut self) -> Option<PathBuf> {
+        self.files.pop_front().map(|file| file.path)
     }
 
     /// Names without folders, oldest first.
-    pub fn names(&self) -> impl Iterator<Item = &str> {
-        self.files.iter().map(|file| file.name.as_str())
+    pub fn names(&self) -> impl Iterator<Item = String> {
+        self.files.iter().map(|file| file_name(&file.path))
     }
 
     /// The number of files.
@@ -45,9 +48,8 @@ impl LoadingFiles {
         self.files.is_empty()
     }
 
-    /// Whether one of them leaves less than `change` to be made for the wanted settings.
-    pub fn leave_less(&self, change: Change, wanted: &RenderSettings) -> bool {
-        let leaves_less = |file: &LoadingFile| file.brings >= change && file.settings.difference(wanted) < change;
-        self.files.iter().any(leaves_less)
+    /// The panorama that was asked for last.
+    pub fn last_panorama(&self) -> Option<&Path> {
+        self.files.iter().rev().find(|file| file.is_panorama).map(|file| file.path.as_path())
     }
 }
