@@ -299,14 +299,15 @@ fn a_scenes_light_is_written_with_all_its_probes_and_another_reader_agrees() {
     assert!(entries(&folder.join("new/folder")) == written);
 }
 
-/// In the middle of a bake, as soon as it is known what to bake.
-#[cfg(unix)]
 /// Whole files of a cache: those that are still being written have another name, and may be gone before they are read.
+#[cfg(unix)]
 fn written(maps: &Path) -> usize {
     let files = fs::read_dir(maps).into_iter().flatten().map(|entry| entry.expect("an entry").path());
     files.filter(|path| path.extension().is_some_and(|e| e == "ktx2")).count()
 }
 
+/// In the middle of a bake, as soon as it is known what to bake.
+#[cfg(unix)]
 #[test]
 fn a_bake_that_is_interrupted_leaves_nothing_broken_in_the_cache() {
     let shop = Workshop::new();
