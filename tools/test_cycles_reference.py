@@ -1,4 +1,4 @@
-# Tests tools/cycles-reference without Blender: what it makes of scenes and materials, its table, and what it says when tools are missing.
+# Tests tools/cycles-reference and tools/cycles.py without Blender: what it makes of scenes and materials, its table, and what it says when tools are missing.
 import importlib.util
 import math
 import os
@@ -8,6 +8,8 @@ import tempfile
 import unittest
 from importlib.machinery import SourceFileLoader
 from pathlib import Path
+
+import cycles
 
 TOOL = Path(__file__).with_name("cycles-reference")
 ROOT = TOOL.parent.parent
@@ -34,12 +36,12 @@ def fresnel(cosine):
 class Table(unittest.TestCase):
     def test_a_mirror_reflects_what_fresnel_says(self):
         for cosine in (1.0, 0.7, 0.3, 0.1):
-            self.assertAlmostEqual(tool.reflected_by_dielectric(cosine, 0.0), fresnel(cosine), places=6)
+            self.assertAlmostEqual(cycles.reflected_by_dielectric(cosine, 0.0), fresnel(cosine), places=6)
 
     def test_a_rough_surface_reflects_what_a_plain_sum_over_all_light_finds(self):
         for cosine, roughness in ((1.0, 1.0), (0.6, 0.7), (0.25, 1.0)):
             with self.subTest(cosine=cosine, roughness=roughness):
-                self.assertAlmostEqual(tool.reflected_by_dielectric(cosine, roughness), self.plain_sum(cosine, roughness), delta=3e-4)
+                self.assertAlmostEqual(cycles.reflected_by_dielectric(cosine, roughness), self.plain_sum(cosine, roughness), delta=3e-4)
 
     def plain_sum(self, nv, roughness, side=100):
         """F D V n.l over the hemisphere, places of equal solid angle."""
@@ -58,7 +60,7 @@ class Table(unittest.TestCase):
         return total * 2 * math.pi / side**2
 
     def test_rows_go_from_smooth_to_rough_and_columns_from_grazing_to_head_on(self):
-        table = tool.left_by_specular(5, 3)
+        table = cycles.left_by_specular(5, 3)
         self.assertEqual(len(table["grey"]), 15)
         self.assertLess(table["grey"][0], 0.01)
         self.assertAlmostEqual(table["grey"][4], 0.96)
@@ -73,7 +75,7 @@ class Scenes(unittest.TestCase):
 
     def materials(self, text):
         (self.folder / "m.mtl").write_text(text)
-        return tool.read_mtl(self.folder / "m.mtl")
+        return cycles.read_mtl(self.folder / "m.mtl")
 
     def test_materials_keep_factors_and_maps_beside_their_file(self):
         read = self.materials("newmtl a\nKd 0.5 0.6 0.7\nPr 0.3\nmap_Kd maps\\a.png\nnewmtl b\nnorm n.png\n")
@@ -93,7 +95,7 @@ class Scenes(unittest.TestCase):
         self.assertNotIn("map_ao", read["b"])
 
     def test_the_shipped_scenes_are_read_with_all_their_materials(self):
-        scene = tool.read_scene(ROOT / "assets/scenes/tearoom.toml", "room")
+        scene = cycles.read_scene(ROOT / "assets/scenes/tearoom.toml", "room")
         self.assertEqual(scene["camera"]["vertical_fov_degrees"], 65)
         [model] = scene["models"]
         self.assertEqual(set(model["materials"]), {"plaster", "wood", "porcelain", "brass", "tea"})
@@ -103,17 +105,17 @@ class Scenes(unittest.TestCase):
         before = os.environ.get("PBR_VR_SCENES")
         os.environ["PBR_VR_SCENES"] = str(self.folder)
         try:
-            self.assertEqual(tool.resolve("${PBR_VR_SCENES}/a/b.obj", ROOT), self.folder / "a/b.obj")
+            self.assertEqual(cycles.resolve("${PBR_VR_SCENES}/a/b.obj", ROOT), self.folder / "a/b.obj")
         finally:
             os.environ.pop("PBR_VR_SCENES")
             if before is not None:
                 os.environ["PBR_VR_SCENES"] = before
 
     def test_only_what_a_picture_names_differs_from_the_picture_before_it(self):
-        self.assertEqual(tool.PICTURES["direct"], {"unoccluded": False})
-        self.assertEqual(tool.PICTURES["noise"], {"seed": 1})
-        self.assertEqual(tool.PICTURES["full-noise"], {**tool.PICTURES["full"], "seed": 1})
-        made = {"exact-fine", *tool.OURS, *tool.PICTURES}
+        self.assertEqual(cycles.PICTURES["direct"], {"unoccluded": False})
+        self.assertEqual(cycles.PICTURES["noise"], {"seed": 1})
+        self.assertEqual(cycles.PICTURES["full-noise"], {**cycles.PICTURES["full"], "seed": 1})
+        made = {"exact-fine", *tool.OURS, *cycles.PICTURES}
         self.assertLessEqual({name for pair in tool.PAIRS.values() for name in pair}, made)
 
 
