@@ -319,3 +319,8 @@ fn downloads_are_checked_resumed_and_explained() {
 fn the_path_tracer_gets_our_materials_and_its_absence_is_explained() {
     test_tool("test_cycles_reference.py");
 }
+
+#[test]
+fn other_renderers_get_our_scenes_and_their_absence_is_explained() {
+    test_tool("test_compare_renderers.py");
+}

@@ -1,0 +1,144 @@
+// A scene of ours in three.js, as its documentation has it: standard materials, a prefiltered panorama, point lights.
+import * as THREE from "three";
+import { EXRLoader } from "three/addons/loaders/EXRLoader.js";
+import { HDRLoader } from "three/addons/loaders/HDRLoader.js";
+import { OBJLoader } from "three/addons/loaders/OBJLoader.js";
+
+const RADIANS = Math.PI / 180;
+
+function material(keys, textures) {
+    const made = new THREE.MeshStandardMaterial({ side: THREE.DoubleSide });
+    made.color.setRGB(...(keys.kd ?? [1, 1, 1]), THREE.LinearSRGBColorSpace);
+    made.metalness = keys.pm?.[0] ?? (keys.map_pm ? 1 : 0);
+    made.roughness = keys.pr?.[0] ?? 1;
+    const maps = { map: "map_kd", normalMap: "norm", metalnessMap: "map_pm", roughnessMap: "map_pr", aoMap: "map_ao" };
+    for (const [slot, key] of Object.entries(maps)) {
+        if (keys[key]) made[slot] = textures.get(keys[key], slot === "map");
+    }
+    return made;
+}
+
+/** Textures by file, loaded once. */
+class Textures {
+    constructor(anisotropy) {
+        this.loader = new THREE.TextureLoader();
+        this.anisotropy = anisotropy;
+        this.made = new Map();
+    }
+
+    get(file, isColour) {
+        if (!this.made.has(file)) {
+            const loading = this.loader.loadAsync("/file" + file).then((texture) => Object.assign(this.made.get(file), { image: texture.image, needsUpdate: true }));
+            const texture = new THREE.Texture();
+            texture.wrapS = texture.wrapT = THREE.RepeatWrapping;
+            texture.colorSpace = isColour ? THREE.SRGBColorSpace : THREE.NoColorSpace;
+            texture.anisotropy = this.anisotropy;
+            this.made.set(file, texture);
+            this.loading = Promise.all([this.loading, loading]);
+        }
+        return this.made.get(file);
+    }
+}
+
+async function add(scene, model, textures) {
+    const object = await new OBJLoader().loadAsync("/file" + model.file);
+    const materials = Object.fromEntries(Object.entries(model.materials).map(([name, keys]) => [name, material(keys, textures)]));
+    object.traverse((part) => {
+        if (!part.isMesh) return;
+        const own = (old) => materials[old.name] ?? old;
+        part.material = Array.isArray(part.material) ? part.material.map(own) : own(part.material);
+        part.castShadow = part.receiveShadow = true;
+    });
+    object.position.set(...model.translation);
+    object.rotation.set(...model.rotation_degrees.map((angle) => angle * RADIANS), "XYZ");
+    object.scale.setScalar(model.scale);
+    scene.add(object);
+}
+
+async function panorama(environment) {
+    const loader = environment.panorama.endsWith(".exr") ? new EXRLoader() : new HDRLoader();
+    const texture = await loader.setDataType(THREE.FloatType).loadAsync("/file" + environment.panorama);
+    texture.mapping = THREE.EquirectangularReflectionMapping;
+    return texture;
+}
+
+/** Everything that one setting draws with: `samples` of each pixel, `shadows` of lamps. */
+class Drawing {
+    async load(job, samples, shadows) {
+        this.size = job.size;
+        this.samples = samples;
+        this.renderer = new THREE.WebGLRenderer({ antialias: samples > 1 });
+        this.renderer.setPixelRatio(1);
+        this.renderer.setSize(...job.size);
+        this.renderer.shadowMap.enabled = shadows;
+        const gl = this.renderer.getContext();
+        const name = gl.getParameter(gl.getExtension("WEBGL_debug_renderer_info").UNMASKED_RENDERER_WEBGL);
+        if (samples > 1 && gl.getParameter(gl.SAMPLES) !== samples) throw new Error(`${gl.getParameter(gl.SAMPLES)} samples instead of ${samples}`);
+        this.scene = new THREE.Scene();
+        const textures = new Textures(this.renderer.capabilities.getMaxAnisotropy());
+        for (const model of job.models) await add(this.scene, model, textures);
+        await textures.loading;
+        for (const { point } of job.lights) {
+            const light = new THREE.PointLight();
+            light.color.setRGB(...point.intensity, THREE.LinearSRGBColorSpace);
+            light.position.set(...point.position);
+            light.castShadow = shadows;
+            if (shadows) {
+                light.shadow.mapSize.set(1024, 1024);
+                light.shadow.camera.near = 0.02;
+                light.shadow.bias = -0.002;
+            }
+            this.scene.add(light);
+        }
+        const sky = await panorama(job.environment);
+        this.scene.background = sky;
+        this.scene.environment = new THREE.PMREMGenerator(this.renderer).fromEquirectangular(sky).texture;
+        const turn = job.environment.rotation_degrees * RADIANS;
+        this.scene.backgroundRotation.y = this.scene.environmentRotation.y = turn;
+        const { position, target, vertical_fov_degrees: angle } = job.camera;
+        this.camera = new THREE.PerspectiveCamera(angle, job.size[0] / job.size[1], 0.01, 100);
+        this.camera.position.set(...position);
+        this.camera.lookAt(...target);
+        // Shadow maps are drawn once, as nothing moves.
+        this.draw(2);
+        this.renderer.shadowMap.autoUpdate = false;
+        return name;
+    }
+
+    /** Draws frames into the canvas, and waits for each. */
+    draw(frames) {
+        const gl = this.renderer.getContext();
+        const pixel = new Uint8Array(4);
+        for (let i = 0; i < frames; i++) {
+            this.renderer.render(this.scene, this.camera);
+            gl.readPixels(0, 0, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, pixel);
+        }
+    }
+
+    /** Linear radiance, rows from below: RGBA halves as base64. */
+    picture() {
+        const [width, height] = this.size;
+        const options = { type: THREE.HalfFloatType, samples: this.samples > 1 ? this.samples : 0 };
+        const target = new THREE.WebGLRenderTarget(width, height, options);
+        this.renderer.setRenderTarget(target);
+        this.renderer.render(this.scene, this.camera);
+        const pixels = new Uint16Array(4 * width * height);
+        this.renderer.readRenderTargetPixels(target, 0, 0, width, height, pixels);
+        this.renderer.setRenderTarget(null);
+        target.dispose();
+        const bytes = new Uint8Array(pixels.buffer);
+        let text = "";
+        for (let i = 0; i < bytes.length; i += 8192) text += String.fromCharCode(...bytes.subarray(i, i + 8192));
+        return btoa(text);
+    }
+}
+
+const drawings = new Map();
+window.version = THREE.REVISION;
+window.load = async (key, samples, shadows) => {
+    const drawing = new Drawing();
+    drawings.set(key, drawing);
+    return drawing.load(await (await fetch("/job")).json(), samples, shadows);
+};
+window.draw = (key, frames) => drawings.get(key).draw(frames);
+window.picture = (key) => drawings.get(key).picture();
