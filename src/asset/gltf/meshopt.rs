@@ -2,6 +2,8 @@
 
 use serde::Deserialize;
 
+use crate::asset::contained::contained;
+
 /// The extension's name.
 pub const NAME: &str = "EXT_meshopt_compression";
 
@@ -41,6 +43,10 @@ impl<const N: usize> Default for Words<N> {
 /// # Errors
 /// It is not as the extension has it.
 pub fn unpack(bytes: &[u8], packed: &Packed) -> Result<Vec<u8>, String> {
+    contained(|| unpacked(bytes, packed))?
+}
+
+fn unpacked(bytes: &[u8], packed: &Packed) -> Result<Vec<u8>, String> {
     let count = packed.count;
     let bad = |_| "its compressed data cannot be read".to_owned();
     let mut words: Vec<u32> = match (packed.mode.as_str(), packed.byte_stride) {
