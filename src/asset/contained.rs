@@ -4,19 +4,24 @@
 use std::any::Any;
 use std::cell::{Cell, RefCell};
 use std::panic::{AssertUnwindSafe, catch_unwind, set_hook, take_hook};
+use std::path::Path;
 use std::sync::Once;
 
 use serde::de::DeserializeOwned;
 
+use super::file::short_name;
 use crate::error::{MAX_QUOTED, one_line};
 
 /// How the problem begins that a panic becomes.
 pub const GAVE_UP: &str = "its decoder gave up";
 
+// Otherwise a damaged file would end the program.
+const _: () = assert!(cfg!(panic = "unwind"), "no profile may have `panic = \"abort\"`");
+
 thread_local! {
     /// Whether this thread is in a decoder.
     static INSIDE: Cell<bool> = const { Cell::new(false) };
-    /// Where the last one panicked.
+    /// Where the last one panicked: file and line.
     static PLACE: RefCell<String> = const { RefCell::new(String::new()) };
 }
 
@@ -30,7 +35,9 @@ pub fn contained<T>(decode: impl FnOnce() -> T) -> Result<T, String> {
         let previous = take_hook();
         set_hook(Box::new(move |panic| {
             if INSIDE.get() {
-                let place = panic.location().map_or_else(String::new, ToString::to_string);
+                let place = panic.location().map_or_else(String::new, |place| {
+                    format!("{}:{}", short_name(Path::new(place.file())), place.line())
+                });
                 PLACE.with_borrow_mut(|last| *last = place);
             } else {
                 previous(panic);
@@ -43,8 +50,7 @@ pub fn contained<T>(decode: impl FnOnce() -> T) -> Result<T, String> {
     INSIDE.set(outside);
     done.map_err(|reason| {
         let reason = words(reason.as_ref());
-        tracing::debug!("a decoder panicked at {}: {reason}", PLACE.take());
-        format!("{GAVE_UP}: {}", one_line(&reason, 2 * MAX_QUOTED))
+        format!("{GAVE_UP} at {}: {}", PLACE.take(), one_line(&reason, 2 * MAX_QUOTED))
     })
 }
 
@@ -69,7 +75,10 @@ mod tests {
         let nothing: [u8; 0] = [];
         let index = std::hint::black_box(3);
         let problem = contained(|| nothing[index]).unwrap_err();
-        assert!(problem.starts_with(GAVE_UP) && problem.contains("index is 3"), "{problem}");
+        assert!(
+            problem.starts_with("its decoder gave up at contained.rs:") && problem.contains("index is 3"),
+            "{problem}"
+        );
         let problem = contained(|| assert_eq!(nothing.len(), index, "{}", "long\n".repeat(100))).unwrap_err();
         assert!(!problem.contains('\n') && problem.chars().count() < 4 * MAX_QUOTED, "{problem}");
         let within = contained(|| contained(|| -> u8 { panic!("inner") }).unwrap_err()).unwrap();

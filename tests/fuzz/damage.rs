@@ -66,6 +66,9 @@ const WORDS: [u64; 24] = [
     u64::MAX,
 ];
 
+/// The longest text, in bytes, that is made of one word.
+pub const MOST_REPEATED: usize = 20_000;
+
 /// What stands in texts where numbers are expected.
 pub const NUMBERS: [&str; 34] = [
     "0",
@@ -197,11 +200,13 @@ pub fn lines(random: &mut Random, bytes: &mut Vec<u8>, other: &[u8], words: &[&s
 fn changed_line(random: &mut Random, line: &str, words: &[&str]) -> String {
     let is_part = |c: char| c.is_alphanumeric() || "._+-".contains(c);
     let mut parts: Vec<String> = Vec::new();
+    let mut in_word = false;
     for c in line.chars() {
-        match parts.last_mut().filter(|last| is_part(c) && last.chars().all(is_part)) {
-            Some(last) => last.push(c),
+        match parts.last_mut().filter(|_| in_word && is_part(c)) {
+            Some(word) => word.push(c),
             None => parts.push(c.to_string()),
         }
+        in_word = is_part(c);
     }
     let at = random.below(parts.len());
     let new = match random.below(5) {
@@ -215,7 +220,7 @@ fn changed_line(random: &mut Random, line: &str, words: &[&str]) -> String {
     match random.below(4) {
         0 if !parts.is_empty() => drop(parts.remove(at)),
         1 => parts.insert(at, format!(" {new} ")),
-        2 => parts.insert(at, new.repeat(random.of_list(&[1, 3, 2000]))),
+        2 => parts.insert(at, new.repeat(random.of_list(&[1, 3, MOST_REPEATED / new.len().max(1)]))),
         _ if !parts.is_empty() => parts[at] = new,
         _ => parts.push(new),
     }

@@ -2,7 +2,7 @@
 
 use serde_json::{Map, Value, json};
 
-use super::damage::{self, NUMBERS, Random};
+use super::damage::{self, MOST_REPEATED, NUMBERS, Random};
 
 /// What a format is made of.
 #[derive(Clone, Copy)]
@@ -122,7 +122,7 @@ fn change_value(random: &mut Random, value: &mut Value, another: &Value) {
             let others =
                 ["", "VEC4", "SCALAR", "MAT4", "data:,", "data:;base64,AAAA", "../a", "\n", "MASK", "BLEND", "spot"];
             *text = match random.below(3) {
-                0 => text.repeat(random.of_list(&[2, 500])),
+                0 => text.repeat(random.of_list(&[1, MOST_REPEATED / text.len().max(1)])),
                 1 => text.chars().take(random.below(text.len())).collect(),
                 _ => random.of_list(&others).to_owned(),
             };

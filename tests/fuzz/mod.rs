@@ -23,6 +23,8 @@ const SECONDS: &str = "PBR_VR_FUZZ_SECONDS";
 const SEED: &str = "PBR_VR_FUZZ_SEED";
 /// The only reader, by its name.
 const READER: &str = "PBR_VR_FUZZ_READER";
+/// The only case, by its number.
+const CASE: &str = "PBR_VR_FUZZ_CASE";
 /// What a child process is to do.
 const JOB: &str = "PBR_VR_FUZZ_JOB";
 
@@ -144,17 +146,20 @@ fn large_scenes(reader: Reader) -> Vec<Vec<u8>> {
     files.into_iter().take(6).map(|(_, path)| fs::read(path).unwrap()).collect()
 }
 
-/// What a child is told, and tells its parent of: `reader seed by_hand first folder`.
+/// What a child is told, and tells its parent of: `reader seed by_hand first end folder`.
 #[test]
 fn child() {
     let Ok(job) = std::env::var(JOB) else { return };
-    let [reader, seed, by_hand, first, folder] = job.splitn(5, ' ').collect::<Vec<_>>()[..] else { panic!("{job}") };
+    let [reader, seed, by_hand, first, end, folder] = job.splitn(6, ' ').collect::<Vec<_>>()[..] else {
+        panic!("{job}")
+    };
     let reader = Reader::ALL.into_iter().find(|known| known.name() == reader).expect("a reader");
     let folder = Path::new(folder);
     let bench = Bench::new(reader, folder);
     let cases = Cases::new(reader, seed.parse().unwrap(), by_hand == "true", &bench);
     let mut file = File::create(folder.join("progress")).unwrap();
-    let mut progress = Progress { case: first.parse().unwrap(), end: cases.count(), ..Progress::default() };
+    let end = cases.count().min(end.parse().unwrap());
+    let mut progress = Progress { case: first.parse().unwrap(), end, ..Progress::default() };
     while progress.case < progress.end {
         progress.write(&mut file);
         let bytes = cases.file(progress.case);
@@ -239,9 +244,10 @@ struct Tally {
 fn read_all(reader: Reader, seed: u64, by_hand: bool, tally: &mut Tally) {
     let folder = tempfile::tempdir().unwrap();
     let (progress, errors) = (folder.path().join("progress"), folder.path().join("errors"));
-    let (mut first, mut end) = (0, u64::MAX);
+    let only = number(CASE);
+    let (mut first, mut end) = only.map_or((0, u64::MAX), |only| (only, only + 1));
     while first < end {
-        let job = format!("{} {seed} {by_hand} {first} {}", reader.name(), folder.path().display());
+        let job = format!("{} {seed} {by_hand} {first} {end} {}", reader.name(), folder.path().display());
         let mut child = start(&job, File::create(&errors).unwrap());
         let failed = failure(&mut child, &progress);
         let done = Progress::of(&progress);
@@ -266,7 +272,10 @@ fn read_all(reader: Reader, seed: u64, by_hand: bool, tally: &mut Tally) {
             first += 1;
         }
         let reasons = fs::read_to_string(folder.path().join(REASONS)).unwrap_or_default();
-        tally.reasons.extend(reasons.lines().map(|line| line.replace(|c: char| c.is_ascii_digit(), "")));
+        tally.reasons.extend(reasons.lines().map(|line| line.to_owned()));
+        if only.is_some() {
+            println!("{}", kept(reader, seed, done.case, folder.path()).display());
+        }
         // Another one begins with none.
         fs::remove_file(&progress).unwrap();
     }
@@ -329,7 +338,7 @@ fn damaged_files_are_read_or_refused() {
 fn what_failed_once_is_read_or_refused() {
     for (number, (reader, showed, bytes)) in corpus::all().into_iter().enumerate() {
         let folder = tempfile::tempdir().unwrap();
-        println!("{number}: {}: {showed}", reader.name());
-        Bench::new(reader, folder.path()).read(&bytes);
+        let taken = Bench::new(reader, folder.path()).read(&bytes);
+        println!("{number}: {}: {showed}: {taken:?}", reader.name());
     }
 }

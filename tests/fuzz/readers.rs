@@ -299,8 +299,12 @@ impl Bench {
         let _ = Saved::read(path);
         let _ = Record::open(path, Record::default());
         let _ = fs::read_to_string(path).map(|text| probe::runtime_folders(&text));
-        let ladder = store::read(path).map(|ladder| ladder.configs.iter().map(|c| settings::options(&c.flags)).count());
-        self.taken(ladder.map(drop))
+        let ladder = store::read(path).map(|ladder| {
+            for config in &ladder.configs {
+                let _ = settings::options(&config.flags);
+            }
+        });
+        self.taken(ladder)
     }
 
     fn taken(&self, result: Result<()>) -> Taken {
@@ -314,7 +318,7 @@ impl Bench {
         assert!(!matches!(error, Error::Usage(_)), "a file is no usage: {text}");
         let Some((_, reason)) = text.split_once(contained::GAVE_UP) else { return Taken::Refused };
         let mut reasons = File::options().append(true).create(true).open(self.path(REASONS)).unwrap();
-        writeln!(reasons, "{}", reason.trim_start_matches([':', ' '])).unwrap();
+        writeln!(reasons, "{}", reason.trim()).unwrap();
         Taken::GaveUp
     }
 }

@@ -137,13 +137,7 @@ pub fn exrs() -> Vec<Vec<u8>> {
     for compression in [C::Uncompressed, C::PIZ, C::B44, C::DWAA(None)] {
         add(Encoding { compression, blocks: Blocks::Tiles(Vec2(8, 4)), line_order: LineOrder::Unspecified }, (20, 10));
     }
-    let layer = |name: &str, channels: &[&str]| {
-        let list = channels.iter().map(|name| AnyChannel::new(*name, FlatSamples::F32(vec![0.25; 8]))).collect();
-        Layer::new((4, 2), LayerAttributes::named(name), Encoding::UNCOMPRESSED, AnyChannels::sort(list))
-    };
-    let mut grey = Cursor::new(Vec::new());
-    Image::from_layer(layer("grey", &["Y", "A"])).write().non_parallel().to_buffered(&mut grey).unwrap();
-    files.push(grey.into_inner());
+    files.push(exr_of(&["Y", "A"]));
     let layers: exr::image::Layers<_> =
         [layer("first", &["Z"]), layer("second", &["R", "G", "B", "light.R"])].into_iter().collect();
     let mut parts = Cursor::new(Vec::new());
@@ -154,6 +148,18 @@ pub fn exrs() -> Vec<Vec<u8>> {
         .unwrap();
     files.push(parts.into_inner());
     files
+}
+
+fn layer(name: &str, channels: &[&str]) -> Layer<AnyChannels<FlatSamples>> {
+    let list = channels.iter().map(|name| AnyChannel::new(*name, FlatSamples::F32(vec![0.25; 8]))).collect();
+    Layer::new((4, 2), LayerAttributes::named(name), Encoding::UNCOMPRESSED, AnyChannels::sort(list))
+}
+
+/// One layer of these channels.
+pub fn exr_of(channels: &[&str]) -> Vec<u8> {
+    let mut bytes = Cursor::new(Vec::new());
+    Image::from_layer(layer("one", channels)).write().non_parallel().to_buffered(&mut bytes).unwrap();
+    bytes.into_inner()
 }
 
 fn colours(width: u32, height: u32) -> DynamicImage {
