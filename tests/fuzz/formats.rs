@@ -4,6 +4,9 @@ use serde_json::{Map, Value, json};
 
 use super::damage::{self, MOST_REPEATED, NUMBERS, Random};
 
+/// Bytes that damage may add to a file: copies of copies would be hundreds of megabytes.
+const MOST_MORE: usize = 1 << 20;
+
 /// What a format is made of.
 #[derive(Clone, Copy)]
 pub enum Format {
@@ -31,6 +34,7 @@ impl Format {
             } else {
                 self.damage(random, &mut bytes, other)
             }
+            bytes.truncate(seed.len() + MOST_MORE);
         }
         bytes
     }

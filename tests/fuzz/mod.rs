@@ -273,8 +273,8 @@ fn read_all(reader: Reader, seed: u64, by_hand: bool, tally: &mut Tally) {
         }
         let reasons = fs::read_to_string(folder.path().join(REASONS)).unwrap_or_default();
         tally.reasons.extend(reasons.lines().map(|line| line.to_owned()));
-        if only.is_some() {
-            println!("{}", kept(reader, seed, done.case, folder.path()).display());
+        if let Some(only) = only {
+            println!("{}", kept(reader, seed, only, folder.path()).display());
         }
         // Another one begins with none.
         fs::remove_file(&progress).unwrap();
@@ -313,7 +313,8 @@ fn damaged_files_are_read_or_refused() {
             read_all(*reader, seed, seconds.is_some(), tally);
             println!("{} {seed}: {:.1} s", reader.name(), before.elapsed().as_secs_f64());
         }
-        if seconds.is_none_or(|seconds| started.elapsed().as_secs() >= seconds) {
+        let is_over = seconds.is_none_or(|seconds| started.elapsed().as_secs() >= seconds);
+        if is_over || number(CASE).is_some() {
             break;
         }
     }
