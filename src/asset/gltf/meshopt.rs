@@ -7,6 +7,10 @@ use crate::asset::contained::contained;
 /// The extension's name.
 pub const NAME: &str = "EXT_meshopt_compression";
 
+/// By how much a view can grow at most: a block of 256 elements takes a quarter of a byte for each byte of an element, its
+/// control bits (specification of the extension, attributes, version 1); other modes take more.
+pub const MOST_TIMES: usize = 1024;
+
 /// A compressed view.
 #[derive(Debug, Deserialize)]
 #[serde(rename_all = "camelCase")]
