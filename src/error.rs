@@ -203,6 +203,11 @@ pub fn shortened(text: &str, most: usize) -> String {
     }
 }
 
+/// The first `most` characters of a text from a file or a decoder, on one line.
+pub fn one_line(text: &str, most: usize) -> String {
+    shown(&shortened(text.trim(), most), false)
+}
+
 /// Prints a line like `println!`, without its panic where the pipe is closed (`pbr-vr … | head -1`).
 #[macro_export]
 macro_rules! say {
@@ -224,6 +229,7 @@ mod tests {
         assert_eq!(shown("a\nb\u{1b}[31m\u{9b}é", false), "a\\nb\\u{1b}[31m\\u{9b}é");
         assert_eq!(shown("a\nb\r", true), "a\nb\\r");
         assert_eq!((shortened("äöü", 2), shortened("äöü", 3)), ("äö…".into(), "äöü".into()));
+        assert_eq!((one_line(" a\rbc\n", 3), one_line("abc\n", 3)), ("a\\rb…".into(), "abc".into()));
     }
 
     #[test]

@@ -18,4 +18,7 @@ pub mod measure;
 pub use error::{Error, Result};
 
 #[cfg(test)]
+#[path = "../tests/fuzz/mod.rs"]
+mod fuzz_tests;
+#[cfg(test)]
 mod layers_tests;

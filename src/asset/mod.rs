@@ -3,6 +3,7 @@
 
 pub mod cache;
 mod compress;
+pub mod contained;
 pub mod file;
 pub mod folders;
 pub mod gltf;

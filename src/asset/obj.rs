@@ -6,6 +6,7 @@ use std::path::Path;
 
 use glam::{Vec2, Vec3, Vec4};
 
+use super::contained::contained;
 use super::mesh::{Corner, CornerExtra, MAX_COORDINATE, Submesh};
 use super::mips::srgb_to_linear;
 use super::model::Model;
@@ -135,7 +136,8 @@ fn run_tobj(path: &Path, text: &str, materials: &[Mtl]) -> Result<Vec<tobj::Mode
         let named = materials.iter().map(|m| tobj::Material { name: m.name.clone(), ..Default::default() }).collect();
         Ok((named, materials.iter().enumerate().map(|(i, m)| (m.name.clone(), i)).collect()))
     };
-    match tobj::load_obj_buf(&mut reader, &options, library) {
+    let read = contained(|| tobj::load_obj_buf(&mut reader, &options, library));
+    match read.map_err(|problem| broken(path, problem))? {
         Ok((models, _)) => Ok(models),
         Err(error) => {
             // `tobj` stops right after the line with the error; the first line is not the user's.

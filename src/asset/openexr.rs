@@ -1,7 +1,6 @@
 //! OpenEXR pictures as panoramas: choosing layer and channels, placing the data window, checks against hostile files.
 
 use std::io::Cursor;
-use std::panic::catch_unwind;
 use std::path::Path;
 
 use exr::block::chunk::{Chunk, CompressedBlock, CompressedScanLineBlock, CompressedTileBlock};
@@ -12,8 +11,10 @@ use exr::prelude::{
     ReadLayers, read,
 };
 
+use super::contained::contained;
 use super::radiance_image::{RadianceImage, SizeCheck};
 use super::{Report, file};
+use crate::error::{MAX_QUOTED, one_line};
 use crate::{Error, Result};
 
 /// Limit for all layers and channels of a file together: which layer is used is known only after all are read.
@@ -55,11 +56,11 @@ pub fn guarded<T>(
     read: fn(&[u8]) -> exr::error::Result<T>,
 ) -> Result<T> {
     // The decoder panics on some broken files (B44 for one).
-    catch_unwind(|| {
+    let decoded = contained(|| {
         check_header(path, bytes, check_size)?;
         check_dwa(bytes).and_then(|()| read(bytes)).map_err(|error| decoder_error(path, &error))
-    })
-    .unwrap_or_else(|_| Err(broken(path, "its compressed data are invalid".into())))
+    });
+    decoded.unwrap_or_else(|problem| Err(broken(path, problem)))
 }
 
 /// In one thread: a panic in a worker thread of the decoder would end the process.
@@ -216,7 +217,7 @@ fn place(
 
 fn channel_names(layers: &[FlatLayer]) -> String {
     let names: Vec<_> = layers.iter().flat_map(|l| &l.channel_data.list).take(12).map(|c| c.name.to_string()).collect();
-    if names.is_empty() { "none".into() } else { names.join(", ") }
+    if names.is_empty() { "none".into() } else { one_line(&names.join(", "), 2 * MAX_QUOTED) }
 }
 
 /// An error of the decoder, in plain words where the file ends too early.
@@ -224,7 +225,7 @@ fn decoder_error(path: &Path, error: &ExrError) -> Error {
     let text = error.to_string();
     let is_cut = matches!(error, ExrError::Io(error) if error.kind() == std::io::ErrorKind::UnexpectedEof);
     if !is_cut && !text.contains("reference to missing bytes") {
-        return broken(path, text);
+        return broken(path, one_line(&text, 2 * MAX_QUOTED));
     }
     let remedy = "copy or download it again";
     Error::Broken { path: path.into(), what: "OpenEXR picture", problem: "it ends too early".into(), remedy }

@@ -14,6 +14,7 @@ use image::{DynamicImage, ImageDecoder, ImageEncoder, ImageFormat, ImageReader, 
 use rayon::prelude::*;
 use serde::Serialize;
 
+use super::contained::contained;
 use super::file::{self, write_atomically};
 use super::radiance_image::RadianceImage;
 use super::texture::decoder_problem;
@@ -273,13 +274,15 @@ fn read_image(path: &Path, bytes: &[u8]) -> Result<Picture> {
     let mut limits = Limits::default();
     limits.max_alloc = Some(MAX_PIXELS * 16);
     reader.limits(limits);
-    let decoder = reader.into_decoder().map_err(|e| broken(path, decoder_problem(&e)))?;
+    let decoder = contained(|| reader.into_decoder()).map_err(|problem| broken(path, problem))?;
+    let decoder = decoder.map_err(|e| broken(path, decoder_problem(&e)))?;
     let (width, height) = decoder.dimensions();
     check_size(path, width.into(), height.into())?;
     if !jpeg::is_whole(bytes) {
         return Err(broken(path, "it ends too early"));
     }
-    let pixels = DynamicImage::from_decoder(decoder).map_err(|e| broken(path, decoder_problem(&e)))?.into_rgb32f();
+    let decoded = contained(|| DynamicImage::from_decoder(decoder)).map_err(|problem| broken(path, problem))?;
+    let pixels = decoded.map_err(|e| broken(path, decoder_problem(&e)))?.into_rgb32f();
     let pixels = pixels.pixels().map(|p| p.0).collect();
     Ok(Picture { name: path.display().to_string(), width, height, kind: Kind::Display, pixels })
 }

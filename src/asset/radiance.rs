@@ -6,6 +6,7 @@
 use std::path::Path;
 
 use super::radiance_image::{RadianceImage, SizeCheck};
+use crate::error::{MAX_QUOTED, one_line};
 use crate::{Error, Result};
 
 /// Whether the content begins like a Radiance picture.
@@ -54,7 +55,9 @@ fn read_header(bytes: &mut Bytes) -> Result<Header> {
         let Some((key, value)) = line.split_once('=') else { continue };
         match key.trim() {
             "FORMAT" if value.trim() != "32-bit_rle_rgbe" => {
-                return Err(bytes.broken(format!("its colours are {}, not 32-bit_rle_rgbe", value.trim())));
+                return Err(
+                    bytes.broken(format!("its colours are {}, not 32-bit_rle_rgbe", one_line(value, MAX_QUOTED)))
+                );
             }
             "EXPOSURE" => {
                 let [e] = numbers(bytes, "EXPOSURE", value)?;
@@ -74,8 +77,7 @@ fn read_header(bytes: &mut Bytes) -> Result<Header> {
         _ => None,
     };
     let (width, height) = size.ok_or_else(|| {
-        bytes
-            .broken(format!("its size reads `{}`, not `-Y height +X width`", line.chars().take(40).collect::<String>()))
+        bytes.broken(format!("its size reads `{}`, not `-Y height +X width`", one_line(&line, MAX_QUOTED)))
     })?;
     Ok(Header { width, height, scale })
 }
@@ -87,7 +89,7 @@ fn numbers<const N: usize>(bytes: &Bytes, key: &str, text: &str) -> Result<[f64;
     <[f64; N]>::try_from(values)
         .ok()
         .filter(|_| usable)
-        .ok_or_else(|| bytes.broken(format!("{key} reads `{}`", text.chars().take(40).collect::<String>())))
+        .ok_or_else(|| bytes.broken(format!("{key} reads `{}`", one_line(text, MAX_QUOTED))))
 }
 
 fn read_line(bytes: &mut Bytes, line: &mut [[u8; 4]]) -> Result<()> {

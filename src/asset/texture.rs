@@ -6,8 +6,10 @@ use std::path::Path;
 use image::imageops::{self, FilterType};
 use image::{DynamicImage, GrayImage, ImageError, ImageFormat, ImageReader, Limits};
 
+use super::contained::contained;
 use super::image_source::ImageSource;
 use super::{file, jpeg};
+use crate::error::{MAX_QUOTED, one_line};
 use crate::{Error, Result};
 
 /// Largest accepted side, in texels: what every Vulkan 1.3 desktop GPU supports.
@@ -277,7 +279,9 @@ fn decode(path: &Path, bytes: &[u8]) -> Result<DynamicImage> {
         reader.limits(limits);
         reader
     };
-    let (width, height) = reader().into_dimensions().map_err(|error| match (known, &error) {
+    let given_up = |problem| broken(path, problem);
+    let size = contained(|| reader().into_dimensions()).map_err(given_up)?;
+    let (width, height) = size.map_err(|error| match (known, &error) {
         (None, ImageError::Unsupported(_) | ImageError::Decoding(_) | ImageError::IoError(_)) => {
             broken(path, "it is neither PNG nor JPEG, and not a valid TGA either".into())
         }
@@ -290,7 +294,7 @@ fn decode(path: &Path, bytes: &[u8]) -> Result<DynamicImage> {
     if !jpeg::is_whole(bytes) {
         return Err(broken(path, "it ends too early".into()));
     }
-    reader().decode().map_err(|error| picture_error(path, error))
+    contained(|| reader().decode()).map_err(given_up)?.map_err(|error| picture_error(path, error))
 }
 
 fn picture_error(path: &Path, error: ImageError) -> Error {
@@ -305,7 +309,7 @@ fn picture_error(path: &Path, error: ImageError) -> Error {
 pub(super) fn decoder_problem(error: &ImageError) -> String {
     match error {
         ImageError::IoError(error) if error.kind() == std::io::ErrorKind::UnexpectedEof => "it ends too early".into(),
-        error => error.to_string(),
+        error => one_line(&error.to_string(), 2 * MAX_QUOTED),
     }
 }
 

@@ -4,7 +4,7 @@ mod bench;
 mod causes;
 mod cmgen;
 mod furnace;
-mod ladder;
+pub(crate) mod ladder;
 mod machine;
 mod maps;
 mod noise;

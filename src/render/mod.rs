@@ -25,7 +25,7 @@ mod kept_pipelines;
 mod layouts;
 mod light_bake;
 mod light_detail;
-mod light_plan;
+pub(crate) mod light_plan;
 mod lighting;
 mod lightmap;
 mod lightmapped;

@@ -10,6 +10,7 @@ use toml::Spanned;
 use super::mesh::Bounds;
 use super::probes::MOST_PROBES;
 use super::{Camera, PointLight, Probe};
+use crate::asset::contained::contained;
 use crate::asset::mesh::MAX_COORDINATE;
 use crate::asset::{file, shipped};
 use crate::error::{MAX_QUOTED, shortened};
@@ -77,7 +78,13 @@ impl Description {
     }
 
     fn parse(path: &Path, text: &str) -> Result<Self> {
-        let file: SceneKeys = toml::from_str(text).map_err(|error| {
+        let decoded = contained(|| toml::from_str::<SceneKeys>(text)).map_err(|problem| Error::Broken {
+            path: path.into(),
+            what: "scene description",
+            problem,
+            remedy: "write it as README.md shows",
+        })?;
+        let file = decoded.map_err(|error| {
             let start = error.span().map_or(0, |span| span.start);
             let key = key_at(text, start);
             let problem = explain(error.message(), &key);

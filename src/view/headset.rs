@@ -13,7 +13,7 @@ mod optics;
 mod overlay;
 mod painter;
 mod panel;
-mod probe;
+pub(crate) mod probe;
 mod quality;
 mod report;
 mod rig;

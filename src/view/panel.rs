@@ -6,7 +6,7 @@ mod library;
 mod messages;
 mod parts;
 mod place;
-mod saved;
+pub(crate) mod saved;
 mod sections;
 mod settings;
 mod style;

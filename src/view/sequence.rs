@@ -15,6 +15,7 @@ use super::sequence_files::SequenceFiles;
 use super::video::{Ffmpeg, Pictures};
 use crate::args::write_json;
 use crate::asset::cache::Key;
+use crate::asset::contained::from_json;
 use crate::asset::file::{read, write_atomically};
 use crate::context::{Context, Setup};
 use crate::gpu::FrameRing;
@@ -29,7 +30,7 @@ const PICTURE_BYTES: u64 = 4 << 30;
 
 /// The record beside a sequence: what it was made of, and the pictures that are done.
 #[derive(Debug, Default, Serialize, Deserialize)]
-struct Record {
+pub(crate) struct Record {
     program: String,
     /// A hash of everything that the pictures depend on.
     key: String,
@@ -41,9 +42,8 @@ struct Record {
 
 impl Record {
     /// The record of a file, with what it holds for this key; a new one if there is none that can be read.
-    fn open(file: &Path, new: Self) -> Self {
-        let old: Option<Self> =
-            read(file, "the record", RECORD_BYTES).ok().and_then(|bytes| serde_json::from_slice(&bytes).ok());
+    pub(crate) fn open(file: &Path, new: Self) -> Self {
+        let old: Option<Self> = read(file, "the record", RECORD_BYTES).ok().and_then(|bytes| from_json(&bytes).ok());
         match old {
             Some(old) if old.key == new.key => Self { pictures: old.pictures, ..new },
             Some(_) => {

@@ -4,6 +4,7 @@ use std::ops::Range;
 use std::path::Path;
 
 use super::document::Document;
+use crate::asset::contained::from_json;
 use crate::asset::file;
 use crate::error::{MAX_QUOTED, shortened};
 use crate::{Error, Result};
@@ -87,8 +88,7 @@ fn parse(path: &Path, bytes: &[u8]) -> Result<Document> {
         return Err(Error::TooLarge { path: path.into(), what: "model", size, limit });
     }
     let text = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
-    let explain = |error: serde_json::Error| broken(path, shortened(&error.to_string(), 2 * MAX_QUOTED), REMEDY);
-    let document: Document = serde_json::from_slice(text).map_err(explain)?;
+    let document: Document = from_json(text).map_err(|problem| broken(path, problem, REMEDY))?;
     match &document.asset.version {
         Some(version) if version.starts_with("2.") || version == "2" => Ok(document),
         Some(version) => {

@@ -2,8 +2,14 @@
 
 use serde::Deserialize;
 
+use crate::asset::contained::contained;
+
 /// The extension's name.
 pub const NAME: &str = "EXT_meshopt_compression";
+
+/// By how much a view can grow at most: a block of 256 elements takes a quarter of a byte for each byte of an element, its
+/// control bits (specification of the extension, attributes, version 1); other modes take more.
+pub const MOST_TIMES: usize = 1024;
 
 /// A compressed view.
 #[derive(Debug, Deserialize)]
@@ -41,6 +47,10 @@ impl<const N: usize> Default for Words<N> {
 /// # Errors
 /// It is not as the extension has it.
 pub fn unpack(bytes: &[u8], packed: &Packed) -> Result<Vec<u8>, String> {
+    contained(|| unpacked(bytes, packed))?
+}
+
+fn unpacked(bytes: &[u8], packed: &Packed) -> Result<Vec<u8>, String> {
     let count = packed.count;
     let bad = |_| "its compressed data cannot be read".to_owned();
     let mut words: Vec<u32> = match (packed.mode.as_str(), packed.byte_stride) {

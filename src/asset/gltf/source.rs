@@ -150,7 +150,8 @@ impl<'a> Source<'a> {
         }
         let of = format!("buffer view {index}");
         let bytes = self.slice(&of, packed.buffer, packed.byte_offset, packed.byte_length)?;
-        let size = packed.unpacked_bytes().filter(|size| *size as u64 <= MAX_FILE_BYTES);
+        let fits = |size: &usize| *size as u64 <= MAX_FILE_BYTES && *size / meshopt::MOST_TIMES <= bytes.len();
+        let size = packed.unpacked_bytes().filter(fits);
         let Some(size) = size.filter(|size| *size >= view.byte_length) else {
             return Err(self.broken(format!("{of}: its size is not that of its compressed elements")));
         };

@@ -9,6 +9,7 @@ use std::path::Path;
 use ktx2::{Header, KeyValueDataIterator, LevelIndex, MAGIC};
 
 use super::{Ktx2, TexelFormat, level_bytes};
+use crate::asset::contained::contained;
 use crate::asset::file;
 use crate::{Error, Result};
 
@@ -34,7 +35,7 @@ impl Ktx2 {
     /// # Errors
     /// As for [`Ktx2::read`].
     pub fn from_bytes(path: &Path, bytes: &[u8]) -> Result<Self> {
-        parse(bytes).map_err(|problem| Error::Broken {
+        contained(|| parse(bytes)).and_then(|parsed| parsed).map_err(|problem| Error::Broken {
             path: path.into(),
             what: "KTX2 texture",
             problem,

@@ -6,9 +6,9 @@ mod bakes_gpu_tests;
 mod chart;
 mod config;
 mod reference;
-mod settings;
+pub(crate) mod settings;
 mod settings_bench;
-mod store;
+pub(crate) mod store;
 
 use std::path::Path;
 
@@ -134,4 +134,4 @@ fn write(folder: &Path, context: &Context, ladders: &[&Ladder]) -> Result<()> {
 
 #[cfg(test)]
 #[path = "ladder_tests.rs"]
-mod tests;
+pub(crate) mod tests;

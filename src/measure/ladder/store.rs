@@ -7,6 +7,7 @@ use super::super::report::write_json;
 use super::config::{Config, Ladder};
 use super::settings;
 use crate::asset::cache::Key;
+use crate::asset::contained::from_json;
 use crate::asset::file;
 use crate::context::{Context, Setup};
 use crate::gpu::Gpu;
@@ -67,9 +68,13 @@ fn file_of(cache: &Cache, scene: &Path, gpu: &Gpu) -> Result<PathBuf> {
     Ok(cache.beside(FOLDER).join(key(scene, gpu)?).with_extension("json"))
 }
 
-fn read(path: &Path) -> Result<Ladder> {
+/// Reads a ladder's file.
+///
+/// # Errors
+/// It cannot be read, or is none.
+pub(crate) fn read(path: &Path) -> Result<Ladder> {
     let bytes = file::read(path, "ladder", MOST_BYTES)?;
-    serde_json::from_slice(&bytes).map_err(|e| broken(path, e.to_string()))
+    from_json(&bytes).map_err(|problem| broken(path, problem))
 }
 
 fn broken(path: &Path, problem: String) -> Error {

@@ -12,6 +12,7 @@ use serde::{Deserialize, Serialize};
 
 use super::codes::Refusal;
 use super::runtime::{Role, Runtime};
+use crate::asset::contained::from_json;
 use crate::error::shortened;
 use crate::say;
 
@@ -192,12 +193,13 @@ fn check_folders(folders: &[String], registry: &Path) -> Result<(), String> {
     Err(format!("the headset runtime lacks its library {}; reinstall it (SteamVR)", library.display()))
 }
 
-fn runtime_folders(registry: &str) -> Option<Vec<String>> {
+/// The folders that a registry names, if it is one.
+pub(crate) fn runtime_folders(registry: &str) -> Option<Vec<String>> {
     #[derive(Deserialize)]
     struct Registry {
         runtime: Vec<String>,
     }
-    let registry: Registry = serde_json::from_str(registry.trim_start_matches('\u{feff}')).ok()?;
+    let registry: Registry = from_json(registry.trim_start_matches('\u{feff}').as_bytes()).ok()?;
     Some(registry.runtime)
 }
 

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
+use crate::asset::contained::from_json;
 use crate::asset::file::write_atomically;
 use crate::asset::folders;
 
@@ -37,12 +38,13 @@ impl Saved {
         folders::settings().map_or_else(Self::default, |folder| Self::read(&folder.join("pbr-vr").join(FILE)))
     }
 
-    fn read(file: &Path) -> Self {
+    /// The same of any file.
+    pub(crate) fn read(file: &Path) -> Self {
         let saved = std::fs::metadata(file)
             .ok()
             .filter(|data| data.is_file() && data.len() <= MAX_BYTES)
             .and_then(|_| std::fs::read(file).ok())
-            .and_then(|bytes| match serde_json::from_slice::<Self>(&bytes) {
+            .and_then(|bytes| match from_json::<Self>(&bytes) {
                 Ok(saved) => Some(saved),
                 Err(error) => {
                     tracing::debug!("{}: {error}; the panel starts anew", file.display());
