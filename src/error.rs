@@ -108,6 +108,11 @@ impl Error {
         matches!(self, Self::Vulkan { result: ash::vk::Result::ERROR_DEVICE_LOST, .. })
     }
 
+    /// Whether the GPU or its driver has failed.
+    pub fn is_of_gpu(&self) -> bool {
+        matches!(self, Self::Vulkan { .. } | Self::GpuMemory { .. })
+    }
+
     /// Whether memory is missing, so that less may do.
     pub fn is_out_of_memory(&self) -> bool {
         use ash::vk::Result as R;

@@ -14,14 +14,15 @@ use crate::{Error, Result};
 const VALIDATION_LAYER: &CStr = c"VK_LAYER_KHRONOS_validation";
 
 /// Known harmless validation messages: part of the message's id and text, and the reason.
-const EXPECTED: &[(&str, &str)] = &[
-    (
-        // Sent once per instance by the layer itself when a driver is not conformant.
-        "WARNING-CreateInstance-status-message",
-        "lavapipe 22.3 reports itself as a non-conformant driver",
-    ),
-    ("env var 'VK_INSTANCE_LAYERS' defined", "the loader tells of layers that the user has chosen"),
-];
+const EXPECTED: &[(&str, &str)] = &[(
+    // Sent once per instance by the layer itself when a driver is not conformant.
+    "WARNING-CreateInstance-status-message",
+    "lavapipe 22.3 reports itself as a non-conformant driver",
+)];
+
+/// The id of messages of Vulkan's loader, which tells of what is installed, and of the cause of an error that the program gets
+/// anyway. They are no message of the validation layer.
+const LOADER: &str = "Loader Message";
 
 thread_local! {
     /// Whether this thread is inside [`foreign_call`].
@@ -191,6 +192,10 @@ unsafe extern "system" fn on_message(
     let (id, text) = unsafe { (data.message_id_name_as_c_str(), data.message_as_c_str()) };
     let id = id.unwrap_or(c"?").to_string_lossy();
     let text = text.unwrap_or(c"?").to_string_lossy();
+    if id == LOADER {
+        tracing::info!("Vulkan's loader: {text}");
+        return vk::FALSE;
+    }
     let message = format!("{id}: {text}");
     if EXPECTED.iter().any(|(part, _)| message.contains(part)) {
         return vk::FALSE;

@@ -46,6 +46,8 @@ pub use device::{Gpu, GpuOptions, Handles};
 pub use frame_ring::{FRAMES_IN_FLIGHT, FrameContext, FrameRing, UNIFORM_RANGE};
 #[cfg(test)]
 pub use harness_tests::with_gpu;
+#[cfg(test)]
+pub(crate) use image::NO_IMAGES;
 pub use image::{AttachmentView, DEPTH_FORMAT, Image, ImageAccess, ImageDesc, Shape, Subresource};
 pub use instance::{Instance, Messages, foreign_call, validation_available};
 #[cfg(test)]

@@ -1,6 +1,8 @@
 //! State shared by all outputs: the current scene, the requested settings, the loader and the playlist. Outputs (a window, a
 //! headset, or both) draw it and pass on the user's requests.
 
+mod light;
+
 use std::path::{Path, PathBuf};
 
 use clap::ValueEnum;
@@ -16,7 +18,7 @@ use super::stagings::Stagings;
 use super::update::{Arrival, Update};
 use crate::asset::Report;
 use crate::context::Context;
-use crate::render::{Change, Lighting, Lightmapped, PassPipelines, RenderSettings, Shading};
+use crate::render::{Change, Lighting, Lightmapped, RenderSettings, Shading};
 use crate::scene::is_scene;
 use crate::scene::load::scene_in;
 use crate::scene::staging::Staging;
@@ -57,6 +59,8 @@ pub struct App {
     loading: LoadingFiles,
     /// Counts changes of the scene, its light, its settings or its target: what is drawn from then on may look different.
     revision: u64,
+    /// Why a setting was not changed; told by the next `collect`.
+    refusal: Option<Error>,
     /// Screenshots that are being written.
     screenshots: usize,
     pub context: Context,
@@ -91,6 +95,7 @@ impl App {
             stagings: Stagings::default(),
             loading: LoadingFiles::default(),
             revision: 0,
+            refusal: None,
             screenshots: 0,
             context,
         })
@@ -212,12 +217,17 @@ impl App {
         self.loader.start(LoadRequest::Panorama { path: path.to_owned(), settings: self.settings.clone() });
     }
 
-    /// A file cannot be loaded: what waited for it is asked for now, but not the same file once more.
-    fn go_on_without(&mut self, path: &Path, error: Error) -> Result<Update> {
-        let Some(scene) = &mut self.scene else { return Err(error) };
-        if scene.last_panorama.as_deref() == Some(path) {
+    /// A panorama cannot be shown: the one that is shown is the last again.
+    fn forget_panorama(&mut self, path: &Path) {
+        if let Some(scene) = self.scene.as_mut().filter(|scene| scene.last_panorama.as_deref() == Some(path)) {
             scene.last_panorama = scene.panorama.clone();
         }
+    }
+
+    /// A file cannot be loaded: what waited for it is asked for now, but not the same file once more. A lost GPU is passed on.
+    fn go_on_without(&mut self, path: &Path, error: Error) -> Result<Update> {
+        self.forget_panorama(path);
+        let Some(scene) = self.scene.as_ref().filter(|_| !error.is_device_lost()) else { return Err(error) };
         if scene.loaded.path != path && scene.panorama.as_deref() != Some(path) {
             self.follow_settings()?;
         }
@@ -231,17 +241,25 @@ impl App {
     pub fn set_target(&mut self, target: Target) -> Result<()> {
         self.revision += 1;
         if let Some(scene) = &mut self.scene {
-            draw_for(scene, target.eyes)?;
+            scene.draw_for(target.eyes)?;
         }
         self.target = target;
         self.follow_settings()
     }
 
+    /// Whether there is something to collect that the loader knows nothing of.
+    pub fn has_refused(&self) -> bool {
+        self.refusal.is_some()
+    }
+
     /// Takes results of the loader, oldest first, until one has changed something.
     ///
     /// # Errors
-    /// The first scene does not load, or a result cannot be put on the GPU.
+    /// The first scene does not load, a result cannot be put on the GPU, or the GPU was lost meanwhile.
     pub fn collect(&mut self) -> Result<Option<Update>> {
+        if let Some(refusal) = self.refusal.take() {
+            return Ok(Some(Update::Failed(refusal)));
+        }
         while let Some(result) = self.loader.take()? {
             if let Some(update) = self.apply(result)? {
                 return Ok(Some(update));
@@ -272,8 +290,12 @@ impl App {
             LoadResult::Pipelines(number, _) if number != self.pipelines => None,
             LoadResult::Pipelines(_, pipelines) => match pipelines {
                 Ok(pipelines) => self.draw_with(*pipelines)?,
+                Err(error) if error.is_device_lost() => return Err(error),
                 Err(error) => {
-                    (self.new_light, self.new_lightmap) = (None, None);
+                    let (light, lightmap) = (self.new_light.take(), self.new_lightmap.take());
+                    light.iter().for_each(|light| self.forget_panorama(&light.path));
+                    let without = self.scene.as_mut().filter(|_| lightmap.is_some());
+                    without.into_iter().for_each(|scene| scene.loaded.lightmap_follows = false);
                     Some(Update::Failed(error))
                 }
             },
@@ -314,7 +336,11 @@ impl App {
         let change = renderer.settings().difference(&self.settings).max(least);
         match change {
             Change::Nothing => {}
-            Change::Targets => renderer.set_scale(self.settings.scale)?,
+            Change::Targets => {
+                if let Err(error) = renderer.set_scale(self.settings.scale) {
+                    self.refuse(error)?;
+                }
+            }
             Change::Pipelines => {
                 let request = renderer.pipeline_request(self.settings.clone(), renderer.eyes());
                 self.loader.start(LoadRequest::Pipelines(self.pipelines, request));
@@ -326,6 +352,16 @@ impl App {
             },
             Change::Scene => self.load_again(),
         }
+        Ok(())
+    }
+
+    /// Settings cannot be had: the scene is drawn as before. A lost GPU is passed on.
+    fn refuse(&mut self, error: Error) -> Result<()> {
+        if error.is_device_lost() {
+            return Err(error);
+        }
+        self.settings = self.scene.as_ref().map_or(&self.settings, |scene| scene.loaded.renderer.settings()).clone();
+        self.refusal = Some(error);
         Ok(())
     }
 
@@ -400,75 +436,13 @@ impl App {
         self.loader.start(LoadRequest::Screenshot { pixels, size });
     }
 
-    /// Puts the shown scene under a panorama's light, at once where its pipelines will do.
-    fn light(&mut self, new: NewLight) -> Result<Option<Update>> {
-        let Some(scene) = &self.scene else { return Ok(None) };
-        if scene.loaded.renderer.needs_pipelines_under(&new.lighting, &new.settings) {
-            self.new_light = Some(new);
-            self.follow_settings()?;
-            return Ok(None);
-        }
-        self.new_light = None;
-        self.shine(new, None).map(Some)
-    }
-
-    /// A lightmap was prepared; it is shown once its pipelines are there, if its scene still is.
-    fn map_light(&mut self, number: u64, lightmap: Result<Option<Box<Lightmapped>>>) -> Result<Option<Update>> {
-        let Some(scene) = self.scene.as_mut().filter(|scene| scene.loaded.number == number) else { return Ok(None) };
-        match lightmap {
-            Ok(lightmap) => {
-                scene.loaded.lightmap_follows = lightmap.is_some();
-                self.new_lightmap = lightmap.map(|lightmap| *lightmap);
-                self.follow_settings()?;
-                Ok(None)
-            }
-            Err(error) if error.is_device_lost() => Err(error),
-            Err(error) => {
-                scene.loaded.lightmap_follows = false;
-                Ok(Some(Update::Failed(error)))
-            }
-        }
-    }
-
-    /// Draws with the pipelines that were asked for last.
-    fn draw_with(&mut self, pipelines: PassPipelines) -> Result<Option<Update>> {
-        if let Some(new) = self.new_light.take() {
-            return self.shine(new, Some(pipelines)).map(Some);
-        }
-        let Some(scene) = &mut self.scene else { return Ok(None) };
-        match self.new_lightmap.take() {
-            Some(lightmap) => {
-                scene.loaded.renderer.set_lightmapped(lightmap, pipelines)?;
-                scene.loaded.lightmap_follows = false;
-                self.follow_settings()?;
-            }
-            None => scene.loaded.renderer.set_pipelines(pipelines)?,
-        }
-        Ok(Some(Update::Settings))
-    }
-
-    /// Shows other light, unrotated if it is another panorama's.
-    fn shine(&mut self, new: NewLight, pipelines: Option<PassPipelines>) -> Result<Update> {
-        let NewLight { path, lighting, settings } = new;
-        let name = file_name(&path);
-        if let Some(scene) = &mut self.scene {
-            scene.loaded.renderer.set_lighting(lighting, &settings, pipelines)?;
-            if scene.panorama.as_ref() != Some(&path) {
-                (scene.environment_rotation, scene.first_rotation) = (0.0, 0.0);
-                scene.panorama = Some(path);
-            }
-        }
-        self.follow_settings()?;
-        Ok(Update::Light(name))
-    }
-
     fn show(&mut self, loaded: Box<LoadedScene>) -> Result<Update> {
         let again = self.again == Some(loaded.number);
         let mut scene = ShownScene::new(loaded);
         let changes = self.scene.as_ref().map(ShownScene::changes).or(self.changes.take());
         changes.iter().filter(|_| again).for_each(|changes| scene.apply(changes));
         // The number of eyes and the settings may have changed while the scene was loading.
-        draw_for(&mut scene, self.target.eyes)?;
+        scene.draw_for(self.target.eyes)?;
         if let Some(panorama) = self.loading.last_panorama() {
             scene.last_panorama = Some(panorama.to_owned());
         }
@@ -483,12 +457,6 @@ impl App {
         old.into_iter().for_each(|old| self.loader.start(LoadRequest::Discard(old.loaded)));
         Ok(Update::Scene(arrival))
     }
-}
-
-/// Changes the number of eyes on the calling thread, as no frame can be drawn before.
-fn draw_for(scene: &mut ShownScene, eyes: u32) -> Result<()> {
-    let renderer = &mut scene.loaded.renderer;
-    if renderer.eyes() == eyes { Ok(()) } else { renderer.rebuild(renderer.settings().clone(), eyes) }
 }
 
 #[cfg(test)]

@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 
 use super::*;
 use crate::asset::Cache;
-use crate::gpu::{FrameRing, Subresource, pipelines_of_this_thread, read_image, with_gpu};
+use crate::gpu::{FrameRing, NO_IMAGES, Subresource, pipelines_of_this_thread, read_image, with_gpu};
 use crate::reference::brdf::Geometry;
 use crate::reference::table::SplitSum;
 use crate::render::{Eye, FRAME_BYTES, FrameInputs, LightDetail, LightModel, MaterialFactors, Renderer, Shading};
@@ -39,6 +39,35 @@ fn frames_go_on_with_the_old_shading_until_the_new_ones_pipelines_are_there() {
         assert_eq!(desk.settings(), &shaded(Shading::Normal));
         assert!(desk.draw() != before);
         desk.assert_made_none();
+    });
+}
+
+#[test]
+fn settings_that_there_is_no_memory_for_change_nothing_and_come_once_there_is() {
+    with_gpu(|gpu| {
+        let mut desk = Desk::new(gpu, settings());
+        let before = desk.draw();
+        desk.gate.open();
+        let smaller = RenderSettings { scale: 0.5, ..settings() };
+        let smoother = RenderSettings { samples: 4, ..settings() };
+        for wanted in [&smaller, &smoother] {
+            NO_IMAGES.set(true);
+            desk.app.set_settings(wanted.clone()).unwrap();
+            let started = Instant::now();
+            let told = loop {
+                match desk.app.collect().unwrap() {
+                    None => assert!(started.elapsed() < PATIENCE, "nothing is told"),
+                    told => break told,
+                }
+            };
+            NO_IMAGES.set(false);
+            assert!(matches!(told, Some(Update::Failed(error)) if error.is_out_of_memory()));
+            assert_eq!((desk.settings(), &desk.app.settings), (&settings(), &settings()));
+            assert!(desk.draw() == before);
+        }
+        desk.app.set_settings(smaller).unwrap();
+        desk.settle();
+        assert!(desk.draw() != before);
     });
 }
 

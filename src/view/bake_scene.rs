@@ -127,20 +127,18 @@ fn write(gpu: &Arc<Gpu>, renderer: &Renderer, scene: &Path, folder: &Path) -> Re
     let content =
         "irradiance of soft light, of fronts and where there are any of backs; then as many layers of openness";
     texture.set_text("pbrvrContent", content);
-    let mut files = vec![write_file(folder.join(LIGHTMAP), &texture)?];
-    let mut meaning = Meaning {
-        scene,
-        lightmap: LightmapMeaning { size: texture.size[0], layers: texture.layers / 2 },
-        probes: Vec::new(),
-        roughness: Vec::new(),
-    };
+    let lightmap = LightmapMeaning { size: texture.size[0], layers: texture.layers / 2 };
+    // All is read before the first file is written: they belong together.
+    let mut textures = vec![(LIGHTMAP, texture)];
+    let mut meaning = Meaning { scene, lightmap, probes: Vec::new(), roughness: Vec::new() };
     if let Some((probes, scale)) = renderer.probes() {
         let [specular, irradiance] = probe_textures(gpu, probes, scale)?;
-        files.push(write_file(folder.join(SPECULAR), &specular)?);
-        files.push(write_file(folder.join(IRRADIANCE), &irradiance)?);
+        textures.extend([(SPECULAR, specular), (IRRADIANCE, irradiance)]);
         meaning.probes = places(probes);
         meaning.roughness = LightMaps::specular_roughness().into();
     }
+    let written = textures.iter().map(|(name, texture)| write_file(folder.join(name), texture));
+    let files = written.collect::<Result<_>>()?;
     write_json(Some(&folder.join(MEANING)), &meaning)?;
     Ok(files)
 }

@@ -8,6 +8,7 @@ use glam::Mat4;
 use super::action::Action;
 use super::loader::LoadedScene;
 use super::scene_parts::SceneParts;
+use crate::Result;
 use crate::render::{ControllerGizmos, CullOptions, Eye, FrameInputs, SceneEdits};
 use crate::scene::Camera;
 
@@ -55,6 +56,15 @@ pub struct SceneChanges {
 }
 
 impl ShownScene {
+    /// Changes the number of eyes on the calling thread, as no frame can be drawn before.
+    ///
+    /// # Errors
+    /// No memory.
+    pub fn draw_for(&mut self, eyes: u32) -> Result<()> {
+        let renderer = &mut self.loaded.renderer;
+        if renderer.eyes() == eyes { Ok(()) } else { renderer.rebuild(renderer.settings().clone(), eyes) }
+    }
+
     /// A scene as it was loaded.
     pub fn new(loaded: Box<LoadedScene>) -> Self {
         let (exposure_ev, rotation) = (loaded.exposure_ev, loaded.environment_rotation);

@@ -25,7 +25,7 @@ use winit::window::{Window, WindowId};
 
 use super::headset::{self, Session};
 use super::interrupt;
-use super::kept::{Losses, OPENED_AGAIN};
+use super::kept::{Losses, opened_again};
 use super::request::{ViewRequest, Wanted};
 use crate::context::Setup;
 use crate::gpu::{Gpu, GpuOptions, Messages};
@@ -145,11 +145,11 @@ impl EventHandler<'_> {
         unsafe { Viewer::new(self.setup.with(&gpu), window, self.request, self.proxy.clone(), session) }
     }
 
-    /// Opens a GPU again after the loss of one, and shows the same as before.
-    fn go_on(&mut self, event_loop: &ActiveEventLoop, lost: &Error) -> Result<()> {
+    /// Opens a GPU again after the loss or a failure of one, and shows the same as before.
+    fn go_on(&mut self, event_loop: &ActiveEventLoop, failure: &Error) -> Result<()> {
         let Some(viewer) = self.viewer.take() else { return Ok(()) };
-        tracing::debug!("{lost}");
-        complain!("pbr-vr: {OPENED_AGAIN}");
+        tracing::debug!("{failure}");
+        complain!("pbr-vr: {}", opened_again(failure));
         let report = viewer.report();
         let KeptViewer { window, view } = viewer.keep();
         let mut viewer = self.open(event_loop, window).inspect_err(|_| {
@@ -183,7 +183,7 @@ impl EventHandler<'_> {
         // After the first failure there are no more attempts: the device may be gone.
         let Some(viewer) = self.viewer.as_mut().filter(|_| self.failure.is_none()) else { return };
         let Err(error) = act(viewer) else { return };
-        let goes_on = self.losses.may_go_on_after(&error, Instant::now());
+        let goes_on = self.losses.may_go_on_after(&error, viewer.app.scene.is_some(), Instant::now());
         if let Err(error) = if goes_on { self.go_on(event_loop, &error) } else { Err(error) } {
             self.failure = Some(error);
             event_loop.exit();

@@ -14,6 +14,8 @@ mod cache;
 mod causes;
 mod cli;
 mod exporters;
+#[cfg(target_os = "linux")]
+mod faults;
 mod ladder;
 mod loading;
 #[cfg(target_os = "linux")]

@@ -1,12 +1,13 @@
-//! The Vulkan layer that loses the GPU (tests/fault_layer), between a program and its driver.
+//! The Vulkan layer that lets calls fail (tests/fault_layer), between a program and its driver.
 
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use fault_layer::{LAYER, VARIABLE};
+use fault_layer::{CALL, FILE, LAYER, LOG};
 
 const BUILT: &str = if cfg!(windows) { "fault_layer.dll" } else { "libfault_layer.so" };
+const VALIDATION: &str = "VK_LAYER_KHRONOS_validation";
 const PATIENCE: Duration = Duration::from_secs(60);
 
 /// The layer, installed in a folder.
@@ -29,7 +30,7 @@ impl FaultLayer {
     /// What a program needs in its environment to have it.
     pub fn environment(&self) -> [(&'static str, OsString); 3] {
         let folder = self.folder.clone().into_os_string();
-        [("VK_ADD_LAYER_PATH", folder), ("VK_INSTANCE_LAYERS", LAYER.into()), (VARIABLE, self.file().into())]
+        [("VK_ADD_LAYER_PATH", folder), ("VK_INSTANCE_LAYERS", LAYER.into()), (FILE, self.file().into())]
     }
 
     /// The next call of this function finds the GPU lost.
@@ -46,5 +47,17 @@ impl FaultLayer {
             assert!(started.elapsed() < PATIENCE, "the function is never called");
             std::thread::sleep(Duration::from_millis(20));
         }
+    }
+
+    /// What a program that runs with `--validate` needs for its call of this number to fail; 0: none. The layer lies below that of
+    /// validation, which so takes the failure for the driver's. The calls are listed in a file.
+    pub fn failing(&self, number: u64, list: &Path) -> [(&'static str, OsString); 4] {
+        let between = if cfg!(windows) { ";" } else { ":" };
+        [
+            ("VK_ADD_LAYER_PATH", self.folder.clone().into_os_string()),
+            ("VK_INSTANCE_LAYERS", format!("{VALIDATION}{between}{LAYER}").into()),
+            (CALL, number.to_string().into()),
+            (LOG, list.into()),
+        ]
     }
 }

@@ -4,7 +4,7 @@
 use std::io::{BufRead, BufReader, IoSlice};
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
-use std::sync::mpsc::{Receiver, channel};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
@@ -35,9 +35,10 @@ impl Display {
     /// Starts one; `None`, with the reason printed, where Xvfb is not installed. In CI that is a failure.
     pub fn start() -> Option<Self> {
         let screen = format!("{}x{}x24", SCREEN[0], SCREEN[1]);
-        // Xvfb picks a free number itself and tells it on file descriptor 1.
+        // Xvfb picks a free number itself and tells it on file descriptor 1. Without -noreset it starts anew whenever the last
+        // program leaves it, and for a moment takes no other.
         let server = Command::new("Xvfb")
-            .args(["-displayfd", "1", "-screen", "0", &screen, "-nolisten", "tcp", "-dpi", "96"])
+            .args(["-displayfd", "1", "-screen", "0", &screen, "-nolisten", "tcp", "-dpi", "96", "-noreset"])
             .stdout(Stdio::piped())
             .stderr(Stdio::null())
             .spawn();
@@ -159,6 +160,30 @@ impl Program {
         }
     }
 
+    /// Waits for a line on stdout that contains `part`, or else for a new line of `complaints`, or its end; returns whether it
+    /// goes on.
+    pub fn until(&mut self, part: &str, complaints: impl Fn(&str) -> usize) -> bool {
+        let (started, before) = (Instant::now(), complaints(&self.errors()));
+        loop {
+            match self.lines.recv_timeout(Duration::from_millis(20)) {
+                Ok(line) => {
+                    let is_it = line.contains(part);
+                    self.said.push(line);
+                    if is_it {
+                        return true;
+                    }
+                }
+                Err(RecvTimeoutError::Disconnected) => return false,
+                Err(RecvTimeoutError::Timeout) if complaints(&self.errors()) > before => return true,
+                Err(RecvTimeoutError::Timeout) => {}
+            }
+            if started.elapsed() > PATIENCE {
+                let _ = self.child.kill();
+                panic!("no `{part}` in {:?}; stderr: {}", self.said, self.errors());
+            }
+        }
+    }
+
     /// CPU time that it takes in some time, in the kernel's ticks, which are a hundredth of a second on Linux.
     pub fn cpu_ticks_in(&self, time: Duration) -> u64 {
         let used = || -> u64 {
@@ -176,6 +201,11 @@ impl Program {
     pub fn signal(&self, name: &str) {
         let sent = Command::new("kill").args(["-s", name, &self.child.id().to_string()]).status();
         assert!(sent.expect("kill").success());
+    }
+
+    /// Whether it runs no more.
+    pub fn has_ended(&mut self) -> bool {
+        self.child.try_wait().expect("a child").is_some()
     }
 
     /// Waits for its end: exit status and stderr.

@@ -8,7 +8,7 @@ use crate::context::Setup;
 use crate::view::action::Action;
 use crate::view::app::App;
 use crate::view::frame_clock::FrameClock;
-use crate::view::kept::{Kept, Losses, OPENED_AGAIN};
+use crate::view::kept::{Kept, Losses, opened_again};
 use crate::view::update::{Arrival, Update};
 use crate::view::{ViewRequest, interrupt, screenshot};
 use crate::{Error, Result, complain, say};
@@ -28,10 +28,10 @@ pub fn run(request: &ViewRequest, connected: Connected, setup: &Setup<'_>) -> Re
     headset.app.open_first(&scene, request.staging.clone());
     let (mut end, mut losses) = (headset.play(request.frames), Losses::default());
     while let Err(error) = &end
-        && losses.may_go_on_after(error, Instant::now())
+        && losses.may_go_on_after(error, headset.app.scene.is_some(), Instant::now())
     {
         tracing::debug!("{error}");
-        complain!("pbr-vr: {OPENED_AGAIN}");
+        complain!("pbr-vr: {}", opened_again(error));
         let report = headset.report();
         let kept = headset.keep();
         let again = super::connect(setup.gpu).and_then(|connected| {

@@ -142,7 +142,8 @@ impl Viewer {
     /// Performs the panel's commands.
     pub fn perform_waiting(&mut self) -> Result<()> {
         let actions = std::mem::take(&mut self.output.actions);
-        actions.into_iter().try_for_each(|action| self.perform(action))
+        actions.into_iter().try_for_each(|action| self.perform(action))?;
+        if self.app.has_refused() { self.collect() } else { Ok(()) }
     }
 
     fn perform(&mut self, action: Action) -> Result<()> {

@@ -1,25 +1,27 @@
-//! A Vulkan layer that loses the GPU on purpose, when a test says so: a call fails with
-//! `VK_ERROR_DEVICE_LOST`, and from then on everything that the device is asked for does, as the specification has it ("Lost
-//! Device"). Another device is whole again.
+//! A Vulkan layer that lets a call fail on purpose, when a test says so, with an error that it may return. After
+//! `VK_ERROR_DEVICE_LOST`, everything that the device is asked for fails with it, as the specification has it ("Lost Device").
+//! Another device is whole again.
 
 mod chain;
 mod device;
 mod faults;
+mod functions;
 
 use std::ffi::{CStr, c_char, c_void};
 use std::fs;
 use std::mem::transmute;
 use std::path::Path;
 
-use ash::vk;
+use ash::vk::{self, Result as R};
 use serde_json::json;
 
 use chain::{NegotiateInterface, device_link, instance_link, last_instance, set_last_instance};
 use device::Function;
+use faults::fault;
 
 /// The layer's name, for `VK_INSTANCE_LAYERS`.
 pub const LAYER: &str = "VK_LAYER_PBRVR_fault";
-pub use faults::VARIABLE;
+pub use faults::{CALL, FILE, LOG};
 
 /// Writes the layer's manifest into `folder`, for `VK_LAYER_PATH`; `library` is this crate's, as cargo has built it.
 ///
@@ -45,11 +47,11 @@ pub fn install(folder: &Path, library: &Path) -> std::io::Result<()> {
 /// # Safety
 /// The pointer is to the loader's structure.
 #[unsafe(no_mangle)]
-pub unsafe extern "system" fn vkNegotiateLoaderLayerInterfaceVersion(interface: *mut NegotiateInterface) -> vk::Result {
+pub unsafe extern "system" fn vkNegotiateLoaderLayerInterfaceVersion(interface: *mut NegotiateInterface) -> R {
     // SAFETY: the loader's structure is good for the call.
     let interface = unsafe { &mut *interface };
     interface.offer(get_instance_proc_addr, device::get_device_proc_addr);
-    vk::Result::SUCCESS
+    R::SUCCESS
 }
 
 unsafe extern "system" fn get_instance_proc_addr(
@@ -62,7 +64,9 @@ unsafe extern "system" fn get_instance_proc_addr(
         b"vkGetInstanceProcAddr" => Some(get_instance_proc_addr as *const c_void),
         b"vkCreateInstance" => Some(create_instance as *const c_void),
         b"vkCreateDevice" => Some(create_device as *const c_void),
-        _ => device::own(asked),
+        b"vkGetDeviceProcAddr" => Some(device::get_device_proc_addr as *const c_void),
+        b"vkDestroyDevice" => Some(device::destroy as *const c_void),
+        _ => functions::own(asked),
     };
     if let Some(own) = own {
         // SAFETY: a function of this library with the signature of that name.
@@ -76,17 +80,21 @@ unsafe extern "system" fn create_instance(
     info: *const vk::InstanceCreateInfo<'_>,
     allocator: *const vk::AllocationCallbacks<'_>,
     instance: *mut vk::Instance,
-) -> vk::Result {
+) -> R {
     // SAFETY: the loader chains its link into every call of a layer.
-    let Some(next) = (unsafe { instance_link((*info).p_next) }) else { return vk::Result::ERROR_INITIALIZATION_FAILED };
+    let Some(next) = (unsafe { instance_link((*info).p_next) }) else { return R::ERROR_INITIALIZATION_FAILED };
+    let errors = [R::ERROR_OUT_OF_HOST_MEMORY, R::ERROR_INITIALIZATION_FAILED, R::ERROR_INCOMPATIBLE_DRIVER];
+    if let Some(error) = fault("vkCreateInstance", &errors) {
+        return error;
+    }
     // SAFETY: before there is an instance, only global functions are asked for.
     let create = unsafe { next(vk::Instance::null(), c"vkCreateInstance".as_ptr()) };
-    let Some(create) = create else { return vk::Result::ERROR_INITIALIZATION_FAILED };
+    let Some(create) = create else { return R::ERROR_INITIALIZATION_FAILED };
     // SAFETY: the next layer's function of this name; arguments are the caller's.
     unsafe {
         let create = transmute::<Function, vk::PFN_vkCreateInstance>(create);
         let created = create(info, allocator, instance);
-        if created == vk::Result::SUCCESS {
+        if created == R::SUCCESS {
             set_last_instance(*instance, next);
         }
         created
@@ -98,18 +106,23 @@ unsafe extern "system" fn create_device(
     info: *const vk::DeviceCreateInfo<'_>,
     allocator: *const vk::AllocationCallbacks<'_>,
     device: *mut vk::Device,
-) -> vk::Result {
+) -> R {
     // SAFETY: as for an instance.
     let link = unsafe { device_link((*info).p_next) };
     let Some(((next_instance, next_device), (instance, _))) = link.zip(last_instance()) else {
-        return vk::Result::ERROR_INITIALIZATION_FAILED;
+        return R::ERROR_INITIALIZATION_FAILED;
     };
+    let errors = [R::ERROR_OUT_OF_HOST_MEMORY, R::ERROR_OUT_OF_DEVICE_MEMORY, R::ERROR_INITIALIZATION_FAILED];
+    let more = [R::ERROR_TOO_MANY_OBJECTS, R::ERROR_DEVICE_LOST];
+    if let Some(error) = fault("vkCreateDevice", &[&errors[..], &more].concat()) {
+        return error;
+    }
     // SAFETY: the next layer's function, of the instance that the physical device is of.
     let create = unsafe { next_instance(instance, c"vkCreateDevice".as_ptr()) };
-    let Some(create) = create else { return vk::Result::ERROR_INITIALIZATION_FAILED };
+    let Some(create) = create else { return R::ERROR_INITIALIZATION_FAILED };
     // SAFETY: the next layer's function of this name; arguments are the caller's.
     let created = unsafe { transmute::<Function, vk::PFN_vkCreateDevice>(create)(physical, info, allocator, device) };
-    if created == vk::Result::SUCCESS {
+    if created == R::SUCCESS {
         // SAFETY: the device was just created by the next layer.
         unsafe { device::remember(*device, next_device) };
     }

@@ -157,7 +157,12 @@ impl Copier {
         let slot = &self.slots[n];
         // SAFETY: the fence was given to the queue with this copy.
         unsafe {
-            must("waiting for a copy", self.device.wait_for_fences(&[slot.fence], true, PATIENCE_NS));
+            let waited = self.device.wait_for_fences(&[slot.fence], true, PATIENCE_NS);
+            if waited == Err(vk::Result::ERROR_DEVICE_LOST) {
+                // The program's device, and the copy with it.
+                return;
+            }
+            must("waiting for a copy", waited);
             must("a fence", self.device.reset_fences(&[slot.fence]));
         }
         let Some(file) = &copy.file else { return };
