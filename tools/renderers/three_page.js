@@ -1,4 +1,5 @@
-// A scene of ours in three.js, as its documentation has it: standard materials, a prefiltered panorama, point lights.
+// A scene of ours in three.js, as its documentation has it: standard materials, a prefiltered panorama, point lights; where nothing
+// is said here, its defaults: no anisotropy, no backs of faces.
 import * as THREE from "three";
 import { EXRLoader } from "three/addons/loaders/EXRLoader.js";
 import { HDRLoader } from "three/addons/loaders/HDRLoader.js";
@@ -7,7 +8,7 @@ import { OBJLoader } from "three/addons/loaders/OBJLoader.js";
 const RADIANS = Math.PI / 180;
 
 function material(keys, textures) {
-    const made = new THREE.MeshStandardMaterial({ side: THREE.DoubleSide });
+    const made = new THREE.MeshStandardMaterial();
     made.color.setRGB(...(keys.kd ?? [1, 1, 1]), THREE.LinearSRGBColorSpace);
     made.metalness = keys.pm?.[0] ?? (keys.map_pm ? 1 : 0);
     made.roughness = keys.pr?.[0] ?? 1;
@@ -20,9 +21,8 @@ function material(keys, textures) {
 
 /** Textures by file, loaded once. */
 class Textures {
-    constructor(anisotropy) {
+    constructor() {
         this.loader = new THREE.TextureLoader();
-        this.anisotropy = anisotropy;
         this.made = new Map();
     }
 
@@ -32,7 +32,6 @@ class Textures {
             const texture = new THREE.Texture();
             texture.wrapS = texture.wrapT = THREE.RepeatWrapping;
             texture.colorSpace = isColour ? THREE.SRGBColorSpace : THREE.NoColorSpace;
-            texture.anisotropy = this.anisotropy;
             this.made.set(file, texture);
             this.loading = Promise.all([this.loading, loading]);
         }
@@ -75,7 +74,7 @@ class Drawing {
         const name = gl.getParameter(gl.getExtension("WEBGL_debug_renderer_info").UNMASKED_RENDERER_WEBGL);
         if (samples > 1 && gl.getParameter(gl.SAMPLES) !== samples) throw new Error(`${gl.getParameter(gl.SAMPLES)} samples instead of ${samples}`);
         this.scene = new THREE.Scene();
-        const textures = new Textures(this.renderer.capabilities.getMaxAnisotropy());
+        const textures = new Textures();
         for (const model of job.models) await add(this.scene, model, textures);
         await textures.loading;
         for (const { point } of job.lights) {
