@@ -1,12 +1,53 @@
-//! For tests: a GPU under validation.
+//! For tests: a GPU under validation, and one that runs out of memory when a test says so.
 
-use std::sync::Arc;
+use std::cell::Cell;
+use std::sync::{Arc, OnceLock};
+
+use ash::vk;
 
 use super::{Gpu, GpuOptions};
 
+thread_local! {
+    /// Whether this thread finds no memory for images, on a GPU of [`with_gpu_of_little_memory`].
+    pub static NO_IMAGES: Cell<bool> = const { Cell::new(false) };
+}
+
+/// The driver's function, which all devices have in common.
+static BIND_IMAGE: OnceLock<vk::PFN_vkBindImageMemory> = OnceLock::new();
+
+unsafe extern "system" fn bind_image(
+    device: vk::Device,
+    image: vk::Image,
+    memory: vk::DeviceMemory,
+    offset: vk::DeviceSize,
+) -> vk::Result {
+    match BIND_IMAGE.get() {
+        // SAFETY: the driver's own function with the caller's arguments.
+        Some(bind) if !NO_IMAGES.get() => unsafe { bind(device, image, memory, offset) },
+        _ => vk::Result::ERROR_OUT_OF_DEVICE_MEMORY,
+    }
+}
+
 /// Opens a GPU for `work`; any validation message fails, those of closing it too.
 pub fn with_gpu<R>(work: impl FnOnce(&Arc<Gpu>) -> R) -> R {
-    let gpu = Gpu::open(GpuOptions { validate: true, ..GpuOptions::default() }).unwrap();
+    run(open(), work)
+}
+
+/// The same with a GPU that has no memory for images of threads whose [`NO_IMAGES`] is set.
+pub fn with_gpu_of_little_memory<R>(work: impl FnOnce(&Arc<Gpu>) -> R) -> R {
+    let mut gpu = open();
+    Arc::get_mut(&mut gpu).unwrap().device.replace(|device| {
+        BIND_IMAGE.get_or_init(|| device.bind_image_memory);
+        device.bind_image_memory = bind_image;
+    });
+    run(gpu, work)
+}
+
+fn open() -> Arc<Gpu> {
+    Gpu::open(GpuOptions { validate: true, ..GpuOptions::default() }).unwrap()
+}
+
+fn run<R>(gpu: Arc<Gpu>, work: impl FnOnce(&Arc<Gpu>) -> R) -> R {
     let messages = gpu.messages();
     let result = work(&gpu);
     assert!(Arc::into_inner(gpu).is_some(), "something keeps the GPU open");

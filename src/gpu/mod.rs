@@ -45,9 +45,7 @@ pub use descriptor::{Binding, DescriptorSet, DescriptorSetLayout};
 pub use device::{Gpu, GpuOptions, Handles};
 pub use frame_ring::{FRAMES_IN_FLIGHT, FrameContext, FrameRing, UNIFORM_RANGE};
 #[cfg(test)]
-pub use harness_tests::with_gpu;
-#[cfg(test)]
-pub(crate) use image::NO_IMAGES;
+pub use harness_tests::{NO_IMAGES, with_gpu, with_gpu_of_little_memory};
 pub use image::{AttachmentView, DEPTH_FORMAT, Image, ImageAccess, ImageDesc, Shape, Subresource};
 pub use instance::{Instance, Messages, foreign_call, validation_available};
 #[cfg(test)]

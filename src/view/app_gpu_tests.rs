@@ -9,7 +9,9 @@ use std::time::{Duration, Instant};
 
 use super::*;
 use crate::asset::Cache;
-use crate::gpu::{FrameRing, NO_IMAGES, Subresource, pipelines_of_this_thread, read_image, with_gpu};
+use crate::gpu::{
+    FrameRing, NO_IMAGES, Subresource, pipelines_of_this_thread, read_image, with_gpu, with_gpu_of_little_memory,
+};
 use crate::reference::brdf::Geometry;
 use crate::reference::table::SplitSum;
 use crate::render::{Eye, FRAME_BYTES, FrameInputs, LightDetail, LightModel, MaterialFactors, Renderer, Shading};
@@ -44,7 +46,7 @@ fn frames_go_on_with_the_old_shading_until_the_new_ones_pipelines_are_there() {
 
 #[test]
 fn settings_that_there_is_no_memory_for_change_nothing_and_come_once_there_is() {
-    with_gpu(|gpu| {
+    with_gpu_of_little_memory(|gpu| {
         let mut desk = Desk::new(gpu, settings());
         let before = desk.draw();
         desk.gate.open();

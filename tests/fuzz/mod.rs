@@ -31,6 +31,7 @@ const JOB: &str = "PBR_VR_FUZZ_JOB";
 /// One file takes milliseconds.
 const PATIENCE: Duration = Duration::from_secs(120);
 /// Address space of a child, in KiB: somewhat more than the most that a reader may ask for, which is 4 GiB.
+#[cfg(unix)]
 const MEMORY_KIB: u64 = 8 << 20;
 /// Places where each seed is cut off; by hand, every one of its bytes in some rounds.
 const CUTS: u64 = 48;
