@@ -1,6 +1,6 @@
 //! The app between requests and results.
 
-#[path = "app_desk.rs"]
+#[path = "app_desk_tests.rs"]
 mod desk;
 
 use std::path::PathBuf;

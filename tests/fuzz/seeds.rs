@@ -13,6 +13,7 @@ use image::{DynamicImage, ImageFormat};
 use serde_json::{Value, json};
 
 use super::formats::{png_chunks, png_of};
+use crate::asset::gltf::build_tests::glb as container;
 use crate::asset::ktx2::{Ktx2, TexelFormat};
 
 pub const OBJ: &str = "# corners
@@ -404,17 +405,7 @@ impl Model {
         let mut json = self.json.clone();
         let fallback = json!({"byteLength": 36, "extensions": {"EXT_meshopt_compression": {"fallback": true}}});
         json["buffers"] = json!([{"byteLength": self.bytes.len()}, fallback]);
-        let mut chunks = Vec::new();
-        for (kind, mut bytes, fill) in
-            [(b"JSON", json.to_string().into_bytes(), b' '), (b"BIN\0", self.bytes.clone(), 0)]
-        {
-            bytes.resize(bytes.len().next_multiple_of(4), fill);
-            chunks.extend((bytes.len() as u32).to_le_bytes());
-            chunks.extend(kind);
-            chunks.extend(bytes);
-        }
-        let length = 12 + chunks.len() as u32;
-        [b"glTF".to_vec(), 2u32.to_le_bytes().to_vec(), length.to_le_bytes().to_vec(), chunks].concat()
+        container(json.to_string().as_bytes(), Some(&self.bytes))
     }
 }
 

@@ -107,7 +107,7 @@ fn assemble(meshes: Meshes, cameras: Vec<PlacedCamera>, lights: Vec<PlacedLight>
 }
 
 #[cfg(test)]
-mod build_tests;
+pub(crate) mod build_tests;
 #[cfg(test)]
 mod files_tests;
 #[cfg(test)]
