@@ -1,6 +1,7 @@
 //! The panel: choices and numbers beside the picture, laid out by egui. It shows what the app has and returns commands; it
 //! changes nothing itself. Windows and headsets draw it.
 
+mod clicks;
 mod graph;
 mod library;
 mod messages;
@@ -13,7 +14,10 @@ mod style;
 
 use std::time::{Duration, Instant};
 
-use egui::{Align2, Area, CentralPanel, Context, FontId, Frame, Id, RawInput, RichText, SidePanel, TexturesDelta};
+use egui::{
+    Align2, Area, CentralPanel, Context, FontId, Frame, FullOutput, Id, Order, Pos2, RawInput, RichText, SidePanel,
+    TexturesDelta,
+};
 
 use super::action::Action;
 use super::app::App;
@@ -119,6 +123,13 @@ impl Panel {
         self.saved.shown
     }
 
+    /// Whether a point of the window is the panel's or its lists', as they were laid out last. egui's own functions tell that of
+    /// where the pointer was then: a hand that moves and presses between two frames would press on the wrong one.
+    pub fn is_at(&self, point: Pos2) -> bool {
+        let floats = self.context.layer_id_at(point).is_some_and(|layer| layer.order != Order::Background);
+        floats || (self.is_shown() && !self.context.available_rect().contains(point))
+    }
+
     /// Shows a message for a while.
     pub fn note(&mut self, text: impl Into<String>) {
         self.messages.note(Instant::now(), text);
@@ -160,7 +171,10 @@ impl Panel {
         input.max_texture_side = Some(MAX_TEXTURE_SIDE);
         let mut actions = Vec::new();
         let context = self.context.clone();
-        let output = context.run(input, |context| self.lay_out(context, inputs, &mut actions, now));
+        let mut output = FullOutput::default();
+        for part in clicks::apart(input) {
+            output.append(context.run(part, |context| self.lay_out(context, inputs, &mut actions, now)));
+        }
         self.frame.pixels_per_point = output.pixels_per_point;
         self.frame.primitives = context.tessellate(output.shapes, output.pixels_per_point);
         self.frame.textures.append(output.textures_delta);

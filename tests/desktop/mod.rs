@@ -118,29 +118,40 @@ impl Program {
         self.errors().matches("panel: laid out").count()
     }
 
-    /// Clicks on a pixel of the window, and waits for what that changes in the panel.
+    /// Clicks on a pixel of the window, faster than a person, and waits for what that changes in the panel.
     pub fn click(&self, hands: &Hands, at: [f64; 2]) {
-        let mut before = self.layouts();
+        let before = self.layouts();
         hands.point(at);
-        for press in [true, false] {
-            self.wait_for_layouts(before, 1);
-            before = self.layouts();
-            hands.button(press);
-        }
+        hands.button(true);
+        hands.button(false);
         // One takes note of the click, the next shows what it has changed.
         self.wait_for_layouts(before, 2);
+    }
+
+    /// Waits until the panel is laid out no more, or for a while: loading is shown again and again.
+    fn wait_for_rest(&self) {
+        let started = Instant::now();
+        let (mut layouts, mut since) = (self.layouts(), Instant::now());
+        while since.elapsed() < Duration::from_millis(150) && started.elapsed() < Duration::from_millis(1500) {
+            std::thread::sleep(Duration::from_millis(10));
+            let now = self.layouts();
+            if now != layouts {
+                (layouts, since) = (now, Instant::now());
+            }
+        }
     }
 
     /// The middle of a control of the panel, pixels of the window, and its size, as `-vv` says them.
     pub fn place(&self, name: &str) -> ([f64; 2], [f64; 2]) {
         let started = Instant::now();
         loop {
+            // What opens or closes above it moves it.
+            self.wait_for_rest();
             let errors = self.errors();
             if let Some([middle, size]) = control_in(&errors, name) {
                 return (middle, size);
             }
             assert!(started.elapsed() < Duration::from_secs(20), "no control {name} in: {errors}");
-            std::thread::sleep(Duration::from_millis(20));
         }
     }
 
@@ -226,6 +237,9 @@ impl Program {
 
 impl Drop for Program {
     fn drop(&mut self) {
+        if std::thread::panicking() {
+            eprintln!("the program's stderr: {}", self.errors());
+        }
         let _ = self.child.kill();
         let _ = self.child.wait();
     }

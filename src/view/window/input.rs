@@ -85,7 +85,9 @@ impl WindowOutput {
             return false;
         }
         let response = self.ui_input.on_window_event(&self.window, event);
-        let over = response.consumed || (self.panel.is_shown() && self.panel.context.is_pointer_over_area());
+        let points = f64::from(self.panel.context.pixels_per_point());
+        let at = self.pointer.map(|at| egui::pos2((at.x / points) as f32, (at.y / points) as f32));
+        let over = at.is_some_and(|at| self.panel.is_at(at));
         // Moving the pointer over the picture changes nothing in the panel.
         let idle = matches!(event, WindowEvent::CursorMoved { .. }) && (self.drag.is_some() || !self.panel.is_shown());
         if response.repaint && !idle {
