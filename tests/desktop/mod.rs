@@ -237,6 +237,7 @@ impl Program {
 
 impl Drop for Program {
     fn drop(&mut self) {
+        #[expect(clippy::print_stderr, reason = "the test runner shows it with the failed test")]
         if std::thread::panicking() {
             eprintln!("the program's stderr: {}", self.errors());
         }
