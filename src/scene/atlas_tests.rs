@@ -8,7 +8,7 @@ use glam::{Mat4, Quat, Vec2, Vec3};
 use super::*;
 use crate::asset::{Storage, TextureOptions};
 use crate::scene::cluster::clusters;
-use crate::scene::culling_bounds::Groups;
+use crate::scene::groups::Groups;
 use crate::scene::{Bounds, LoadOptions};
 
 fn work<'a>(report: &'a Report, stop: &'a AtomicBool) -> Work<'a> {

@@ -88,15 +88,15 @@ fn cut_group(group: &Group<'_>, separately: bool) -> Vec<Cluster> {
         let first = vertices.len() as u32;
         for component in connected_components(&mesh.vertices, &mesh.indices) {
             let triangles: Vec<[u32; 3]> = component.triangles.iter().map(|t| t.map(|corner| corner + first)).collect();
-            if component.closed && triangles.len() <= MOST_TRIANGLES {
+            if component.closed() && triangles.len() <= MOST_TRIANGLES {
                 closed.push(Unit {
                     triangles,
                     centre: component.bounds.centre(),
-                    culling_bounds: Some(component.bounds),
+                    culling_bounds: component.culling_bounds,
                 });
             } else {
-                let units = if component.closed { &mut closed } else { &mut open };
-                let around = component.closed.then_some(component.bounds);
+                let units = if component.closed() { &mut closed } else { &mut open };
+                let around = component.culling_bounds;
                 units.extend(triangles.into_iter().map(|t| {
                     let centre = t.iter().map(|c| corner_position(&mesh.vertices[(c - first) as usize])).sum::<Vec3>();
                     Unit { triangles: vec![t], centre: centre / 3.0, culling_bounds: around }

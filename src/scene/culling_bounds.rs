@@ -1,10 +1,13 @@
 //! Bounds for back-face culling: the connected components of a mesh, and which of them are closed surfaces with their
-//! front faces outwards. From outside of its bounds, no back face of such a component is visible.
+//! front faces outwards, or would be but for borders that lie inside such ones. From outside of its bounds, no back face of
+//! such a component is visible.
 
 use std::collections::HashMap;
 
 use glam::{DVec2, DVec3, Vec3};
 
+use super::caps::{are_buried, caps};
+use super::groups::Groups;
 use super::mesh::{Bounds, Vertex};
 
 /// Corners nearer than this part of the mesh's size are welded: files may round the two sides of a texture seam
@@ -12,6 +15,15 @@ use super::mesh::{Bounds, Vertex};
 const WELD_PART: f32 = 1.0 / (1 << 20) as f32;
 /// Test rays per direction, see [`is_outward`].
 const RAYS: usize = 32;
+/// Components have at least so many triangles for each one of their caps: others are rather leaves or cloth than things
+/// whose ends are hidden.
+const TRIANGLES_PER_CAP: usize = 32;
+/// Borders end at most this part of the mesh's diagonal before the solid that hides them: a pixel of a picture of the mesh.
+/// Modellers let a handle's end touch its cup, not more.
+const GAP_PART: f32 = 1.0 / 1024.0;
+/// Most triangles, and caps in all, of a mesh whose borders are examined: at most ten microseconds a triangle.
+const MOST_TRIANGLES: usize = 1 << 17;
+const MOST_CAPS: usize = 128;
 
 /// Triangles connected by common corners.
 pub struct Component {
@@ -19,8 +31,15 @@ pub struct Component {
     pub triangles: Vec<[u32; 3]>,
     /// Local space.
     pub bounds: Bounds,
-    /// Whether only front faces are visible from outside of `bounds`.
-    pub closed: bool,
+    /// Bounds from outside of which only its front faces are visible, local space; `None`: backs are seen from anywhere.
+    pub culling_bounds: Option<Bounds>,
+}
+
+impl Component {
+    /// Whether only its front faces are visible from outside.
+    pub fn closed(&self) -> bool {
+        self.culling_bounds.is_some()
+    }
 }
 
 /// Splits a mesh into its connected components; triangles keep their order. Triangles with coinciding corners are
@@ -49,13 +68,66 @@ pub fn connected_components(vertices: &[Vertex], indices: &[u32]) -> Vec<Compone
         }
         found[component].push(triangle);
     }
-    let component = |triangles: Vec<[u32; 3]>| {
+    let welded =
+        |triangles: &Vec<[u32; 3]>| Surface::new(triangles.iter().map(|t| t.map(|c| points[c as usize])).collect());
+    let surfaces: Vec<Surface> = found.iter().map(welded).collect();
+    let all = Bounds::of(vertices.iter().map(|v| v.position.into()));
+    let gap = f64::from(2.0 * all.radius() * GAP_PART);
+    let closed = closed_surfaces(&surfaces, vertices, gap);
+    let component = |((triangles, surface), closed): ((Vec<[u32; 3]>, Surface), bool)| {
         let bounds = Bounds::of(triangles.iter().flatten().map(|corner| position(*corner).into()));
-        let welded: Vec<[u32; 3]> = triangles.iter().map(|t| t.map(|corner| points[corner as usize])).collect();
-        let closed = has_no_border(&welded) && is_outward(&welded, vertices);
-        Component { triangles, bounds, closed }
+        // What hides a border may be anywhere in the mesh.
+        let culling_bounds = closed.then_some(if surface.caps == 0 { bounds } else { all });
+        Component { triangles, bounds, culling_bounds }
     };
-    found.into_iter().map(component).collect()
+    found.into_iter().zip(surfaces).zip(closed).map(component).collect()
+}
+
+/// A component with caps on its borders.
+struct Surface {
+    /// Welded; caps are last.
+    triangles: Vec<[u32; 3]>,
+    caps: usize,
+}
+
+impl Surface {
+    fn new(mut triangles: Vec<[u32; 3]>) -> Self {
+        let caps = caps(&triangles);
+        triangles.extend(&caps);
+        Self { triangles, caps: caps.len() }
+    }
+
+    fn caps(&self) -> &[[u32; 3]] {
+        &self.triangles[self.triangles.len() - self.caps..]
+    }
+}
+
+/// Which surfaces show only their fronts from outside: those without borders, and those whose borders lie inside such ones, or
+/// at most `gap` before them.
+fn closed_surfaces(surfaces: &[Surface], vertices: &[Vertex], gap: f64) -> Vec<bool> {
+    let may_be = |surface: &Surface| {
+        surface.caps * TRIANGLES_PER_CAP <= surface.triangles.len() && is_outward(&surface.triangles, vertices)
+    };
+    let mut closed: Vec<bool> = surfaces.iter().map(may_be).collect();
+    let sizes = surfaces.iter().zip(&closed).filter(|(_, closed)| **closed).map(|(s, _)| [s.triangles.len(), s.caps]);
+    let [triangles, caps] = sizes.fold([0, 0], |[t, c], [triangles, caps]| [t + triangles, c + caps]);
+    if triangles > MOST_TRIANGLES || caps > MOST_CAPS {
+        closed.iter_mut().zip(surfaces).for_each(|(closed, surface)| *closed &= surface.caps == 0);
+    }
+    let position = |corner: u32| Vec3::from(vertices[corner as usize].position).as_dvec3();
+    // A bowl is no solid, whatever ends in it: what is open itself hides nothing of the others.
+    loop {
+        let solids = surfaces.iter().zip(&closed).filter(|(_, closed)| **closed);
+        let solid: Vec<[u32; 3]> = solids.flat_map(|(surface, _)| surface.triangles.iter().copied()).collect();
+        let open = |(surface, closed): (&Surface, &bool)| {
+            *closed && surface.caps > 0 && !are_buried(surface.caps(), &solid, gap, position)
+        };
+        let open: Vec<bool> = surfaces.iter().zip(&closed).map(open).collect();
+        if !open.contains(&true) {
+            return closed;
+        }
+        closed.iter_mut().zip(open).for_each(|(closed, open)| *closed &= !open);
+    }
 }
 
 /// The connected component that a triangle is part of.
@@ -63,7 +135,7 @@ pub fn connected_components(vertices: &[Vertex], indices: &[u32]) -> Vec<Compone
 pub struct ComponentOf {
     /// Number in the mesh.
     pub component: u32,
-    /// Whether it is a closed surface with its front faces outwards.
+    /// Whether only its front faces are visible from outside.
     pub closed: bool,
 }
 
@@ -71,7 +143,7 @@ pub struct ComponentOf {
 pub fn components_of_triangles(vertices: &[Vertex], indices: &[u32]) -> Vec<ComponentOf> {
     let mut known: HashMap<[u32; 3], ComponentOf> = HashMap::with_capacity(indices.len() / 3);
     for (component, found) in (0..).zip(connected_components(vertices, indices)) {
-        let of = ComponentOf { component, closed: found.closed };
+        let of = ComponentOf { component, closed: found.closed() };
         known.extend(found.triangles.into_iter().map(|triangle| (triangle, of)));
     }
     indices.as_chunks().0.iter().map(|triangle| known.get(triangle).copied().unwrap_or_default()).collect()
@@ -84,44 +156,6 @@ fn weld(vertices: &[Vertex]) -> Vec<u32> {
     let mut first: HashMap<[i32; 3], u32> = HashMap::with_capacity(vertices.len());
     let cell = |v: &Vertex| ((Vec3::from(v.position) - bounds.min) / cells).round().as_ivec3().to_array();
     (0u32..).zip(vertices).map(|(i, vertex)| *first.entry(cell(vertex)).or_insert(i)).collect()
-}
-
-/// Disjoint sets of points (Tarjan 1975, with path halving).
-pub struct Groups(Vec<u32>);
-
-impl Groups {
-    /// Each point alone.
-    pub fn new(count: usize) -> Self {
-        Self((0u32..).take(count).collect())
-    }
-
-    /// The least point of a point's set.
-    pub fn of(&mut self, mut point: u32) -> u32 {
-        while self.0[point as usize] != point {
-            let up = self.0[self.0[point as usize] as usize];
-            self.0[point as usize] = up;
-            point = up;
-        }
-        point
-    }
-
-    /// Unites the sets of two points.
-    pub fn join(&mut self, a: u32, b: u32) {
-        let (a, b) = (self.of(a), self.of(b));
-        self.0[a.max(b) as usize] = a.min(b);
-    }
-}
-
-/// Whether every edge is traversed equally often in both directions: only then is the winding number of a point
-/// defined.
-fn has_no_border(triangles: &[[u32; 3]]) -> bool {
-    let mut balance: HashMap<[u32; 2], i32> = HashMap::with_capacity(triangles.len() * 2);
-    for [a, b, c] in triangles.iter().copied() {
-        for [from, to] in [[a, b], [b, c], [c, a]] {
-            *balance.entry([from.min(to), from.max(to)]).or_default() += i32::from(from < to) - i32::from(from > to);
-        }
-    }
-    balance.values().all(|sum| *sum == 0)
 }
 
 /// Whether the front faces point outwards: of rays from outside through the centres of some triangles, none may hit a
@@ -192,7 +226,7 @@ mod tests {
         let (vertices, indices) = ball(16, 2.0);
         let components = connected_components(&vertices, &indices);
         assert_eq!(components.len(), 1);
-        assert!(components[0].closed);
+        assert!(components[0].closed());
         assert!((components[0].bounds.max - Vec3::splat(2.0)).length() < 1e-6);
     }
 
@@ -200,16 +234,16 @@ mod tests {
     fn a_ball_with_a_hole_or_a_turned_triangle_is_open() {
         let (vertices, indices) = ball(16, 1.0);
         let middle = indices.len() / 2;
-        assert!(!connected_components(&vertices, &indices[..indices.len() - 300]).iter().any(|s| s.closed));
+        assert!(!connected_components(&vertices, &indices[..indices.len() - 300]).iter().any(|s| s.closed()));
         let mut turned = indices;
         turned.swap(middle, middle + 1);
-        assert!(!connected_components(&vertices, &turned).iter().any(|s| s.closed));
+        assert!(!connected_components(&vertices, &turned).iter().any(|s| s.closed()));
     }
 
     #[test]
     fn a_ball_turned_inside_out_is_not_closed_to_those_outside() {
         let (vertices, indices) = ball(16, 1.0);
-        assert!(!connected_components(&vertices, &flipped(&indices)).iter().any(|s| s.closed));
+        assert!(!connected_components(&vertices, &flipped(&indices)).iter().any(|s| s.closed()));
     }
 
     /// Two lobes that meet in a twist, one of them inside out: a closed surface that shows back faces.
@@ -220,7 +254,7 @@ mod tests {
             let [x, y, z] = v.position;
             v.position = [x * y, y, z];
         }
-        assert!(!connected_components(&vertices, &indices).iter().any(|s| s.closed));
+        assert!(!connected_components(&vertices, &indices).iter().any(|s| s.closed()));
     }
 
     #[test]
@@ -231,9 +265,67 @@ mod tests {
         vertices.extend(second.iter().map(|v| Vertex { position: [v.position[0] + 4.0, 0.5, v.position[2]], ..*v }));
         indices.extend(more.iter().map(|i| i + start));
         let components = connected_components(&vertices, &indices);
-        assert_eq!(components.iter().map(|s| s.closed).collect::<Vec<_>>(), [true, false], "the second one is flat");
+        assert_eq!(components.iter().map(|s| s.closed()).collect::<Vec<_>>(), [true, false], "the second one is flat");
         let triangles: usize = components.iter().map(|s| s.triangles.len()).sum();
         assert!(triangles < indices.len() / 3, "triangles at the poles are left out");
+    }
+
+    /// A tube around x from `from` to `to`, without ends.
+    fn tube(from: f32, to: f32, radius: f32) -> (Vec<Vertex>, Vec<u32>) {
+        let (rows, sides) = (40u32, 12u32);
+        let vertex = |i: u32| {
+            let (row, angle) =
+                ((i / sides) as f32 / rows as f32, (i % sides) as f32 / sides as f32 * std::f32::consts::TAU);
+            let position = [from + (to - from) * row, radius * angle.cos(), radius * angle.sin()];
+            Vertex { position, ..bytemuck::Zeroable::zeroed() }
+        };
+        let quad = |i: u32| {
+            let (row, side) = (i / sides, i % sides);
+            let [a, b] = [side, (side + 1) % sides].map(|s| row * sides + s);
+            [a, b, b + sides, a, b + sides, a + sides]
+        };
+        ((0..(rows + 1) * sides).map(vertex).collect(), (0..rows * sides).flat_map(quad).collect())
+    }
+
+    /// Which components of a ball of radius 1, and a tube, are closed.
+    fn ball_and_tube(ball: (Vec<Vertex>, Vec<u32>), tube: (Vec<Vertex>, Vec<u32>)) -> Vec<bool> {
+        let (mut vertices, mut indices) = ball;
+        let start = vertices.len() as u32;
+        vertices.extend(tube.0);
+        indices.extend(tube.1.iter().map(|i| i + start));
+        connected_components(&vertices, &indices).iter().map(Component::closed).collect()
+    }
+
+    #[test]
+    fn a_tube_is_closed_if_both_its_ends_are_inside_the_ball() {
+        let of = |from, to| ball_and_tube(ball(16, 1.0), tube(from, to, 0.1));
+        assert_eq!(of(-0.5, 0.5), [true, true]);
+        assert_eq!(of(0.5, 2.0), [true, false], "one end shows its inside");
+        assert_eq!(of(2.0, 4.0), [true, false]);
+        assert_eq!(of(-0.5, 0.96), [true, true]);
+        assert_eq!(of(-0.5, 1.0), [true, false], "its border is visible");
+        assert_eq!(of(1.0, 1.5), [true, false], "one end is hidden by the wall, the other is not");
+        let (vertices, indices) = tube(-0.5, 0.5, 0.1);
+        assert_eq!(ball_and_tube(ball(16, 1.0), (vertices, flipped(&indices))), [true, false], "inside out");
+    }
+
+    #[test]
+    fn what_ends_in_a_bowl_is_open() {
+        let (vertices, mut indices) = ball(64, 1.0);
+        let is_below = |t: &[u32]| t.iter().any(|i| vertices[*i as usize].position[1] < 0.9);
+        indices = indices.chunks_exact(3).filter(|t| is_below(t)).flatten().copied().collect();
+        assert_eq!(ball_and_tube((vertices, indices), tube(-0.5, 0.5, 0.1)), [false, false]);
+    }
+
+    #[test]
+    fn what_is_sealed_is_culled_from_outside_of_the_whole_mesh() {
+        let (mut vertices, mut indices) = ball(16, 1.0);
+        let (more, tube) = tube(-0.5, 0.5, 0.1);
+        indices.extend(tube.iter().map(|i| i + vertices.len() as u32));
+        vertices.extend(more);
+        let bounds: Vec<_> = connected_components(&vertices, &indices).iter().map(|c| c.culling_bounds).collect();
+        let [Some(of_ball), Some(of_tube)] = bounds[..] else { panic!("{bounds:?}") };
+        assert!(of_ball.min == of_tube.min && of_ball.max == of_tube.max);
     }
 
     #[test]

@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use uvunwrap::{Density, Error, MeshInput, Options, OutputMesh, Packing, Progress, Stage};
 
 use super::layout::{Atlas, NoAtlas, STEPS};
-use crate::scene::culling_bounds::Groups;
+use crate::scene::groups::Groups;
 use crate::scene::mesh::{Mesh, Vertex};
 
 /// Steps of progress.

@@ -32,7 +32,7 @@ pub fn nothing_casts(scene: &Scene) -> Option<&'static str> {
     let material = &scene.materials[mesh.material];
     let has_holes = material.alpha_cutoff.is_some() || material.blends;
     let parts = connected_components(&mesh.vertices, &mesh.indices);
-    let closed = parts.len() == 1 && parts[0].closed && !has_holes;
+    let closed = parts.len() == 1 && parts[0].closed() && !has_holes;
     (closed && is_convex(&all, &corners(mesh, instance.world_from_local), margin))
         .then_some("all is one convex thing, which casts no shadow on itself")
 }
