@@ -115,19 +115,19 @@ fn closed_surfaces(surfaces: &[Surface], vertices: &[Vertex], gap: f64) -> Vec<b
         closed.iter_mut().zip(surfaces).for_each(|(closed, surface)| *closed &= surface.caps == 0);
     }
     let position = |corner: u32| Vec3::from(vertices[corner as usize].position).as_dvec3();
+    let ends_inside = |(surface, closed): (&Surface, &bool)| *closed && surface.caps > 0;
     // A bowl is no solid, whatever ends in it: what is open itself hides nothing of the others.
-    loop {
+    while surfaces.iter().zip(&closed).any(ends_inside) {
         let solids = surfaces.iter().zip(&closed).filter(|(_, closed)| **closed);
         let solid: Vec<[u32; 3]> = solids.flat_map(|(surface, _)| surface.triangles.iter().copied()).collect();
-        let open = |(surface, closed): (&Surface, &bool)| {
-            *closed && surface.caps > 0 && !are_buried(surface.caps(), &solid, gap, position)
-        };
+        let open = |both| ends_inside(both) && !are_buried(both.0.caps(), &solid, gap, position);
         let open: Vec<bool> = surfaces.iter().zip(&closed).map(open).collect();
         if !open.contains(&true) {
-            return closed;
+            break;
         }
         closed.iter_mut().zip(open).for_each(|(closed, open)| *closed &= !open);
     }
+    closed
 }
 
 /// The connected component that a triangle is part of.
