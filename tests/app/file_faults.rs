@@ -87,7 +87,7 @@ impl Place {
         &self,
         (number, folder): (u64, &Path),
         run: impl Fn(&Path, [(&'static str, OsString); 4], &Path) -> Ran,
-        follow: impl Fn(&Path) -> Option<String>,
+        follow: impl Fn(&Path, &Ran) -> Option<String>,
     ) -> Ran {
         let folder = folder.canonicalize().expect("a folder");
         let work = folder.join("work");
@@ -105,8 +105,9 @@ impl Place {
             // After its first pictures it was interrupted; the next run shows whether it is whole.
             ran.files.retain(|name, _| !(ran.code == Some(1) && name.ends_with("turn-sequence.json")));
             let unnamed = ran.complaints.iter().find(|line| !call.starts_with("pthread") && !names_file(line, name));
-            ran.problem = unnamed.map(|_| "a line that does not name the file".into()).or_else(|| follow(&work));
+            ran.problem = unnamed.map(|_| "a line that does not name the file".into()).or_else(|| follow(&work, &ran));
         }
+        ran.calls.iter_mut().for_each(|call| generalise(call));
         ran
     }
 
@@ -125,26 +126,46 @@ impl Place {
             end(command, folder)
         };
         let first = tempfile::tempdir().expect("a temporary folder");
-        let clean = self.ran((0, first.path()), start, |_| None).files;
+        let clean = self.ran((0, first.path()), start, |_, _| None).files;
         try_calls(situation, tried, |number, folder| {
-            self.ran((number, folder), start, |work| {
-                let next = tempfile::tempdir().expect("a temporary folder");
-                let unvalidated: Vec<&str> = arguments.iter().copied().filter(|flag| *flag != "--validate").collect();
-                let ran = end(self.command(work, &unvalidated), next.path());
-                let is_well = (ran.code, &ran.complaints[..]) == (Some(0), &[][..]);
-                let files = self.written(work);
-                // Pictures of a sequence are not drawn again, and what they need is not kept then.
-                let is_all = clean.keys().all(|name| name.starts_with("cache") || files.contains_key(name));
-                // A temporary file is left where removing it has failed.
-                let is_other =
-                    |(name, bytes): &(&PathBuf, &Vec<u8>)| !is_temporary(name) && clean.get(*name) != Some(bytes);
-                let other: Vec<_> = files.iter().filter(is_other).map(|(name, _)| name).collect();
-                let said =
-                    || format!("the run after it: {:?}, {:?}, all: {is_all}, {other:?}", ran.code, ran.complaints);
-                (!is_well || !is_all || !other.is_empty()).then(said)
+            self.ran((number, folder), start, |work, ran| {
+                difference(ran, &clean).or_else(|| {
+                    let next = tempfile::tempdir().expect("a temporary folder");
+                    let unvalidated: Vec<&str> =
+                        arguments.iter().copied().filter(|flag| *flag != "--validate").collect();
+                    let ran = end(self.command(work, &unvalidated), next.path());
+                    let ran = Ran { files: self.written(work), ..ran };
+                    let is_well = (ran.code, &ran.complaints[..]) == (Some(0), &[][..]);
+                    let problem = if is_well {
+                        difference(&ran, &clean)
+                    } else {
+                        Some(format!("{:?}, {:?}", ran.code, ran.complaints))
+                    };
+                    problem.map(|problem| format!("the run after it: {problem}"))
+                })
             })
         });
         clean
+    }
+}
+
+/// What differs in the files of a run that has ended well from those of one without a fault. All results must be there; of a cache, only what is there must be right.
+fn difference(ran: &Ran, clean: &Files) -> Option<String> {
+    // Without a library of materials a model looks otherwise, and a warning says so.
+    if ran.code != Some(0) || ran.complaints.iter().any(|line| line.contains("mtllib")) {
+        return None;
+    }
+    let missing = clean.keys().find(|name| !name.starts_with("cache") && !ran.files.contains_key(*name));
+    // A temporary file is left where removing it has failed.
+    let is_other = |(name, bytes): &(&PathBuf, &Vec<u8>)| !is_temporary(name) && clean.get(*name) != Some(bytes);
+    let other = ran.files.iter().find(is_other).map(|(name, _)| name);
+    missing.map(|name| format!("without {name:?}")).or_else(|| other.map(|name| format!("another {name:?}")))
+}
+
+/// A call that did not fail, as one of those that are alike: programs treat all errors but EINTR in the same way.
+fn generalise(call: &mut String) {
+    if !call.contains(' ') && !call.ends_with(":EINTR") && !call.ends_with(":short") {
+        call.truncate(call.find(':').unwrap_or(call.len()));
     }
 }
 
@@ -211,7 +232,7 @@ fn a_window_survives_each_failing_call_on_files_or_ends_with_one_line() {
             command.envs(faults);
             end(command, folder)
         };
-        let ran = place.ran((0, folder.path()), run, |_| None);
+        let ran = place.ran((0, folder.path()), run, |_, _| None);
         if every().is_none() {
             tried.extend(ran.calls);
         }
@@ -226,7 +247,7 @@ fn a_window_survives_each_failing_call_on_files_or_ends_with_one_line() {
             displays.lock().expect("the displays").push(display);
             Ran { showed, ..Ran::of(folder, (code, &errors)) }
         };
-        place.ran((number, folder), run, |work| {
+        place.ran((number, folder), run, |work, _| {
             let drawn = draw(work);
             (drawn != expected).then(|| format!("the run after it: {:?}", drawn.0))
         })
