@@ -188,9 +188,12 @@ fn commands_survive_each_failing_call_on_files_or_end_with_one_line() {
     };
     let open = render("out/picture.png", &["--light", "open"]);
     let written = place.try_command("render --light open, no cache", &mut tried, &open);
-    place.try_command("bake PANORAMA", &mut tried, &["bake", "sky.exr", "-o", "out", "--size", "16", "--validate"]);
     let turn = render("out/turn.png", &["--light", "open", "--turntable", "2"]);
     place.try_command("render --turntable", &mut tried, &turn);
+    // It takes the same ways as the others to its files.
+    if every().is_some() {
+        place.try_command("bake PANORAMA", &mut tried, &["bake", "sky.exr", "-o", "out", "--size", "16", "--validate"]);
+    }
     // A cache, and a picture of an earlier run.
     place.before.extend(written);
     place.before.insert("out/picture.png".into(), b"an older picture".to_vec());
