@@ -39,6 +39,10 @@ pub enum Error {
     #[error("no usable Vulkan: {problem}; {remedy}")]
     NoVulkan { problem: String, remedy: &'static str },
 
+    /// The system starts no thread for the program.
+    #[error("no thread can be started: {0}; close other programs, or raise the limit of processes (`ulimit -u`)")]
+    NoThread(std::io::Error),
+
     /// A Vulkan call failed.
     #[error("GPU: {doing} failed: {result}; {}", vulkan_remedy(*result))]
     Vulkan { doing: &'static str, result: ash::vk::Result },

@@ -1,6 +1,9 @@
 //! The command line: one call per subcommand.
 
+use std::io::ErrorKind;
+use std::num::NonZero;
 use std::process::ExitCode;
+use std::sync::mpsc::channel;
 
 use clap::{Parser, Subcommand};
 
@@ -8,7 +11,7 @@ use pbr_vr::context::GlobalOptions;
 use pbr_vr::error::printed;
 use pbr_vr::measure::{self, Limit, MeasureRequest};
 use pbr_vr::view::{self, BakeRequest, Choice, CompareRequest, NeedsRequest, RenderRequest, ViewRequest, doctor};
-use pbr_vr::{Result, complain};
+use pbr_vr::{Error, Result, complain};
 
 /// Physically based materials under real light, in a headset, a window or a picture.
 #[derive(Parser)]
@@ -45,8 +48,7 @@ enum Command {
 fn main() -> ExitCode {
     let cli = Cli::try_parse().unwrap_or_else(|error| refuse(&error));
     start_log(cli.global.verbose);
-    limit_threads();
-    match run(cli).and_then(|()| printed()) {
+    match start_threads().and_then(|()| run(cli)).and_then(|()| printed()) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             complain!("pbr-vr: {error}");
@@ -100,16 +102,45 @@ fn run(cli: Cli) -> Result<()> {
     }
 }
 
-/// Keeps `RAYON_NUM_THREADS` to what a machine can start: with hundred thousands of threads nothing would go on.
-fn limit_threads() {
+/// The threads that share parallel work: as many as `RAYON_NUM_THREADS` says, or as there are cores.
+fn wanted_threads() -> usize {
+    /// What any machine can start: with hundred thousands of threads nothing would go on.
     const MOST: usize = 256;
-    let wanted = std::env::var("RAYON_NUM_THREADS").ok().and_then(|text| text.parse::<usize>().ok());
-    let most = std::thread::available_parallelism().map_or(MOST, |cores| MOST.max(cores.get()));
-    if let Some(wanted) = wanted.filter(|wanted| *wanted > most) {
+    let cores = std::thread::available_parallelism().map_or(1, NonZero::get);
+    let wanted = std::env::var("RAYON_NUM_THREADS").ok().and_then(|text| text.parse().ok());
+    let wanted = wanted.filter(|wanted| *wanted > 0).unwrap_or(cores);
+    let most = MOST.max(cores);
+    if wanted > most {
         complain!("pbr-vr: RAYON_NUM_THREADS={wanted} is more than this machine can use; {most} threads are started");
-        // Fails only where there are threads already.
-        let _ = rayon::ThreadPoolBuilder::new().num_threads(most).build_global();
     }
+    wanted.min(most)
+}
+
+/// Starts these threads, or as many as the system allows: rayon itself would panic when one is missing.
+fn start_threads() -> Result<()> {
+    let wanted = wanted_threads();
+    let mut waiting = Vec::new();
+    for _ in 0..wanted {
+        let (place, places) = channel::<rayon::ThreadBuilder>();
+        let work = move || places.into_iter().for_each(rayon::ThreadBuilder::run);
+        match std::thread::Builder::new().spawn(work) {
+            Ok(_) => waiting.push(place),
+            Err(error) if waiting.is_empty() => return Err(Error::NoThread(error)),
+            Err(error) => {
+                tracing::warn!(
+                    "only {} of {wanted} threads can be started, which takes longer: {error}",
+                    waiting.len()
+                );
+                break;
+            }
+        }
+    }
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(waiting.len()).spawn_handler(|thread| {
+        let place = waiting.pop().ok_or(ErrorKind::WouldBlock)?;
+        place.send(thread).map_err(|_| ErrorKind::BrokenPipe.into())
+    });
+    // Every thread is there, and no other pool.
+    pool.build_global().map_err(|error| Error::NoThread(std::io::Error::other(error)))
 }
 
 fn chosen(Choice { tolerance, budget_ms }: Choice) -> Option<Limit> {

@@ -38,9 +38,12 @@ pub fn load(path: &Path, report: &Report) -> Result<Model> {
     }
     let source = ObjText::new(path, &bytes)?;
     drop(bytes);
-    let all = load_libraries(path, &source, report);
+    let (all, are_read) = load_libraries(path, &source, report);
     let models = run_tobj(path, &source.text, &all)?;
-    warn_of_unknown_materials(path, &source, &all, report);
+    // What a library that cannot be read holds is not missed line by line.
+    if are_read {
+        warn_of_unknown_materials(path, &source, &all, report);
+    }
     warn_of_changes(path, &source, report);
     let mut submeshes = Vec::new();
     let mut groups = source.smoothing.iter().copied();
@@ -77,10 +80,11 @@ fn place_textures(submeshes: &mut [Submesh], materials: &[Mtl], report: &Report)
     }
 }
 
-fn load_libraries(path: &Path, source: &ObjText, report: &Report) -> Vec<Mtl> {
+/// The materials of all libraries that are there, and whether all of these can be read.
+fn load_libraries(path: &Path, source: &ObjText, report: &Report) -> (Vec<Mtl>, bool) {
     let folder = path.parent().unwrap_or(Path::new(""));
     let short = file::short_name(path);
-    let mut materials = Vec::new();
+    let (mut materials, mut are_read) = (Vec::new(), true);
     for (line, names) in &source.libraries {
         // The rest of the line is one name with spaces or several names.
         let whole = file::find(folder, names.trim_matches('"'));
@@ -98,11 +102,14 @@ fn load_libraries(path: &Path, source: &ObjText, report: &Report) -> Vec<Mtl> {
             }
             match mtl::load(&found.path, report) {
                 Ok(more) => materials.extend(more),
-                Err(error) => report.warn(format!("{short}:{line}: mtllib {name}: {error}; using default materials")),
+                Err(error) => {
+                    are_read = false;
+                    report.warn(format!("{short}:{line}: mtllib {name}: {error}; using default materials"));
+                }
             }
         }
     }
-    materials
+    (materials, are_read)
 }
 
 fn warn_of_changes(path: &Path, source: &ObjText, report: &Report) {

@@ -55,6 +55,10 @@ fn a_library_may_be_named_late_in_any_case_or_not_at_all() {
     assert!(
         warnings[0].contains("mtllib no.mtl: file not found") && warnings[1].contains("usemtl red: no such material")
     );
+    // One line for what cannot be read, however many materials it has.
+    let (model, warnings) =
+        loaded(format!("mtllib My Lib.mtl\n{faces}usemtl blue\nf 1/1/1 2/2/1 3/3/1\n"), "n\0e\0w\0");
+    assert!(model.is_ok() && warnings.len() == 1 && warnings[0].contains("mtllib My Lib.mtl"), "{warnings:?}");
 }
 
 #[test]

@@ -36,10 +36,14 @@ pub fn is_requested() -> bool {
 
 /// Ends the process, even where a library blocks in its exit handlers.
 pub fn exit_at_once(code: i32) -> ! {
-    std::thread::spawn(|| {
+    let limit = || {
         std::thread::sleep(EXIT_LIMIT);
         std::process::abort();
-    });
+    };
+    // Without a thread the end takes as long as it takes.
+    if let Err(error) = std::thread::Builder::new().name("exit".into()).spawn(limit) {
+        tracing::debug!("no thread ends the process early: {error}");
+    }
     std::process::exit(code)
 }
 

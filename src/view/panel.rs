@@ -126,6 +126,10 @@ impl Panel {
     /// Whether a point of the window is the panel's or its lists', as they were laid out last. egui's own functions tell that of
     /// where the pointer was then: a hand that moves and presses between two frames would press on the wrong one.
     pub fn is_at(&self, point: Pos2) -> bool {
+        // Before the first layout it is nowhere; egui has no rectangle to ask for then, and builds with checks panic.
+        if self.context.cumulative_pass_nr() == 0 {
+            return false;
+        }
         let floats = self.context.layer_id_at(point).is_some_and(|layer| layer.order != Order::Background);
         floats || (self.is_shown() && !self.context.available_rect().contains(point))
     }
@@ -324,4 +328,14 @@ pub fn rate_text(clock: &FrameClock) -> Option<String> {
     let rate = clock.rate()?;
     let gpu = rate.gpu_ms.map_or_else(String::new, |ms| format!("  GPU {ms:.2} ms"));
     Some(format!("{:.1} fps  {:.2} ms  CPU {:.2} ms{gpu}", rate.frames_per_second, rate.frame_ms, rate.record_ms))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn before_its_first_layout_the_panel_is_nowhere() {
+        assert!(!Panel::new(|| ()).is_at(Pos2::new(1.0, 1.0)));
+    }
 }

@@ -1,7 +1,9 @@
 //! The playlist: scenes and panoramas that buttons, keys and the panel step through.
 
+use std::fs::ReadDir;
 use std::path::{Path, PathBuf};
 
+use crate::Error;
 use crate::asset::shipped;
 use crate::scene::description::Description;
 
@@ -116,10 +118,14 @@ impl Cycle {
 
 /// The files of a folder that have one of these extensions, by name; none where it cannot be read.
 fn files_in(folder: &Path, extensions: &[&str]) -> Vec<PathBuf> {
-    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path());
+    let paths = |entries: ReadDir| entries.map(|entry| Ok(entry?.path())).collect::<std::io::Result<Vec<_>>>();
+    let entries = std::fs::read_dir(folder).and_then(paths).unwrap_or_else(|error| {
+        tracing::warn!("{}; its files cannot be stepped through", Error::read(folder)(error));
+        Vec::new()
+    });
     let extension = |file: &Path| file.extension().map(|e| e.to_string_lossy().to_lowercase());
     let wanted = |file: &PathBuf| extension(file).is_some_and(|e| extensions.contains(&e.as_str()));
-    let mut files: Vec<PathBuf> = entries.filter(wanted).collect();
+    let mut files: Vec<PathBuf> = entries.into_iter().filter(wanted).collect();
     files.sort();
     files
 }

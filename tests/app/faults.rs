@@ -1,5 +1,5 @@
 //! Each call of Vulkan that may fail does so once, on purpose: the program ends with one line, or goes on as if nothing had
-//! been, or goes on and says in one line what it does without.
+//! been, or goes on and says in one line what it does without. `file_faults.rs` does so with files and threads.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -20,11 +20,11 @@ const SPREAD: usize = 3;
 /// A run that takes longer hangs.
 const PATIENCE: Duration = Duration::from_secs(120);
 /// Runs at the same time.
-const RUNS: usize = 2;
+pub(super) const RUNS: usize = 2;
 
 /// How a run with a failing call has ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-enum Ending {
+pub(super) enum Ending {
     /// As without the fault, and without a word.
     Unmoved,
     /// Well, with one line that says what went wrong.
@@ -34,20 +34,22 @@ enum Ending {
 }
 
 /// A run, as it is seen from outside.
-struct Ran {
+pub(super) struct Ran {
     /// The calls that may fail, in order; the one that did with its error.
-    calls: Vec<String>,
-    code: Option<i32>,
+    pub(super) calls: Vec<String>,
+    pub(super) code: Option<i32>,
     /// What it said on stderr, less what it says only with `-v`.
-    complaints: Vec<String>,
+    pub(super) complaints: Vec<String>,
     /// The files that it has written.
-    files: BTreeMap<PathBuf, Vec<u8>>,
+    pub(super) files: BTreeMap<PathBuf, Vec<u8>>,
     /// Whether a scene was shown before anything was said.
-    showed: bool,
+    pub(super) showed: bool,
+    /// What a test has found wrong beside that.
+    pub(super) problem: Option<String>,
 }
 
 impl Ran {
-    fn of(folder: &Path, (code, errors): (Option<i32>, &str)) -> Self {
+    pub(super) fn of(folder: &Path, (code, errors): (Option<i32>, &str)) -> Self {
         let calls = fs::read_to_string(folder.join("calls")).unwrap_or_default();
         let files = entries(&folder.join("out"));
         let named = files.into_iter().map(|(path, bytes)| (path.file_name().expect("a name").into(), bytes));
@@ -57,15 +59,20 @@ impl Ran {
             complaints: complaints(errors).map(str::to_owned).collect(),
             files: named.collect(),
             showed: false,
+            problem: None,
         }
     }
 
-    fn fault(&self) -> &str {
+    /// The call that failed, and its error.
+    pub(super) fn fault(&self) -> &str {
         self.calls.iter().find(|call| call.contains(' ')).map_or("none", String::as_str)
     }
 
     /// How it ended, against a run without a fault.
     fn ending(&self, clean: &Self) -> Result<Ending, String> {
+        if let Some(problem) = &self.problem {
+            return Err(problem.clone());
+        }
         let ending = match (self.code, self.complaints.len()) {
             (Some(0), 0) => Ending::Unmoved,
             (Some(0), 1) => Ending::WentOn,
@@ -98,7 +105,7 @@ fn complaints(errors: &str) -> impl Iterator<Item = &str> {
     errors.lines().filter(move |line| !quiet.iter().any(|level| line.trim_start().starts_with(level)))
 }
 
-fn every() -> Option<usize> {
+pub(super) fn every() -> Option<usize> {
     std::env::var(EVERY).ok().map(|step| step.parse().expect("a number"))
 }
 
@@ -118,7 +125,7 @@ fn chosen(calls: &[String], tried: &mut BTreeSet<String>) -> Vec<u64> {
 }
 
 /// Tries calls of one situation, and prints what came of it. `run` has the call of a number fail, in a folder of its own.
-fn try_calls(situation: &str, tried: &mut BTreeSet<String>, run: impl Fn(u64, &Path) -> Ran + Sync) {
+pub(super) fn try_calls(situation: &str, tried: &mut BTreeSet<String>, run: impl Fn(u64, &Path) -> Ran + Sync) {
     let again = |number: u64| {
         let folder = tempfile::tempdir().expect("a temporary folder");
         fs::create_dir(folder.path().join("out")).expect("a folder");
@@ -155,7 +162,7 @@ fn try_calls(situation: &str, tried: &mut BTreeSet<String>, run: impl Fn(u64, &P
 }
 
 /// Two floors, one above the other, under a sky; a second scene, and a second sky.
-fn small_world() -> (Workshop, FaultLayer) {
+pub(super) fn small_world() -> Workshop {
     let workshop = Workshop::new();
     workshop.panorama("sky.exr", 16, |[_, y, z]| [0.3 + 0.3 * z as f32, 0.4, 0.5 + 0.5 * y as f32]);
     workshop.panorama("tiny.exr", 16, |[x, ..]| [0.3 + 0.2 * x as f32, 0.4, 0.5]);
@@ -168,12 +175,11 @@ fn small_world() -> (Workshop, FaultLayer) {
     let text = format!("environment = {{ panorama = \"sky.exr\" }}\n[[model]]\nfile = \"floors.obj\"\n{camera}");
     workshop.write("scene.toml", &text);
     workshop.write("second.toml", &text);
-    let layer = FaultLayer::install(workshop.0.path());
-    (workshop, layer)
+    workshop
 }
 
 /// Waits for a run's end.
-fn end(mut command: Command, folder: &Path) -> Ran {
+pub(super) fn end(mut command: Command, folder: &Path) -> Ran {
     let errors = folder.join("errors");
     command.stdout(fs::File::create(folder.join("said")).expect("a file"));
     command.stderr(fs::File::create(&errors).expect("a file"));
@@ -196,7 +202,7 @@ fn end(mut command: Command, folder: &Path) -> Ran {
     Ran::of(folder, (code, &text))
 }
 
-const SMALL: [&str; 7] = ["--size", "32x24", "--cube-size", "16", "--irradiance-size", "4", "--validate"];
+pub(super) const SMALL: [&str; 7] = ["--size", "32x24", "--cube-size", "16", "--irradiance-size", "4", "--validate"];
 const SMALL_PICTURE: [&str; 13] = {
     let [a, b, c, d, e, f, g] = SMALL;
     ["render", "scene.toml", "-o", "OUT/picture.png", "--light", "open", a, b, c, d, e, f, g]
@@ -214,7 +220,8 @@ fn picture(workshop: &Workshop, layer: &FaultLayer, arguments: &[&str], (number,
 
 #[test]
 fn commands_survive_each_failing_call_or_end_with_one_line() {
-    let (workshop, layer) = small_world();
+    let workshop = small_world();
+    let layer = FaultLayer::install(workshop.0.path());
     let light = ["--lightmap-size", "256", "--lightmap-samples", "8", "--probe-size", "16", "--shadow-size", "256"];
     let render = ["render", "scene.toml", "-o", "OUT/picture.png"];
     let situations = [
@@ -237,7 +244,8 @@ fn commands_survive_each_failing_call_or_end_with_one_line() {
 fn a_window_survives_each_failing_call_or_ends_with_one_line() {
     let displays: Option<Vec<Display>> = (0..RUNS).map(|_| Display::start()).collect();
     let Some(displays) = displays.map(Mutex::new) else { return };
-    let (workshop, layer) = small_world();
+    let workshop = small_world();
+    let layer = FaultLayer::install(workshop.0.path());
     let files = entries(workshop.0.path());
     // What commands call, too, is tried with them.
     let mut tried = BTreeSet::new();
@@ -268,7 +276,7 @@ fn a_window_survives_each_failing_call_or_ends_with_one_line() {
 
 /// A short session: another panorama, scene, size and shading; a screenshot; the end. Returns whether a scene was shown before
 /// anything was said on stderr, then exit status and stderr.
-fn session(display: &Display, mut program: Program) -> (bool, (Option<i32>, String)) {
+pub(super) fn session(display: &Display, mut program: Program) -> (bool, (Option<i32>, String)) {
     let count = |errors: &str| complaints(errors).count();
     let started = Instant::now();
     let hands = loop {

@@ -16,6 +16,8 @@ mod cli;
 mod exporters;
 #[cfg(target_os = "linux")]
 mod faults;
+#[cfg(target_os = "linux")]
+mod file_faults;
 mod ladder;
 mod loading;
 #[cfg(target_os = "linux")]

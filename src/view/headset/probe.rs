@@ -77,7 +77,9 @@ fn run(mut command: Command, limit: Duration) -> io::Result<Option<Ended>> {
     command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
     let mut child = command.spawn()?;
     // Pipes are read while the child runs: one that is full would block it.
-    let readers = (child.stdout.take().map(read_in_background), child.stderr.take().map(read_in_background));
+    let out = child.stdout.take().map(read_in_background).transpose();
+    let err = child.stderr.take().map(read_in_background).transpose();
+    let readers = out.and_then(|out| Ok((out, err?))).inspect_err(|_| kill(&mut child))?;
     let status = wait(&mut child, limit).inspect_err(|_| kill(&mut child))?;
     let Some(status) = status else {
         // The readers are not joined: a process that the child started may hold the pipes open.
@@ -106,9 +108,9 @@ fn kill(child: &mut Child) {
 }
 
 /// Reads a pipe to its end on a thread of its own; sends line by line.
-fn read_in_background(pipe: impl io::Read + Send + 'static) -> Receiver<String> {
+fn read_in_background(pipe: impl io::Read + Send + 'static) -> io::Result<Receiver<String>> {
     let (sender, lines) = channel();
-    std::thread::spawn(move || {
+    let read = move || {
         let mut pipe = BufReader::new(pipe);
         let mut line = Vec::new();
         while pipe.read_until(b'\n', &mut line).is_ok_and(|bytes| bytes > 0) {
@@ -117,8 +119,9 @@ fn read_in_background(pipe: impl io::Read + Send + 'static) -> Receiver<String> 
             }
             line.clear();
         }
-    });
-    lines
+    };
+    std::thread::Builder::new().name("probe".into()).spawn(read)?;
+    Ok(lines)
 }
 
 /// The content of a pipe. Waits a little for the rest: another process may have inherited the pipe and keep it open.
