@@ -95,7 +95,8 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let at = |name: &str| folder.path().join(name);
         let old = SystemTime::now() - 2 * AGE;
-        let others = ["pbr-vr-1.png", ".pbr-vr-1-2.tmp.bak", ".pbr-vr-.tmp", ".pbr-vr-1-.tmp", ".pbr-vr-1-2-3.tmp", "a"];
+        let others =
+            ["pbr-vr-1.png", ".pbr-vr-1-2.tmp.bak", ".pbr-vr-.tmp", ".pbr-vr-1-.tmp", ".pbr-vr-1-2-3.tmp", "a"];
         for name in [".pbr-vr-1-2.tmp", ".pbr-vr-30-4.png", ".pbr-vr-5-6.mp4", ".pbr-vr-5.mp4"].iter().chain(&others) {
             fs::write(at(name), "x").unwrap();
             File::options().write(true).open(at(name)).unwrap().set_modified(old).unwrap();

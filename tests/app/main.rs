@@ -16,6 +16,10 @@ mod cli;
 mod exporters;
 #[cfg(target_os = "linux")]
 mod faults;
+#[cfg(target_os = "linux")]
+mod killed;
+#[cfg(target_os = "linux")]
+mod killed_window;
 mod ladder;
 mod loading;
 #[cfg(target_os = "linux")]

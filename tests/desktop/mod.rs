@@ -208,6 +208,20 @@ impl Program {
         used() - before
     }
 
+    /// Its process.
+    pub fn id(&self) -> u32 {
+        self.child.id()
+    }
+
+    /// What it has said on stdout, once it has ended, in whatever way.
+    pub fn said_until_its_end(mut self) -> Vec<String> {
+        self.child.wait().expect("a child");
+        // The reader ends with the pipe.
+        let rest: Vec<String> = self.lines.iter().collect();
+        self.said.extend(rest);
+        std::mem::take(&mut self.said)
+    }
+
     /// Sends it a signal, by its name.
     pub fn signal(&self, name: &str) {
         let sent = Command::new("kill").args(["-s", name, &self.child.id().to_string()]).status();
