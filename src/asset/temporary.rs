@@ -105,7 +105,7 @@ mod tests {
         fs::write(at(".pbr-vr-9-9.tmp"), "of a program that runs").unwrap();
         let (own, _) = create(&at("result"), "tmp").unwrap();
         let left = |name: &&str| at(name).exists();
-        assert!(others.iter().chain(&[".pbr-vr-7-8.tmp", ".pbr-vr-9-9.tmp"]).all(|name| left(&name)));
+        assert!(others.iter().chain(&[".pbr-vr-7-8.tmp", ".pbr-vr-9-9.tmp"]).all(left));
         assert!(own.exists());
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), others.len() + 3);
     }

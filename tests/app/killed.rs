@@ -113,6 +113,8 @@ struct Job {
     outputs: &'static [&'static str],
     /// Whether it names them on stdout.
     tells: bool,
+    /// Whether it writes over older results, instead of taking another name.
+    replaces: bool,
 }
 
 /// A textured ball under a sky.
@@ -160,7 +162,7 @@ impl Job {
             let shop = shop();
             let folder = shop.0.path();
             // Every other time there is an older result.
-            if i % 4 >= 2 {
+            if self.replaces && i % 4 >= 2 {
                 for name in self.outputs {
                     fs::create_dir_all(folder.join(name).parent().expect("a folder")).expect("a folder");
                     fs::write(folder.join(name), OLD).expect("an older result");
@@ -246,14 +248,14 @@ fn is_whole(path: &Path, bytes: &[u8], undisturbed: &[u8]) -> bool {
 fn render_is_killed_while_it_fills_the_cache_and_writes_a_picture() {
     let arguments =
         &["render", "scene.toml", "-o", "out.png", "--json", "facts.json", "--size", "32x24", "--light", "direct"];
-    Job { arguments, outputs: &["out.png", "facts.json"], tells: false }.kill(kills(3));
+    Job { arguments, outputs: &["out.png", "facts.json"], tells: false, replaces: true }.kill(kills(2));
 }
 
 #[test]
 fn bake_is_killed_while_it_writes_its_textures() {
     let arguments = &["bake", "sky.exr", "-o", "baked", "--size", "16", "--json", "baked.json"];
     let outputs = &["baked/brdf.ktx2", "baked/irradiance.ktx2", "baked/specular.ktx2", "baked.json"];
-    Job { arguments, outputs, tells: true }.kill(kills(3));
+    Job { arguments, outputs, tells: true, replaces: true }.kill(kills(3));
 }
 
 #[test]
@@ -261,7 +263,7 @@ fn a_sequence_is_killed_between_its_pictures_and_goes_on() {
     let arguments =
         &["render", "scene.toml", "-o", "t.png", "--turntable", "3", "--size", "32x24", "--light", "direct"];
     let outputs = &["t-0001.png", "t-0002.png", "t-0003.png"];
-    Job { arguments, outputs, tells: true }.kill(kills(3));
+    Job { arguments, outputs, tells: true, replaces: true }.kill(kills(3));
 }
 
 #[test]
@@ -282,5 +284,11 @@ fn measure_is_killed_while_it_writes_tables_and_charts() {
     ];
     let outputs =
         &["out/precompute.csv", "out/precompute.json", "out/precompute.md", "out/precompute-sky-64.svg", "all.json"];
-    Job { arguments, outputs, tells: false }.kill(kills(2));
+    Job { arguments, outputs, tells: false, replaces: true }.kill(kills(2));
+}
+
+#[test]
+fn a_view_without_a_display_is_killed_and_no_empty_file_has_its_pictures_name() {
+    let arguments = &["view", "scene.toml", "--light", "direct", "--samples", "1", "--scale", "0.25"];
+    Job { arguments, outputs: &["pbr-vr.png"], tells: true, replaces: false }.kill(kills(1));
 }

@@ -18,8 +18,10 @@ const SIZE: [u32; 2] = [1280, 720];
 /// Within this time after an action everything is written.
 const LONGEST: Duration = Duration::from_secs(2);
 
+type Action = fn(&Program, &Hands);
+
 /// What makes it write.
-const ACTIONS: [(&str, fn(&Program, &Hands)); 5] = [
+const ACTIONS: [(&str, Action); 5] = [
     ("a screenshot", |_, hands| hands.press(&[P])),
     ("a section of the panel", |program, hands| program.click(hands, program.place("Light").0)),
     ("hiding the panel", |_, hands| hands.press(&[H])),

@@ -23,6 +23,8 @@ mod killed_window;
 mod ladder;
 mod loading;
 #[cfg(target_os = "linux")]
+mod long_runs;
+#[cfg(target_os = "linux")]
 mod lost_gpu;
 mod measure;
 mod needs;

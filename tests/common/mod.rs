@@ -5,6 +5,8 @@ pub mod colour;
 pub mod fault;
 pub mod gltf;
 pub mod headset;
+#[cfg(target_os = "linux")]
+pub mod held;
 pub mod light;
 pub mod room;
 pub mod solids;
