@@ -4,8 +4,8 @@ use std::borrow::Cow;
 use std::fs::{File, Permissions};
 use std::io::{self, Read as _, Write as _};
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicU32, Ordering};
 
+use super::temporary;
 use crate::{Error, Result};
 
 /// The whole file, if it has at most `limit` bytes; `what` names it in the error.
@@ -61,6 +61,24 @@ pub fn write_unsynced(path: &Path, bytes: &[u8]) -> Result<()> {
     write_file(path, bytes, false)
 }
 
+/// Writes a result as [`write_atomically`] does, but only under a name that no file has; returns whether it was free. The
+/// name is never that of an empty file, where the file system has links.
+///
+/// # Errors
+/// As for [`write_atomically`].
+pub fn write_new(path: &Path, bytes: &[u8]) -> Result<bool> {
+    let is_taken = |error: &io::Error| error.kind() == io::ErrorKind::AlreadyExists;
+    // Also of a link that leads nowhere. Only publishing decides; this saves writing.
+    if path.symlink_metadata().is_ok() {
+        return Ok(false);
+    }
+    match write_beside(path, bytes, None, true, |beside| temporary::publish(beside, path)) {
+        Ok(()) => Ok(true),
+        Err(error) if is_taken(&error) => Ok(false),
+        Err(error) => Err(Error::write(path)(error)),
+    }
+}
+
 fn write_file(path: &Path, bytes: &[u8], sync: bool) -> Result<()> {
     if path.file_name().is_none() {
         return Err(Error::Usage(format!("{}: not the name of a file", path.display())));
@@ -84,7 +102,18 @@ fn is_stream(path: &Path) -> bool {
 }
 
 fn replace(path: &Path, bytes: &[u8], mode: Option<Permissions>, sync: bool) -> io::Result<()> {
-    let (beside, mut file) = create_beside(path)?;
+    write_beside(path, bytes, mode, sync, |beside| std::fs::rename(beside, path))
+}
+
+/// Writes a temporary file, which `name` gives its final name.
+fn write_beside(
+    path: &Path,
+    bytes: &[u8],
+    mode: Option<Permissions>,
+    sync: bool,
+    name: impl FnOnce(&Path) -> io::Result<()>,
+) -> io::Result<()> {
+    let (beside, mut file) = temporary::create(path, "tmp")?;
     let mut done = file.write_all(bytes);
     if let Some(mode) = mode {
         done = done.and_then(|()| file.set_permissions(mode));
@@ -93,7 +122,7 @@ fn replace(path: &Path, bytes: &[u8], mode: Option<Permissions>, sync: bool) -> 
         done = done.and_then(|()| file.sync_all());
     }
     drop(file);
-    let done = done.and_then(|()| std::fs::rename(&beside, path));
+    let done = done.and_then(|()| name(&beside));
     if done.is_err() {
         // The first error is the one to report; a temporary file that cannot be removed stays.
         let _ = std::fs::remove_file(&beside);
@@ -116,21 +145,6 @@ fn sync_folder(path: &Path) {
 /// Windows offers no such call for folders.
 #[cfg(not(unix))]
 fn sync_folder(_: &Path) {}
-
-/// Creates an empty file in the folder of `path`, with a new name: a short one, because the path's own may have the
-/// maximum length.
-pub(super) fn create_beside(path: &Path) -> io::Result<(PathBuf, File)> {
-    static COUNT: AtomicU32 = AtomicU32::new(0);
-    loop {
-        let name = format!(".pbr-vr-{}-{}.tmp", std::process::id(), COUNT.fetch_add(1, Ordering::Relaxed));
-        let beside = path.with_file_name(name);
-        match File::create_new(&beside) {
-            Ok(file) => return Ok((beside, file)),
-            Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {}
-            Err(error) => return Err(error),
-        }
-    }
-}
 
 /// The lines of a text file, ended by `\n`, `\r\n` or, where there is neither, `\r`; without a UTF-8 byte order mark.
 pub fn lines(bytes: &[u8]) -> impl Iterator<Item = Cow<'_, str>> {

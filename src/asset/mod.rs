@@ -30,6 +30,7 @@ mod radiance_image;
 pub mod report;
 pub mod shipped;
 mod synthetic;
+pub mod temporary;
 pub mod texture;
 
 pub use cache::Cache;

@@ -3,7 +3,7 @@
 use std::io::{Error as IoError, ErrorKind};
 use std::path::{Path, PathBuf};
 
-use super::file::create_beside;
+use super::temporary;
 use crate::{Error, Result};
 
 /// The files that a command reads, and those that it will write.
@@ -94,7 +94,7 @@ fn check_folder(place: &Path) -> std::io::Result<()> {
     if !folder.is_dir() {
         return Err(IoError::from(ErrorKind::NotADirectory));
     }
-    let (probe, file) = create_beside(&folder.join("file"))?;
+    let (probe, file) = temporary::create(&folder.join("file"), "tmp")?;
     drop(file);
     std::fs::remove_file(probe)
 }

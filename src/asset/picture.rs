@@ -122,6 +122,14 @@ impl Picture {
     /// # Errors
     /// The file cannot be written, or its extension does not fit the kind of picture.
     pub fn write(&self, path: &Path) -> Result<()> {
+        write_atomically(path, &self.to_bytes(path)?)
+    }
+
+    /// What [`Self::write`] writes into a file of this name.
+    ///
+    /// # Errors
+    /// The extension does not fit the kind of picture.
+    pub fn to_bytes(&self, path: &Path) -> Result<Vec<u8>> {
         if self.pixels.len() as u64 != u64::from(self.width) * u64::from(self.height) || self.pixels.is_empty() {
             let problem = format!("{} pixels for {} × {}", self.pixels.len(), self.width, self.height);
             let remedy = "this is a defect of pbr-vr, please report it";
@@ -137,7 +145,7 @@ impl Picture {
             }
             _ => return Err(Error::Usage(format!("{}: pictures are written as .png or .exr", path.display()))),
         };
-        write_atomically(path, &bytes.map_err(|e| Error::write(path)(std::io::Error::other(e)))?)
+        bytes.map_err(|e| Error::write(path)(std::io::Error::other(e)))
     }
 
     /// As a display picture: radiance is exposed by `ev` stops and tone-mapped; display pictures are unchanged.

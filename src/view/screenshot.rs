@@ -1,18 +1,17 @@
 //! Screenshots: numbered PNG files that never overwrite anything.
 
-use std::fs::OpenOptions;
-use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
+use crate::asset::file::write_new;
 use crate::asset::folders;
 use crate::asset::picture::Picture;
-use crate::{Error, Result, say};
+use crate::{Result, say};
 
 /// Writes a screenshot of RGBA bytes, `size` pixels, into the working folder, or else into the user's pictures folder: a
 /// program that was started from a menu may have a working folder that it cannot write to.
 ///
 /// # Errors
-/// [`Error::Write`] of the working folder where neither can be written.
+/// [`crate::Error::Write`] of the working folder where neither can be written.
 pub fn write(pixels: &[u8], size: [u32; 2]) -> Result<PathBuf> {
     write_into(pixels, size, Path::new(""), folders::pictures())
 }
@@ -34,28 +33,28 @@ fn write_into(pixels: &[u8], size: [u32; 2], folder: &Path, pictures: Option<Pat
 
 /// Writes `pbr-vr-N.png` with the first N that no file has.
 fn write_numbered(pixels: &[u8], [width, height]: [u32; 2], folder: &Path) -> Result<PathBuf> {
-    let path = reserve_name(folder)?;
-    let written = Picture::from_srgb8("screenshot", width, height, pixels).write(&path);
-    if written.is_err() {
-        // Removes only the reserved name; the error says what went wrong.
-        let _ = std::fs::remove_file(&path);
-    }
-    written.map(|()| path)
+    let picture = Picture::from_srgb8("screenshot", width, height, pixels);
+    let bytes = picture.to_bytes(&numbered(folder, 1))?;
+    first_free(|number| numbered(folder, number), |path| write_new(path, &bytes))
 }
 
-/// Reserves a name in `folder` with an empty file, so that no two programs take the same one.
+/// The name of a screenshot.
+pub fn numbered(folder: &Path, number: u32) -> PathBuf {
+    folder.join(format!("pbr-vr-{number}.png"))
+}
+
+/// The first of some names, counted from 1, under which `write` could write because no file had it.
 ///
 /// # Errors
-/// [`Error::Write`].
-pub fn reserve_name(folder: &Path) -> Result<PathBuf> {
-    let mut number = 1u32;
+/// Those of `write`.
+pub fn first_free(name: impl Fn(u32) -> PathBuf, write: impl Fn(&Path) -> Result<bool>) -> Result<PathBuf> {
+    let mut number = 1;
     loop {
-        let path = folder.join(format!("pbr-vr-{number}.png"));
-        match OpenOptions::new().write(true).create_new(true).open(&path) {
-            Ok(_) => return Ok(path),
-            Err(error) if error.kind() == ErrorKind::AlreadyExists => number += 1,
-            Err(error) => return Err(Error::write(&path)(error)),
+        let path = name(number);
+        if write(&path)? {
+            return Ok(path);
         }
+        number += 1;
     }
 }
 

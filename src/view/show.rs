@@ -6,6 +6,7 @@ use super::headset::{self, RunReport};
 use super::render::{RenderFacts, RenderRequest, render};
 use super::request::{On, ViewRequest, Wanted};
 use super::{console, interrupt, screenshot, window};
+use crate::asset::temporary;
 use crate::context::Setup;
 use crate::{Error, Result, say};
 
@@ -67,12 +68,19 @@ fn show_in_headset(request: &ViewRequest, setup: &Setup<'_>) -> Result<()> {
 
 fn write_picture(view: &ViewRequest, setup: &Setup<'_>, no_headset: &str, no_window: &str) -> Result<()> {
     interrupt::stop_listening();
-    let output = reserve_fallback()?;
     let (frames, settings, staging) = (view.frames, view.settings.clone(), view.staging.clone());
-    let request = RenderRequest { frames, settings, staging, ..RenderRequest::new(view.scene()?, &output) };
-    let facts = render(&request, setup).inspect_err(|_| {
-        // Removes only the reserved name; the error says what went wrong.
-        let _ = std::fs::remove_file(&output);
+    let scene = view.scene()?;
+    // It has its final name when it is whole.
+    let (beside, _) = temporary::create(Path::new(FALLBACK), "png").map_err(Error::write(FALLBACK))?;
+    let request = RenderRequest { frames, settings, staging, ..RenderRequest::new(scene, &beside) };
+    let done = render(&request, setup).and_then(|facts| Ok((facts, publish(&beside)?)));
+    let (facts, output) = done.map_err(|error| {
+        // The error says what went wrong.
+        let _ = std::fs::remove_file(&beside);
+        match error {
+            Error::Write { path, source } if path == beside => Error::write(FALLBACK)(source),
+            error => error,
+        }
     })?;
     let name = output.display();
     say!("pbr-vr: wrote {name}, because {no_headset}, and {no_window}; start it in a desktop session to get a window");
@@ -88,13 +96,17 @@ fn write_picture(view: &ViewRequest, setup: &Setup<'_>, no_headset: &str, no_win
     })
 }
 
-/// Reserves the fallback's name, or a numbered one if it is taken, so that no two programs write the same file.
-fn reserve_fallback() -> Result<PathBuf> {
-    match std::fs::File::create_new(FALLBACK) {
-        Ok(_) => Ok(FALLBACK.into()),
-        Err(error) if error.kind() == std::io::ErrorKind::AlreadyExists => screenshot::reserve_name(Path::new("")),
-        Err(error) => Err(Error::write(FALLBACK)(error)),
-    }
+/// Gives a picture the fallback's name, or a numbered one if that is taken: no other program's file is written over.
+fn publish(beside: &Path) -> Result<PathBuf> {
+    let name = |number| match number {
+        1 => FALLBACK.into(),
+        _ => screenshot::numbered(Path::new(""), number - 1),
+    };
+    screenshot::first_free(name, |path| match temporary::publish(beside, path) {
+        Ok(()) => Ok(true),
+        Err(error) if error.kind() == std::io::ErrorKind::AlreadyExists => Ok(false),
+        Err(error) => Err(Error::write(path)(error)),
+    })
 }
 
 /// The reason why no window can be opened, if it is known beforehand.

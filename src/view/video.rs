@@ -5,6 +5,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
+use crate::asset::temporary;
 use crate::error::shortened;
 use crate::{Error, Result};
 
@@ -46,8 +47,8 @@ impl Ffmpeg {
     /// # Errors
     /// [`Error::Write`] with ffmpeg's own reason.
     pub fn write(&self, pictures: &Pictures<'_>, video: &Path) -> Result<()> {
-        let name = format!(".pbr-vr-{}.mp4", std::process::id());
-        let beside = std::path::absolute(video.with_file_name(name)).map_err(Error::write(video))?;
+        let video_beside = temporary::create(video, "mp4").map_err(Error::write(video))?.0;
+        let beside = std::path::absolute(video_beside).map_err(Error::write(video))?;
         let run = Command::new(&self.0).args(arguments(pictures, &beside)).stdin(Stdio::null()).output();
         let made = run.and_then(|output| {
             let text = String::from_utf8_lossy(&output.stderr);

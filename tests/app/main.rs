@@ -18,8 +18,14 @@ mod exporters;
 mod faults;
 #[cfg(target_os = "linux")]
 mod file_faults;
+#[cfg(target_os = "linux")]
+mod killed;
+#[cfg(target_os = "linux")]
+mod killed_window;
 mod ladder;
 mod loading;
+#[cfg(target_os = "linux")]
+mod long_runs;
 #[cfg(target_os = "linux")]
 mod lost_gpu;
 mod measure;

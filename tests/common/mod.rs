@@ -5,6 +5,8 @@ pub mod colour;
 pub mod fault;
 pub mod gltf;
 pub mod headset;
+#[cfg(target_os = "linux")]
+pub mod held;
 pub mod light;
 pub mod room;
 pub mod solids;
@@ -228,7 +230,6 @@ pub fn succeeds(child: Child) -> String {
     String::from_utf8_lossy(&output.stdout).into_owned()
 }
 
-/// A JSON file's content.
 /// Where a control of the panel is, as `-vv` says it last: its middle and its size, pixels of what it is drawn on.
 pub fn control_in(log: &str, name: &str) -> Option<[[f64; 2]; 2]> {
     let start = format!("panel: {name} at ");
@@ -238,6 +239,7 @@ pub fn control_in(log: &str, name: &str) -> Option<[[f64; 2]; 2]> {
     Some([[x + width / 2.0, y + height / 2.0], [width, height]])
 }
 
+/// A JSON file's content.
 pub fn json(path: &Path) -> serde_json::Value {
     serde_json::from_slice(&fs::read(path).expect("the facts")).expect("JSON")
 }

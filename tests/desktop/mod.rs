@@ -113,6 +113,11 @@ impl Program {
         }
     }
 
+    /// Lines on stderr so far.
+    pub fn complaints(&self) -> usize {
+        self.errors().lines().count()
+    }
+
     /// How often the panel has been laid out, as `-vv` says it.
     pub fn layouts(&self) -> usize {
         self.errors().matches("panel: laid out").count()
@@ -174,7 +179,13 @@ impl Program {
     /// Waits for a line on stdout that contains `part`, or else for a new line of `complaints`, or its end; returns whether it
     /// goes on.
     pub fn until(&mut self, part: &str, complaints: impl Fn(&str) -> usize) -> bool {
-        let (started, before) = (Instant::now(), complaints(&self.errors()));
+        let before = complaints(&self.errors());
+        self.until_from(before, part, complaints)
+    }
+
+    /// The same after `before` complaints, counted before what may cause one.
+    pub fn until_from(&mut self, before: usize, part: &str, complaints: impl Fn(&str) -> usize) -> bool {
+        let started = Instant::now();
         loop {
             match self.lines.recv_timeout(Duration::from_millis(20)) {
                 Ok(line) => {
@@ -206,6 +217,20 @@ impl Program {
         let before = used();
         std::thread::sleep(time);
         used() - before
+    }
+
+    /// Its process.
+    pub fn id(&self) -> u32 {
+        self.child.id()
+    }
+
+    /// What it has said on stdout, once it has ended, in whatever way.
+    pub fn said_until_its_end(mut self) -> Vec<String> {
+        self.child.wait().expect("a child");
+        // The reader ends with the pipe.
+        let rest: Vec<String> = self.lines.iter().collect();
+        self.said.extend(rest);
+        std::mem::take(&mut self.said)
     }
 
     /// Sends it a signal, by its name.
