@@ -107,7 +107,7 @@ impl Place {
             let unnamed = ran.complaints.iter().find(|line| !call.starts_with("pthread") && !names_file(line, name));
             ran.problem = unnamed.map(|_| "a line that does not name the file".into()).or_else(|| follow(&work, &ran));
         }
-        ran.calls.iter_mut().for_each(|call| generalise(call));
+        ran.calls.iter_mut().for_each(generalise);
         ran
     }
 
