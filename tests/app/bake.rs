@@ -228,7 +228,7 @@ fn bake_fails_with_one_line() {
 }
 
 /// A shiny strip of metal that lies, a matt one that stands on it, and a probe by hand.
-fn strips(shop: &Workshop, probes: usize) {
+pub fn strips(shop: &Workshop, probes: usize) {
     shop.sky(3.0);
     shop.write("strips.mtl", "newmtl metal\nKd 0.9 0.8 0.7\nPr 0.2\nPm 1\nnewmtl matt\nKd 0.7 0.3 0.3\nPr 1\nPm 0\n");
     shop.write(
@@ -297,47 +297,4 @@ fn a_scenes_light_is_written_with_all_its_probes_and_another_reader_agrees() {
     // From the cache, with the same bytes.
     succeeds(program(folder, &bake));
     assert!(entries(&folder.join("new/folder")) == written);
-}
-
-/// Whole files of a cache: those that are still being written have another name, and may be gone before they are read.
-#[cfg(unix)]
-fn written(maps: &Path) -> usize {
-    let files = fs::read_dir(maps).into_iter().flatten().map(|entry| entry.expect("an entry").path());
-    files.filter(|path| path.extension().is_some_and(|e| e == "ktx2")).count()
-}
-
-/// In the middle of a bake, as soon as it is known what to bake.
-#[cfg(unix)]
-#[test]
-fn a_bake_that_is_interrupted_leaves_nothing_broken_in_the_cache() {
-    let shop = Workshop::new();
-    strips(&shop, 1);
-    let folder = shop.0.path();
-    let maps = folder.join("cache/pbr-vr/maps");
-    // So many samples that the bake is not over before the signal comes.
-    let light = ["--light", "baked", "--lightmap-size", "256", "--lightmap-samples", "512"];
-    let common = [&["render", "strips.toml", "--size", "48x32", "--validate"], &light[..]].concat();
-    let draw = |output: &str, more: &[&str]| program(folder, &[&common, &["-o", output][..], more].concat());
-    let picture = |name: &str| fs::read(folder.join(name)).expect("a picture");
-    succeeds(draw("plain.png", &["--no-cache"]));
-    assert!(!maps.exists());
-    let mut child = draw("a.png", &[]);
-    let started = std::time::Instant::now();
-    // The panorama's maps, the table, the atlas, and what light consists of.
-    while written(&maps) < 6 {
-        assert!(started.elapsed().as_secs() < 120 && child.try_wait().expect("a state").is_none(), "no bake");
-        std::thread::sleep(std::time::Duration::from_millis(5));
-    }
-    let killed = std::process::Command::new("kill").args(["-s", "INT", &child.id().to_string()]).status();
-    assert!(killed.expect("kill").success());
-    assert!(!finish(child).status.success() && !folder.join("a.png").exists(), "the bake was done before");
-    let kept = entries(&maps);
-    assert_eq!(kept.len(), 6, "{:?}", kept.keys());
-    succeeds(draw("b.png", &[]));
-    assert!(picture("b.png") == picture("plain.png"), "another picture after an interruption");
-    let whole = entries(&maps);
-    // Lightmap and probes are new, and nothing of before was broken.
-    assert!(whole.len() == 10 && kept.iter().all(|(path, bytes)| whole.get(path) == Some(bytes)), "{:?}", whole.keys());
-    succeeds(draw("c.png", &[]));
-    assert!(picture("c.png") == picture("plain.png"), "another picture from the cache");
 }

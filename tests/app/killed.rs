@@ -8,6 +8,7 @@ use std::time::{Duration, Instant, SystemTime};
 
 use pbr_vr::asset::picture::Picture;
 
+use super::bake::strips;
 use crate::common::{Workshop, material, sphere};
 use crate::desktop::command;
 
@@ -117,10 +118,10 @@ struct Job {
     replaces: bool,
 }
 
-/// A textured ball under a sky.
+/// A textured ball under a sky, and things that take light from each other.
 fn shop() -> Workshop {
     let shop = Workshop::new();
-    shop.sky(3.0);
+    strips(&shop, 1);
     let wood: Vec<u8> = (0..64 * 64).flat_map(|i| [(i % 64 * 4) as u8, (i / 64 * 4) as u8, 90, 255]).collect();
     Picture::from_srgb8("wood", 64, 64, &wood).write(&shop.path("wood.png")).expect("a texture");
     shop.write("m.mtl", &(material([0.9, 0.6, 0.3], 0.0, 0.3) + "map_Kd wood.png\n"));
@@ -249,6 +250,27 @@ fn render_is_killed_while_it_fills_the_cache_and_writes_a_picture() {
     let arguments =
         &["render", "scene.toml", "-o", "out.png", "--json", "facts.json", "--size", "32x24", "--light", "direct"];
     Job { arguments, outputs: &["out.png", "facts.json"], tells: false, replaces: true }.kill(kills(2));
+}
+
+#[test]
+fn render_is_killed_while_it_bakes_light_and_keeps_it() {
+    let arguments = &[
+        "render",
+        "strips.toml",
+        "-o",
+        "out.png",
+        "--size",
+        "48x32",
+        "--light",
+        "baked",
+        "--lightmap-size",
+        "256",
+        "--lightmap-samples",
+        "8",
+        "--probe-size",
+        "16",
+    ];
+    Job { arguments, outputs: &["out.png"], tells: false, replaces: true }.kill(kills(3));
 }
 
 #[test]
