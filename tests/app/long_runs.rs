@@ -11,7 +11,7 @@ use pbr_vr::view::{BakeRequest, bake};
 
 use crate::common::held::{Held, assert_flat, length};
 use crate::common::{Workshop, material, setup, sphere};
-use crate::desktop::{Display, ESCAPE, FileManager, Hands, P, Program};
+use crate::desktop::{Display, ESCAPE, FileManager, Hands, P, Program, random};
 use crate::window::{assert_clean, small_scene};
 
 /// Lengths of long runs, if not the ordinary ones.
@@ -37,12 +37,7 @@ fn a_window_of_many_sizes_holds_no_more_than_of_a_few() {
     let mut program = Program::start(&display, workshop.0.path(), "scene.toml", &["--light", "direct"]);
     program.wait_for("window");
     let hands = Hands::on(&display);
-    // A small generator of numbers is random enough and always the same.
-    let mut state = 1u32;
-    let mut random = |below: u32| {
-        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-        (state >> 16) % below
-    };
+    let mut random = random();
     let (mut samples, mut done) = (Vec::new(), 0);
     while done < resizes {
         for i in 0..9 {

@@ -8,7 +8,7 @@ use pbr_vr::asset::picture::{Picture, compare};
 
 use crate::common::{Workshop, material, sphere};
 use crate::desktop::{
-    BRACKET_RIGHT, C, Display, ESCAPE, FileManager, H, Hands, M, P, PERIOD, Program, SCREEN, TAB, V, W, command,
+    BRACKET_RIGHT, C, Display, ESCAPE, FileManager, H, Hands, M, P, PERIOD, Program, SCREEN, TAB, V, W, command, random,
 };
 
 /// A golden sphere under a simple sky, with two cameras.
@@ -51,12 +51,7 @@ fn it_survives_resizes_hiding_and_every_key() {
     let mut program = Program::start(&display, workshop.0.path(), "scene.toml", &[]);
     program.wait_for("window");
     let hands = Hands::on(&display);
-    // A small generator of numbers is random enough and always the same.
-    let mut state = 1u32;
-    let mut random = |below: u32| {
-        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-        (state >> 16) % below
-    };
+    let mut random = random();
     for i in 0..200 {
         hands.resize([1 + random(320), 1 + random(240)]);
         // Sometimes several resizes to a frame, sometimes several frames to a resize.

@@ -271,6 +271,15 @@ impl Drop for Program {
     }
 }
 
+/// Numbers below what is asked for: a small generator is random enough, and always the same.
+pub fn random() -> impl FnMut(u32) -> u32 {
+    let mut state = 1u32;
+    move |below| {
+        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        (state >> 16) % below
+    }
+}
+
 pub fn command(folder: &Path) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_pbr-vr"));
     command.current_dir(folder).stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
