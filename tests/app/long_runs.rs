@@ -9,9 +9,9 @@ use pbr_vr::context::Setup;
 use pbr_vr::gpu::GpuOptions;
 use pbr_vr::view::{BakeRequest, bake};
 
-use crate::common::held::{Held, assert_flat, length};
+use crate::common::held::{Held, ONE_HEAP, assert_flat, length};
 use crate::common::{Workshop, material, setup, sphere};
-use crate::desktop::{Display, ESCAPE, FileManager, Hands, P, Program, random};
+use crate::desktop::{Display, ESCAPE, FileManager, Hands, P, Program, command, random};
 use crate::window::{assert_clean, small_scene};
 
 /// Lengths of long runs, if not the ordinary ones.
@@ -21,6 +21,13 @@ const SCENES_VARIABLE: &str = "PBR_VR_LONG_RUN_SCENES";
 const SCENES: u64 = 90;
 const BAKES_VARIABLE: &str = "PBR_VR_LONG_RUN_BAKES";
 const BAKES: u64 = 15;
+
+/// The scene in a window, without baked light.
+fn start(display: &Display, workshop: &Workshop) -> Program {
+    let mut command = command(workshop.0.path());
+    command.args(["view", "scene.toml", "--on", "window", "--validate", "--light", "direct"]).envs(ONE_HEAP);
+    Program::spawn(display, command)
+}
 
 /// A file written by the program in this window, and removed again: everything asked for before has been done by then.
 fn screenshot(program: &mut Program, hands: &Hands, workshop: &Workshop) {
@@ -34,7 +41,7 @@ fn a_window_of_many_sizes_holds_no_more_than_of_a_few() {
     let Some(display) = Display::start() else { return };
     let resizes = length(RESIZES_VARIABLE, RESIZES);
     let (workshop, _) = small_scene();
-    let mut program = Program::start(&display, workshop.0.path(), "scene.toml", &["--light", "direct"]);
+    let mut program = start(&display, &workshop);
     program.wait_for("window");
     let hands = Hands::on(&display);
     let mut random = random();
@@ -75,7 +82,7 @@ fn a_window_of_many_scenes_holds_no_more_than_of_a_few() {
     workshop.write("broken.toml", "environment = 3\n");
     workshop.write("none.toml", "environment = { panorama = \"sky.exr\" }\n[[model]]\nfile = \"none.obj\"\n");
     workshop.write("broken.hdr", "#?RADIANCE\n");
-    let mut program = Program::start(&display, workshop.0.path(), "scene.toml", &["--light", "direct"]);
+    let mut program = start(&display, &workshop);
     program.wait_for("window");
     let hands = Hands::on(&display);
     hands.resize([160, 120]);
@@ -108,6 +115,7 @@ fn many_bakes_of_a_process_hold_no_more_than_a_few() {
     // In a process of its own, because the tests beside it take memory, too.
     let output = Command::new(std::env::current_exe().expect("this test"))
         .args(["long_runs::bakes", "--exact", "--ignored", "--nocapture"])
+        .envs(ONE_HEAP)
         .output()
         .expect("the bakes");
     let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();

@@ -2,6 +2,16 @@
 
 use std::fs;
 
+/// glibc's settings (mallopt(3)) for a process whose resident memory is to be compared with itself: one heap instead of one for
+/// each thread, without holes, and what is freed goes back at once. Without them 15 bakes on a busy machine differ by 5 MB, with
+/// them by 0.1.
+pub const ONE_HEAP: [(&str, &str); 4] = [
+    ("MALLOC_ARENA_MAX", "1"),
+    ("MALLOC_MMAP_THRESHOLD_", "32768"),
+    ("MALLOC_TRIM_THRESHOLD_", "0"),
+    ("MALLOC_TOP_PAD_", "0"),
+];
+
 /// Memory, open files, threads and mappings of a process.
 #[derive(Clone, Copy, Debug)]
 pub struct Held {

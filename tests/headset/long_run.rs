@@ -8,7 +8,7 @@ use std::time::Duration;
 use headset_runtime::script::{Script, Waypoint};
 
 use crate::common::headset::{Headset, command, finish};
-use crate::common::held::{Held, assert_flat, length};
+use crate::common::held::{Held, ONE_HEAP, assert_flat, length};
 use crate::common::{Workshop, material, sphere};
 use crate::desktop::{Display, ESCAPE, Hands, L, PAGE_DOWN, Program};
 
@@ -31,7 +31,8 @@ fn a_long_run_keeps_memory_and_descriptors_flat_and_leaks_nothing() {
     let script = Script { size: [16, 16], hz: 0.1, head: vec![turn(1, 0.0), turn(frames, 720.0)], ..Script::default() };
     let headset = Headset::install(workshop.0.path(), &script);
     let arguments = ["view", "scene.toml", "--on", "headset", "--frames", &frames.to_string()];
-    let mut child = headset.start(workshop.0.path(), &arguments);
+    let one_heap = ONE_HEAP.map(|(name, value)| (name, value.into()));
+    let mut child = headset.start_with(workshop.0.path(), &arguments, one_heap);
     let mut samples = Vec::new();
     while child.try_wait().expect("a child").is_none() {
         samples.extend(Held::by(child.id(), headset.frame()));
@@ -57,7 +58,7 @@ fn scenes_and_panoramas_that_change_on_the_headset_leave_nothing_behind() {
     let first = assets.join("scenes/demo.toml");
     let first = first.to_str().expect("a name");
     let mut command = command(folder, &["view", first, "--on", "headset", "--light", "direct", "--validate"]);
-    command.envs(headset.environment()).env("PBR_VR_ASSETS", &assets);
+    command.envs(headset.environment()).env("PBR_VR_ASSETS", &assets).envs(ONE_HEAP);
     let mut program = Program::spawn(&display, command);
     program.wait_for("headset");
     let hands = Hands::on(&display);
