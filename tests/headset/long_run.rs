@@ -31,8 +31,7 @@ fn a_long_run_keeps_memory_and_descriptors_flat_and_leaks_nothing() {
     let script = Script { size: [16, 16], hz: 0.1, head: vec![turn(1, 0.0), turn(frames, 720.0)], ..Script::default() };
     let headset = Headset::install(workshop.0.path(), &script);
     let arguments = ["view", "scene.toml", "--on", "headset", "--frames", &frames.to_string()];
-    let one_heap = ONE_HEAP.map(|(name, value)| (name, value.into()));
-    let mut child = headset.start_with(workshop.0.path(), &arguments, one_heap);
+    let mut child = headset.start(workshop.0.path(), &arguments);
     let mut samples = Vec::new();
     while child.try_wait().expect("a child").is_none() {
         samples.extend(Held::by(child.id(), headset.frame()));
