@@ -1,9 +1,8 @@
 // The split sum's table: for each n.v and roughness the lobe BRDF · n.l over the light's directions, in two parts, weighted
 // with Schlick's (1 - v.h)^5 (B) and with the rest of 1 (A): Karis (2013), eq. 8. Layer 0: A, B, and of each part's mean
 // vector the square root of `along`; layer 1: `across` / sin (environment.glsl), and A and B averaged over directions,
-// 2 ∫ A n.v d(n.v), the same all along a row (energy.glsl). For slices, further: layer 2, as 0 but of the first half alone;
-// layer 3, `across` of the first and of the second; layer 4, the second's roots of `along`. Twins: reference::table,
-// reference::energy.
+// 2 ∫ A n.v d(n.v), the same all along a row (energy.glsl). For two moments, layer 2: the share of irradiance in A's match over
+// its `along`. Twins: reference::table, reference::energy.
 //
 // The integral is ∫ V · 4 nl · vh / nh · D nh dh over half vectors h = (θ, φ) (Walter et al. 2007, eqs. 14 and 35), where
 // tan θ = α tan s turns D nh dh into 2 sin s cos s ds dφ / 2π. l is above the surface exactly for θ < (ψ + π/2) / 2 with
@@ -13,6 +12,7 @@
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_scalar_block_layout : require
 #include "brdf.glsl"
+#include "split_sum.glsl"
 #include "table.glsl"
 
 const int PHI_NODES = 8;
@@ -21,29 +21,35 @@ const int S_NODES = 16;
 const float SMALLEST_ALPHA = 2e-6;
 
 const uint ROW = 128; // texels along n.v
+const uint SECONDS = 64;
+const float LARGEST_SPREAD = 0.4;
+const float NARROWEST = 0.25, EQUAL = 1e-3; // as in reference::table
 
 // One group a row, so that its mean is known to all.
 layout(local_size_x = ROW) in;
 layout(constant_id = 0) const int GEOMETRY = 0;
-layout(constant_id = 1) const uint SPLIT_SUM = 1; // the order of reference::table::SplitSum
+layout(constant_id = 1) const uint SPLIT_SUM = 2; // the order of reference::table::SplitSum
 layout(set = 0, binding = 0, scalar) readonly buffer Nodes {
     vec2 phi_nodes[PHI_NODES]; // in (0, 1), and weights that add up to 1
     vec2 s_nodes[S_NODES];
 };
 layout(set = 0, binding = 1, scalar) readonly buffer Spreads { float kernel_spreads[]; }; // by row
 layout(set = 0, binding = 2, scalar) readonly buffer MeanWeights { float mean_weights[ROW]; }; // by column
-layout(set = 0, binding = 3, rgba32f) uniform writeonly image2DArray table;
+// The round lobes' means of 1 - c^2 over their spreads, by the spread's fourth root.
+layout(set = 0, binding = 3, scalar) readonly buffer Seconds { float kernel_seconds[SECONDS]; };
+layout(set = 0, binding = 4, rgba32f) uniform writeonly image2DArray table;
 
 const uint CLASSIC = 0;
-const uint SLICES = 2;
+const uint TWO_MOMENTS = 2;
 
 shared vec2 row_weights[ROW];
 
-// Both parts: their integrals, and those of 1 - l.r and l.t.
+// Both parts: their integrals, and those of 1 - l.r and l.t; of A those of 1 - (l.r)^2, (l.r)(l.t) and (l.t)^2.
 struct Parts {
     vec2 weight;
     vec2 along;
     vec2 across;
+    vec3 second;
 };
 
 void add_quarter(float quarter, float nv, float sv, float roughness, float alpha, inout Parts parts)
@@ -60,33 +66,82 @@ void add_quarter(float quarter, float nv, float sv, float roughness, float alpha
             vec2 h = vec2(alpha * sin_s * over * cos_phi, nh); // in the plane of incidence
             float vh = max(dot(vec2(sv, nv), h), 0.0);
             float nl = max(2.0 * vh * nh - nv, MIN_COS);
-            float lx = 2.0 * vh * h.x - sv;
             // cos s / nh = 1 / over; φ and −φ are alike.
             float density = phi_nodes[i].y * s_nodes[j].y * s_max * sin_s / over;
             float value = density * 4.0 * nl * vh * v_environment(nl, nv, roughness, GEOMETRY);
             float f = schlick_weight(vh);
             vec2 weight = value * vec2(1.0 - f, f);
             parts.weight += weight;
-            // r = (-sv, nv), t = (nv, sv).
-            parts.along += weight * max(1.0 + sv * lx - nv * nl, 0.0);
-            parts.across += weight * (nv * lx + sv * nl);
+            // (l - r) / 2 = (v.h) h - (n.v) n in the plane of incidence, where t = (nv, sv).
+            float sin2 = alpha * alpha * sin_s * sin_s * over * over;
+            vec2 turn = vec2(vh * h.x, sv * h.x * nh - nv * sin2);
+            float along = 2.0 * (vh * vh * sin2 + turn.y * turn.y), across = 2.0 * (nv * turn.x + sv * turn.y);
+            parts.along += weight * along;
+            parts.across += weight * across;
+            parts.second += weight.x * vec3(along * (2.0 - along), (1.0 - along) * across, across * across);
         }
     }
 }
 
-Parts sum(Parts a, Parts b)
+float kernel_second(float spread)
 {
-    return Parts(a.weight + b.weight, a.along + b.along, a.across + b.across);
+    float at = clamp(sqrt(sqrt(spread / LARGEST_SPREAD)), 0.0, 1.0) * float(SECONDS - 1u);
+    uint low = min(uint(at), SECONDS - 2u);
+    return spread * mix(kernel_seconds[low], kernel_seconds[low + 1u], at - float(low));
 }
 
-vec2 root_along(Parts parts)
+// A lobe's mean vector, (1 - along, across) along r and t, and the directions that go with it.
+struct Mean {
+    float along;
+    float across;
+    float nv;
+    float sv;
+};
+
+Match match_of(float even, Mean mean)
 {
-    return sqrt(parts.along / max(parts.weight, vec2(TINY)));
+    return match_lobe(even, mean.along, mean.across / mean.sv, mean.nv, mean.sv * mean.sv);
 }
 
-vec2 across(Parts parts)
+// Its mean of 1 - (l.d)^2.
+float second(Match found, vec2 d, Mean mean)
 {
-    return parts.across / max(parts.weight, vec2(TINY));
+    vec2 axis = found.towards * vec2(1.0, mean.sv);
+    float turn = axis.x * d.y - axis.y * d.x;
+    turn *= turn / dot(axis, axis); // sin^2 between both
+    float own = kernel_second(found.spread), cosine = dot(vec2(mean.nv, mean.sv), d);
+    return mix(mix(own, 1.0 - 0.5 * own, turn), 0.75 - 0.25 * cosine * cosine, found.even);
+}
+
+// The weight of irradiance / pi beside a round lobe that together have a lobe's mean vector m and its mean of (l.d)^2,
+// d = m / |m|; `sums` holds the lobe's means of 1 - (l.r)^2, (l.r)(l.t) and (l.t)^2. Less where the round lobe would be narrower
+// than `least`, at grazing angles, or wider than the last level's.
+float even_share(Mean mean, vec3 sums, float least)
+{
+    vec2 d = normalize(vec2(1.0 - mean.along, mean.across));
+    float goal = d.x * d.x * sums.x + d.y * d.y * (1.0 - sums.z) - 2.0 * d.x * d.y * sums.y;
+    float low = 0.0, high = 1.0;
+    for (int i = 0; i < 24; ++i) {
+        float share = 0.5 * (low + high);
+        Match found = match_of(share, mean);
+        if (found.spread >= least && second(found, d, mean) > goal * (1.0 + EQUAL))
+            low = share;
+        else
+            high = share;
+    }
+    float widest = max(match_of(0.0, mean).spread, LARGEST_SPREAD);
+    if (match_of(low, mean).spread <= widest)
+        return low;
+    high = low;
+    low = 0.0;
+    for (int i = 0; i < 24; ++i) {
+        float share = 0.5 * (low + high);
+        if (match_of(share, mean).spread <= widest)
+            low = share;
+        else
+            high = share;
+    }
+    return low;
 }
 
 void main()
@@ -97,16 +152,14 @@ void main()
     float nv = clamp(arguments.x, MIN_COS, 0.99999), roughness = arguments.y;
     float sv = sqrt(1.0 - nv * nv);
     float alpha = roughness * roughness;
-    // Half vectors that lean towards the eye, and away.
-    Parts halves[2] = Parts[](Parts(vec2(0.0), vec2(0.0), vec2(0.0)), Parts(vec2(0.0), vec2(0.0), vec2(0.0)));
+    Parts parts = Parts(vec2(0.0), vec2(0.0), vec2(0.0), vec3(0.0));
     if (alpha < SMALLEST_ALPHA) {
         float f = schlick_weight(nv);
-        halves[0].weight = halves[1].weight = 0.5 * vec2(1.0 - f, f);
+        parts.weight = vec2(1.0 - f, f);
     } else {
-        add_quarter(0.0, nv, sv, roughness, alpha, halves[0]);
-        add_quarter(1.0, nv, sv, roughness, alpha, halves[1]);
+        add_quarter(0.0, nv, sv, roughness, alpha, parts);
+        add_quarter(1.0, nv, sv, roughness, alpha, parts);
     }
-    Parts parts = sum(halves[0], halves[1]);
     row_weights[id.x] = parts.weight * mean_weights[id.x];
     barrier();
     vec2 mean = vec2(0.0);
@@ -117,11 +170,11 @@ void main()
         imageStore(table, ivec3(id, 1), vec4(vec2(0.0), mean));
         return;
     }
-    imageStore(table, ivec3(id, 0), vec4(parts.weight, root_along(parts)));
-    imageStore(table, ivec3(id, 1), vec4(across(parts) / sv, mean));
-    if (SPLIT_SUM == SLICES) {
-        imageStore(table, ivec3(id, 2), vec4(halves[0].weight, root_along(halves[0])));
-        imageStore(table, ivec3(id, 3), vec4(across(halves[0]), across(halves[1])));
-        imageStore(table, ivec3(id, 4), vec4(root_along(halves[1]), 0.0, 0.0));
+    vec2 over = 1.0 / max(parts.weight, vec2(TINY)), along = parts.along * over, across = parts.across * over;
+    imageStore(table, ivec3(id, 0), vec4(parts.weight, sqrt(along)));
+    imageStore(table, ivec3(id, 1), vec4(across / sv, mean));
+    if (SPLIT_SUM == TWO_MOMENTS) {
+        float even = even_share(Mean(along.x, across.x, nv, sv), parts.second * over.x, NARROWEST * kernel_spreads[id.y]);
+        imageStore(table, ivec3(id, 2), vec4(even / max(along.x, TINY), 0.0, 0.0, 0.0));
     }
 }

@@ -52,10 +52,11 @@ vec3 distant_specular(SpecularLobe lobe, vec3 even)
     vec4 texel = textureLod(lightmap, vec3(lightmap_uv, lightmap_layer() + float(LIGHTMAP)), 0.0);
     vec3 n = normalize_or(normal_world, vec3(0.0, 1.0, 0.0)) * (gl_FrontFacing ? 1.0 : -1.0);
     Openness open = openness_from_mean(n, mat3(frame.world_from_models) * texel.xyz);
-    return mix(lobe.reflectance * even * texel.a, environment_specular(lobe), visibility(open, normalize(lobe.first.towards)));
+    vec3 blocked = lobe.reflectance * (1.0 - lobe.even) * even * texel.a;
+    return mix(blocked, environment_specular(lobe), visibility(open, normalize(lobe.towards)));
 }
 
-// Single scattering of light from all around; `even`: irradiance over pi.
+// What the round lobe of single scattering takes from all around; `even`: irradiance over pi.
 vec3 mirrored(Surface s, SpecularLobe lobe, vec3 even)
 {
     if (LIGHTMAP == LIGHTMAP_NONE)
@@ -75,7 +76,7 @@ vec3 mirrored(Surface s, SpecularLobe lobe, vec3 even)
 Split environment(Surface s, SpecularLobe lobe)
 {
     vec3 even = LIGHTMAP == LIGHTMAP_NONE ? environment_diffuse(s.n) * s.occlusion : lightmap_diffuse();
-    Split split = Split(vec3(0.0), mirrored(s, lobe, even));
+    Split split = Split(vec3(0.0), mirrored(s, lobe, even) + lobe.reflectance * lobe.even * even);
     bool multiple = MULTI_SCATTER && GEOMETRY == GEOMETRY_SMITH;
     if (METALNESS == METALNESS_METAL && !multiple)
         return split;

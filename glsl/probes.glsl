@@ -39,10 +39,7 @@ float reach_of_probe(uint index, Surface s, vec3 even)
 
 vec3 probe_specular(uint index, Probe probe, vec3 p, SpecularLobe lobe)
 {
-    vec3 light = lobe.first.reflectance * probe_radiance(index, probe, p, lobe.first.towards, lobe.first.level);
-    if (SLICES)
-        light += lobe.second.reflectance * probe_radiance(index, probe, p, lobe.second.towards, lobe.second.level);
-    return light;
+    return lobe.reflectance * (1.0 - lobe.even) * probe_radiance(index, probe, p, lobe.towards, lobe.level);
 }
 
 // What the probes around a point give of a mirror image; `left`: the share that they leave to the panorama.

@@ -11,8 +11,6 @@ use crate::reference::table::{Entry, Lobe, LobePart, table_place};
 #[derive(Clone, Copy, Debug)]
 pub struct TableAt {
     pub lobe: Lobe,
-    /// The lobe's two halves; `None` if the table was not made for [`crate::reference::table::SplitSum::Slices`].
-    pub slices: Option<[Lobe; 2]>,
     /// Both albedos averaged over directions.
     pub mean: Entry,
 }
@@ -42,15 +40,10 @@ impl TableTexels {
         let value = |layer: usize, channel: usize| self.value(place, layer, channel);
         let part = |weight, along: f64, across_over_sine| LobePart { weight, along: along.powi(2), across_over_sine };
         let whole = |i| part(value(0, i), value(0, 2 + i), value(1, i));
-        let lobe = Lobe { base: whole(0), fresnel: whole(1) };
-        // `across` of the halves is stored without the division by the sine.
-        let sine = (1.0 - nv * nv).sqrt().max(1e-9);
-        let first = |i| part(value(2, i), value(2, 2 + i), value(3, i) / sine);
-        let second = |i| part(value(0, i) - value(2, i), value(4, i), value(3, 2 + i) / sine);
-        let slices = || [Lobe { base: first(0), fresnel: first(1) }, Lobe { base: second(0), fresnel: second(1) }];
-        let has_slices = self.layers.len() > 2;
+        let even_over_along = if self.layers.len() > 2 { value(2, 0) } else { 0.0 };
+        let lobe = Lobe { base: whole(0), fresnel: whole(1), even_over_along };
         let mean = Entry { scale: value(1, 2), bias: value(1, 3) };
-        TableAt { lobe, slices: has_slices.then(slices), mean }
+        TableAt { lobe, mean }
     }
 
     fn value(&self, place: [f64; 2], layer: usize, channel: usize) -> f64 {

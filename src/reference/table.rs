@@ -10,6 +10,8 @@ use glam::DVec3;
 
 use super::{
     brdf::{Geometry, schlick_weight, v_environment},
+    levels::{LEVELS, alpha_from_spread, spread_from_level},
+    lobe::{kernel_second, kernel_spread},
     math::{MIN_COS, TINY},
 };
 
@@ -47,11 +49,11 @@ pub enum SplitSum {
     Classic,
     /// Along the mean vector of the BRDF's lobe, at the level whose lobe has a mean vector of the same length: exact
     /// for radiance that is linear in direction. Derivation: src/precompute/README.md.
-    #[default]
     Moment,
-    /// The same for two halves of the lobe, one towards the eye and one towards the horizon: twice the fetches; less
-    /// error on dielectrics, but not on metals (`measure causes`).
-    Slices,
+    /// The same, with a share of the irradiance for the lobe's tails, which also matches the second moment along the mean
+    /// vector. No more texels of the panorama's maps than `Moment` takes.
+    #[default]
+    TwoMoments,
 }
 
 /// One part of the lobe BRDF · n·l over the light's directions l. With r = reflect(−v, n), and t the unit vector
@@ -70,23 +72,89 @@ pub struct LobePart {
 pub struct Lobe {
     pub base: LobePart,
     pub fresnel: LobePart,
+    /// Of `base`: the share of irradiance in its two-moment match, divided by `along`.
+    pub even_over_along: f64,
+}
+
+/// What stands for a lobe: irradiance / π with the weight `even`, and with the rest a round lobe.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Match {
+    pub even: f64,
+    /// Along r and across it, towards n, of any length.
+    pub towards: [f64; 2],
+    /// The round lobe's (`reference::lobe`).
+    pub spread: f64,
+}
+
+impl Match {
+    /// The mean vector, along r and across it.
+    pub fn mean(&self, nv: f64) -> [f64; 2] {
+        let third = 2.0 / 3.0 * self.even;
+        [self.towards[0] + third * nv, self.towards[1] + third * sine(nv)]
+    }
+
+    /// The mean of 1 − (l·d)² for a unit vector d in the plane of incidence, along r and across it.
+    pub fn second(&self, d: [f64; 2], nv: f64) -> f64 {
+        let [x, y] = self.towards;
+        let turn = (x * d[1] - y * d[0]).powi(2) / (x * x + y * y); // sin² between d and the round lobe
+        let own = kernel_second(alpha_from_spread(self.spread));
+        let round = (1.0 - turn) * own + turn * (1.0 - 0.5 * own);
+        // Of the cosine's lobe around n.
+        let cosine = nv * d[0] + sine(nv) * d[1];
+        (1.0 - self.even) * round + self.even * (0.75 - 0.25 * cosine * cosine)
+    }
 }
 
 impl Lobe {
-    /// From sums to means.
-    fn divide(&mut self) {
-        for part in [&mut self.base, &mut self.fresnel] {
-            part.along /= part.weight.max(TINY);
-            part.across_over_sine /= part.weight.max(TINY);
-        }
-    }
-
     /// The mean vector for a grey F0, as (1 − along, across): along r, and across it towards n.
     pub fn mean(&self, f0: f64, nv: f64) -> [f64; 2] {
-        let (base, fresnel) = (f0 * self.base.weight, self.fresnel.weight);
-        let mix = |a: f64, b: f64| (base * a + fresnel * b) / (base + fresnel);
+        let share = self.share_of_base(f0);
+        let mix = |base: f64, fresnel: f64| share * base + (1.0 - share) * fresnel;
         let across_over_sine = mix(self.base.across_over_sine, self.fresnel.across_over_sine);
-        [1.0 - mix(self.base.along, self.fresnel.along), across_over_sine * (1.0 - nv * nv).max(0.0).sqrt()]
+        [1.0 - mix(self.base.along, self.fresnel.along), across_over_sine * sine(nv)]
+    }
+
+    /// What the shaders look up for a grey F0; twin of `specular_lobe` in `glsl/environment.glsl`. `Classic` is not matched.
+    pub fn matched(&self, f0: f64, nv: f64, split_sum: SplitSum) -> Match {
+        let even = match split_sum {
+            SplitSum::TwoMoments => self.share_of_base(f0) * self.base.along * self.even_over_along,
+            SplitSum::Moment | SplitSum::Classic => 0.0,
+        };
+        let [mean_along, across] = self.mean(f0, nv);
+        Rest::new(even, 1.0 - mean_along, across, nv).matched()
+    }
+
+    fn share_of_base(&self, f0: f64) -> f64 {
+        let base = f0 * self.base.weight;
+        base / (base + self.fresnel.weight)
+    }
+}
+
+fn sine(nv: f64) -> f64 {
+    (1.0 - nv * nv).max(0.0).sqrt()
+}
+
+/// A lobe's mean vector less the irradiance's, 2/3 n: what a round lobe of weight 1 − even is to have.
+struct Rest {
+    even: f64,
+    /// The vector is (1 − even − along) r + across t.
+    along: f64,
+    across: f64,
+}
+
+impl Rest {
+    fn new(even: f64, along: f64, across: f64, nv: f64) -> Self {
+        let third = 2.0 / 3.0 * even;
+        Self { even, along: along + third * nv - even, across: across - third * sine(nv) }
+    }
+
+    fn matched(&self) -> Match {
+        let weight = 1.0 - self.even;
+        let towards = [weight - self.along, self.across];
+        let length = towards[0].hypot(towards[1]);
+        // weight² − length², without its loss of digits near a mirror.
+        let squares = 2.0 * weight * self.along - self.along.powi(2) - self.across.powi(2);
+        Match { even: self.even, towards, spread: squares / (weight * (weight + length)) }
     }
 }
 
@@ -128,74 +196,109 @@ pub fn table_lobe(nv: f64, roughness: f64, geometry: Geometry) -> Lobe {
     lobe_by(&NODES, nv, roughness, geometry)
 }
 
-/// The lobe's two halves: where the half vector leans towards the eye, and where it leans away. Their weights add up to
-/// the whole's.
-pub fn table_slices(nv: f64, roughness: f64, geometry: Geometry) -> [Lobe; 2] {
-    slice_sums(&NODES, nv, roughness, geometry).map(|mut slice| {
-        slice.divide();
-        slice
-    })
+/// Sums over a part of the lobe: of 1, of 1 − l·r and of l·t.
+#[derive(Clone, Copy, Default)]
+struct Sums {
+    weight: f64,
+    along: f64,
+    across: f64,
+}
+
+impl Sums {
+    fn add(&mut self, value: f64, along: f64, across: f64) {
+        self.weight += value;
+        self.along += value * along;
+        self.across += value * across;
+    }
+
+    fn part(&self, sv: f64) -> LobePart {
+        let Self { weight, along, across } = *self;
+        let over = 1.0 / weight.max(TINY);
+        LobePart { weight, along: along * over, across_over_sine: across * over / sv }
+    }
 }
 
 fn lobe_by(nodes: &[[f64; 2]], nv: f64, roughness: f64, geometry: Geometry) -> Lobe {
-    let [mut whole, other] = slice_sums(nodes, nv, roughness, geometry);
-    for (part, other) in [(&mut whole.base, other.base), (&mut whole.fresnel, other.fresnel)] {
-        part.weight += other.weight;
-        part.along += other.along;
-        part.across_over_sine += other.across_over_sine;
-    }
-    whole.divide();
-    whole
-}
-
-/// Sums of both halves, not divided by their weights.
-fn slice_sums(nodes: &[[f64; 2]], nv: f64, roughness: f64, geometry: Geometry) -> [Lobe; 2] {
     let nv = nv.clamp(MIN_COS, 1.0 - 1e-9);
     let alpha = roughness * roughness;
     if alpha < 1e-9 {
         // A mirror: D is a point, G is 1.
         let weight = schlick_weight(nv);
-        let part = |weight| LobePart { weight: 0.5 * weight, ..LobePart::default() };
-        return [Lobe { base: part(1.0 - weight), fresnel: part(weight) }; 2];
+        let part = |weight| LobePart { weight, ..LobePart::default() };
+        return Lobe { base: part(1.0 - weight), fresnel: part(weight), even_over_along: 0.0 };
     }
-    let sv = (1.0 - nv * nv).sqrt();
-    let mut slices = [Lobe::default(); 2];
-    let add = |part: &mut LobePart, value: f64, along: f64, across: f64| {
-        part.weight += value;
-        part.along += value * along;
-        part.across_over_sine += value * across / sv;
-    };
-    for (quarter, lobe) in slices.iter_mut().enumerate() {
-        for [x, wx] in nodes {
-            let cos_phi = ((quarter as f64 + x) * FRAC_PI_2).cos();
-            let psi = (sv * cos_phi).atan2(nv);
-            let radius = nv.hypot(sv * cos_phi);
-            let theta_max = 0.5 * (psi + FRAC_PI_2);
-            // tan θ = α tan s makes D nh dω = 2 sin s cos s ds dφ / 2π.
-            let (sin_max, cos_max) = theta_max.sin_cos();
-            let s_max = sin_max.atan2(alpha * cos_max);
-            for [y, wy] in nodes {
-                let (sin_s, cos_s) = (y * s_max).sin_cos();
-                let theta = (alpha * sin_s).atan2(cos_s);
-                let (sin_theta, nh) = theta.sin_cos();
-                let nl = radius * (2.0 * (theta_max - theta)).sin();
-                let vh = sv * sin_theta * cos_phi + nv * nh;
-                if nl <= 0.0 || vh <= 0.0 || nh <= 0.0 {
-                    continue; // only by rounding, at the ends
-                }
-                let brdf = v_environment(nl, nv, roughness, geometry) * 4.0 * nl * vh / nh;
-                // φ and −φ are alike: twice a quarter turn over 2π is ½.
-                let value = wx * wy * 0.5 * brdf * s_max * 2.0 * sin_s * cos_s;
-                let weight = schlick_weight(vh);
-                // r is (−sv, nv) and t is (nv, sv) in the plane of incidence.
-                let lx = 2.0 * vh * sin_theta * cos_phi - sv;
-                let (along, across) = (1.0 + sv * lx - nv * nl, nv * lx + sv * nl);
-                add(&mut lobe.base, value * (1.0 - weight), along, across);
-                add(&mut lobe.fresnel, value * weight, along, across);
+    let sv = sine(nv);
+    let (mut base, mut fresnel, mut second) = (Sums::default(), Sums::default(), [0.0; 3]);
+    for ([x, wx], quarter) in nodes.iter().flat_map(|node| [(node, 0.0), (node, 1.0)]) {
+        let cos_phi = ((quarter + x) * FRAC_PI_2).cos();
+        let psi = (sv * cos_phi).atan2(nv);
+        let radius = nv.hypot(sv * cos_phi);
+        let theta_max = 0.5 * (psi + FRAC_PI_2);
+        // tan θ = α tan s makes D nh dω = 2 sin s cos s ds dφ / 2π.
+        let (sin_max, cos_max) = theta_max.sin_cos();
+        let s_max = sin_max.atan2(alpha * cos_max);
+        for [y, wy] in nodes {
+            let (sin_s, cos_s) = (y * s_max).sin_cos();
+            let theta = (alpha * sin_s).atan2(cos_s);
+            let (sin_theta, nh) = theta.sin_cos();
+            let nl = radius * (2.0 * (theta_max - theta)).sin();
+            let vh = sv * sin_theta * cos_phi + nv * nh;
+            if nl <= 0.0 || vh <= 0.0 || nh <= 0.0 {
+                continue; // only by rounding, at the ends
             }
+            let brdf = v_environment(nl, nv, roughness, geometry) * 4.0 * nl * vh / nh;
+            // φ and −φ are alike: twice a quarter turn over 2π is ½.
+            let value = wx * wy * 0.5 * brdf * s_max * 2.0 * sin_s * cos_s;
+            let weight = schlick_weight(vh);
+            // (l − r) / 2 = (v·h) h − (n·v) n in the plane of incidence, where t is (nv, sv).
+            let (x, z) = (vh * sin_theta * cos_phi, sv * sin_theta * cos_phi * nh - nv * sin_theta * sin_theta);
+            let along = 2.0 * ((vh * sin_theta).powi(2) + z * z);
+            let across = 2.0 * (nv * x + sv * z);
+            base.add(value * (1.0 - weight), along, across);
+            fresnel.add(value * weight, along, across);
+            // 1 − (l·r)², (l·r) (l·t) and (l·t)².
+            let squares = [along * (2.0 - along), (1.0 - along) * across, across * across];
+            second = std::array::from_fn(|i| second[i] + value * (1.0 - weight) * squares[i]);
         }
     }
-    slices
+    let (base_part, fresnel) = (base.part(sv), fresnel.part(sv));
+    let second = second.map(|sum| sum / base.weight.max(TINY));
+    let least = NARROWEST * kernel_spread(alpha);
+    let even = even_share(base_part.along, base_part.across_over_sine * sv, second, nv, least);
+    Lobe { base: base_part, fresnel, even_over_along: even / base_part.along.max(TINY) }
+}
+
+/// The least spread of the round lobe beside irradiance, over that of the roughness's own level.
+const NARROWEST: f64 = 0.25;
+/// Second moments that differ by less, relatively, count as equal: where the lobe is nearly the cosine's, any share fits.
+const EQUAL: f64 = 1e-3;
+
+/// The weight of irradiance / π beside a round lobe that together have a lobe's mean vector m and its mean of (l·d)², d = m / |m|.
+/// Less where the round lobe would be narrower than `least_spread`, at grazing angles, or wider than the last level's.
+///
+/// `second`: the lobe's means of 1 − (l·r)², (l·r) (l·t) and (l·t)². Twin of `even_share` in `glsl/brdf_table.comp`. Derivation:
+/// src/precompute/README.md.
+fn even_share(along: f64, across: f64, second: [f64; 3], nv: f64, least_spread: f64) -> f64 {
+    let length = (1.0 - along).hypot(across);
+    let [r, t] = [(1.0 - along) / length, across / length];
+    let goal = r * r * second[0] + t * t * (1.0 - second[2]) - 2.0 * r * t * second[1];
+    let with = |share| Rest::new(share, along, across, nv).matched();
+    let even = most(1.0, |share| {
+        let found = with(share);
+        found.spread >= least_spread && found.second([r, t], nv) > goal * (1.0 + EQUAL)
+    });
+    let widest = with(0.0).spread.max(spread_from_level(LEVELS - 1));
+    if with(even).spread <= widest { even } else { most(even, |share| with(share).spread <= widest) }
+}
+
+/// The most in [0, `end`] that passes, by bisection: from 0 on all pass, and then none.
+fn most(end: f64, passes: impl Fn(f64) -> bool) -> f64 {
+    let (mut low, mut high) = (0.0, end);
+    for _ in 0..50 {
+        let middle = 0.5 * (low + high);
+        *if passes(middle) { &mut low } else { &mut high } = middle;
+    }
+    low
 }
 
 /// Directional albedo of the specular BRDF: by reciprocity, the share of uniform light that it reflects towards v.
@@ -207,6 +310,7 @@ pub fn specular_albedo(f0: DVec3, nv: f64, roughness: f64, geometry: Geometry) -
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::reference::lobe::kernel;
 
     #[test]
     fn few_nodes_have_an_error_below_a_thousandth() {
@@ -267,35 +371,64 @@ mod tests {
         }
     }
 
-    /// Mean vectors and weights of the halves by plain midpoints over l.
-    #[test]
-    fn slices_agree_with_plain_midpoints() {
+    /// The mean vector of a function that is mirrored by the plane of incidence, and its mean of (l·d)², by plain midpoints.
+    fn moments(d: DVec3, value: impl Fn(DVec3) -> f64) -> (DVec3, f64) {
         const STEPS: u32 = 1000;
-        for (nv, roughness) in [(0.1, 0.6), (0.5, 0.5), (0.9, 1.0)] {
+        let (mut weight, mut mean, mut square) = (0.0, DVec3::ZERO, 0.0);
+        for i in 0..STEPS * STEPS {
+            let [z, phi] = [i / STEPS, i % STEPS].map(|i| (f64::from(i) + 0.5) / f64::from(STEPS));
+            let (z, (sin, cos)) = (1.0 - 2.0 * z, (PI * phi).sin_cos());
+            let across = (1.0 - z * z).sqrt();
+            let value = value(DVec3::new(across * cos, across * sin, z));
+            weight += value;
+            mean += value * DVec3::new(across * cos, 0.0, z);
+            // (l·d)² of l and its mirror image are the same where d is in the plane.
+            square += value * DVec3::new(across * cos, 0.0, z).dot(d).powi(2);
+        }
+        (mean / weight, square / weight)
+    }
+
+    #[test]
+    fn two_moments_of_the_part_without_fresnel_are_those_of_its_match() {
+        for (nv, roughness) in [(0.2, 0.5), (0.3, 0.5), (0.5, 0.5), (0.9, 0.7), (0.97, 0.4)] {
             let v = DVec3::new(f64::sqrt(1.0 - nv * nv), 0.0, nv);
-            // By half: F0's weight, Fresnel's weight, and the whole's sum of l for F0 = 1.
-            let mut plain = [(0.0, 0.0, DVec3::ZERO); 2];
-            for i in 0..STEPS * STEPS {
-                let [nl, phi] = [i / STEPS, i % STEPS].map(|i| (f64::from(i) + 0.5) / f64::from(STEPS));
-                let (sin, cos) = (PI * phi).sin_cos();
-                let l = DVec3::new((1.0 - nl * nl).sqrt() * cos, (1.0 - nl * nl).sqrt() * sin, nl);
+            let (r, t) = (DVec3::new(-v.x, 0.0, nv), DVec3::new(nv, 0.0, v.x));
+            let lobe = Lobe { fresnel: LobePart::default(), ..table_lobe(nv, roughness, Geometry::Smith) };
+            let [along, across] = lobe.mean(1.0, nv);
+            let axis = (along * r + across * t).normalize();
+            let own = moments(axis, |l| {
                 let h = v + l;
                 let d = crate::reference::brdf::d_ggx(DVec3::Z, h, roughness * roughness);
-                let value =
-                    d * v_environment(nl, nv, roughness, Geometry::Smith) * nl * 2.0 * PI / f64::from(STEPS * STEPS);
-                let weight = schlick_weight(0.5 * h.length());
-                let half = &mut plain[usize::from(h.x < 0.0)];
-                *half = (half.0 + value * (1.0 - weight), half.1 + value * weight, half.2 + value * l);
-            }
-            let r = DVec3::new(-v.x, 0.0, nv);
-            for (slice, (base, fresnel, sum)) in table_slices(nv, roughness, Geometry::Smith).iter().zip(plain) {
-                let [along, across] = slice.mean(1.0, nv);
-                let mean = along * r + across * DVec3::new(nv, 0.0, v.x);
-                let plain = DVec3::new(sum.x, 0.0, sum.z) / (base + fresnel);
-                let off = (slice.base.weight - base).abs().max((slice.fresnel.weight - fresnel).abs());
-                assert!(off < 1e-3 && mean.abs_diff_eq(plain, 2e-3), "{slice:?}, {mean} against {plain}: off by {off}");
+                let geometry = if l.z > 0.0 { v_environment(l.z, nv, roughness, Geometry::Smith) } else { 0.0 };
+                d * geometry * l.z.max(0.0) * (1.0 - schlick_weight(0.5 * h.length()))
+            });
+            let Match { even, towards: [x, y], spread } = lobe.matched(1.0, nv, SplitSum::TwoMoments);
+            let (towards, alpha) = ((x * r + y * t).normalize(), alpha_from_spread(spread));
+            let round = moments(axis, |l| kernel(towards.dot(l), alpha));
+            let cosine = moments(axis, |l| l.z.max(0.0));
+            let (mean, square) = (round.0.lerp(cosine.0, even), (1.0 - even) * round.1 + even * cosine.1);
+            let told = format!("n·v {nv}, roughness {roughness}, {even}: {own:?} against {mean} and {square}");
+            assert!(even > 0.02 && own.0.abs_diff_eq(mean, 2e-3) && (own.1 - square).abs() < 2e-3, "{told}");
+        }
+    }
+
+    #[test]
+    fn round_lobes_beside_irradiance_keep_a_width() {
+        let mut narrow = 0;
+        for i in 0..=20 {
+            for roughness in [0.05, 0.2, 0.4, 0.6, 0.8, 1.0] {
+                let nv = f64::from(i) / 20.0;
+                let lobe = Lobe { fresnel: LobePart::default(), ..table_lobe(nv, roughness, Geometry::Smith) };
+                let Match { even, spread, .. } = lobe.matched(1.0, nv, SplitSum::TwoMoments);
+                let least = NARROWEST * kernel_spread(roughness * roughness);
+                assert!(
+                    spread >= least * (1.0 - 1e-4) && (0.0..1.0).contains(&even),
+                    "{nv}, {roughness}: {even}, {spread}"
+                );
+                narrow += u32::from(spread < 1.001 * least);
             }
         }
+        assert!(narrow > 0, "none is as narrow as that: nothing was tested");
     }
 
     #[test]

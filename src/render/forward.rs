@@ -68,7 +68,7 @@ impl ForwardPass {
             (constant::SHADING, settings.shading as u32),
             (constant::GEOMETRY, settings.geometry as u32),
             (constant::LINEAR_OUTPUT, u32::from(settings.output == Output::Linear)),
-            (constant::SLICES, u32::from(settings.split_sum == SplitSum::Slices)),
+            (constant::TWO_MOMENTS, u32::from(settings.split_sum == SplitSum::TwoMoments)),
             (constant::SUN, u32::from(request.shades_sun())),
             // Below 0: the shader reads the count from the frame's block.
             (constant::LIGHTS, constant_lights.unwrap_or(u32::MAX)),

@@ -193,7 +193,7 @@ fn specialization_constants_have_their_ids() {
         ("METALNESS", constant::METALNESS),
         ("MULTI_SCATTER", constant::MULTI_SCATTER),
         ("LIGHTMAP", constant::LIGHTMAP),
-        ("SLICES", constant::SLICES),
+        ("TWO_MOMENTS", constant::TWO_MOMENTS),
         ("SUN", constant::SUN),
         ("LAMP_SHADOWS", constant::LAMP_SHADOWS),
         ("SUN_SHADOW", constant::SUN_SHADOW),

@@ -184,16 +184,16 @@ fn what_is_under_way_is_not_loaded_again_and_light_waits_for_its_pipelines() {
     with_gpu(|gpu| {
         let mut desk = Desk::new(gpu, settings());
         let before = desk.draw();
-        let slices = RenderSettings { split_sum: SplitSum::Slices, ..settings() };
-        desk.app.set_settings(slices.clone()).unwrap();
-        desk.app.set_settings(RenderSettings { shading: Shading::Specular, ..slices.clone() }).unwrap();
+        let classic = RenderSettings { split_sum: SplitSum::Classic, ..settings() };
+        desk.app.set_settings(classic.clone()).unwrap();
+        desk.app.set_settings(RenderSettings { shading: Shading::Specular, ..classic.clone() }).unwrap();
         assert_eq!(desk.app.loading.len(), 1);
         desk.gate.wait_for(2);
         assert!(desk.app.collect().unwrap().is_none(), "light without pipelines");
         assert_eq!(desk.settings(), &settings());
         assert!(desk.draw() == before);
         // The light still comes.
-        let wanted = RenderSettings { shading: Shading::Diffuse, ..slices };
+        let wanted = RenderSettings { shading: Shading::Diffuse, ..classic };
         desk.app.set_settings(wanted.clone()).unwrap();
         assert_eq!(desk.settle(), [0, 1]);
         assert_eq!(desk.settings(), &wanted);

@@ -15,7 +15,7 @@ use pbr_vr::reference::levels::{alpha_from_level, level_from_spread};
 use pbr_vr::reference::lobe::kernel_spread;
 use pbr_vr::reference::panorama_sums::prefiltered_around;
 use pbr_vr::reference::sampling::hammersley;
-use pbr_vr::reference::table::{Lobe, SplitSum, table_entry, table_lobe, table_slices};
+use pbr_vr::reference::table::{Lobe, Match, SplitSum, table_entry, table_lobe};
 use pbr_vr::render::Shading;
 
 /// The GPU's table, read back.
@@ -63,29 +63,31 @@ fn the_table_holds_what_quadrature_gives() {
 }
 
 #[test]
-fn the_table_of_slices_holds_what_quadrature_gives_and_the_whole_too() {
-    let (whole, slices) = (table(Geometry::Smith, SplitSum::Moment), table(Geometry::Smith, SplitSum::Slices));
-    let (mut albedo, mut mean) = (0.0f64, 0.0f64);
+fn the_table_of_two_moments_holds_what_quadrature_gives_and_one_moment_too() {
+    let (one, two) = (table(Geometry::Smith, SplitSum::Moment), table(Geometry::Smith, SplitSum::TwoMoments));
+    let (mut mean, mut seconds, mut most) = (0.0f64, Vec::new(), 0.0f64);
     for (nv, roughness) in arguments() {
-        let at = slices.look_up(nv, roughness);
-        assert_eq!((at.lobe, at.mean), (whole.look_up(nv, roughness).lobe, whole.look_up(nv, roughness).mean));
-        let (got, want) = (at.slices.expect("halves"), table_slices(nv, roughness, Geometry::Smith));
-        // Near n = v the halves turn as the root of 1 - n·v, which few texels hold; what one half lacks the other has.
-        for (got, want) in got.into_iter().zip(want) {
-            let off = (got.base.weight - want.base.weight).abs().max((got.fresnel.weight - want.fresnel.weight).abs());
-            assert!(off <= 2e-2, "({nv}, {roughness}): {got:?} against {want:?}");
-            albedo = albedo.max(off);
-            for f0 in [0.04, 1.0] {
-                let share = f0 * want.base.weight + want.fresnel.weight;
-                let (got, want) = (got.mean(f0, nv), want.mean(f0, nv));
-                let off = share * (got[0] - want[0]).hypot(got[1] - want[1]);
-                assert!(off <= 1e-2, "({nv}, {roughness}), F0 {f0}: {got:?} against {want:?}");
-                mean = mean.max(off);
-            }
+        let at = two.look_up(nv, roughness);
+        let same = one.look_up(nv, roughness);
+        assert_eq!((at.lobe.base, at.lobe.fresnel, at.mean), (same.lobe.base, same.lobe.fresnel, same.mean));
+        assert_eq!(same.lobe.even_over_along, 0.0);
+        let lobe = table_lobe(nv, roughness, Geometry::Smith);
+        for f0 in [0.04, 1.0] {
+            let [got, want] = [at.lobe, lobe].map(|lobe| lobe.matched(f0, nv, SplitSum::TwoMoments));
+            let [a, b] = [got.mean(nv), want.mean(nv)];
+            let length = b[0].hypot(b[1]);
+            let axis = b.map(|x| x / length);
+            let off = [(a[0] - b[0]).hypot(a[1] - b[1]), (got.second(axis, nv) - want.second(axis, nv)).abs()];
+            let told = format!("({nv}, {roughness}), F0 {f0}: {got:?} against {want:?}");
+            assert!(off[0] <= 4e-3 && off[1] <= 0.05, "{told}: {off:?}");
+            seconds.push(off[1]);
+            (mean, most) = (mean.max(off[0]), most.max(got.even));
         }
     }
-    println!("albedo off by {albedo:.1e}, mean vector times albedo by {mean:.1e} at most");
-    assert!(whole.look_up(0.5, 0.5).slices.is_none());
+    // At grazing angles of rough surfaces there are two solutions, between which texels mix.
+    let second = Errors::new(seconds);
+    println!("mean vector off by {mean:.1e}, second moment by {second}; most irradiance {most:.2}");
+    assert!(second.p95 <= 4e-3 && most > 0.7, "{second}");
 }
 
 #[test]
@@ -131,7 +133,7 @@ fn linear_light_is_reflected_exactly() {
     shop.panorama("even.exr", 512, |_| [1.0; 3]);
     shop.write("model.obj", &square("m.mtl"));
     let surfaces = [(0.04, 0.2), (0.04, 0.7), (1.0, 0.4), (1.0, 0.9)];
-    let ways = [SplitSum::Moment, SplitSum::Slices].map(|way| surfaces.map(|(f0, roughness)| (way, f0, roughness)));
+    let ways = [SplitSum::Moment, SplitSum::TwoMoments].map(|way| surfaces.map(|(f0, roughness)| (way, f0, roughness)));
     for (split_sum, f0, roughness) in ways.into_iter().flatten() {
         shop.write("m.mtl", &material([f0 as f32; 3], 1.0, roughness as f32));
         for nv in [1.0, 0.7, 0.4, 0.15f64] {
@@ -175,11 +177,11 @@ fn mixed(directions: &[DVec3], spread: f64, panorama: &Panorama) -> Vec<DVec3> {
     at(low).into_iter().zip(high).map(|(low, high)| low.lerp(high, share)).collect()
 }
 
-/// Errors of the classic split sum and of the matched moment against the full integral, for F0 0.04 and 1.
-fn split_sum_errors(name: &str, panorama: &Panorama) -> [[Errors; 2]; 2] {
+/// Errors of the classic split sum, of one matched moment and of two against the full integral, for F0 0.04 and 1.
+fn split_sum_errors(name: &str, panorama: &Panorama) -> [[Errors; 3]; 2] {
     const F0: [f64; 2] = [0.04, 1.0];
     let view = PanoramaView::new(panorama.width, panorama.height, &panorama.texels).expect("a panorama");
-    let mut errors: [[Vec<f64>; 2]; 2] = Default::default();
+    let mut errors: [[Vec<f64>; 3]; 2] = Default::default();
     for roughness in [0.25, 0.5, 0.75, 1.0] {
         for nv in [1.0, 0.7, 0.4, 0.1f64] {
             let lobe = table_lobe(nv, roughness, Geometry::Smith);
@@ -199,12 +201,16 @@ fn split_sum_errors(name: &str, panorama: &Panorama) -> [[Errors; 2]; 2] {
                     [panorama.width, panorama.height],
                     &panorama.texels,
                 )[0];
+                let irradiance = prefiltered_around(&[n], 1.0, [panorama.width, panorama.height], &panorama.texels)[0];
                 for (k, f0) in F0.into_iter().enumerate() {
                     let albedo = f0 * lobe.base.weight + lobe.fresnel.weight;
-                    let [along, across] = lobe.mean(f0, nv);
-                    let mean = along * r + across * (n - nv * r).normalize_or_zero();
-                    let moment = mixed(&[mean.normalize()], 1.0 - mean.length(), panorama)[0];
-                    for (method, light) in [classic, moment].into_iter().enumerate() {
+                    let matched = |split_sum| {
+                        let Match { even, towards, spread } = lobe.matched(f0, nv, split_sum);
+                        let towards = towards[0] * r + towards[1] * (n - nv * r).normalize_or_zero();
+                        mixed(&[towards.normalize()], spread, panorama)[0].lerp(irradiance, even)
+                    };
+                    let methods = [classic, matched(SplitSum::Moment), matched(SplitSum::TwoMoments)];
+                    for (method, light) in methods.into_iter().enumerate() {
                         errors[k][method].push((albedo * light[k] / truth[k] - 1.0).abs());
                     }
                 }
@@ -212,8 +218,8 @@ fn split_sum_errors(name: &str, panorama: &Panorama) -> [[Errors; 2]; 2] {
         }
     }
     let errors = errors.map(|methods| methods.map(Errors::new));
-    for (f0, [classic, moment]) in F0.iter().zip(&errors) {
-        println!("{name}, F0 {f0}: classic {classic}; moment {moment}");
+    for (f0, [classic, one, two]) in F0.iter().zip(&errors) {
+        println!("{name}, F0 {f0}: classic {classic}; one moment {one}; two {two}");
     }
     errors
 }
@@ -224,7 +230,7 @@ fn grey(panorama: Panorama) -> Panorama {
 }
 
 #[test]
-fn matching_the_moment_halves_the_classic_error() {
+fn each_moment_takes_part_of_the_error() {
     // From a dim ground to a bright zenith, and with a sharp horizon.
     let sky = Panorama::from_fn(128, 64, |d| Vec3::splat((0.15 + 0.425 * (1.0 + d.y)).powi(2)));
     let horizon = Panorama::from_fn(128, 64, |d| Vec3::splat(if d.y > 0.0 { 1.0 - 0.7 * d.y } else { 0.2 }));
@@ -232,8 +238,8 @@ fn matching_the_moment_halves_the_classic_error() {
     let sunset = half_size(&half_size(&Panorama::load(&sunset, &Report::silent()).expect("the shipped sunset")));
     let mut good = true;
     for (name, panorama, most) in [("sky gradient", sky, 0.5), ("horizon", horizon, 0.8), ("sunset", sunset, 0.5)] {
-        for [classic, moment] in split_sum_errors(name, &grey(panorama)) {
-            good &= moment.mean <= most * classic.mean;
+        for [classic, one, two] in split_sum_errors(name, &grey(panorama)) {
+            good &= one.mean <= most * classic.mean && two.mean <= 0.75 * one.mean;
         }
     }
     assert!(good, "see above");

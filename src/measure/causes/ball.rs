@@ -70,7 +70,7 @@ impl<'a> Ball<'a> {
         let name = stem(&panorama.name);
         let sums = Sums::new(panorama)?;
         let stored = maps(context, panorama, size)?;
-        let table = BrdfTable::new(context, Geometry::Smith, SplitSum::Slices)?;
+        let table = BrdfTable::new(context, Geometry::Smith, SplitSum::TwoMoments)?;
         let table = TableTexels::read(&context.gpu, &table)?;
         let mut points = [const { Vec::new() }; MATERIALS.len()];
         for roughness in grid.roughness {
@@ -95,8 +95,11 @@ impl<'a> Ball<'a> {
         }
         for (variant, words) in [
             (Variant { fresnel_twice: true, ..default }, ["Fresnel", "in the table", "twice: by roughness, too"]),
-            (Variant { split_sum: SplitSum::Classic, ..default }, ["n = v", "matched by its mean", "classic: along r"]),
-            (Variant { split_sum: SplitSum::Slices, ..default }, ["slices", "the whole lobe", "two matched halves"]),
+            (
+                Variant { split_sum: SplitSum::Classic, ..default },
+                ["n = v", "matched by two moments", "classic: along r"],
+            ),
+            (Variant { split_sum: SplitSum::Moment, ..default }, ["one moment", "two moments", "its mean alone"]),
             (Variant { scattering: Scattering::Single, ..default }, ["scattering", "as often as it takes", "once"]),
         ] {
             let other = self.values(Exact::Nothing, variant, None);

@@ -10,12 +10,12 @@ use crate::reference::energy::{Energy, Scattering};
 use crate::reference::integrals::{Surface, Terms, reflected_by};
 use crate::reference::levels::{LEVELS, alpha_from_level, alpha_from_spread, level_from_spread};
 use crate::reference::lobe::kernel_spread;
-use crate::reference::table::{Entry, Lobe, SplitSum, table_lobe, table_slices};
+use crate::reference::table::{Entry, Lobe, Match, SplitSum, table_lobe};
 
 /// An approximation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Cause {
-    /// Light averaged under a round lobe with the mean vector of the BRDF's own, which is grey: n = v, matched.
+    /// Light averaged under a round lobe and the cosine's, with both moments of the BRDF's own, which is grey: n = v, matched.
     Lobe,
     /// The diffuse part and multiple scattering from the irradiance alone.
     Diffuse,
@@ -34,7 +34,7 @@ impl Cause {
     pub fn words(self) -> [&'static str; 3] {
         match self {
             Self::Lobe => {
-                ["n = v (matched)", "one round, grey lobe with the mean of the BRDF's", "the BRDF's own lobe"]
+                ["n = v (matched)", "a round, grey lobe and irradiance for the BRDF's", "the BRDF's own lobe"]
             }
             Self::Diffuse => ["diffuse, multi-scatter", "even-light share × irradiance", "the BRDF's own integrals"],
             Self::Levels => ["level interpolation", "two of ten levels mixed", "the lobe itself"],
@@ -97,8 +97,7 @@ fn exact_table(surface: &Surface, terms: &Terms) -> TableAt {
     let lobe = table_lobe(surface.n.dot(surface.v), surface.roughness, Geometry::Smith);
     // Smith's terms have one.
     let mean = terms.mean_entry().unwrap_or(Entry { scale: 0.0, bias: 0.0 });
-    let slices = table_slices(surface.n.dot(surface.v), surface.roughness, Geometry::Smith);
-    TableAt { lobe, slices: Some(slices), mean }
+    TableAt { lobe, mean }
 }
 
 fn entry(at: &TableAt) -> Entry {
@@ -120,7 +119,7 @@ pub struct Variant {
 
 impl Default for Variant {
     fn default() -> Self {
-        Self { split_sum: SplitSum::Moment, scattering: Scattering::Multiple, fresnel_twice: false }
+        Self { split_sum: SplitSum::TwoMoments, scattering: Scattering::Multiple, fresnel_twice: false }
     }
 }
 
@@ -144,15 +143,15 @@ pub fn radiance(point: &Point, exact: Exact, variant: Variant, stored: &Stored, 
     mirrored + beyond
 }
 
-/// The direction and spread of a lobe at a point, as `lobe_part` in `glsl/environment.glsl`.
-fn mean_and_spread(point: &Point, lobe: &Lobe) -> (DVec3, f64) {
+/// The direction and spread of the round lobe at a point and the weight of irradiance beside it, as `specular_lobe` in
+/// `glsl/environment.glsl`.
+fn matched(point: &Point, lobe: &Lobe, split_sum: SplitSum) -> (DVec3, f64, f64) {
     let Surface { n, v, base_color, metallic, .. } = point.surface;
     let nv = n.dot(v);
     let r = 2.0 * nv * n - v;
     let grey = f0_from_metallic(base_color, metallic).element_sum() / 3.0;
-    let [along, across] = lobe.mean(grey, nv);
-    let mean = along * r + across * (n - nv * r).normalize_or_zero();
-    (mean, 1.0 - mean.length())
+    let Match { even, towards, spread } = lobe.matched(grey, nv, split_sum);
+    (towards[0] * r + towards[1] * (n - nv * r).normalize_or_zero(), spread, even)
 }
 
 /// The maps of one panorama, read back from the GPU.
@@ -177,18 +176,13 @@ impl Maps<'_, '_> {
         if variant.fresnel_twice {
             f0 = f_schlick_roughness(f0, n.dot(v), roughness);
         }
-        let mut under = |lobe: &Lobe| {
-            let (d, spread) = mean_and_spread(point, lobe);
-            reflectance(lobe, f0) * self.specular(d, spread, exact)
+        let (towards, spread, even) = match variant.split_sum {
+            SplitSum::Classic => (2.0 * n.dot(v) * n - v, kernel_spread(roughness * roughness), 0.0),
+            SplitSum::Moment | SplitSum::TwoMoments => matched(point, &at.lobe, variant.split_sum),
         };
-        match variant.split_sum {
-            SplitSum::Moment => under(&at.lobe),
-            SplitSum::Slices => at.slices.iter().flatten().map(under).sum(),
-            SplitSum::Classic => {
-                let r = 2.0 * n.dot(v) * n - v;
-                reflectance(&at.lobe, f0) * self.specular(r, kernel_spread(roughness * roughness), exact)
-            }
-        }
+        let round = self.specular(towards, spread, exact);
+        let light = if even > 0.0 { round.lerp(self.irradiance(n, exact), even) } else { round };
+        reflectance(&at.lobe, f0) * light
     }
 
     /// Mean radiance under a lobe.
