@@ -4,7 +4,7 @@ use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use fault_layer::{CALL, FILE, LAYER, LOG};
+use fault_layer::{BELOW_VALIDATION, BUDGET, CALL, FILE, GPU, LAYER, LOG};
 
 const BUILT: &str = if cfg!(windows) { "fault_layer.dll" } else { "libfault_layer.so" };
 const VALIDATION: &str = "VK_LAYER_KHRONOS_validation";
@@ -47,6 +47,26 @@ impl FaultLayer {
             assert!(started.elapsed() < PATIENCE, "the function is never called");
             std::thread::sleep(Duration::from_millis(20));
         }
+    }
+
+    /// What a program that runs with `--validate` needs to find a weak GPU, of the words in `tests/fault_layer/src/weak.rs`. The layer
+    /// lies below that of validation, which so takes the weak GPU for the driver's.
+    pub fn weak(&self, gpu: &str) -> [(&'static str, OsString); 3] {
+        let folder = self.folder.clone().into_os_string();
+        [("VK_ADD_LAYER_PATH", folder), ("VK_INSTANCE_LAYERS", BELOW_VALIDATION.into()), (GPU, gpu.into())]
+    }
+
+    /// The same with a budget of memory, which [`FaultLayer::set_budget`] has set before.
+    pub fn with_budget(&self, gpu: &str) -> [(&'static str, OsString); 4] {
+        let [folder, layers, gpu] = self.weak(gpu);
+        [folder, layers, gpu, (BUDGET, self.folder.join("budget").into())]
+    }
+
+    /// Leaves the program so many MiB of the GPU's memory from now on.
+    pub fn set_budget(&self, mib: u64) {
+        let whole = self.folder.join("budget-to-be");
+        std::fs::write(&whole, mib.to_string()).expect("a test file");
+        std::fs::rename(whole, self.folder.join("budget")).expect("a test file");
     }
 
     /// What a program that runs with `--validate` needs for its call of this number to fail; 0: none. The layer lies below that of
