@@ -8,8 +8,8 @@ use std::time::{Duration, Instant};
 
 use ash::vk::Handle as _;
 use ash::{ext, vk};
-use gpu_allocator::MemoryLocation;
 use gpu_allocator::vulkan::{Allocation, AllocationCreateDesc, AllocationScheme, Allocator, AllocatorCreateDesc};
+use gpu_allocator::{AllocationSizes, MemoryLocation};
 use raw_window_handle::{DisplayHandle, WindowHandle};
 
 use super::choice::{self, Goal, GpuInfo, Surface};
@@ -39,6 +39,7 @@ pub struct Gpu {
     pub(super) max_anisotropy: Option<f32>,
     options: choice::Options,
     pub(super) limits: vk::PhysicalDeviceLimits,
+    pub(super) max_buffer_bytes: u64,
     /// The only queue.
     queue: Mutex<vk::Queue>,
     /// Submissions so far; only the holder of the queue adds to it.
@@ -138,7 +139,7 @@ impl Gpu {
             physical_device: chosen.physical,
             debug_settings: Default::default(),
             buffer_device_address: false,
-            allocation_sizes: Default::default(),
+            allocation_sizes: block_sizes(chosen.info.memory),
         })
         .map_err(|e| Error::GpuMemory { what: "the allocator".into(), problem: e.to_string() })?;
         let debug = instance.has_debug_utils.then(|| ext::debug_utils::Device::new(&instance.raw, &device));
@@ -150,6 +151,7 @@ impl Gpu {
             options: chosen.options,
             max_anisotropy: chosen.options.anisotropy.then_some(chosen.properties.limits.max_sampler_anisotropy),
             limits: chosen.properties.limits,
+            max_buffer_bytes: chosen.max_buffer_bytes,
             queue: Mutex::new(queue),
             submitted: AtomicU64::new(0),
             deferred: DeferredQueue::default(),
@@ -237,10 +239,10 @@ impl Gpu {
     }
 
     /// Bytes of device-local memory that this process may still allocate. Where the driver does not report it: 7/8 of
-    /// all.
+    /// all, less what this process has.
     pub fn free_memory(&self) -> u64 {
         if !self.options.memory_budget {
-            return self.info.memory - self.info.memory / 8;
+            return (self.info.memory - self.info.memory / 8).saturating_sub(self.taken_memory());
         }
         let mut budget = vk::PhysicalDeviceMemoryBudgetPropertiesEXT::default();
         let mut memory = vk::PhysicalDeviceMemoryProperties2::default().push_next(&mut budget);
@@ -385,6 +387,13 @@ impl Drop for Gpu {
             ManuallyDrop::drop(&mut self.allocator);
         }
     }
+}
+
+/// Sizes of the blocks that objects share, for so much device-local memory: an eighth of it, as in AMD's Vulkan Memory Allocator
+/// (`VMA_SMALL_HEAP_MAX_SIZE`), where the usual ones would take it all.
+fn block_sizes(memory: u64) -> AllocationSizes {
+    const MIB: u64 = 1 << 20;
+    AllocationSizes::new((memory / 8).min(256 * MIB), (memory / 8).min(64 * MIB))
 }
 
 /// The goal without a particular window.

@@ -1,0 +1,111 @@
+//! What a GPU allows: limits that the program needs to be higher than Vulkan requires of every GPU, and checks of what is about
+//! to be made against the others.
+
+use ash::vk;
+
+use super::device::Gpu;
+use super::image::{ImageDesc, Shape};
+use crate::{Error, Result};
+
+/// Images with samplers that one shader stage sees, in all sets of a pipeline; Vulkan requires 16.
+pub const SAMPLED_IN_STAGE: u32 = 21;
+/// Storage buffers that one shader stage sees; Vulkan requires 4.
+pub const STORAGE_IN_STAGE: u32 = 16;
+
+/// The needed limits that are too low, with what is needed; empty if there are none.
+pub(super) fn too_low(limits: &vk::PhysicalDeviceLimits) -> Vec<String> {
+    let needed = [
+        ("maxPerStageDescriptorSamplers", limits.max_per_stage_descriptor_samplers, SAMPLED_IN_STAGE),
+        ("maxPerStageDescriptorSampledImages", limits.max_per_stage_descriptor_sampled_images, SAMPLED_IN_STAGE),
+        ("maxPerStageDescriptorStorageBuffers", limits.max_per_stage_descriptor_storage_buffers, STORAGE_IN_STAGE),
+    ];
+    let low = needed.into_iter().filter(|(_, there, needed)| there < needed);
+    low.map(|(name, there, needed)| format!("{name} of {needed} ({there})")).collect()
+}
+
+/// Checks that an image may have this size and so many layers.
+pub(super) fn check_image(gpu: &Gpu, name: &str, desc: &ImageDesc) -> Result<()> {
+    let limits = &gpu.limits;
+    let side = match desc.shape {
+        Shape::Flat | Shape::Layers(_) => limits.max_image_dimension2_d,
+        Shape::Cube | Shape::CubeArray(_) => limits.max_image_dimension_cube,
+    };
+    let [width, height] = desc.size;
+    if width.max(height) > side {
+        return Err(refused(gpu, name, (format!("{width}x{height} texels"), format!("{side}x{side}"))));
+    }
+    let (layers, most) = (desc.shape.layers(), limits.max_image_array_layers);
+    if layers > most {
+        return Err(refused(gpu, name, (format!("{layers} layers"), most.to_string())));
+    }
+    Ok(())
+}
+
+/// Checks that a buffer may have so many bytes.
+pub(super) fn check_buffer(gpu: &Gpu, name: &str, bytes: u64) -> Result<()> {
+    within(gpu, name, bytes, gpu.max_buffer_bytes)
+}
+
+/// Checks that shaders may see so many bytes of a storage buffer.
+pub(super) fn check_storage(gpu: &Gpu, name: &str, bytes: u64) -> Result<()> {
+    within(gpu, name, bytes, gpu.limits.max_storage_buffer_range.into())
+}
+
+fn within(gpu: &Gpu, name: &str, bytes: u64, most: u64) -> Result<()> {
+    let mib = |bytes: u64| format!("{:.1} MiB", bytes as f64 / f64::from(1 << 20));
+    if bytes > most { Err(refused(gpu, name, (mib(bytes), mib(most)))) } else { Ok(()) }
+}
+
+fn refused(gpu: &Gpu, name: &str, (asked, most): (String, String)) -> Error {
+    Error::GpuLimit { what: name.into(), asked, most, gpu: gpu.info().name.clone() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn limits_that_are_too_low_are_named() {
+        let enough = vk::PhysicalDeviceLimits {
+            max_per_stage_descriptor_samplers: SAMPLED_IN_STAGE,
+            max_per_stage_descriptor_sampled_images: SAMPLED_IN_STAGE,
+            max_per_stage_descriptor_storage_buffers: STORAGE_IN_STAGE,
+            ..Default::default()
+        };
+        assert_eq!(too_low(&enough), [""; 0]);
+        let few = vk::PhysicalDeviceLimits { max_per_stage_descriptor_storage_buffers: 4, ..enough };
+        assert_eq!(too_low(&few), ["maxPerStageDescriptorStorageBuffers of 16 (4)"]);
+    }
+}
+
+#[cfg(test)]
+mod gpu_tests {
+    use super::*;
+    use crate::gpu::{
+        Binding, BindingType, Buffer, BufferKind, DescriptorSet, DescriptorSetLayout, Format, Image, ImageUsageFlags,
+        with_gpu,
+    };
+
+    #[test]
+    fn what_exceeds_a_limit_is_refused_before_vulkan_is_asked() {
+        with_gpu(|gpu| {
+            let is_limit = |error: &Error| matches!(error, Error::GpuLimit { .. }) && !error.is_out_of_memory();
+            let flat = |size| ImageDesc::flat(Format::R8G8B8A8_UNORM, size, ImageUsageFlags::TRANSFER_DST);
+            let wide = Image::new(gpu, "wide", flat([1, gpu.max_image_size() + 1]));
+            assert!(wide.is_err_and(|error| is_limit(&error) && error.to_string().contains("wide")));
+            let layers = gpu.limits.max_image_array_layers + 1;
+            let deep = Image::new(gpu, "deep", ImageDesc { shape: Shape::Layers(layers), ..flat([1, 1]) });
+            assert!(deep.is_err_and(|error| is_limit(&error)));
+            let large = Buffer::new(gpu, "large", BufferKind::Storage, gpu.max_buffer_bytes + 1);
+            assert!(large.is_err_and(|error| is_limit(&error)));
+            // lavapipe's is 128 MiB, of which nothing is touched.
+            let seen = u64::from(gpu.limits.max_storage_buffer_range) + 4;
+            if seen <= 1 << 28 {
+                let buffer = Buffer::new(gpu, "seen", BufferKind::Storage, seen).unwrap();
+                let layout = DescriptorSetLayout::new(gpu, "layout", &[BindingType::Storage]).unwrap();
+                let set = DescriptorSet::new(gpu, "set", &layout, &[Binding::Storage(&buffer)]);
+                assert!(set.is_err_and(|error| is_limit(&error)));
+            }
+        });
+    }
+}
