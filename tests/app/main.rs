@@ -34,5 +34,6 @@ mod needs;
 mod panel;
 mod sequences;
 mod textures;
+mod weak_gpus;
 #[cfg(target_os = "linux")]
 mod window;
