@@ -8,7 +8,6 @@ use gpu_allocator::vulkan::Allocation;
 
 use super::deferred::Deferred;
 use super::device::Gpu;
-use super::limits::check_buffer;
 use crate::{Error, Result};
 
 /// The purpose of a buffer; decides its usage flags and memory type.
@@ -63,7 +62,7 @@ impl Buffer {
     pub fn new(gpu: &Arc<Gpu>, name: &str, kind: BufferKind, size: u64) -> Result<Arc<Self>> {
         let (usage, location) = kind.usage();
         let size = size.max(1);
-        check_buffer(gpu, name, size)?;
+        gpu.limits.check_buffer(name, size)?;
         let info = vk::BufferCreateInfo::default().size(size).usage(usage);
         // SAFETY: the device is alive, `info` is complete.
         let raw = unsafe { gpu.device.create_buffer(&info, None) }.map_err(Error::vulkan("creating a buffer"))?;

@@ -9,7 +9,6 @@ use super::buffer::Buffer;
 use super::deferred::Deferred;
 use super::device::Gpu;
 use super::image::{Image, ImageAccess};
-use super::limits::check_storage;
 use super::sampler::Sampler;
 use crate::{Error, Result};
 
@@ -145,7 +144,7 @@ impl DescriptorSet {
         let kinds: Vec<BindingType> = bindings.iter().map(|b| b.kind()).collect();
         assert_eq!(kinds, layout.kinds, "set {name} does not match its layout");
         for buffer in bindings.iter().filter_map(|b| b.stored()) {
-            check_storage(gpu, name, buffer.size())?;
+            gpu.limits.check_storage(name, buffer.size())?;
         }
         let sizes: Vec<_> =
             kinds.iter().map(|k| vk::DescriptorPoolSize::default().ty(raw_type(*k)).descriptor_count(1)).collect();

@@ -15,6 +15,7 @@ use raw_window_handle::{DisplayHandle, WindowHandle};
 use super::choice::{self, Goal, GpuInfo, Surface};
 use super::deferred::{Deferred, DeferredQueue};
 use super::instance::{Instance, Messages, listed, names, split};
+use super::limits::Limits;
 use super::logical_device::LogicalDevice;
 use super::pipeline_cache::PipelineCache;
 use crate::{Error, Result};
@@ -38,8 +39,7 @@ pub struct Gpu {
     pub(super) family: u32,
     pub(super) max_anisotropy: Option<f32>,
     options: choice::Options,
-    pub(super) limits: vk::PhysicalDeviceLimits,
-    pub(super) max_buffer_bytes: u64,
+    pub(super) limits: Limits,
     /// The only queue.
     queue: Mutex<vk::Queue>,
     /// Submissions so far; only the holder of the queue adds to it.
@@ -150,8 +150,11 @@ impl Gpu {
             family: chosen.family,
             options: chosen.options,
             max_anisotropy: chosen.options.anisotropy.then_some(chosen.properties.limits.max_sampler_anisotropy),
-            limits: chosen.properties.limits,
-            max_buffer_bytes: chosen.max_buffer_bytes,
+            limits: Limits {
+                vulkan: chosen.properties.limits,
+                max_buffer_bytes: chosen.max_buffer_bytes,
+                gpu: chosen.info.name.clone(),
+            },
             queue: Mutex::new(queue),
             submitted: AtomicU64::new(0),
             deferred: DeferredQueue::default(),
@@ -182,7 +185,7 @@ impl Gpu {
 
     /// The greatest width and height of 2D images, in texels.
     pub fn max_image_size(&self) -> u32 {
-        self.limits.max_image_dimension2_d
+        self.limits.vulkan.max_image_dimension2_d
     }
 
     /// Calls a function that uses the queue itself, such as one of a headset's runtime.

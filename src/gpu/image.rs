@@ -12,7 +12,6 @@ use gpu_allocator::vulkan::Allocation;
 
 use super::deferred::Deferred;
 use super::device::Gpu;
-use super::limits::check_image;
 use crate::{Error, Result};
 
 /// The format of every depth image.
@@ -197,7 +196,7 @@ impl Image {
             let result = vk::Result::ERROR_FEATURE_NOT_PRESENT;
             return Err(Error::Vulkan { doing: "creating an array of cubes", result });
         }
-        check_image(gpu, name, &desc)?;
+        gpu.limits.check_image(name, desc.size, desc.shape.layers(), desc.shape.is_cube())?;
         let info = vk::ImageCreateInfo::default()
             .flags(if desc.shape.is_cube() { vk::ImageCreateFlags::CUBE_COMPATIBLE } else { Default::default() })
             .image_type(vk::ImageType::TYPE_2D)

@@ -3,8 +3,6 @@
 
 use ash::vk;
 
-use super::device::Gpu;
-use super::image::{ImageDesc, Shape};
 use crate::{Error, Result};
 
 /// Images with samplers that one shader stage sees, in all sets of a pipeline; Vulkan requires 16.
@@ -23,41 +21,47 @@ pub(super) fn too_low(limits: &vk::PhysicalDeviceLimits) -> Vec<String> {
     low.map(|(name, there, needed)| format!("{name} of {needed} ({there})")).collect()
 }
 
-/// Checks that an image may have this size and so many layers.
-pub(super) fn check_image(gpu: &Gpu, name: &str, desc: &ImageDesc) -> Result<()> {
-    let limits = &gpu.limits;
-    let side = match desc.shape {
-        Shape::Flat | Shape::Layers(_) => limits.max_image_dimension2_d,
-        Shape::Cube | Shape::CubeArray(_) => limits.max_image_dimension_cube,
-    };
-    let [width, height] = desc.size;
-    if width.max(height) > side {
-        return Err(refused(gpu, name, (format!("{width}x{height} texels"), format!("{side}x{side}"))));
+/// The limits of one GPU.
+pub(super) struct Limits {
+    pub(super) vulkan: vk::PhysicalDeviceLimits,
+    pub(super) max_buffer_bytes: u64,
+    /// For messages.
+    pub(super) gpu: String,
+}
+
+impl Limits {
+    /// Checks that an image may have this size and so many layers.
+    pub(super) fn check_image(&self, name: &str, [width, height]: [u32; 2], layers: u32, is_cube: bool) -> Result<()> {
+        let vk::PhysicalDeviceLimits { max_image_dimension2_d, max_image_dimension_cube, .. } = self.vulkan;
+        let side = if is_cube { max_image_dimension_cube } else { max_image_dimension2_d };
+        if width.max(height) > side {
+            return Err(self.refused(name, (format!("{width}x{height} texels"), format!("{side}x{side}"))));
+        }
+        let most = self.vulkan.max_image_array_layers;
+        if layers > most {
+            return Err(self.refused(name, (format!("{layers} layers"), most.to_string())));
+        }
+        Ok(())
     }
-    let (layers, most) = (desc.shape.layers(), limits.max_image_array_layers);
-    if layers > most {
-        return Err(refused(gpu, name, (format!("{layers} layers"), most.to_string())));
+
+    /// Checks that a buffer may have so many bytes.
+    pub(super) fn check_buffer(&self, name: &str, bytes: u64) -> Result<()> {
+        self.check_bytes(name, bytes, self.max_buffer_bytes)
     }
-    Ok(())
-}
 
-/// Checks that a buffer may have so many bytes.
-pub(super) fn check_buffer(gpu: &Gpu, name: &str, bytes: u64) -> Result<()> {
-    within(gpu, name, bytes, gpu.max_buffer_bytes)
-}
+    /// Checks that shaders may see so many bytes of a storage buffer.
+    pub(super) fn check_storage(&self, name: &str, bytes: u64) -> Result<()> {
+        self.check_bytes(name, bytes, self.vulkan.max_storage_buffer_range.into())
+    }
 
-/// Checks that shaders may see so many bytes of a storage buffer.
-pub(super) fn check_storage(gpu: &Gpu, name: &str, bytes: u64) -> Result<()> {
-    within(gpu, name, bytes, gpu.limits.max_storage_buffer_range.into())
-}
+    fn check_bytes(&self, name: &str, bytes: u64, most: u64) -> Result<()> {
+        let mib = |bytes: u64| format!("{:.1} MiB", bytes as f64 / f64::from(1 << 20));
+        if bytes > most { Err(self.refused(name, (mib(bytes), mib(most)))) } else { Ok(()) }
+    }
 
-fn within(gpu: &Gpu, name: &str, bytes: u64, most: u64) -> Result<()> {
-    let mib = |bytes: u64| format!("{:.1} MiB", bytes as f64 / f64::from(1 << 20));
-    if bytes > most { Err(refused(gpu, name, (mib(bytes), mib(most)))) } else { Ok(()) }
-}
-
-fn refused(gpu: &Gpu, name: &str, (asked, most): (String, String)) -> Error {
-    Error::GpuLimit { what: name.into(), asked, most, gpu: gpu.info().name.clone() }
+    fn refused(&self, name: &str, (asked, most): (String, String)) -> Error {
+        Error::GpuLimit { what: name.into(), asked, most, gpu: self.gpu.clone() }
+    }
 }
 
 #[cfg(test)]
@@ -82,8 +86,8 @@ mod tests {
 mod gpu_tests {
     use super::*;
     use crate::gpu::{
-        Binding, BindingType, Buffer, BufferKind, DescriptorSet, DescriptorSetLayout, Format, Image, ImageUsageFlags,
-        with_gpu,
+        Binding, BindingType, Buffer, BufferKind, DescriptorSet, DescriptorSetLayout, Format, Image, ImageDesc,
+        ImageUsageFlags, Shape, with_gpu,
     };
 
     #[test]
@@ -93,13 +97,13 @@ mod gpu_tests {
             let flat = |size| ImageDesc::flat(Format::R8G8B8A8_UNORM, size, ImageUsageFlags::TRANSFER_DST);
             let wide = Image::new(gpu, "wide", flat([1, gpu.max_image_size() + 1]));
             assert!(wide.is_err_and(|error| is_limit(&error) && error.to_string().contains("wide")));
-            let layers = gpu.limits.max_image_array_layers + 1;
+            let layers = gpu.limits.vulkan.max_image_array_layers + 1;
             let deep = Image::new(gpu, "deep", ImageDesc { shape: Shape::Layers(layers), ..flat([1, 1]) });
             assert!(deep.is_err_and(|error| is_limit(&error)));
-            let large = Buffer::new(gpu, "large", BufferKind::Storage, gpu.max_buffer_bytes + 1);
+            let large = Buffer::new(gpu, "large", BufferKind::Storage, gpu.limits.max_buffer_bytes + 1);
             assert!(large.is_err_and(|error| is_limit(&error)));
             // lavapipe's is 128 MiB, of which nothing is touched.
-            let seen = u64::from(gpu.limits.max_storage_buffer_range) + 4;
+            let seen = u64::from(gpu.limits.vulkan.max_storage_buffer_range) + 4;
             if seen <= 1 << 28 {
                 let buffer = Buffer::new(gpu, "seen", BufferKind::Storage, seen).unwrap();
                 let layout = DescriptorSetLayout::new(gpu, "layout", &[BindingType::Storage]).unwrap();
