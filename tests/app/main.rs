@@ -34,6 +34,7 @@ mod needs;
 mod panel;
 mod sequences;
 mod textures;
+#[cfg(target_os = "linux")]
 mod weak_gpus;
 #[cfg(target_os = "linux")]
 mod window;
