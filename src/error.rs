@@ -51,6 +51,10 @@ pub enum Error {
     #[error("GPU: no memory for {what}: {problem}; close other programs, or choose a smaller picture or scene")]
     GpuMemory { what: String, problem: String },
 
+    /// More than the GPU allows an object of this kind to have.
+    #[error("GPU: {what} has {asked}, and {gpu} allows {most} at most; choose a smaller scene or setting")]
+    GpuLimit { what: String, asked: String, most: String, gpu: String },
+
     /// What computes a scene's light could not be prepared.
     #[error("light: {problem}")]
     Light { problem: String },

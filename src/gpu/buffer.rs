@@ -62,6 +62,7 @@ impl Buffer {
     pub fn new(gpu: &Arc<Gpu>, name: &str, kind: BufferKind, size: u64) -> Result<Arc<Self>> {
         let (usage, location) = kind.usage();
         let size = size.max(1);
+        gpu.limits.check_buffer(name, size)?;
         let info = vk::BufferCreateInfo::default().size(size).usage(usage);
         // SAFETY: the device is alive, `info` is complete.
         let raw = unsafe { gpu.device.create_buffer(&info, None) }.map_err(Error::vulkan("creating a buffer"))?;

@@ -7,6 +7,7 @@ use ash::{ext, khr, vk};
 use raw_window_handle::{DisplayHandle, WindowHandle};
 
 use super::instance::Instance;
+use super::limits::too_low;
 use crate::{Error, Result};
 
 /// The requirement that most old GPUs do not meet, for messages.
@@ -93,6 +94,8 @@ pub(super) struct Candidate {
     pub(super) info: GpuInfo,
     pub(super) family: u32,
     pub(super) properties: vk::PhysicalDeviceProperties,
+    /// The largest buffer, and the largest piece of memory.
+    pub(super) max_buffer_bytes: u64,
     pub(super) options: Options,
     rank: u32,
 }
@@ -180,11 +183,15 @@ fn examine(instance: &Instance, physical: vk::PhysicalDevice, goal: Goal<'_>) ->
     };
     if version < vk::API_VERSION_1_3 {
         info.unfit = Some(format!("has Vulkan {} only, {NEEDS} is needed", info.vulkan));
-        return Candidate { physical, info, family: 0, properties, options: Options::default(), rank };
+        let options = Options::default();
+        return Candidate { physical, info, family: 0, properties, max_buffer_bytes: 0, options, rank };
     }
     let mut driver = vk::PhysicalDeviceDriverProperties::default();
-    let mut properties2 = vk::PhysicalDeviceProperties2::default().push_next(&mut driver);
-    // SAFETY: a Vulkan 1.2 structure chain on a 1.3 device; the call only writes into it.
+    let (mut v11, mut v13) = Default::default();
+    let mut properties2: vk::PhysicalDeviceProperties2<'_> = Default::default();
+    properties2 = properties2.push_next(&mut driver).push_next::<vk::PhysicalDeviceVulkan11Properties<'_>>(&mut v11);
+    properties2 = properties2.push_next::<vk::PhysicalDeviceVulkan13Properties<'_>>(&mut v13);
+    // SAFETY: a structure chain of Vulkan 1.3 on a 1.3 device; the call only writes into it.
     unsafe { instance.raw.get_physical_device_properties2(physical, &mut properties2) };
     let text = |s: std::result::Result<&CStr, _>| s.unwrap_or(c"?").to_string_lossy().into_owned();
     info.driver = format!("{} {}", text(driver.driver_name_as_c_str()), text(driver.driver_info_as_c_str()));
@@ -193,13 +200,14 @@ fn examine(instance: &Instance, physical: vk::PhysicalDevice, goal: Goal<'_>) ->
     info.options = vec![
         ("anisotropic filtering", features.options.anisotropy),
         ("block-compressed textures (BC5, BC7)", features.options.compressed_textures),
+        ("arrays of cubes, for probes", features.options.cube_arrays),
         ("reporting free memory", features.options.memory_budget),
         ("presenting to windows", has_swapchain),
     ];
     let family = graphics_family(instance, physical, goal);
     let presents = matches!(goal, Goal::Pictures) || has_swapchain;
     let shows = |surface: &Surface<'_>| surface.has_formats(physical);
-    info.unfit = features.missing().or_else(|| {
+    info.unfit = features.missing(&properties.limits).or_else(|| {
         let sampled =
             properties.limits.framebuffer_color_sample_counts & properties.limits.framebuffer_depth_sample_counts;
         let problem = match () {
@@ -215,7 +223,9 @@ fn examine(instance: &Instance, physical: vk::PhysicalDevice, goal: Goal<'_>) ->
         };
         Some(problem.into())
     });
-    Candidate { physical, info, family: family.unwrap_or(0), properties, options: features.options, rank }
+    let max_buffer_bytes = v13.max_buffer_size.min(v11.max_memory_allocation_size);
+    let (family, options) = (family.unwrap_or(0), features.options);
+    Candidate { physical, info, family, properties, max_buffer_bytes, options, rank }
 }
 
 struct Features {
@@ -253,9 +263,11 @@ impl Features {
         Self { needed, options }
     }
 
-    fn missing(&self) -> Option<String> {
-        let names: Vec<&str> =
-            self.needed.iter().filter(|(_, there)| *there == vk::FALSE).map(|(name, _)| *name).collect();
+    /// The features and limits that are needed and missing, in one line.
+    fn missing(&self, limits: &vk::PhysicalDeviceLimits) -> Option<String> {
+        let missing = self.needed.iter().filter(|(_, there)| *there == vk::FALSE);
+        let mut names: Vec<String> = missing.map(|(name, _)| (*name).into()).collect();
+        names.append(&mut too_low(limits));
         (!names.is_empty()).then(|| format!("lacks {}, {NEEDS} is needed", names.join(", ")))
     }
 }

@@ -132,7 +132,7 @@ impl CommandBuffer {
             }
             .map_err(Error::vulkan("reading timers"))?;
         }
-        let ms_per_tick = f64::from(self.gpu.limits.timestamp_period) * 1e-6;
+        let ms_per_tick = f64::from(self.gpu.limits.vulkan.timestamp_period) * 1e-6;
         for ((time, name), [start, end]) in finished.times.iter_mut().zip(self.names).zip(&*ticks) {
             *time = PassTime { name, ms: end.saturating_sub(*start) as f64 * ms_per_tick };
         }

@@ -97,6 +97,11 @@ impl Binding<'_> {
         }
     }
 
+    /// The buffer that shaders see the whole of as a storage buffer.
+    fn stored(&self) -> Option<&Arc<Buffer>> {
+        if let Self::Storage(buffer) = self { Some(buffer) } else { None }
+    }
+
     /// For a dynamic binding, the last offset at which its range is inside the buffer.
     fn last_offset(self) -> Option<u64> {
         match self {
@@ -130,11 +135,17 @@ pub struct DescriptorSet {
 impl DescriptorSet {
     /// Creates and fills a set.
     ///
+    /// # Errors
+    /// A storage buffer that is larger than shaders may see; no memory.
+    ///
     /// # Panics
     /// If `bindings` do not match the layout, or a dynamic range is larger than its buffer: a defect of the caller.
     pub fn new(gpu: &Arc<Gpu>, name: &str, layout: &DescriptorSetLayout, bindings: &[Binding<'_>]) -> Result<Self> {
         let kinds: Vec<BindingType> = bindings.iter().map(|b| b.kind()).collect();
         assert_eq!(kinds, layout.kinds, "set {name} does not match its layout");
+        for buffer in bindings.iter().filter_map(|b| b.stored()) {
+            gpu.limits.check_storage(name, buffer.size())?;
+        }
         let sizes: Vec<_> =
             kinds.iter().map(|k| vk::DescriptorPoolSize::default().ty(raw_type(*k)).descriptor_count(1)).collect();
         let info = vk::DescriptorPoolCreateInfo::default().max_sets(1).pool_sizes(&sizes);

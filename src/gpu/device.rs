@@ -8,13 +8,14 @@ use std::time::{Duration, Instant};
 
 use ash::vk::Handle as _;
 use ash::{ext, vk};
-use gpu_allocator::MemoryLocation;
 use gpu_allocator::vulkan::{Allocation, AllocationCreateDesc, AllocationScheme, Allocator, AllocatorCreateDesc};
+use gpu_allocator::{AllocationSizes, MemoryLocation};
 use raw_window_handle::{DisplayHandle, WindowHandle};
 
 use super::choice::{self, Goal, GpuInfo, Surface};
 use super::deferred::{Deferred, DeferredQueue};
 use super::instance::{Instance, Messages, listed, names, split};
+use super::limits::Limits;
 use super::logical_device::LogicalDevice;
 use super::pipeline_cache::PipelineCache;
 use crate::{Error, Result};
@@ -38,7 +39,7 @@ pub struct Gpu {
     pub(super) family: u32,
     pub(super) max_anisotropy: Option<f32>,
     options: choice::Options,
-    pub(super) limits: vk::PhysicalDeviceLimits,
+    pub(super) limits: Limits,
     /// The only queue.
     queue: Mutex<vk::Queue>,
     /// Submissions so far; only the holder of the queue adds to it.
@@ -138,7 +139,7 @@ impl Gpu {
             physical_device: chosen.physical,
             debug_settings: Default::default(),
             buffer_device_address: false,
-            allocation_sizes: Default::default(),
+            allocation_sizes: block_sizes(chosen.info.memory),
         })
         .map_err(|e| Error::GpuMemory { what: "the allocator".into(), problem: e.to_string() })?;
         let debug = instance.has_debug_utils.then(|| ext::debug_utils::Device::new(&instance.raw, &device));
@@ -149,7 +150,11 @@ impl Gpu {
             family: chosen.family,
             options: chosen.options,
             max_anisotropy: chosen.options.anisotropy.then_some(chosen.properties.limits.max_sampler_anisotropy),
-            limits: chosen.properties.limits,
+            limits: Limits {
+                vulkan: chosen.properties.limits,
+                max_buffer_bytes: chosen.max_buffer_bytes,
+                gpu: chosen.info.name.clone(),
+            },
             queue: Mutex::new(queue),
             submitted: AtomicU64::new(0),
             deferred: DeferredQueue::default(),
@@ -180,7 +185,7 @@ impl Gpu {
 
     /// The greatest width and height of 2D images, in texels.
     pub fn max_image_size(&self) -> u32 {
-        self.limits.max_image_dimension2_d
+        self.limits.vulkan.max_image_dimension2_d
     }
 
     /// Calls a function that uses the queue itself, such as one of a headset's runtime.
@@ -237,10 +242,10 @@ impl Gpu {
     }
 
     /// Bytes of device-local memory that this process may still allocate. Where the driver does not report it: 7/8 of
-    /// all.
+    /// all, less what this process has.
     pub fn free_memory(&self) -> u64 {
         if !self.options.memory_budget {
-            return self.info.memory - self.info.memory / 8;
+            return (self.info.memory - self.info.memory / 8).saturating_sub(self.taken_memory());
         }
         let mut budget = vk::PhysicalDeviceMemoryBudgetPropertiesEXT::default();
         let mut memory = vk::PhysicalDeviceMemoryProperties2::default().push_next(&mut budget);
@@ -385,6 +390,13 @@ impl Drop for Gpu {
             ManuallyDrop::drop(&mut self.allocator);
         }
     }
+}
+
+/// Sizes of the blocks that objects share, for so much device-local memory: an eighth of it, as in AMD's Vulkan Memory Allocator
+/// (`VMA_SMALL_HEAP_MAX_SIZE`), where the usual ones would take it all.
+fn block_sizes(memory: u64) -> AllocationSizes {
+    const MIB: u64 = 1 << 20;
+    AllocationSizes::new((memory / 8).min(256 * MIB), (memory / 8).min(64 * MIB))
 }
 
 /// The goal without a particular window.

@@ -154,7 +154,7 @@ impl FrameContext<'_> {
 
 impl Arena {
     fn new(gpu: &Arc<Gpu>, capacity: u64) -> Result<Self> {
-        let limits = &gpu.limits;
+        let limits = &gpu.limits.vulkan;
         let alignment = limits.min_uniform_buffer_offset_alignment.max(limits.min_storage_buffer_offset_alignment);
         // Dynamic offsets are 32 bits, and a binding's range must lie in the buffer from any offset on.
         let capacity = capacity.clamp(UNIFORM_RANGE, 1 << 30).next_multiple_of(alignment);

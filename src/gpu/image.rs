@@ -190,12 +190,13 @@ impl Image {
     /// Creates an image; its content is undefined.
     ///
     /// # Errors
-    /// An array of cubes where the GPU has none; no memory.
+    /// An array of cubes where the GPU has none; larger than the GPU allows; no memory.
     pub fn new(gpu: &Arc<Gpu>, name: &str, desc: ImageDesc) -> Result<Arc<Self>> {
         if matches!(desc.shape, Shape::CubeArray(_)) && !gpu.has_cube_arrays() {
             let result = vk::Result::ERROR_FEATURE_NOT_PRESENT;
             return Err(Error::Vulkan { doing: "creating an array of cubes", result });
         }
+        gpu.limits.check_image(name, desc.size, desc.shape.layers(), desc.shape.is_cube())?;
         let info = vk::ImageCreateInfo::default()
             .flags(if desc.shape.is_cube() { vk::ImageCreateFlags::CUBE_COMPATIBLE } else { Default::default() })
             .image_type(vk::ImageType::TYPE_2D)

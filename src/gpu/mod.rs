@@ -16,6 +16,7 @@ mod failures_gpu_tests;
 mod harness_tests;
 mod image;
 mod instance;
+mod limits;
 mod logical_device;
 mod pipeline;
 mod pipeline_cache;
@@ -48,6 +49,8 @@ pub use frame_ring::{FRAMES_IN_FLIGHT, FrameContext, FrameRing, UNIFORM_RANGE};
 pub use harness_tests::{NO_IMAGES, with_gpu, with_gpu_of_little_memory};
 pub use image::{AttachmentView, DEPTH_FORMAT, Image, ImageAccess, ImageDesc, Shape, Subresource};
 pub use instance::{Instance, Messages, foreign_call, validation_available};
+#[cfg(test)]
+pub use limits::{SAMPLED_IN_STAGE, STORAGE_IN_STAGE};
 #[cfg(test)]
 pub use pipeline::pipelines_of_this_thread;
 pub use pipeline::{Constant, DepthBias, DepthState, GraphicsDesc, Pipeline};

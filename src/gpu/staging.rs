@@ -11,8 +11,11 @@ use super::image::{Image, ImageAccess};
 use super::submit::submit_and_wait;
 use crate::Result;
 
-/// Bytes of one staging block.
+/// Bytes of one staging block where there is memory, and the part of the GPU's that it may take; the least holds a row of any
+/// image.
 const BLOCK_BYTES: u64 = 16 << 20;
+const MEMORY_PART: u64 = 32;
+const LEAST_BYTES: u64 = 1 << 20;
 /// Blocks of the ring; each is created when it is first needed.
 const BLOCKS: usize = 4;
 /// An offset that copies of every texel and block format allow.
@@ -50,13 +53,16 @@ pub struct Upload<'a> {
     gpu: &'a Arc<Gpu>,
     blocks: Vec<StagingBlock<'a>>,
     current: usize,
+    /// Blocks at most.
+    most: usize,
     block_bytes: u64,
 }
 
 impl<'a> Upload<'a> {
     /// An empty ring; blocks are allocated by the first uploads.
     pub fn new(gpu: &'a Arc<Gpu>) -> Self {
-        Self { gpu, blocks: Vec::new(), current: 0, block_bytes: BLOCK_BYTES }
+        let block_bytes = (gpu.info().memory / MEMORY_PART).clamp(LEAST_BYTES, BLOCK_BYTES);
+        Self { gpu, blocks: Vec::new(), current: 0, most: BLOCKS, block_bytes }
     }
 
     /// Fills a buffer from its start.
@@ -112,17 +118,17 @@ impl<'a> Upload<'a> {
         let full = self.blocks.get(self.current).is_some_and(|block| block.used + bytes > self.block_bytes);
         if full {
             self.send()?;
-            self.current = (self.current + 1) % BLOCKS;
+            self.current = (self.current + 1) % self.most;
         }
         if self.current == self.blocks.len() {
-            let buffer = Buffer::new(self.gpu, "staging", BufferKind::Upload, self.block_bytes)?;
-            self.blocks.push(StagingBlock {
-                commands: CommandBuffer::new(self.gpu)?,
-                buffer,
-                used: 0,
-                copies: Vec::new(),
-            });
-        } else if full {
+            match self.block() {
+                Ok(block) => self.blocks.push(block),
+                // The ring does with those that it has.
+                Err(error) if error.is_out_of_memory() && full => (self.most, self.current) = (self.blocks.len(), 0),
+                Err(error) => return Err(error),
+            }
+        }
+        if full {
             // The GPU may still be copying from it.
             self.blocks[self.current].commands.finish()?;
         }
@@ -130,6 +136,11 @@ impl<'a> Upload<'a> {
         let from = block.used;
         block.used = (block.used + bytes).next_multiple_of(ALIGNMENT);
         Ok((block, from))
+    }
+
+    fn block(&self) -> Result<StagingBlock<'a>> {
+        let buffer = Buffer::new(self.gpu, "staging", BufferKind::Upload, self.block_bytes)?;
+        Ok(StagingBlock { commands: CommandBuffer::new(self.gpu)?, buffer, used: 0, copies: Vec::new() })
     }
 
     /// Submits the current block's copies.

@@ -72,3 +72,22 @@ fn layout(gpu: &Arc<Gpu>, name: &str, set: &SetBindings) -> Result<DescriptorSet
     let kinds: Vec<BindingType> = set.bindings.iter().map(|(_, kind)| *kind).collect();
     DescriptorSetLayout::new(gpu, name, &kinds)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::gpu::{SAMPLED_IN_STAGE, STORAGE_IN_STAGE};
+
+    #[test]
+    fn a_stage_sees_no_more_than_is_asked_of_a_gpu() {
+        let count = |kinds: &[BindingType]| {
+            let of = |third: &SetBindings| {
+                let all = [&FRAME, &SCENE, third, &RAYS].map(|set| set.bindings);
+                all.concat().iter().filter(|(_, kind)| kinds.contains(kind)).count() as u32
+            };
+            [TEXTURES, LIGHTMAP, PROBE].iter().map(of).max()
+        };
+        assert_eq!(count(&[BindingType::Sampled]), Some(SAMPLED_IN_STAGE));
+        assert_eq!(count(&[BindingType::Storage, BindingType::StorageDynamic]), Some(STORAGE_IN_STAGE));
+    }
+}

@@ -38,6 +38,8 @@ const RELAYS: u32 = 1 << 14;
 const NEAR_LAMP: f32 = 0.1;
 /// Texels of a workgroup.
 const GROUP: u32 = 64;
+/// Texels of a dispatch at most: every GPU allows so many workgroups in a row.
+const MOST_TEXELS: u32 = 65535 * GROUP;
 /// Texels times samples of the least and of the largest piece.
 const PIECES: std::ops::RangeInclusive<f64> = 8192.0..=4e8;
 
@@ -403,7 +405,11 @@ impl LightmapBake {
 
     fn dispatch(&self, commands: &mut Commands<'_>, pipeline: &Pipeline, sets: &BakeSets<'_>, work: Work) {
         sets.bind(commands, pipeline, &self.set);
-        commands.push(pipeline, bytes_of(&work));
-        commands.dispatch([work.count.div_ceil(GROUP), 1, 1]);
+        let end = work.first + work.count;
+        for first in (work.first..end).step_by(MOST_TEXELS as usize) {
+            let part = Work { first, count: MOST_TEXELS.min(end - first), ..work };
+            commands.push(pipeline, bytes_of(&part));
+            commands.dispatch([part.count.div_ceil(GROUP), 1, 1]);
+        }
     }
 }

@@ -22,8 +22,9 @@ use crate::scene::{GeometryView, Instance, Material, Mesh, Scene, Vertex};
 /// The upper bits of a triangle's material, the same as in `glsl/bvh.glsl`: it is alpha-tested; its back is never seen.
 const MASKED: u32 = 1 << 31;
 const ONE_SIDED: u32 = 1 << 30;
-/// Memory for the reduced textures: 24 bytes a texel of each layer with emission.
+/// Memory for the reduced textures, and the part of the GPU's that they may take: 24 bytes a texel of each layer with emission.
 const TEXTURE_BYTES: u64 = 192 << 20;
+const MEMORY_PART: u64 = 8;
 const TEXEL_BYTES: u64 = 24;
 /// Sides of the reduced textures, in texels.
 const SIDES: [u32; 6] = [1024, 512, 256, 128, 64, 32];
@@ -129,7 +130,7 @@ impl LazyRayScene {
         }
         let bvh = Bvh::new(&self.meshes, &self.instances)?;
         let sides = sides(&bvh, &self.meshes, &self.instances, [&self.cameras, &self.lamps]);
-        let side = if self.has_textures { side(self.texture_sets.len() as u64) } else { 1 };
+        let side = if self.has_textures { affordable_side(gpu, self.texture_sets.len() as u64) } else { 1 };
         let emissive_side = if self.has_emissive_maps { side } else { 1 };
         let textures = RayTextures::new(gpu, layouts, &self.texture_sets, [side, emissive_side])?;
         let scene = Arc::new(RayScene::new(gpu, (bvh, sides), self, textures)?);
@@ -178,9 +179,19 @@ impl LazyRayScene {
     }
 }
 
+/// The side on this GPU; says if it has little memory.
+fn affordable_side(gpu: &Gpu, layers: u64) -> u32 {
+    let usual = side(layers, TEXTURE_BYTES);
+    let side = side(layers, TEXTURE_BYTES.min(gpu.info().memory / MEMORY_PART));
+    if side < usual {
+        tracing::warn!("GPU memory: rays see textures of {side}x{side} texels instead of {usual}x{usual}");
+    }
+    side
+}
+
 /// The largest side whose layers fit into the memory for them.
-fn side(layers: u64) -> u32 {
-    let fits = |side: &&u32| layers * u64::from(**side) * u64::from(**side) * TEXEL_BYTES <= TEXTURE_BYTES;
+fn side(layers: u64, memory: u64) -> u32 {
+    let fits = |side: &&u32| layers * u64::from(**side) * u64::from(**side) * TEXEL_BYTES <= memory;
     *SIDES.iter().find(fits).unwrap_or(&SIDES[SIDES.len() - 1])
 }
 
@@ -414,7 +425,7 @@ mod gpu_tests {
     #[test]
     fn textures_for_rays_stay_within_their_memory() {
         for (layers, want) in [(1, 1024), (8, 1024), (9, 512), (32, 512), (33, 256), (9000, 32)] {
-            assert_eq!(side(layers), want, "{layers} layers");
+            assert_eq!(side(layers, TEXTURE_BYTES), want, "{layers} layers");
         }
     }
 }

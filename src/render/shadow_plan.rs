@@ -69,10 +69,16 @@ impl ShadowPlan {
         let casts = casts && detail.has_shadow_maps();
         let info = context.gpu.info();
         let (sun_side, budget) = match detail.shadow_size {
-            None if info.is_software() => (SUN_SIDE_IN_SOFTWARE, MOST_BYTES_IN_SOFTWARE),
-            None => (SUN_SIDE, MOST_BYTES),
+            None if info.is_software() => (sun_side(SUN_SIDE_IN_SOFTWARE, info.memory), MOST_BYTES_IN_SOFTWARE),
+            None => (sun_side(SUN_SIDE, info.memory), MOST_BYTES),
             Some(side) => (side, MOST_BYTES),
         };
+        let most = context.gpu.max_image_size();
+        if sun_side > most && casts {
+            let told = format!("{} allows {most} texels a side: the sun's shadow map has no more", info.name);
+            context.report.warn(told);
+        }
+        let sun_side = sun_side.min(most);
         let largest = sun_side / 2;
         let plan = if casts {
             Self::within(&scene.lights, scene.bounds(), largest, budget.min(info.memory / MEMORY_PART))
@@ -133,6 +139,12 @@ impl ShadowPlan {
     }
 }
 
+/// Texels along the sun's map, at most so many, on a GPU of so much memory.
+fn sun_side(most: u32, memory: u64) -> u32 {
+    let fits = |side: &u32| *side <= most && u64::from(*side).pow(2) * TEXEL_BYTES <= memory / MEMORY_PART;
+    FACE_SIZES.into_iter().find(fits).unwrap_or(FACE_SIZES[FACE_SIZES.len() - 1])
+}
+
 /// Tangent of half the angle of a face.
 pub fn face_tangent() -> f32 {
     FACE_TANGENT as f32
@@ -158,6 +170,15 @@ mod tests {
             cone: None,
         };
         (0..count).map(lamp).collect()
+    }
+
+    #[test]
+    fn the_suns_map_takes_a_part_of_the_memory_at_most() {
+        assert_eq!(sun_side(SUN_SIDE, 8 << 30), SUN_SIDE);
+        assert_eq!(
+            [2 << 30, 128 << 20, 1 << 20].map(|memory| sun_side(SUN_SIDE_IN_SOFTWARE, memory)),
+            [2048, 1024, 256]
+        );
     }
 
     #[test]

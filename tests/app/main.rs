@@ -35,4 +35,6 @@ mod panel;
 mod sequences;
 mod textures;
 #[cfg(target_os = "linux")]
+mod weak_gpus;
+#[cfg(target_os = "linux")]
 mod window;

@@ -4,10 +4,9 @@ use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use fault_layer::{CALL, FILE, LAYER, LOG};
+use fault_layer::{BELOW_VALIDATION, BUDGET, CALL, FILE, GPU, LAYER, LOG};
 
 const BUILT: &str = if cfg!(windows) { "fault_layer.dll" } else { "libfault_layer.so" };
-const VALIDATION: &str = "VK_LAYER_KHRONOS_validation";
 const PATIENCE: Duration = Duration::from_secs(60);
 
 /// The layer, installed in a folder.
@@ -49,13 +48,33 @@ impl FaultLayer {
         }
     }
 
-    /// What a program that runs with `--validate` needs for its call of this number to fail; 0: none. The layer lies below that of
-    /// validation, which so takes the failure for the driver's. The calls are listed in a file.
+    /// What a program that runs with `--validate` needs to find a weak GPU, of the words in `tests/fault_layer/src/weak.rs`. The layer
+    /// lies below that of validation, which so takes the weak GPU for the driver's.
+    pub fn weak(&self, gpu: &str) -> [(&'static str, OsString); 3] {
+        let folder = self.folder.clone().into_os_string();
+        [("VK_ADD_LAYER_PATH", folder), ("VK_INSTANCE_LAYERS", BELOW_VALIDATION.into()), (GPU, gpu.into())]
+    }
+
+    /// The same with a budget of memory, which [`FaultLayer::set_budget`] has set before.
+    pub fn with_budget(&self, gpu: &str) -> [(&'static str, OsString); 4] {
+        let [folder, layers, gpu] = self.weak(gpu);
+        [folder, layers, gpu, (BUDGET, self.folder.join("budget").into())]
+    }
+
+    /// Leaves the program so many MiB of the GPU's memory from now on.
+    pub fn set_budget(&self, mib: u64) {
+        let whole = self.folder.join("budget-to-be");
+        std::fs::write(&whole, mib.to_string()).expect("a test file");
+        std::fs::rename(whole, self.folder.join("budget")).expect("a test file");
+    }
+
+    /// What a program that runs with `--validate` needs for its call of this number to fail; 0: none. The calls are listed in a
+    /// file. The layer lies above that of validation, which never sees a call that fails: of a device that is lost it would take all
+    /// objects to be in use for ever (1.3.239).
     pub fn failing(&self, number: u64, list: &Path) -> [(&'static str, OsString); 4] {
-        let between = if cfg!(windows) { ";" } else { ":" };
         [
             ("VK_ADD_LAYER_PATH", self.folder.clone().into_os_string()),
-            ("VK_INSTANCE_LAYERS", format!("{VALIDATION}{between}{LAYER}").into()),
+            ("VK_INSTANCE_LAYERS", LAYER.into()),
             (CALL, number.to_string().into()),
             (LOG, list.into()),
         ]

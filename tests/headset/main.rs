@@ -19,3 +19,4 @@ mod lost_gpu;
 mod openvr_loader;
 mod session;
 mod start;
+mod weak_gpu;

@@ -76,7 +76,13 @@ fn upload(
     }
     let free = gpu.free_memory();
     let budget = options.budget_bytes.unwrap_or(free - free.min(2 * MARGIN_BYTES) / 2);
-    let needed: Vec<u32> = first_levels.iter().map(|first| (*first).max(options.dropped_levels)).collect();
+    let wanted: Vec<u32> = first_levels.iter().map(|first| (*first).max(options.dropped_levels)).collect();
+    let needed = small_enough(textures, &wanted, gpu.max_image_size());
+    let smaller = needed.iter().zip(&wanted).filter(|(needed, wanted)| needed > wanted).count();
+    if smaller > 0 {
+        let (name, most, count) = (&gpu.info().name, gpu.max_image_size(), textures.len());
+        report.warn(format!("{name} allows {most} texels a side: {smaller} of {count} textures drawn with less"));
+    }
     let firsts = fit(textures, &needed, budget);
     let facts = facts(textures, &firsts, budget);
     if firsts.iter().zip(&needed).any(|(first, needed)| first > needed) || facts.bytes > budget {
@@ -182,6 +188,15 @@ impl<'a> TextureSets<'a> {
     }
 }
 
+/// The first level of each texture, from the wanted one on, whose sides have at most so many texels.
+fn small_enough(textures: &[MipChain], wanted: &[u32], most: u32) -> Vec<u32> {
+    let fits =
+        |texture: &MipChain, first: u32| level_size([texture.width, texture.height], first).iter().all(|s| *s <= most);
+    let first =
+        |(texture, wanted): (&MipChain, &u32)| (*wanted..32).find(|first| fits(texture, *first)).unwrap_or(*wanted);
+    textures.iter().zip(wanted).map(first).collect()
+}
+
 /// The first level that is kept of each texture. The textures with the longest side lose a level, all of them at once,
 /// until everything fits; the last level always stays.
 fn fit(textures: &[MipChain], needed: &[u32], budget: u64) -> Vec<u32> {
@@ -282,6 +297,14 @@ mod tests {
         assert_eq!(fit(&textures, &NONE, 0), [6, 4, 6, 5], "the last level stays");
         assert_eq!(fit(&textures, &[5; 4], all), [5, 4, 5, 5]);
         assert_eq!(fit(&[], &[], 0), [0; 0]);
+    }
+
+    #[test]
+    fn textures_that_are_too_wide_lose_their_top_levels() {
+        let textures = [chain(64, 64), chain(16, 16), chain(128, 2)];
+        assert_eq!(small_enough(&textures, &[0; 3], 128), [0; 3]);
+        assert_eq!(small_enough(&textures, &[0; 3], 32), [1, 0, 2]);
+        assert_eq!(small_enough(&textures, &[2, 1, 0], 32), [2, 1, 2]);
     }
 
     #[test]

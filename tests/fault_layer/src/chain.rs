@@ -1,7 +1,8 @@
 //! The loader's side: structures by which it links layers (vk_layer.h of the Vulkan headers, "LoaderLayerInterface.md" of the
 //! loader), which ash does not have.
 
-use std::ffi::c_void;
+use std::collections::HashMap;
+use std::ffi::{CString, c_void};
 use std::sync::Mutex;
 
 use ash::vk;
@@ -14,6 +15,8 @@ const LINK: i32 = 0;
 /// The interface that is spoken: one entry for negotiation.
 const VERSION: u32 = 2;
 
+/// A function whose signature is known by its name.
+pub type Function = unsafe extern "system" fn();
 type NextOfInstance = vk::PFN_vkGetInstanceProcAddr;
 type NextOfDevice = vk::PFN_vkGetDeviceProcAddr;
 
@@ -88,13 +91,40 @@ pub unsafe fn device_link(chain: *const c_void) -> Option<(NextOfInstance, NextO
     unsafe { take(chain, DEVICE_INFO).and_then(|link| (*link).of_instance.zip((*link).other)) }
 }
 
-/// The instance that was created last, and the next layer's function of it: all instances are made by the same next layer.
-static LAST: Mutex<Option<(vk::Instance, NextOfInstance)>> = Mutex::new(None);
-
-pub fn last_instance() -> Option<(vk::Instance, NextOfInstance)> {
-    *LAST.lock().expect("no thread has panicked")
+/// The instance that was created last, with the next layer's functions of it: all instances are made by the same next layer.
+struct LastInstance {
+    handle: vk::Instance,
+    next: NextOfInstance,
+    functions: HashMap<&'static str, Function>,
 }
 
-pub fn set_last_instance(instance: vk::Instance, next: NextOfInstance) {
-    *LAST.lock().expect("no thread has panicked") = Some((instance, next));
+static LAST: Mutex<Option<LastInstance>> = Mutex::new(None);
+
+/// The instance, and the next layer's `vkGetInstanceProcAddr`.
+pub fn last_instance() -> Option<(vk::Instance, NextOfInstance)> {
+    LAST.lock().expect("no thread has panicked").as_ref().map(|last| (last.handle, last.next))
+}
+
+/// The next layer's function of a name that was given to [`set_last_instance`].
+pub fn function_of_last_instance(name: &str) -> Option<Function> {
+    LAST.lock().expect("no thread has panicked").as_ref()?.functions.get(name).copied()
+}
+
+/// Notes a new instance, and asks for the functions that are wanted: later the loader would answer with those of the topmost
+/// layer.
+///
+/// # Safety
+/// The next layer has just created it, and vkCreateInstance has not returned.
+pub unsafe fn set_last_instance(
+    handle: vk::Instance,
+    next: NextOfInstance,
+    wanted: impl Iterator<Item = &'static str>,
+) {
+    let find = |name: &'static str| {
+        let text = CString::new(name).expect("a name without NUL");
+        // SAFETY: the instance is alive, the name ends in NUL.
+        Some((name, unsafe { next(handle, text.as_ptr()) }?))
+    };
+    let last = LastInstance { handle, next, functions: wanted.filter_map(find).collect() };
+    *LAST.lock().expect("no thread has panicked") = Some(last);
 }

@@ -8,11 +8,8 @@ use std::sync::{Arc, Mutex};
 
 use ash::vk::{self, Handle};
 
-use super::chain::last_instance;
-use super::functions::own;
-
-/// A function whose signature is known by its name.
-pub type Function = unsafe extern "system" fn();
+use super::chain::{Function, function_of_last_instance};
+use super::{functions, weak};
 
 const LOST: vk::Result = vk::Result::ERROR_DEVICE_LOST;
 
@@ -46,7 +43,7 @@ unsafe fn device_of(handle: impl Handle) -> Arc<Device> {
 
 /// What comes after this layer, for one object.
 pub enum Next {
-    Instance(vk::Instance, vk::PFN_vkGetInstanceProcAddr),
+    Instance,
     Device(vk::Device, vk::PFN_vkGetDeviceProcAddr, DeviceState),
 }
 
@@ -58,8 +55,7 @@ impl Next {
     /// The handle is of a dispatchable object that is alive.
     pub unsafe fn of<T: Handle>(handle: T) -> Self {
         if [vk::ObjectType::INSTANCE, vk::ObjectType::PHYSICAL_DEVICE].contains(&T::TYPE) {
-            let (instance, get) = last_instance().expect("an instance that was created through this layer");
-            return Self::Instance(instance, get);
+            return Self::Instance;
         }
         // SAFETY: see above.
         let device = unsafe { device_of(handle) };
@@ -68,14 +64,10 @@ impl Next {
 
     /// The next layer's function of a name.
     pub fn function(&self, name: &str) -> Option<Function> {
+        let Self::Device(device, get, _) = self else { return function_of_last_instance(name) };
         let name = CString::new(name).expect("a name without NUL");
-        // SAFETY: the object is alive, the name ends in NUL.
-        unsafe {
-            match self {
-                Self::Instance(instance, get) => get(*instance, name.as_ptr()),
-                Self::Device(device, get, _) => get(*device, name.as_ptr()),
-            }
-        }
+        // SAFETY: the device is alive, the name ends in NUL.
+        unsafe { get(*device, name.as_ptr()) }
     }
 
     /// The error of a call for which this one was meant: that it finds the device lost, too, once it is, where it may.
@@ -106,7 +98,7 @@ pub unsafe extern "system" fn get_device_proc_addr(device: vk::Device, name: *co
     let own = match asked.to_bytes() {
         b"vkGetDeviceProcAddr" => Some(get_device_proc_addr as *const _),
         b"vkDestroyDevice" => Some(destroy as *const _),
-        _ => own(asked),
+        _ => weak::own(asked).or_else(|| functions::own(asked)),
     };
     // SAFETY: the caller's arguments.
     let next = unsafe { device_of(device) };

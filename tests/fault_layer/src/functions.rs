@@ -8,7 +8,8 @@ use std::mem::transmute;
 
 use ash::vk::*;
 
-use super::device::{Function, Next};
+use super::chain::Function;
+use super::device::Next;
 use super::faults::fault;
 
 type Memory<'a> = *const AllocationCallbacks<'a>;
@@ -41,6 +42,9 @@ macro_rules! functions {
                 }
             }
         )*
+
+        /// Their names.
+        pub const NAMES: &[&str] = &[$(stringify!($name).split_at("PFN_".len()).1),*];
 
         /// This layer's function of a name.
         pub fn own(name: &CStr) -> Option<*const c_void> {

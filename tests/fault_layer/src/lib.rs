@@ -1,11 +1,16 @@
 //! A Vulkan layer that lets a call fail on purpose, when a test says so, with an error that it may return. After
 //! `VK_ERROR_DEVICE_LOST`, everything that the device is asked for fails with it, as the specification has it ("Lost Device").
-//! Another device is whole again.
+//! Another device is whole again. Where a test asks for it, a GPU reports less than it can; see `weak.rs`.
 
 mod chain;
+mod chained;
 mod device;
 mod faults;
+mod formats;
 mod functions;
+mod limits;
+mod memory;
+mod weak;
 
 use std::ffi::{CStr, c_char, c_void};
 use std::fs;
@@ -15,15 +20,20 @@ use std::path::Path;
 use ash::vk::{self, Result as R};
 use serde_json::json;
 
-use chain::{NegotiateInterface, device_link, instance_link, last_instance, set_last_instance};
-use device::Function;
+use chain::{Function, NegotiateInterface, device_link, instance_link, last_instance, set_last_instance};
 use faults::fault;
 
+const VALIDATION: &str = "VK_LAYER_KHRONOS_validation";
 /// The layer's name, for `VK_INSTANCE_LAYERS`.
 pub const LAYER: &str = "VK_LAYER_PBRVR_fault";
+/// A meta-layer, for the same: validation, and this layer below it. Loaders differ in how they order the layers of the variable
+/// (1.3.239 has this one on top whatever it says), but not in how they order the parts of a meta-layer.
+pub const BELOW_VALIDATION: &str = "VK_LAYER_PBRVR_fault_below_validation";
 pub use faults::{CALL, FILE, LOG};
+pub use memory::BUDGET;
+pub use weak::GPU;
 
-/// Writes the layer's manifest into `folder`, for `VK_LAYER_PATH`; `library` is this crate's, as cargo has built it.
+/// Writes the layers' manifests into `folder`, for `VK_LAYER_PATH`; `library` is this crate's, as cargo has built it.
 ///
 /// # Errors
 /// The file cannot be written.
@@ -39,7 +49,19 @@ pub fn install(folder: &Path, library: &Path) -> std::io::Result<()> {
             "description": "lets a chosen call fail",
         },
     });
-    fs::write(folder.join("fault_layer.json"), manifest.to_string())
+    fs::write(folder.join("fault_layer.json"), manifest.to_string())?;
+    let manifest = json!({
+        "file_format_version": "1.2.0",
+        "layer": {
+            "name": BELOW_VALIDATION,
+            "type": "GLOBAL",
+            "api_version": "1.3.0",
+            "implementation_version": "1",
+            "description": "lets calls fail below the validation layer",
+            "component_layers": [VALIDATION, LAYER],
+        },
+    });
+    fs::write(folder.join("fault_layer_below_validation.json"), manifest.to_string())
 }
 
 /// The loader's first call: which interface both speak.
@@ -66,7 +88,7 @@ unsafe extern "system" fn get_instance_proc_addr(
         b"vkCreateDevice" => Some(create_device as *const c_void),
         b"vkGetDeviceProcAddr" => Some(device::get_device_proc_addr as *const c_void),
         b"vkDestroyDevice" => Some(device::destroy as *const c_void),
-        _ => functions::own(asked),
+        _ => weak::own(asked).or_else(|| functions::own(asked)),
     };
     if let Some(own) = own {
         // SAFETY: a function of this library with the signature of that name.
@@ -95,7 +117,7 @@ unsafe extern "system" fn create_instance(
         let create = transmute::<Function, vk::PFN_vkCreateInstance>(create);
         let created = create(info, allocator, instance);
         if created == R::SUCCESS {
-            set_last_instance(*instance, next);
+            set_last_instance(*instance, next, [functions::NAMES, weak::NAMES].concat().into_iter());
         }
         created
     }
@@ -117,11 +139,20 @@ unsafe extern "system" fn create_device(
     if let Some(error) = fault("vkCreateDevice", &[&errors[..], &more].concat()) {
         return error;
     }
+    // SAFETY: the caller's arguments.
+    if let Some(error) = unsafe { weak::refuses(physical, &*info) } {
+        return error;
+    }
     // SAFETY: the next layer's function, of the instance that the physical device is of.
     let create = unsafe { next_instance(instance, c"vkCreateDevice".as_ptr()) };
     let Some(create) = create else { return R::ERROR_INITIALIZATION_FAILED };
-    // SAFETY: the next layer's function of this name; arguments are the caller's.
-    let created = unsafe { transmute::<Function, vk::PFN_vkCreateDevice>(create)(physical, info, allocator, device) };
+    // SAFETY: the next layer's function of this name; arguments are the caller's, but for some extensions.
+    let created = unsafe {
+        let names = weak::passed_on(&*info);
+        let mut info = *info;
+        (info.enabled_extension_count, info.pp_enabled_extension_names) = (names.len() as u32, names.as_ptr());
+        transmute::<Function, vk::PFN_vkCreateDevice>(create)(physical, &info, allocator, device)
+    };
     if created == R::SUCCESS {
         // SAFETY: the device was just created by the next layer.
         unsafe { device::remember(*device, next_device) };
