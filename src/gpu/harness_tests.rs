@@ -1,7 +1,7 @@
 //! For tests: a GPU under validation, and one that runs out of memory when a test says so.
 
 use std::cell::Cell;
-use std::sync::{Arc, OnceLock};
+use std::sync::{Arc, Mutex};
 
 use ash::vk;
 
@@ -12,8 +12,9 @@ thread_local! {
     pub static NO_IMAGES: Cell<bool> = const { Cell::new(false) };
 }
 
-/// The driver's function, which all devices have in common.
-static BIND_IMAGE: OnceLock<vk::PFN_vkBindImageMemory> = OnceLock::new();
+/// The function below this one, which all devices have in common while there are any: with the last one the loader unloads
+/// layers and driver, and their next place is another.
+static BIND_IMAGE: Mutex<Option<vk::PFN_vkBindImageMemory>> = Mutex::new(None);
 
 unsafe extern "system" fn bind_image(
     device: vk::Device,
@@ -21,8 +22,9 @@ unsafe extern "system" fn bind_image(
     memory: vk::DeviceMemory,
     offset: vk::DeviceSize,
 ) -> vk::Result {
-    match BIND_IMAGE.get() {
-        // SAFETY: the driver's own function with the caller's arguments.
+    let below = *BIND_IMAGE.lock().unwrap();
+    match below {
+        // SAFETY: the function of a device that lives, which the caller has, with the caller's arguments.
         Some(bind) if !NO_IMAGES.get() => unsafe { bind(device, image, memory, offset) },
         _ => vk::Result::ERROR_OUT_OF_DEVICE_MEMORY,
     }
@@ -37,7 +39,7 @@ pub fn with_gpu<R>(work: impl FnOnce(&Arc<Gpu>) -> R) -> R {
 pub fn with_gpu_of_little_memory<R>(work: impl FnOnce(&Arc<Gpu>) -> R) -> R {
     let mut gpu = open();
     Arc::get_mut(&mut gpu).unwrap().device.replace(|device| {
-        BIND_IMAGE.get_or_init(|| device.bind_image_memory);
+        *BIND_IMAGE.lock().unwrap() = Some(device.bind_image_memory);
         device.bind_image_memory = bind_image;
     });
     run(gpu, work)
