@@ -12,6 +12,7 @@
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_scalar_block_layout : require
 #include "brdf.glsl"
+#include "levels.glsl"
 #include "split_sum.glsl"
 #include "table.glsl"
 
@@ -22,7 +23,6 @@ const float SMALLEST_ALPHA = 2e-6;
 
 const uint ROW = 128; // texels along n.v
 const uint SECONDS = 64;
-const float LARGEST_SPREAD = 0.4;
 const float NARROWEST = 0.25, EQUAL = 1e-3; // as in reference::table
 
 // One group a row, so that its mean is known to all.
@@ -85,7 +85,7 @@ void add_quarter(float quarter, float nv, float sv, float roughness, float alpha
 
 float kernel_second(float spread)
 {
-    float at = clamp(sqrt(sqrt(spread / LARGEST_SPREAD)), 0.0, 1.0) * float(SECONDS - 1u);
+    float at = clamp(sqrt(sqrt(spread / spread_from_level(LAST_LEVEL))), 0.0, 1.0) * float(SECONDS - 1u);
     uint low = min(uint(at), SECONDS - 2u);
     return spread * mix(kernel_seconds[low], kernel_seconds[low + 1u], at - float(low));
 }
@@ -129,7 +129,7 @@ float even_share(Mean mean, vec3 sums, float least)
         else
             high = share;
     }
-    float widest = max(match_of(0.0, mean).spread, LARGEST_SPREAD);
+    float widest = max(match_of(0.0, mean).spread, spread_from_level(LAST_LEVEL));
     if (match_of(low, mean).spread <= widest)
         return low;
     high = low;

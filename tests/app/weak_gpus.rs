@@ -16,6 +16,9 @@ use crate::window::assert_clean;
 /// The most that pictures of two GPUs may differ, mean FLIP: one tests depth after shading, the other before.
 const TOLERANCE: f32 = 2e-3;
 
+/// Light that is soon made.
+const COARSE_LIGHT: [&str; 6] = ["--light", "open", "--cube-size", "16", "--irradiance-size", "4"];
+
 /// A run of the program: its exit status, and what it said on stderr.
 struct Ran {
     code: Option<i32>,
@@ -126,8 +129,7 @@ fn textures_and_shadow_maps_are_no_larger_than_the_gpu_allows() {
     // Of Vulkan's limits, 4096 texels is the least.
     textured(&workshop, &[stripes(8192, 2, 120), stripes(64, 64, 60)], 1.0);
     let layer = FaultLayer::install(workshop.0.path());
-    let render =
-        ["render", "wall.toml", "--size", "64x48", "--light", "open", "--cube-size", "16", "--irradiance-size", "4"];
+    let render = [&["render", "wall.toml", "--size", "64x48"], &COARSE_LIGHT[..]].concat();
     let ran = run(on(Some((&layer, "bare")), &workshop, &[&render[..], &["-o", "bare.png"]].concat()));
     assert_eq!((ran.code, ran.lines.len()), (Some(0), 1), "{:?}", ran.lines);
     assert!(["WARN", "4096", "1 of 2"].iter().all(|part| ran.lines[0].contains(part)), "{:?}", ran.lines);
@@ -155,24 +157,12 @@ fn little_memory_is_enough_or_one_line_says_that_it_is_not() {
     // 5.3 MiB each, of which a picture shows so little that all texels are needed.
     textured(&workshop, &[10, 20, 30, 40].map(|green| stripes(1024, 1024, green)), 1.0 / 64.0);
     let layer = FaultLayer::install(workshop.0.path());
-    let render = [
-        "render",
-        "wall.toml",
-        "-o",
-        "a.png",
-        "--size",
-        "64x48",
-        "--light",
-        "open",
-        "--cube-size",
-        "16",
-        "--irradiance-size",
-        "4",
-    ];
+    let render =
+        [&["render", "wall.toml", "-o", "a.png", "--size", "64x48", "--textures", "raw"], &COARSE_LIGHT[..]].concat();
     let mut endings = Vec::new();
     for mib in [128, 24, 8, 4] {
         let gpu = format!("memory:{mib}");
-        let ran = run(on(Some((&layer, &gpu)), &workshop, &[&render[..], &["--textures", "raw"]].concat()));
+        let ran = run(on(Some((&layer, &gpu)), &workshop, &render));
         println!("{gpu}: {:?} {:?}", ran.code, ran.lines);
         let starts = |line: &String, with| line.trim_start().starts_with(with);
         let warnings = ran.lines.iter().take_while(|line| starts(line, "WARN ")).count();
@@ -193,8 +183,7 @@ fn a_window_opens_on_weak_gpus() {
     for gpu in ["bare", "memory:64"] {
         let workshop = small_world();
         let layer = FaultLayer::install(workshop.0.path());
-        let detail = ["--light", "open", "--cube-size", "16", "--irradiance-size", "4"];
-        let arguments = [&["view", "scene.toml", "--on", "window"], &detail[..]].concat();
+        let arguments = [&["view", "scene.toml", "--on", "window"], &COARSE_LIGHT[..]].concat();
         let mut program = Program::spawn(&display, on(Some((&layer, gpu)), &workshop, &arguments));
         program.wait_for("window");
         let hands = Hands::on(&display);
@@ -220,20 +209,7 @@ fn a_scene_is_as_fine_as_the_memory_that_others_leave() {
     ["little.toml", "again.toml"].iter().for_each(|name| drop(workshop.write(name, &text)));
     let layer = FaultLayer::install(workshop.0.path());
     layer.set_budget(PLENTY);
-    let arguments = [
-        "view",
-        "wall.toml",
-        "--on",
-        "window",
-        "--light",
-        "open",
-        "--cube-size",
-        "16",
-        "--irradiance-size",
-        "4",
-        "--textures",
-        "raw",
-    ];
+    let arguments = [&["view", "wall.toml", "--on", "window", "--textures", "raw"], &COARSE_LIGHT[..]].concat();
     let mut command = on(None, &workshop, &arguments);
     command.envs(layer.with_budget("memory:256"));
     let mut program = Program::spawn(&display, command);
