@@ -1,13 +1,14 @@
 //! A scene's lightmap: soft light on its surfaces, gathered by compute passes, a piece with each frame.
 //!
 //! Iterated gathering: light that comes straight from lamps and sun first, then for each further bounce a few samples of
-//! the hemisphere at every texel, whose rays read what the bounce before gave back, at last many samples.
+//! the hemisphere at every texel, whose rays read what the bounce before gave back, at last many samples. How many bounces
+//! depends on how much of the light surfaces give back.
 
 use std::sync::Arc;
 
 use super::bake_sets::BakeSets;
 use super::layouts::Layouts;
-use super::light_detail::{AT_ONCE, SAMPLES};
+use super::lightmap_stages::{DIRECT_PASS, Length, PASS, Stage};
 use super::pace::Pace;
 use super::ray_scene::LazyRayScene;
 use crate::Result;
@@ -18,20 +19,8 @@ use crate::gpu::{
 use crate::scene::lightmap_texels::{LightmapTexel, LightmapTexels};
 use bytemuck::{Pod, Zeroable, bytes_of};
 
-/// Names of the passes, for their times: of light that is bounced, and of what comes before.
-const PASS: &str = "lightmap";
-const DIRECT_PASS: &str = "lightmap direct";
-const OPEN_PASS: &str = "lightmap open";
-/// Bounces before the last. In a room whose walls give back two thirds, what is missing then is below 1 %.
-const BOUNCES: u32 = 40;
-/// Samples of a texel for each of these bounces: their noise is averaged by the gathering that follows.
-const BOUNCE_SAMPLES: u32 = 2;
-/// Bounces before those whose mean is shown until the last is there, and samples of a texel that make it better than an
-/// open sky. What is missing after so few bounces is missing for some seconds only.
-const UNKEPT: u32 = 8;
-const PRESENTABLE: u32 = 16;
-/// Places of a texel, at most 31: of each it is found out whether it is seen, and which lamps and sun reach it.
-const DIRECT_SAMPLES: u32 = 16;
+/// Workgroups that sum up what surfaces give back, at most.
+const WEIGHING_GROUPS: u32 = 64;
 /// Places that light from lamps is followed to, where a lamp is near a surface; a power of two.
 const RELAYS: u32 = 1 << 14;
 /// Part of the scene's radius nearer than which a lamp makes a spot that few rays find.
@@ -44,12 +33,13 @@ const MOST_TEXELS: u32 = 65535 * GROUP;
 const PIECES: std::ops::RangeInclusive<f64> = 8192.0..=4e8;
 
 /// The compute shaders that make a lightmap what it is.
-pub const SHADERS: [&str; 5] = [
+pub const SHADERS: [&str; 6] = [
     "lightmap_direct.comp",
     "lightmap_relays.comp",
     "lightmap_gather.comp",
     "lightmap_resolve.comp",
     "lightmap_fill.comp",
+    "lightmap_balance.comp",
 ];
 
 /// The push constants of its passes.
@@ -64,106 +54,6 @@ struct Work {
     relay_count: u32,
 }
 
-/// [`Work::flags`]: sums begin with these samples; what is known is shown from now on; their sky is counted; their sums are
-/// kept.
-const BEGINS: u32 = 1;
-const IS_SHOWN: u32 = 2;
-const COUNTS: u32 = 4;
-const KEEPS: u32 = 8;
-
-/// What is being computed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Stage {
-    /// Light of an open sky, for as long as there is no other.
-    Open,
-    Direct,
-    Relays,
-    /// Samples of one bounce, the first of which is 0.
-    Bounce(u32),
-    /// Samples after this many of the last one.
-    Last(u32),
-    Done,
-}
-
-impl Stage {
-    /// What follows, with `most` samples of a texel at last.
-    fn next(self, has_relays: bool, most: u32) -> Self {
-        match self {
-            Self::Open => Self::Direct,
-            Self::Direct if has_relays => Self::Relays,
-            Self::Direct | Self::Relays => Self::Bounce(0),
-            Self::Bounce(bounce) if bounce + 1 < BOUNCES => Self::Bounce(bounce + 1),
-            Self::Bounce(_) => Self::Last(0),
-            Self::Last(samples) if samples + AT_ONCE < most => Self::Last(samples + AT_ONCE),
-            Self::Last(_) | Self::Done => Self::Done,
-        }
-    }
-
-    /// Whether it gathers light that surfaces give back.
-    fn is_soft(self) -> bool {
-        matches!(self, Self::Bounce(_) | Self::Last(_))
-    }
-
-    fn pass(self) -> &'static str {
-        match self {
-            Self::Open => OPEN_PASS,
-            Self::Direct | Self::Relays => DIRECT_PASS,
-            Self::Bounce(_) | Self::Last(_) | Self::Done => PASS,
-        }
-    }
-
-    /// Samples of a texel.
-    fn samples(self) -> u32 {
-        match self {
-            Self::Direct => DIRECT_SAMPLES,
-            Self::Bounce(_) => BOUNCE_SAMPLES,
-            Self::Last(_) => AT_ONCE,
-            Self::Open | Self::Relays | Self::Done => 1,
-        }
-    }
-
-    /// The first of them in the sequence of all. The last ones begin an aligned run of it, which is spread evenly.
-    fn first_sample(self, most: u32) -> u32 {
-        match self {
-            Self::Bounce(bounce) => bounce * BOUNCE_SAMPLES,
-            Self::Last(samples) => (BOUNCES * BOUNCE_SAMPLES).next_multiple_of(most) + samples,
-            Self::Open | Self::Direct | Self::Relays | Self::Done => 0,
-        }
-    }
-
-    fn flags(self, most: u32) -> u32 {
-        match self {
-            Self::Bounce(bounce) if bounce < UNKEPT => BEGINS | COUNTS,
-            Self::Bounce(bounce) => BEGINS | COUNTS | KEEPS | shown_if(kept_by(bounce) >= PRESENTABLE),
-            Self::Last(samples) => {
-                let begins = if samples == 0 { BEGINS } else { 0 };
-                // Not before it is better than what the bounces' mean shows.
-                begins | shown_if(samples + AT_ONCE >= kept_by(BOUNCES - 1).min(most))
-            }
-            Self::Open | Self::Direct | Self::Relays | Self::Done => 0,
-        }
-    }
-
-    /// Samples of a texel that came before it.
-    fn samples_before(self, most: u32) -> u32 {
-        match self {
-            Self::Open | Self::Direct | Self::Relays => 0,
-            Self::Bounce(bounce) => DIRECT_SAMPLES + bounce * BOUNCE_SAMPLES,
-            Self::Last(samples) => DIRECT_SAMPLES + BOUNCES * BOUNCE_SAMPLES + samples,
-            Self::Done => DIRECT_SAMPLES + BOUNCES * BOUNCE_SAMPLES + most,
-        }
-    }
-}
-
-/// Samples that are kept up to a bounce.
-fn kept_by(bounce: u32) -> u32 {
-    (bounce + 1 - UNKEPT) * BOUNCE_SAMPLES
-}
-
-fn shown_if(shown: bool) -> u32 {
-    if shown { IS_SHOWN } else { 0 }
-}
-
 /// A lightmap that is being computed.
 pub struct LightmapBake {
     pipelines: Pipelines,
@@ -176,8 +66,11 @@ pub struct LightmapBake {
     all_texels: u32,
     texels: u32,
     relays: u32,
-    /// Of a texel, at last.
-    samples: u32,
+    /// The most bounces, until it is known how many it takes.
+    length: Length,
+    /// Sums that tell; the second copy for the CPU.
+    sums: Arc<Buffer>,
+    weighed: Arc<Buffer>,
     stage: Stage,
     /// Texels of this stage that are done.
     cursor: u32,
@@ -193,6 +86,7 @@ struct Pipelines {
     gather: Pipeline,
     resolve: Pipeline,
     fill: Pipeline,
+    balance: Pipeline,
 }
 
 impl Pipelines {
@@ -205,6 +99,7 @@ impl Pipelines {
             gather: pipeline("lightmap_gather.comp")?,
             resolve: pipeline("lightmap_resolve.comp")?,
             fill: pipeline("lightmap_fill.comp")?,
+            balance: pipeline("lightmap_balance.comp")?,
         })
     }
 
@@ -271,7 +166,10 @@ impl LightmapBake {
         let storage = |name, bytes| Buffer::new(gpu, name, BufferKind::Storage, bytes);
         let list = if all.is_empty() { &[LightmapTexel::default()] } else { &all[..] };
         let list = Buffer::with_bytes(gpu, "lightmap texels", BufferKind::StorageFromCpu, bytemuck::cast_slice(list))?;
-        let sums = storage("lightmap sums", count * size_of::<[f32; 4]>() as u64)?;
+        let weighing = u64::from((seen as u32).div_ceil(GROUP).clamp(1, WEIGHING_GROUPS));
+        let sums = storage("lightmap sums", count.max(weighing) * size_of::<[f32; 4]>() as u64)?;
+        let weighed =
+            Buffer::new(gpu, "lightmap weighed", BufferKind::Readback, weighing * size_of::<[f32; 4]>() as u64)?;
         let surfaces = storage("lightmap surfaces", count * size_of::<[f32; 18]>() as u64)?;
         let relays = storage("lightmap relays", u64::from(RELAYS) * size_of::<[f32; 17]>() as u64)?;
         let sampler = Sampler::new(gpu, "lightmap", AddressMode::Clamp, 1)?;
@@ -295,7 +193,9 @@ impl LightmapBake {
             all_texels: all.len() as u32,
             texels: seen as u32,
             relays: if scene.is_near(ray_scene.lamps(), NEAR_LAMP) { RELAYS } else { 0 },
-            samples: SAMPLES,
+            length: Length::default(),
+            sums,
+            weighed,
             stage: Stage::Open,
             cursor: 0,
             pace: Pace::new(PASS, PIECES),
@@ -305,12 +205,13 @@ impl LightmapBake {
 
     /// With this many samples of a texel at last, a power of two and at least [`AT_ONCE`].
     pub fn with_samples(self, samples: u32) -> Self {
-        Self { samples, ..self }
+        Self { length: Length { samples, ..self.length }, ..self }
     }
 
     /// Computes it again, for other light; until it is better, the old one stays.
     pub fn restart(&mut self) {
         (self.stage, self.cursor) = (Stage::Direct, 0);
+        self.length = Length { samples: self.length.samples, ..Length::default() };
     }
 
     /// What each texel gives back of direct and of soft light, radiance; only once it is computed, not from the cache.
@@ -326,7 +227,7 @@ impl LightmapBake {
     /// The part that is done, 0 to 1.
     pub fn progress(&self) -> f32 {
         let of_stage = self.stage.samples() as f32 * self.cursor as f32 / self.texels.max(1) as f32;
-        let [before, all] = [self.stage, Stage::Done].map(|stage| stage.samples_before(self.samples) as f32);
+        let [before, all] = [self.stage, Stage::Done].map(|stage| stage.samples_before(self.length) as f32);
         ((before + of_stage) / all).min(1.0)
     }
 
@@ -376,9 +277,9 @@ impl LightmapBake {
         let work = Work {
             first: self.cursor,
             count: most.min(all - self.cursor),
-            first_sample: self.stage.first_sample(self.samples),
+            first_sample: self.stage.first_sample(self.length),
             samples,
-            flags: self.stage.flags(self.samples),
+            flags: self.stage.flags(self.length),
             relay_count: self.relays,
         };
         (work, all)
@@ -391,7 +292,7 @@ impl LightmapBake {
 
     fn end_stage(&mut self, commands: &mut Commands<'_>, sets: &BakeSets<'_>) {
         if self.stage.is_soft() {
-            let all = Work { count: self.texels, flags: self.stage.flags(self.samples), ..Work::default() };
+            let all = Work { count: self.texels, flags: self.stage.flags(self.length), ..Work::default() };
             commands.buffers_written();
             commands.prepare(&self.soft, ImageAccess::Storage);
             self.dispatch(commands, &self.pipelines.resolve, sets, all);
@@ -400,7 +301,34 @@ impl LightmapBake {
             commands.prepare(&self.soft, ImageAccess::Storage);
             self.dispatch(commands, &self.pipelines.fill, sets, all);
         }
-        (self.stage, self.cursor) = (self.stage.next(self.relays > 0, self.samples), 0);
+        if self.stage.is_weighed() {
+            self.weigh(commands, sets);
+        } else if self.stage.decides() {
+            self.length = self.length.with_share(self.given_back_again());
+            tracing::debug!("lightmap: {} bounces before the last", self.length.bounces);
+        }
+        (self.stage, self.cursor) = (self.stage.next(self.relays > 0, self.length), 0);
+    }
+
+    /// Sums up what surfaces give back, and what of that they give back again.
+    fn weigh(&self, commands: &mut Commands<'_>, sets: &BakeSets<'_>) {
+        commands.buffers_written();
+        commands.prepare(&self.soft, ImageAccess::Storage);
+        sets.bind(commands, &self.pipelines.balance, &self.set);
+        commands.push(&self.pipelines.balance, bytes_of(&Work { count: self.texels, ..Work::default() }));
+        commands.dispatch([(self.weighed.size() / size_of::<[f32; 4]>() as u64) as u32, 1, 1]);
+        commands.buffers_written();
+        commands.copy_buffer(&self.sums, 0, &self.weighed, 0, self.weighed.size());
+        commands.copies_to_host();
+        commands.buffers_written();
+    }
+
+    /// The share of light that surfaces give back of which they have given back already, once that frame has finished: where
+    /// much is given back, most light is. NaN where there is none.
+    fn given_back_again(&self) -> f64 {
+        let groups: Vec<[f32; 4]> = self.weighed.read(bytemuck::pod_collect_to_vec);
+        let sum = |i: usize| groups.iter().map(|group| f64::from(group[i])).sum::<f64>();
+        sum(1) / sum(0)
     }
 
     fn dispatch(&self, commands: &mut Commands<'_>, pipeline: &Pipeline, sets: &BakeSets<'_>, work: Work) {

@@ -28,6 +28,7 @@ mod light_detail;
 pub(crate) mod light_plan;
 mod lighting;
 mod lightmap;
+mod lightmap_stages;
 mod lightmapped;
 mod mirror_picture;
 #[cfg(test)]
