@@ -11,6 +11,7 @@ pub mod light;
 pub mod room;
 pub mod solids;
 pub mod stage;
+pub mod wall;
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
