@@ -6,11 +6,11 @@ use std::process::Command;
 
 use pbr_vr::asset::picture::{Picture, compare};
 
+use crate::common::failing::{SMALL, small_world};
 use crate::common::fault::FaultLayer;
 use crate::common::wall::{four_large, stripes, textured, told_mib};
 use crate::common::{Workshop, finish};
 use crate::desktop::{Display, ESCAPE, FileManager, Hands, L, P, Program, command};
-use crate::faults::{SMALL, small_world};
 use crate::window::assert_clean;
 
 /// The most that pictures of two GPUs may differ, mean FLIP: one tests depth after shading, the other before.

@@ -2,6 +2,10 @@
 #![allow(dead_code)]
 
 pub mod colour;
+#[cfg(target_os = "linux")]
+pub mod failing;
+#[cfg(target_os = "linux")]
+pub mod failing_files;
 pub mod fault;
 pub mod gltf;
 pub mod headset;
