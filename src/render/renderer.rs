@@ -227,6 +227,7 @@ impl Renderer {
 
     /// Draws with textures of [`Renderer::texture_request`] from now on. Those of a file that has changed meanwhile are refused.
     pub fn set_textures(&mut self, textures: SceneTextures) -> Replaced {
+        self.begin_average();
         self.scene.resources.replace_textures(textures)
     }
 
