@@ -11,6 +11,8 @@ use crate::error::shown;
 
 /// Collects warnings and times, and shows progress; one for each run, shared by all threads.
 pub struct Report {
+    /// Whether warnings are logged.
+    logs: bool,
     warnings: Mutex<Vec<String>>,
     times: Mutex<BTreeMap<&'static str, Duration>>,
     bars: MultiProgress,
@@ -36,7 +38,7 @@ const MAX_KEPT: usize = 10_000;
 impl Drop for Report {
     fn drop(&mut self) {
         let more = self.lock().len().saturating_sub(MAX_LOGGED) + self.dropped.load(Ordering::Relaxed);
-        if more > 0 {
+        if self.logs && more > 0 {
             tracing::warn!("and {more} more warnings");
         }
     }
@@ -48,13 +50,21 @@ impl Report {
         Self::with_target(ProgressDrawTarget::stderr())
     }
 
-    /// Only collects.
+    /// Shows no progress.
     pub fn silent() -> Self {
         Self::with_target(ProgressDrawTarget::hidden())
     }
 
+    /// Says nothing at all: for files of which everything has been said before.
+    pub fn repeated() -> Self {
+        let mut report = Self::silent();
+        report.logs = false;
+        report
+    }
+
     fn with_target(target: ProgressDrawTarget) -> Self {
         Self {
+            logs: true,
             warnings: Mutex::default(),
             times: Mutex::default(),
             bars: MultiProgress::with_draw_target(target),
@@ -69,7 +79,7 @@ impl Report {
     pub fn warn(&self, message: impl Into<String>) {
         let message = shown(&message.into(), false);
         let mut warnings = self.lock();
-        if warnings.len() < MAX_LOGGED {
+        if self.logs && warnings.len() < MAX_LOGGED {
             tracing::warn!("{message}");
         }
         if warnings.len() < MAX_KEPT {

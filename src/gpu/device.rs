@@ -67,6 +67,16 @@ pub struct Handles {
     pub family: u32,
 }
 
+/// How full a heap is, bytes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct MemoryUse {
+    pub size: u64,
+    /// What other programs leave of it to this process.
+    pub budget: u64,
+    /// What this process has.
+    pub used: u64,
+}
+
 /// Time that one wait for the GPU may spend on destroying objects: a replaced scene is destroyed over several frames.
 const DESTRUCTION_BUDGET: Duration = Duration::from_micros(250);
 
@@ -244,8 +254,21 @@ impl Gpu {
     /// Bytes of device-local memory that this process may still allocate. Where the driver does not report it: 7/8 of
     /// all, less what this process has.
     pub fn free_memory(&self) -> u64 {
+        let all = (self.info.memory - self.info.memory / 8).saturating_sub(self.taken_memory());
+        self.own_heaps().map_or(all, |heaps| heaps.iter().map(|heap| heap.budget.saturating_sub(heap.used)).sum())
+    }
+
+    /// How full the largest device-local heap is. `None` where the driver does not report it. Takes as long as the driver, so that no
+    /// frame should wait for it.
+    pub fn memory_use(&self) -> Option<MemoryUse> {
+        let heaps = self.own_heaps()?;
+        heaps.into_iter().max_by_key(|heap| heap.size)
+    }
+
+    /// The device-local heaps, if the driver reports how full they are.
+    fn own_heaps(&self) -> Option<Vec<MemoryUse>> {
         if !self.options.memory_budget {
-            return (self.info.memory - self.info.memory / 8).saturating_sub(self.taken_memory());
+            return None;
         }
         let mut budget = vk::PhysicalDeviceMemoryBudgetPropertiesEXT::default();
         let mut memory = vk::PhysicalDeviceMemoryProperties2::default().push_next(&mut budget);
@@ -253,8 +276,12 @@ impl Gpu {
         unsafe { self.instance.raw.get_physical_device_memory_properties2(self.physical, &mut memory) };
         let heaps = memory.memory_properties;
         let own = |i: &usize| heaps.memory_heaps[*i].flags.contains(vk::MemoryHeapFlags::DEVICE_LOCAL);
-        let free = |i: usize| budget.heap_budget[i].saturating_sub(budget.heap_usage[i]);
-        (0..heaps.memory_heap_count as usize).filter(own).map(free).sum()
+        let heap = |i: usize| MemoryUse {
+            size: heaps.memory_heaps[i].size,
+            budget: budget.heap_budget[i],
+            used: budget.heap_usage[i],
+        };
+        Some((0..heaps.memory_heap_count as usize).filter(own).map(heap).collect())
     }
 
     /// Bytes allocated for buffers and images, in any memory.

@@ -43,7 +43,7 @@ pub use command_buffer::{CommandBuffer, PassTime, PassTimes};
 pub use commands::{Commands, Cull};
 pub use copies::Rect;
 pub use descriptor::{Binding, DescriptorSet, DescriptorSetLayout};
-pub use device::{Gpu, GpuOptions, Handles};
+pub use device::{Gpu, GpuOptions, Handles, MemoryUse};
 pub use frame_ring::{FRAMES_IN_FLIGHT, FrameContext, FrameRing, UNIFORM_RANGE};
 #[cfg(test)]
 pub use harness_tests::{NO_IMAGES, with_gpu, with_gpu_of_little_memory};

@@ -88,7 +88,9 @@ impl BoundScene {
 
     /// Draws the scene with a lightmap from now on.
     pub fn set_lightmapped(&mut self, gpu: &Arc<Gpu>, layouts: &Layouts, lightmapped: Lightmapped) -> Result<()> {
-        let Lightmapped { resources, mut baked } = lightmapped;
+        let Lightmapped { mut resources, mut baked } = lightmapped;
+        // They may have got other levels meanwhile.
+        resources.replace_textures(self.resources.textures.clone());
         baked.set_panorama(&self.lighting)?;
         self.set = scene_set(gpu, layouts, (&resources, &self.shadows), &self.lighting, Some(&baked))?;
         (self.resources, self.baked) = (resources, Some(baked));

@@ -64,6 +64,7 @@ mod shared_gpu_tests;
 mod sun_view;
 mod surface_pass;
 mod targets;
+mod texture_request;
 mod ui;
 
 pub use draws::{CullOptions, DrawCounts, Order};
@@ -82,10 +83,11 @@ pub use pipelines::PassPipelines;
 pub use probe_maps::ProbeMaps;
 pub use reference_accumulator::StandardError;
 pub use renderer::Renderer;
-pub use scene_resources::TextureFacts;
+pub use scene_resources::{Replaced, SceneTextures, TextureFacts, affordable_bytes};
 pub use settings::{Change, LightModel, LightPart, RenderSettings, Shading, TextureSettings};
 pub use shared::{MAX_EYES, ProbeBlock};
 pub use targets::check_size;
+pub use texture_request::TextureRequest;
 pub use ui::{MAX_TEXTURE_SIDE, UI_BYTES, UiFrame, UiRenderer, UiTarget};
 
 pub use crate::gpu::FRAMES_IN_FLIGHT;

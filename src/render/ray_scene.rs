@@ -1,6 +1,6 @@
 //! What rays meet, on the GPU: a scene's triangles under a hierarchy with their corners, and reduced copies of textures.
 
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use bytemuck::{Pod, Zeroable, bytes_of};
 use glam::{DVec4, Mat4, Vec3};
@@ -46,7 +46,7 @@ pub struct LazyRayScene {
     /// Where paths begin that look for the backs that are seen.
     cameras: Vec<Vec3>,
     lamps: Vec<Vec3>,
-    texture_sets: Arc<[DescriptorSet]>,
+    texture_sets: Mutex<Arc<[DescriptorSet]>>,
     built: Mutex<Option<Arc<RayScene>>>,
 }
 
@@ -100,7 +100,7 @@ impl LazyRayScene {
                 || geometry.meshes.iter().any(|mesh| mesh.vertices.iter().any(VertexExtraBlock::is_needed)),
             cameras: scene.cameras.iter().map(|camera| camera.position).collect(),
             lamps: scene.lights.iter().map(|lamp| lamp.position).collect(),
-            texture_sets: Arc::clone(texture_sets),
+            texture_sets: Mutex::new(Arc::clone(texture_sets)),
             built: Mutex::new(None),
         }
     }
@@ -117,22 +117,28 @@ impl LazyRayScene {
             has_extras: false,
             cameras: Vec::new(),
             lamps: Vec::new(),
-            texture_sets: Arc::new([]),
+            texture_sets: Mutex::new(Arc::new([])),
             built: Mutex::new(None),
         }
     }
 
+    /// Takes the same textures with other levels from now on; what is built stays.
+    pub fn set_textures(&self, sets: &Arc<[DescriptorSet]>) {
+        *locked(&self.texture_sets) = Arc::clone(sets);
+    }
+
     /// The scene on the GPU; the first call builds it.
     pub fn get(&self, gpu: &Arc<Gpu>, layouts: &Layouts) -> Result<Arc<RayScene>> {
-        let mut built = self.built.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut built = locked(&self.built);
         if let Some(built) = &*built {
             return Ok(Arc::clone(built));
         }
         let bvh = Bvh::new(&self.meshes, &self.instances)?;
         let sides = sides(&bvh, &self.meshes, &self.instances, [&self.cameras, &self.lamps]);
-        let side = if self.has_textures { affordable_side(gpu, self.texture_sets.len() as u64) } else { 1 };
+        let sets = Arc::clone(&locked(&self.texture_sets));
+        let side = if self.has_textures { affordable_side(gpu, sets.len() as u64) } else { 1 };
         let emissive_side = if self.has_emissive_maps { side } else { 1 };
-        let textures = RayTextures::new(gpu, layouts, &self.texture_sets, [side, emissive_side])?;
+        let textures = RayTextures::new(gpu, layouts, &sets, [side, emissive_side])?;
         let scene = Arc::new(RayScene::new(gpu, (bvh, sides), self, textures)?);
         *built = Some(Arc::clone(&scene));
         Ok(scene)
@@ -141,7 +147,7 @@ impl LazyRayScene {
     /// Whether it has been used.
     #[cfg(test)]
     pub fn is_built(&self) -> bool {
-        self.built.lock().unwrap_or_else(PoisonError::into_inner).is_some()
+        locked(&self.built).is_some()
     }
 
     /// Places of the scene's lamps.
@@ -177,6 +183,11 @@ impl LazyRayScene {
     fn mesh(&self, triangle: &BvhTriangle) -> &Mesh {
         &self.meshes[self.instances[triangle.instance as usize].mesh]
     }
+}
+
+/// A panic leaves nothing half done behind these locks.
+fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// The side on this GPU; says if it has little memory.

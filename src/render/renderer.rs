@@ -23,10 +23,11 @@ use super::pipelines::PassPipelines;
 use super::probe_maps::ProbeMaps;
 use super::reference_accumulator::{ReferenceAccumulator, StandardError, jittered};
 use super::rest::Rest;
-use super::scene_resources::{SceneResources, SceneTextures, TextureFacts};
+use super::scene_resources::{Replaced, SceneResources, SceneTextures, TextureFacts};
 use super::settings::RenderSettings;
 use super::shared::FrameBlock;
 use super::targets::{Detail, ViewTargets};
+use super::texture_request::TextureRequest;
 use crate::Result;
 use crate::context::Context;
 use crate::gpu::{FrameContext, Image, PassTime};
@@ -219,6 +220,17 @@ impl Renderer {
         self.set_pipelines(pipelines)
     }
 
+    /// What the scene's textures are loaded with again, with other levels.
+    pub fn texture_request(&self) -> TextureRequest {
+        TextureRequest { layouts: Arc::clone(&self.layouts), settings: self.settings().clone() }
+    }
+
+    /// Draws with textures of [`Renderer::texture_request`] from now on. Those of a file that has changed meanwhile are refused.
+    pub fn set_textures(&mut self, textures: SceneTextures) -> Replaced {
+        self.begin_average();
+        self.scene.resources.replace_textures(textures)
+    }
+
     /// Changes of the scene as its file has it.
     pub fn edits(&self) -> &SceneEdits {
         self.scene.edits()
@@ -325,6 +337,12 @@ impl Renderer {
     /// The memory use of the scene's textures.
     pub fn texture_facts(&self) -> &TextureFacts {
         &self.scene.resources.textures.facts
+    }
+
+    /// GPU memory of the scene's textures, and of all their levels that the settings ask for, bytes.
+    pub fn texture_bytes(&self) -> [u64; 2] {
+        let SceneTextures { facts, needed_bytes, .. } = &self.scene.resources.textures;
+        [facts.bytes, *needed_bytes]
     }
 
     /// GPU memory of shadow maps, bytes.

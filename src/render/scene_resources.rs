@@ -22,8 +22,15 @@ use crate::gpu::{Buffer, BufferKind, Commands, Gpu};
 use crate::scene::cluster::{Cluster, clusters};
 use crate::scene::{GeometryView, Lookup, Material, MaterialFeatures, PointLight, Scene, SceneFeatures};
 pub use geometry::Geometry;
-pub use textures::{SceneTextures, TextureFacts};
+pub use textures::{SceneTextures, TextureFacts, affordable_bytes};
 pub use vertex::{ATTRIBUTES, PackedVertex};
+
+/// Textures that were offered in place of others.
+pub struct Replaced {
+    pub are_shown: bool,
+    /// Those that are not needed.
+    pub left: SceneTextures,
+}
 
 /// The GPU resources of a scene without its environment.
 pub struct SceneResources {
@@ -51,6 +58,16 @@ pub struct SceneResources {
 }
 
 impl SceneResources {
+    /// Draws with the same textures at other levels from now on; returns those before. Others, of a file that has changed, are
+    /// refused and returned.
+    pub fn replace_textures(&mut self, textures: SceneTextures) -> Replaced {
+        if self.textures.of_materials != textures.of_materials {
+            return Replaced { are_shown: false, left: textures };
+        }
+        self.ray_scene.set_textures(&textures.sets);
+        Replaced { are_shown: true, left: std::mem::replace(&mut self.textures, textures) }
+    }
+
     /// The combinations that pipelines are made for: those of edited materials can show any factors.
     pub fn variants_for(&self, edits: &SceneEdits) -> Vec<MaterialFeatures> {
         let mut variants = self.variants.clone();

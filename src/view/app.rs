@@ -2,6 +2,7 @@
 //! headset, or both) draw it and pass on the user's requests.
 
 mod light;
+mod textures;
 
 use std::path::{Path, PathBuf};
 
@@ -299,6 +300,11 @@ impl App {
                     Some(Update::Failed(error))
                 }
             },
+            LoadResult::Memory(advice) => {
+                self.follow_memory(advice);
+                None
+            }
+            LoadResult::Textures(advice, textures) => self.texture(advice, textures)?,
             LoadResult::Screenshot(written) => {
                 self.screenshots -= 1;
                 Some(Update::Screenshot(written))
@@ -448,6 +454,7 @@ impl App {
         }
         let old = self.scene.replace(scene);
         (self.new_light, self.new_lightmap) = (None, None);
+        self.watch_memory();
         self.follow_settings()?;
         let arrival = match &old {
             _ if again => Arrival::Again,

@@ -5,19 +5,21 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::{Receiver, Sender, TryRecvError, channel};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, TryRecvError, channel};
 use std::thread::JoinHandle;
+use std::time::Instant;
 
 use glam::Vec3;
 
 use super::measured::{MeasuredSettings, Measurements};
+use super::memory_watch::{Advice, LOOK, MemoryWatch, TextureUse};
 use super::scene_parts::SceneParts;
 use super::screenshot;
 use crate::asset::{Panorama, Report, TextureOptions, shipped};
 use crate::context::Context;
 use crate::render::{
     KeptPipelines, Lighting, LightmapRequest, Lightmapped, PassPipelines, PipelineRequest, RenderSettings, Renderer,
-    is_lightmapped,
+    SceneTextures, TextureRequest, is_lightmapped,
 };
 use crate::scene::description::Description;
 use crate::scene::load::{LoadOptions, load};
@@ -62,6 +64,8 @@ pub struct LoadedScene {
     /// The file's name.
     pub name: String,
     pub path: PathBuf,
+    /// How it was staged.
+    pub staging: Staging,
     /// The file of the panorama that lights it; `None` for uniform light.
     pub panorama: Option<PathBuf>,
     pub renderer: Renderer,
@@ -136,11 +140,20 @@ pub enum LoadRequest {
         pixels: Vec<u8>,
         size: [u32; 2],
     },
-    /// Free a scene that is no longer drawn: it has thousands of objects.
-    Discard(Box<LoadedScene>),
+    /// Textures of the shown scene again, with other levels.
+    Textures {
+        advice: Advice,
+        path: PathBuf,
+        staging: Staging,
+        request: TextureRequest,
+    },
+    /// These are shown from now on: look after the memory that they have.
+    Watch(TextureUse),
+    /// Free what is no longer drawn: a scene has thousands of objects.
+    Discard(Box<dyn Send>),
 }
 
-/// Results in the order of requests, lightmaps excepted; [`LoadRequest::Discard`] has none.
+/// Results in the order of requests, lightmaps and advice excepted; [`LoadRequest::Discard`] and [`LoadRequest::Watch`] have none.
 pub enum LoadResult {
     /// A scene as it is drawn until its lightmap is there.
     Scene(Result<Box<LoadedScene>>),
@@ -152,6 +165,9 @@ pub enum LoadResult {
         lighting: Result<Box<Lighting>>,
     },
     Pipelines(u64, Result<Box<PassPipelines>>),
+    /// The GPU's memory has become too full for the shown textures, or has room for better ones.
+    Memory(Advice),
+    Textures(Advice, Result<Box<SceneTextures>>),
     Screenshot(Result<PathBuf>),
 }
 
@@ -290,7 +306,23 @@ fn load_all(
     jobs: &Sender<LightmapJob>,
     outbox: &Outbox<impl Fn()>,
 ) {
-    for (request, stop) in requests {
+    let mut watch = MemoryWatch::default();
+    let is_watched = work.context.gpu.memory_use().is_some();
+    loop {
+        let next = if is_watched { requests.recv_timeout(LOOK) } else { requests.recv().map_err(Into::into) };
+        let (request, stop) = match next {
+            Ok(next) => next,
+            Err(RecvTimeoutError::Timeout) => {
+                let advice = work.context.gpu.memory_use().and_then(|memory| watch.look(memory, Instant::now()));
+                advice.into_iter().for_each(|advice| outbox.put(LoadResult::Memory(advice)));
+                continue;
+            }
+            Err(RecvTimeoutError::Disconnected) => return,
+        };
+        if let LoadRequest::Watch(textures) = request {
+            watch.show(textures);
+            continue;
+        }
         if work.closing.load(Ordering::Relaxed) && !matches!(request, LoadRequest::Screenshot { .. }) {
             continue;
         }
@@ -341,11 +373,28 @@ fn perform(work: &Work, request: LoadRequest, stop: Arc<AtomicBool>) -> (Option<
         LoadRequest::Screenshot { pixels, size } => {
             (Some(LoadResult::Screenshot(screenshot::write(&pixels, size))), None)
         }
-        LoadRequest::Discard(scene) => {
-            drop(scene);
+        LoadRequest::Textures { advice, path, staging, request } => {
+            let textures = load_textures(context, (&path, staging), &request, advice.limit).map(Box::new);
+            (Some(LoadResult::Textures(advice, textures)), None)
+        }
+        LoadRequest::Discard(garbage) => {
+            drop(garbage);
             (None, None)
         }
+        LoadRequest::Watch(_) => (None, None),
     }
+}
+
+/// Loads a scene's textures again, of so many bytes at most. Whatever is to be said of its files has been said.
+fn load_textures(
+    context: &Context,
+    (path, staging): (&Path, Staging),
+    request: &TextureRequest,
+    limit: u64,
+) -> Result<SceneTextures> {
+    let context = Context { report: Arc::new(Report::repeated()), ..context.clone() };
+    let scene = load_staged(path, staging, &request.options(&context), &context.report)?;
+    request.upload(&context, &scene, limit)
 }
 
 /// Loads a scene without its lightmap; returns what that is prepared from, where there is to be one.
@@ -356,7 +405,7 @@ fn load_for(
     target: &Target,
 ) -> Result<(Box<LoadedScene>, Option<Scene>)> {
     let panorama = panorama_file(&path, &staging);
-    let mut scene = load_staged(&path, staging, &settings.textures.options(context), &context.report)?;
+    let mut scene = load_staged(&path, staging.clone(), &settings.textures.options(context), &context.report)?;
     let Target { size, eyes, hidden } = target;
     let lightmap_follows = is_lightmapped(&scene, &settings);
     let mut renderer = Renderer::without_lightmap(context, &scene, settings, *size, *eyes)?;
@@ -372,6 +421,7 @@ fn load_for(
         parts: SceneParts::of(&scene),
         measured: measurements.map_or_else(Vec::new, |measurements| measurements(&path, context)),
         path,
+        staging: Staging { write_scene: None, ..staging },
         cameras: scene.cameras.clone(),
         bounds,
         floors,

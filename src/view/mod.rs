@@ -20,6 +20,7 @@ mod loading_files;
 #[cfg(test)]
 mod lost_gpu_tests;
 mod measured;
+mod memory_watch;
 mod needs;
 pub(crate) mod panel;
 mod playlist;

@@ -12,6 +12,8 @@ pub enum Update {
     Light(String),
     /// The scene is drawn with other settings.
     Settings,
+    /// The scene is drawn with better textures; says why. Worse ones are a warning of the report.
+    Textures(String),
     /// A screenshot was written.
     Screenshot(Result<PathBuf>),
     /// A file could not be loaded; nothing has changed.

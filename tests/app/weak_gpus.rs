@@ -4,13 +4,13 @@
 use std::path::Path;
 use std::process::Command;
 
-use image::{Rgba, RgbaImage};
 use pbr_vr::asset::picture::{Picture, compare};
 
+use crate::common::failing::{SMALL, small_world};
 use crate::common::fault::FaultLayer;
+use crate::common::wall::{four_large, stripes, textured, told_mib};
 use crate::common::{Workshop, finish};
-use crate::desktop::{Display, ESCAPE, FileManager, Hands, L, Program, command};
-use crate::faults::{SMALL, small_world};
+use crate::desktop::{Display, ESCAPE, FileManager, Hands, L, P, Program, command};
 use crate::window::assert_clean;
 
 /// The most that pictures of two GPUs may differ, mean FLIP: one tests depth after shading, the other before.
@@ -41,35 +41,6 @@ fn on(gpu: Option<(&FaultLayer, &str)>, workshop: &Workshop, arguments: &[&str])
 
 fn picture(path: &Path) -> Picture {
     Picture::read(path).expect("a picture")
-}
-
-/// A square that fills the picture, with parts of these images beside each other.
-fn textured(workshop: &Workshop, images: &[RgbaImage], part: f32) {
-    workshop.sky(0.0);
-    let mut obj = format!("mtllib wall.mtl\nvn 0 0 1\nvt 0 0\nvt {part} 0\nvt {part} {part}\nvt 0 {part}\n");
-    let mut mtl = String::new();
-    for (i, image) in images.iter().enumerate() {
-        image.save(workshop.path(&format!("{i}.png"))).expect("a picture");
-        mtl += &format!("newmtl m{i}\nmap_Kd {i}.png\n");
-        let (left, width) = (-2.0 + 4.0 * i as f32 / images.len() as f32, 4.0 / images.len() as f32);
-        for (x, y) in [(0.0, -1.5), (width, -1.5), (width, 1.5), (0.0, 1.5)] {
-            obj += &format!("v {} {y} 0\n", left + x);
-        }
-        let corner = |c: usize| format!("{}/{}/1", 4 * i + c, c);
-        obj += &format!("usemtl m{i}\nf {} {} {} {}\n", corner(1), corner(2), corner(3), corner(4));
-    }
-    workshop.write("wall.obj", &obj);
-    workshop.write("wall.mtl", &mtl);
-    let camera = "[[camera]]\nname = \"front\"\nposition = [0, 0, 3]\ntarget = [0, 0, 0]\n";
-    let text = "environment = { panorama = \"sky.exr\" }\n[[model]]\nfile = \"wall.obj\"\n";
-    workshop.write("wall.toml", &format!("{text}{camera}"));
-}
-
-/// Stripes across.
-fn stripes(width: u32, height: u32, green: u8) -> RgbaImage {
-    let colour =
-        |x: u32| if (x / (width / 16)).is_multiple_of(2) { [220, green, 40, 255] } else { [30, green, 120, 255] };
-    RgbaImage::from_fn(width, height, |x, _| Rgba(colour(x)))
 }
 
 #[test]
@@ -233,4 +204,52 @@ fn a_scene_is_as_fine_as_the_memory_that_others_leave() {
 
 /// Of 256 MiB. Half of what is free may be textures, of which a scene here has 21 MiB.
 const PLENTY: u64 = 200;
-const LITTLE: u64 = 80;
+const LITTLE: u64 = 100;
+
+/// Other programs take memory while a scene is shown: its textures lose levels; and get them back when memory is.
+#[test]
+fn a_shown_scene_gives_memory_back_while_others_need_it() {
+    let Some(display) = Display::start() else { return };
+    let workshop = Workshop::new();
+    four_large(&workshop);
+    let layer = FaultLayer::install(workshop.0.path());
+    layer.set_budget(PLENTY);
+    let arguments = [&["view", "wall.toml", "--on", "window", "--textures", "raw"], &COARSE_LIGHT[..]].concat();
+    let mut command = on(None, &workshop, &arguments);
+    command.envs(layer.with_budget("memory:256"));
+    let mut program = Program::spawn(&display, command);
+    program.wait_for("window");
+    let hands = Hands::on(&display);
+    hands.resize([64, 48]);
+    let screenshot = |program: &mut Program| {
+        hands.press(&[P]);
+        program.wait_for("pbr-vr-1.png");
+        let path = workshop.path("pbr-vr-1.png");
+        let shown = picture(&path);
+        std::fs::remove_file(path).expect("a screenshot");
+        shown
+    };
+    let whole = screenshot(&mut program);
+    layer.set_budget(TOO_LITTLE);
+    let goes_on = program.until_from(0, "never said", |errors| errors.lines().count());
+    assert!(goes_on, "{}", program.errors());
+    let said = program.errors();
+    let [after, before] = told_mib(&said);
+    assert!(said.lines().count() == 1 && said.contains("WARN") && after < 0.3 * before && before > 21.0, "{said}");
+    let reduced = screenshot(&mut program);
+    let flip = compare(&whole, &reduced).expect("two pictures of one size").flip_mean;
+    assert!(flip > 10.0 * TOLERANCE, "they look alike: FLIP {flip}");
+    layer.set_budget(PLENTY);
+    let told = program.wait_for("GPU memory");
+    assert_eq!(told_mib(&told), [before, after], "{told}");
+    let again = screenshot(&mut program);
+    let flip = compare(&whole, &again).expect("two pictures of one size").flip_mean;
+    assert!(flip == 0.0, "FLIP {flip}");
+    hands.press(&[ESCAPE]);
+    let ended = program.end();
+    assert_eq!(ended.1, said);
+    assert_clean(ended);
+}
+
+/// Less than the program has without any textures.
+const TOO_LITTLE: u64 = 20;

@@ -2,6 +2,10 @@
 #![allow(dead_code)]
 
 pub mod colour;
+#[cfg(target_os = "linux")]
+pub mod failing;
+#[cfg(target_os = "linux")]
+pub mod failing_files;
 pub mod fault;
 pub mod gltf;
 pub mod headset;
@@ -11,6 +15,7 @@ pub mod light;
 pub mod room;
 pub mod solids;
 pub mod stage;
+pub mod wall;
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;

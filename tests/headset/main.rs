@@ -11,6 +11,8 @@ mod desktop;
 #[cfg(target_os = "linux")]
 mod beside_window;
 mod dashboard;
+#[cfg(target_os = "linux")]
+mod faults;
 mod hands;
 mod held_panel;
 #[cfg(target_os = "linux")]

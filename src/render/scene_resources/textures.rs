@@ -43,30 +43,55 @@ pub struct SceneTextures {
     /// For each of the scene's materials, the index of its set.
     pub of_materials: Arc<[u32]>,
     pub facts: TextureFacts,
+    /// Bytes with all levels that the settings ask for and the GPU can have, whatever memory is free.
+    pub needed_bytes: u64,
 }
 
 impl SceneTextures {
-    /// Uploads what the settings need of a scene's textures.
+    /// Uploads what the settings need of a scene's textures and the GPU has memory for.
     ///
     /// # Errors
     /// Compressed textures on a GPU without them; no memory; a failed Vulkan call.
     pub fn new(context: &Context, layouts: &Layouts, scene: &Scene, settings: &RenderSettings) -> Result<Self> {
+        let margin = affordable_bytes(context.gpu.free_memory());
+        let limit = settings.textures.options(context).budget_bytes.unwrap_or(margin);
+        Self::within(context, layouts, scene, settings, limit)
+    }
+
+    /// The same with at most `limit` bytes, as far as textures get smaller.
+    ///
+    /// # Errors
+    /// Those of [`SceneTextures::new`].
+    pub fn within(
+        context: &Context,
+        layouts: &Layouts,
+        scene: &Scene,
+        settings: &RenderSettings,
+        limit: u64,
+    ) -> Result<Self> {
         let options = settings.textures.options(context);
         let features = SceneFeatures::of(scene, settings.model, settings.viewpoint);
-        let (images, facts) = upload(context, &scene.textures, &features.first_levels, &options)?;
+        let (images, facts, needed_bytes) =
+            upload(context, &scene.textures, &features.first_levels, (&options, limit))?;
         let mut sets = TextureSets::new(&context.gpu, &layouts.textures, &images, options.anisotropy)?;
         let of_materials = scene.materials.iter().map(|material| sets.index(material)).collect::<Result<_>>()?;
-        Ok(Self { sets: sets.all.into(), of_materials, facts })
+        Ok(Self { sets: sets.all.into(), of_materials, facts, needed_bytes })
     }
 }
 
-/// Uploads the levels of the scene's textures that are needed and fit; returns their memory use, too.
+/// Of so much free memory, what a scene's textures may take.
+pub fn affordable_bytes(free: u64) -> u64 {
+    free - free.min(2 * MARGIN_BYTES) / 2
+}
+
+/// Uploads the levels of the scene's textures that are needed and fit into the limit, bytes; returns their memory use, too, and
+/// that of all that are needed.
 fn upload(
     context: &Context,
     textures: &[MipChain],
     first_levels: &[u32],
-    options: &TextureOptions,
-) -> Result<(Vec<Arc<Image>>, TextureFacts)> {
+    (options, budget): (&TextureOptions, u64),
+) -> Result<(Vec<Arc<Image>>, TextureFacts, u64)> {
     let Context { gpu, report, .. } = context;
     if !gpu.compresses_textures()
         && let Some(texture) = textures.iter().find(|texture| texture.format.is_compressed())
@@ -74,8 +99,6 @@ fn upload(
         let what = format!("{}: this GPU has no compressed textures; use --textures raw", texture.name);
         return Err(Error::Usage(what));
     }
-    let free = gpu.free_memory();
-    let budget = options.budget_bytes.unwrap_or(free - free.min(2 * MARGIN_BYTES) / 2);
     let wanted: Vec<u32> = first_levels.iter().map(|first| (*first).max(options.dropped_levels)).collect();
     let needed = small_enough(textures, &wanted, gpu.max_image_size());
     let smaller = needed.iter().zip(&wanted).filter(|(needed, wanted)| needed > wanted).count();
@@ -83,6 +106,7 @@ fn upload(
         let (name, most, count) = (&gpu.info().name, gpu.max_image_size(), textures.len());
         report.warn(format!("{name} allows {most} texels a side: {smaller} of {count} textures drawn with less"));
     }
+    let needed_bytes = total(textures, &fit(textures, &needed, options.budget_bytes.unwrap_or(u64::MAX)));
     let firsts = fit(textures, &needed, budget);
     let facts = facts(textures, &firsts, budget);
     if firsts.iter().zip(&needed).any(|(first, needed)| first > needed) || facts.bytes > budget {
@@ -104,7 +128,7 @@ fn upload(
         upload.finish()
     })?;
     progress.finish_and_clear();
-    Ok((images, facts))
+    Ok((images, facts, needed_bytes))
 }
 
 /// Descriptor sets of a base color, a normal, an ORM and an emissive map, one for each combination in use.

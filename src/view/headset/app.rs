@@ -143,6 +143,7 @@ impl HeadsetApp {
                 Update::Scene(_) => self.session.go_to(0),
                 Update::Failed(error) => self.complain(&error),
                 Update::Screenshot(written) => screenshot::report(&written),
+                Update::Textures(why) => say!("pbr-vr: {why}"),
                 Update::Light(_) | Update::Settings => {}
             }
         }

@@ -326,6 +326,7 @@ impl WindowOutput {
                     self.announce(format!("showing {}", scene.loaded.name));
                 }
             }
+            Update::Textures(why) => self.announce(why),
             Update::Light(name) => self.announce(format!("lit by {name}")),
             Update::Settings => tracing::debug!("the settings are in use"),
             Update::Screenshot(written) => self.report_screenshot(&written),

@@ -170,7 +170,7 @@ functions! {
     PFN_vkResetFences(on: Device, count: u32, fences: *const Fence) may [DEVICE];
     PFN_vkWaitForFences(
         on: Device, count: u32, fences: *const Fence, all: Bool32, timeout: u64
-    ) may [HOST, DEVICE, LOST];
+    ) may [HOST, DEVICE, LOST], after;
     PFN_vkQueueSubmit2(
         on: Queue, count: u32, infos: *const SubmitInfo2<'_>, fence: Fence
     ) may [HOST, DEVICE, LOST];

@@ -91,14 +91,16 @@ pub struct Images {
     folder: PathBuf,
     entry: Option<ash::Entry>,
     copier: Option<Copier>,
+    /// Whether any are.
+    copies: bool,
     /// Images copied so far.
     pub copied: u64,
 }
 
 impl Images {
     /// Writes pictures into `folder`.
-    pub fn new(folder: PathBuf) -> Self {
-        Self { folder, entry: None, copier: None, copied: 0 }
+    pub fn new(folder: PathBuf, copies: bool) -> Self {
+        Self { folder, entry: None, copier: None, copies, copied: 0 }
     }
 
     fn entry(&mut self) -> &ash::Entry {
@@ -137,6 +139,9 @@ impl Images {
             let room = |offset: i32, size: u32| size - offset.cast_unsigned();
             part.extent.width = (part.extent.width + 1).min(room(part.offset.x, data.m_nWidth));
             part.extent.height = (part.extent.height + 1).min(room(part.offset.y, data.m_nHeight));
+        }
+        if !self.copies {
+            return Ok(());
         }
         if self.copier.is_none() {
             let entry = self.entry().clone();

@@ -62,7 +62,7 @@ impl Runtime {
             submitted: [false; 2],
             is_handed_off: false,
             timing_mode: sys::EVRCompositorTimingMode_VRCompositorTimingMode_Implicit,
-            images: Images::new(script.output.clone()),
+            images: Images::new(script.output.clone(), script.copies),
             actions: Actions::default(),
             pace: Pace::new(script.hz, script.is_paced),
             times,

@@ -32,6 +32,8 @@ pub struct Script {
     /// Pictures are written with the texels that filtering may read beyond the bounds: one more column and row at the
     /// right and lower side, where the image has them.
     pub show_border: bool,
+    /// Whether pictures are copied. Without, the runtime has nothing on the program's device.
+    pub copies: bool,
     pub start: Start,
     pub left: EyeOptics,
     pub right: EyeOptics,
@@ -279,6 +281,7 @@ impl Default for Script {
             show: Vec::new(),
             show_every: 0,
             show_border: false,
+            copies: true,
             start: Start::default(),
             left: eye(-0.0315),
             right: eye(0.0315),
