@@ -1,6 +1,10 @@
-# Tests tools/compare-renderers without other renderers: its ball, its chart, the EXR writer, and what it says when tools are missing.
+# Tests tools/compare-renderers without other renderers: its ball, its chart, the EXR writer, which settings of libraries in a browser
+# are drawn, and what it says when tools are missing.
 import argparse
+import contextlib
 import importlib.util
+import io
+import json
 import os
 import struct
 import subprocess
@@ -10,6 +14,7 @@ import unittest
 import xml.etree.ElementTree as ElementTree
 from importlib.machinery import SourceFileLoader
 from pathlib import Path
+from unittest import mock
 
 TOOL = Path(__file__).with_name("compare-renderers")
 
@@ -54,20 +59,22 @@ class Ball(unittest.TestCase):
 class Chart(unittest.TestCase):
     def test_every_renderer_has_its_mark_and_a_line_of_the_key(self):
         rows = [{"name": name, "seconds": seconds, "relative_l1": error, "flip": 0.1}
-                for name, seconds, error in (("pbr-vr open, 4 samples", 0.02, 0.2), ("three.js, 4 samples", 0.05, 0.3), ("Cycles", 20, 0.0))]
+                for name, seconds, error in (("pbr-vr open, 4 samples", 0.02, 0.2), ("three.js, 4 samples", 0.05, 0.3),
+                                             ("filament.js, 4 samples", 0.1, 0.25), ("Cycles", 20, 0.0))]
         report = {"scene": "ball", "rows": rows}
         with tempfile.TemporaryDirectory() as folder:
             tool.chart([report, {**report, "scene": "room"}], Path(folder), argparse.Namespace(size="4x4", samples=1, rounds=1))
             root = ElementTree.parse(Path(folder) / "renderers.svg").getroot()
         circles = root.findall("{*}circle")
-        self.assertEqual(len(circles), 2 * 3 + 3)
+        self.assertEqual(len(circles), 2 * 4 + 4)
         texts = [text.text for text in root.findall("{*}text")]
         for words in ("ball", "room", *(row["name"] for row in rows)):
             self.assertEqual(texts.count(words), 1, words)
         # More time is further right, more error higher up; no error lies on the lowest line.
-        ours, three, cycles = ((float(circle.get("cx")), float(circle.get("cy"))) for circle in circles[:3])
-        self.assertTrue(ours[0] < three[0] < cycles[0] and three[1] < ours[1] < cycles[1])
+        ours, three, filament, cycles = ((float(circle.get("cx")), float(circle.get("cy"))) for circle in circles[:4])
+        self.assertTrue(ours[0] < three[0] < filament[0] < cycles[0] and three[1] < filament[1] < ours[1] < cycles[1])
         self.assertEqual(cycles[1], tool.TOP + tool.HEIGHT)
+        self.assertEqual(len({circle.get("fill") for circle in circles[:4]}), 4)
 
 
 class Exr(unittest.TestCase):
@@ -86,17 +93,87 @@ class Exr(unittest.TestCase):
             self.assertEqual(values, [scale * n for scale in (100, 10, 1) for n in row])
 
 
+class FakeBrowser:
+    """Says what it is asked, and draws one black pixel."""
+
+    asked = []
+
+    def __init__(self, library, job):
+        self.library, self.job = library, json.loads(job.read_text())
+
+    def ask(self, command, key, *rest):
+        self.asked.append((self.library, command, key, *rest))
+        if command == "picture":
+            rest[0].write_bytes(bytes(8))
+        return {"version": "1", "browser": "b", "driver": "llvmpipe"}
+
+
+class Libraries(unittest.TestCase):
+    def open(self, lights):
+        folder = tempfile.TemporaryDirectory()
+        self.addCleanup(folder.cleanup)
+        output = Path(folder.name)
+        scene = tool.ball(output)
+        if lights:
+            scene.write_text(scene.read_text() + "[[light]]\npoint = { position = [0, 2, 0], intensity = [1, 1, 1] }\n")
+        comparison = tool.Comparison({"libraries": ["three", "filament"]}, scene, argparse.Namespace(output=output, pixels=[1, 1]))
+        with mock.patch.object(tool, "Browser", FakeBrowser), mock.patch.object(comparison, "prepare_filament") as prepared:
+            FakeBrowser.asked = []
+            opened = comparison.open_browsers()
+        prepared.assert_called_once_with()
+        self.assertEqual(list(opened), [name for name in [*tool.THREE, *tool.FILAMENT] if comparison.picture(name).is_file()])
+        return opened, [words for words in FakeBrowser.asked if words[1] == "load"]
+
+    def test_every_setting_is_loaded_under_its_own_key_and_drawn(self):
+        opened, loaded = self.open(lights=True)
+        self.assertEqual(list(opened), [*tool.THREE, *tool.FILAMENT])
+        self.assertEqual(loaded, [("three", "load", 0, 1, "open"), ("three", "load", 1, 4, "open"), ("three", "load", 2, 4, "shadows"),
+                                  ("filament", "load", 0, 1, "open"), ("filament", "load", 1, 4, "open")])
+        for name, (browser, key) in opened.items():
+            samples, shadows = tool.LIBRARIES[browser.library][name]
+            self.assertIn((browser.library, "load", key, samples, shadows), loaded)
+
+    def test_without_lamps_there_are_no_shadows_of_them(self):
+        opened, _ = self.open(lights=False)
+        self.assertEqual(list(opened), [name for name in [*tool.THREE, *tool.FILAMENT] if "shadows" not in name])
+
+    def test_a_job_says_where_filament_finds_its_panorama(self):
+        opened, _ = self.open(lights=False)
+        ktx = next(iter(opened.values()))[0].job["ktx"]
+        self.assertEqual({Path(file).name for file in ktx.values()}, {"filament_ibl.ktx", "filament_skybox.ktx"})
+
+    def test_each_has_a_page_and_one_version(self):
+        wanted = json.loads((tool.HERE / "package.json").read_text())["dependencies"]
+        for library in tool.LIBRARIES:
+            self.assertTrue((tool.HERE / f"{library}_page.js").is_file(), library)
+            self.assertRegex(wanted[library], r"^\d+\.\d+\.\d+$")
+
+
 class Refusals(unittest.TestCase):
     def test_what_is_missing_is_named_with_its_package(self):
         done = subprocess.run([sys.executable, TOOL], capture_output=True, text=True, env={**os.environ, "PATH": os.devnull})
         self.assertEqual((done.returncode, done.stderr.count("\n")), (1, 1), done.stderr)
         self.assertIn("apt-get install blender", done.stderr)
 
-    def test_three_js_is_left_out_with_the_reason(self):
-        before = os.environ["PATH"]
-        os.environ["PATH"] = os.devnull
-        self.addCleanup(os.environ.__setitem__, "PATH", before)
-        self.assertIn("apt-get install chromium", tool.fetch_three())
+    def libraries_without(self, *absent):
+        said = io.StringIO()
+        found = mock.patch.object(tool.shutil, "which", lambda name: None if name in absent else f"/usr/bin/{name}")
+        with found, mock.patch.object(tool, "fetch_packages", lambda: None), contextlib.redirect_stderr(said):
+            return tool.fetch_libraries(), said.getvalue().splitlines()
+
+    def test_without_a_browser_both_libraries_are_left_out_with_the_reason(self):
+        libraries, lines = self.libraries_without("chromium", "cmgen")
+        self.assertEqual((libraries, len(lines)), ([], 2))
+        for library, line in zip(("three.js", "filament.js"), lines):
+            self.assertIn(f"{library} is left out: chromium is not installed; on Debian: sudo apt-get install chromium", line)
+
+    def test_without_cmgen_filament_alone_is_left_out(self):
+        libraries, lines = self.libraries_without("cmgen")
+        self.assertEqual((libraries, len(lines)), (["three"], 1))
+        self.assertIn("filament.js is left out: cmgen is not installed; on Debian: sudo apt-get install libfilament-tools", lines[0])
+
+    def test_with_everything_nothing_is_said(self):
+        self.assertEqual(self.libraries_without(), (["three", "filament"], []))
 
 
 if __name__ == "__main__":

@@ -1,6 +1,7 @@
-# One of our scenes in Mitsuba 3: its picture, the pixels that show objects, and errors of pictures over these pixels.
+# One of our scenes in Mitsuba 3: its picture, the pixels that show objects, errors of pictures over these, and its panorama for cmgen.
 """python mitsuba_scene.py render JOB.json PICTURE.exr FACTS.json SAMPLES
 python mitsuba_scene.py objects JOB.json MASK.exr
+python mitsuba_scene.py panorama JOB.json PANORAMA.exr      the scene's, turned as Filament's cmgen wants it
 python mitsuba_scene.py errors REFERENCE.exr MASK.exr PICTURE.exr …    prints relative L1 errors as a JSON object, by file
 
 Materials are Mitsuba's `principled` (Burley 2012 and 2015): metals as ours, with Schlick's Fresnel and GGX; its diffuse part is
@@ -110,6 +111,17 @@ def objects(job, mask):
         mi.Bitmap(np.repeat(seen, 3, axis=2)).write(mask)
 
 
+def panorama(job, output):
+    """cmgen has +z in the middle, where ours have +x, and reads fewer kinds of OpenEXR. It takes the nearest texel, half a texel off:
+    with four times as many, interpolated, neither is seen."""
+    texels = pixels(job["environment"]["panorama"])
+    height, width = texels.shape[:2]
+    edges = (mi.FilterBoundaryCondition.Repeat, mi.FilterBoundaryCondition.Clamp)
+    fine = np.array(mi.Bitmap(texels).resample([4 * width, 4 * height], mi.load_dict({"type": "tent"}), edges))
+    turn = (90 + job["environment"]["rotation_degrees"]) / 360
+    mi.Bitmap(np.roll(fine, -round(turn * 4 * width), axis=1)).write(output)
+
+
 def pixels(file):
     return np.array(mi.Bitmap(file).convert(mi.Bitmap.PixelFormat.RGB, mi.Struct.Type.Float32, False))
 
@@ -126,4 +138,4 @@ if __name__ == "__main__":
         errors(*files)
     else:
         job = json.loads(Path(files[0]).read_text())
-        render(job, *files[1:]) if what == "render" else objects(job, files[1])
+        {"render": render, "objects": objects, "panorama": panorama}[what](job, *files[1:])

@@ -3,56 +3,7 @@
 import * as THREE from "three";
 import { EXRLoader } from "three/addons/loaders/EXRLoader.js";
 import { HDRLoader } from "three/addons/loaders/HDRLoader.js";
-import { OBJLoader } from "three/addons/loaders/OBJLoader.js";
-
-const RADIANS = Math.PI / 180;
-
-function material(keys, textures) {
-    const made = new THREE.MeshStandardMaterial();
-    made.color.setRGB(...(keys.kd ?? [1, 1, 1]), THREE.LinearSRGBColorSpace);
-    made.metalness = keys.pm?.[0] ?? (keys.map_pm ? 1 : 0);
-    made.roughness = keys.pr?.[0] ?? 1;
-    const maps = { map: "map_kd", normalMap: "norm", metalnessMap: "map_pm", roughnessMap: "map_pr", aoMap: "map_ao" };
-    for (const [slot, key] of Object.entries(maps)) {
-        if (keys[key]) made[slot] = textures.get(keys[key], slot === "map");
-    }
-    return made;
-}
-
-/** Textures by file, loaded once. */
-class Textures {
-    constructor() {
-        this.loader = new THREE.TextureLoader();
-        this.made = new Map();
-    }
-
-    get(file, isColour) {
-        if (!this.made.has(file)) {
-            const loading = this.loader.loadAsync("/file" + file).then((texture) => Object.assign(this.made.get(file), { image: texture.image, needsUpdate: true }));
-            const texture = new THREE.Texture();
-            texture.wrapS = texture.wrapT = THREE.RepeatWrapping;
-            texture.colorSpace = isColour ? THREE.SRGBColorSpace : THREE.NoColorSpace;
-            this.made.set(file, texture);
-            this.loading = Promise.all([this.loading, loading]);
-        }
-        return this.made.get(file);
-    }
-}
-
-async function add(scene, model, textures) {
-    const object = await new OBJLoader().loadAsync("/file" + model.file);
-    const materials = Object.fromEntries(Object.entries(model.materials).map(([name, keys]) => [name, material(keys, textures)]));
-    object.traverse((part) => {
-        if (!part.isMesh) return;
-        const own = (old) => materials[old.name] ?? old;
-        part.material = Array.isArray(part.material) ? part.material.map(own) : own(part.material);
-        part.castShadow = part.receiveShadow = true;
-    });
-    object.position.set(...model.translation);
-    object.rotation.set(...model.rotation_degrees.map((angle) => angle * RADIANS), "XYZ");
-    object.scale.setScalar(model.scale);
-    scene.add(object);
-}
+import { RADIANS, base64, models } from "/scene.js";
 
 async function panorama(environment) {
     const loader = environment.panorama.endsWith(".exr") ? new EXRLoader() : new HDRLoader();
@@ -73,10 +24,7 @@ class Drawing {
         const gl = this.renderer.getContext();
         const name = gl.getParameter(gl.getExtension("WEBGL_debug_renderer_info").UNMASKED_RENDERER_WEBGL);
         if (samples > 1 && gl.getParameter(gl.SAMPLES) !== samples) throw new Error(`${gl.getParameter(gl.SAMPLES)} samples instead of ${samples}`);
-        this.scene = new THREE.Scene();
-        const textures = new Textures();
-        for (const model of job.models) await add(this.scene, model, textures);
-        await textures.loading;
+        this.scene = await models(job);
         for (const { point } of job.lights) {
             const light = new THREE.PointLight();
             light.color.setRGB(...point.intensity, THREE.LinearSRGBColorSpace);
@@ -125,19 +73,16 @@ class Drawing {
         this.renderer.readRenderTargetPixels(target, 0, 0, width, height, pixels);
         this.renderer.setRenderTarget(null);
         target.dispose();
-        const bytes = new Uint8Array(pixels.buffer);
-        let text = "";
-        for (let i = 0; i < bytes.length; i += 8192) text += String.fromCharCode(...bytes.subarray(i, i + 8192));
-        return btoa(text);
+        return base64(new Uint8Array(pixels.buffer));
     }
 }
 
 const drawings = new Map();
-window.version = THREE.REVISION;
+window.draw = (key, frames) => drawings.get(key).draw(frames);
+window.picture = (key) => drawings.get(key).picture();
+// Last, as what is waited for.
 window.load = async (key, samples, shadows) => {
     const drawing = new Drawing();
     drawings.set(key, drawing);
     return drawing.load(await (await fetch("/job")).json(), samples, shadows);
 };
-window.draw = (key, frames) => drawings.get(key).draw(frames);
-window.picture = (key) => drawings.get(key).picture();

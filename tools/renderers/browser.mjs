@@ -1,6 +1,6 @@
-// Draws a scene with three.js in headless Chromium on llvmpipe: pictures in linear light, and processor time of frames.
-// Usage: node three.mjs MODULES JOB.json CHROMIUM, where MODULES is a node_modules folder. Reads a command a line from stdin and
-// answers each with a line of JSON:
+// Draws a scene with three.js or filament.js in headless Chromium on llvmpipe: pictures in linear light, and processor time of frames.
+// Usage: node browser.mjs MODULES JOB.json CHROMIUM LIBRARY, where MODULES is a node_modules folder, and LIBRARY three or filament:
+// the package, and the start of its page's name. Reads a command a line from stdin and answers each with a line of JSON:
 //   load KEY SAMPLES SHADOWS   the driver's name and the library's version
 //   time KEY FRAMES            seconds of all processors together, in Chromium and all its processes
 //   picture KEY FILE           writes linear radiance: RGBA halves, rows from below
@@ -11,17 +11,18 @@ import { dirname, join, normalize, resolve } from "node:path";
 import { createInterface } from "node:readline";
 import { fileURLToPath, pathToFileURL } from "node:url";
 
-const [modules, jobFile, chromium] = process.argv.slice(2);
+const [modules, jobFile, chromium, library] = process.argv.slice(2);
 const here = dirname(fileURLToPath(import.meta.url));
 // SwiftShader is what Chromium falls back to without a word; these flags and variables lead to Mesa's llvmpipe.
 const FLAGS = ["--headless", "--no-sandbox", "--use-gl=angle", "--use-angle=gl-egl", "--ignore-gpu-blocklist", "--disable-quic",
     "--no-first-run", "--disable-background-networking", "--disable-component-update", "--disable-sync"];
-const TYPES = { ".html": "text/html", ".js": "text/javascript" };
+const TYPES = { ".html": "text/html", ".js": "text/javascript", ".wasm": "application/wasm" };
 
 /** The file that an address of the page stands for. */
 function fileOf(path) {
-    if (path === "/") return join(here, "three.html");
-    if (path === "/page.js") return join(here, "three_page.js");
+    if (path === "/") return join(here, "page.html");
+    if (path === "/page.js") return join(here, `${library}_page.js`);
+    if (path === "/scene.js") return join(here, "scene.js");
     if (path === "/job") return jobFile;
     if (path.startsWith("/modules/")) return join(modules, normalize(path.slice(9)));
     // Those of the job: nobody else can reach this port.
@@ -66,13 +67,13 @@ const browser = await puppeteer.launch({ executablePath: chromium, args: FLAGS, 
 const page = await browser.newPage();
 page.on("pageerror", (error) => console.error(String(error)));
 await page.goto(`http://127.0.0.1:${server.address().port}/`);
-await page.waitForFunction("window.version !== undefined");
+await page.waitForFunction("window.load !== undefined");
+const { version } = JSON.parse(readFileSync(join(modules, library, "package.json")));
 
 const commands = {
     async load(key, samples, shadows) {
         const driver = await page.evaluate((...all) => window.load(...all), key, Number(samples), shadows === "shadows");
         if (!driver.includes("llvmpipe")) throw new Error(`drawn by ${driver}, not by llvmpipe`);
-        const version = await page.evaluate(() => window.version);
         return { driver, version, browser: await browser.version() };
     },
     async time(key, frames) {
