@@ -468,4 +468,4 @@ impl App {
 
 #[cfg(test)]
 #[path = "app_gpu_tests.rs"]
-mod gpu_tests;
+pub(super) mod gpu_tests;

@@ -1,7 +1,7 @@
 //! The app between requests and results.
 
 #[path = "app_desk_tests.rs"]
-mod desk;
+pub(in crate::view) mod desk;
 
 use std::path::PathBuf;
 use std::sync::Arc;

@@ -15,8 +15,8 @@ mod style;
 use std::time::{Duration, Instant};
 
 use egui::{
-    Align2, Area, CentralPanel, Context, FontId, Frame, FullOutput, Id, Order, Pos2, RawInput, RichText, SidePanel,
-    TexturesDelta,
+    Align2, Area, CentralPanel, Context, FontId, Frame, FullOutput, Id, Order, Pos2, RawInput, Rect, RichText,
+    SidePanel, TexturesDelta,
 };
 
 use super::action::Action;
@@ -67,6 +67,8 @@ pub struct PanelOutput {
 pub struct Panel {
     pub context: Context,
     frame: UiFrame,
+    /// What the panel left of the window, as it was laid out last.
+    left: Rect,
     /// When the next layout is due without any event.
     due: Option<Instant>,
     saved: Saved,
@@ -86,6 +88,7 @@ impl Panel {
             thumbnails: Library::new(wake),
             context,
             frame: UiFrame::default(),
+            left: Rect::EVERYTHING,
             due: Some(Instant::now()),
             saved: Saved::load(),
             messages: Messages::default(),
@@ -126,12 +129,8 @@ impl Panel {
     /// Whether a point of the window is the panel's or its lists', as they were laid out last. egui's own functions tell that of
     /// where the pointer was then: a hand that moves and presses between two frames would press on the wrong one.
     pub fn is_at(&self, point: Pos2) -> bool {
-        // Before the first layout it is nowhere; egui has no rectangle to ask for then, and builds with checks panic.
-        if self.context.cumulative_pass_nr() == 0 {
-            return false;
-        }
         let floats = self.context.layer_id_at(point).is_some_and(|layer| layer.order != Order::Background);
-        floats || (self.is_shown() && !self.context.available_rect().contains(point))
+        floats || (self.is_shown() && !self.left.contains(point))
     }
 
     /// Shows a message for a while.
@@ -218,6 +217,7 @@ impl Panel {
             let panel = SidePanel::right("panel").default_width(WIDTH.min(widest)).max_width(widest);
             left.max.x = panel.show(context, |ui| sections(ui)).response.rect.min.x;
         }
+        self.left = left;
         if let Some(line) = inputs.headset.as_ref().filter(|_| !self.saved.shown && !inputs.alone) {
             let text = rate_text(inputs.clock).map_or_else(|| line.clone(), |rate| format!("{rate}  {line}"));
             area("status", Align2::LEFT_TOP, left).show(context, |ui| framed(ui, |ui| ui.label(text)));
@@ -238,7 +238,7 @@ impl Panel {
     }
 
     /// What is being loaded and computed; in the middle of the picture while there is none.
-    fn progress(&self, context: &Context, inputs: &PanelInputs<'_>, left: egui::Rect) {
+    fn progress(&self, context: &Context, inputs: &PanelInputs<'_>, left: Rect) {
         let app = inputs.app;
         let Some(scene) = &app.scene else {
             let place = area("loading", Align2::CENTER_CENTER, left);
@@ -277,7 +277,7 @@ impl Panel {
 }
 
 /// An area of the picture that takes no input.
-fn area(name: &'static str, align: Align2, within: egui::Rect) -> Area {
+fn area(name: &'static str, align: Align2, within: Rect) -> Area {
     let within = within.shrink(MARGIN);
     Area::new(Id::new(name)).pivot(align).fixed_pos(align.pos_in_rect(&within)).interactable(false)
 }
@@ -331,11 +331,45 @@ pub fn rate_text(clock: &FrameClock) -> Option<String> {
 }
 
 #[cfg(test)]
-mod tests {
+mod gpu_tests {
     use super::*;
+    use crate::gpu::with_gpu;
+    use crate::view::app::gpu_tests::desk::{Desk, settings};
 
+    /// A pointer moves between layouts, too: before the first, after it, and after each that showed or hid the panel.
     #[test]
-    fn before_its_first_layout_the_panel_is_nowhere() {
-        assert!(!Panel::new(|| ()).is_at(Pos2::new(1.0, 1.0)));
+    fn the_panel_is_where_it_was_laid_out_last() {
+        with_gpu(|gpu| {
+            let desk = Desk::new(gpu, settings());
+            let (picture, side) = (Pos2::new(100.0, 300.0), Pos2::new(780.0, 300.0));
+            let mut panel = Panel { saved: Saved::default(), ..Panel::new(|| ()) };
+            panel.saved.shown = true;
+            assert!(!panel.is_at(picture) && !panel.is_at(side));
+            for shown in [true, false, true] {
+                panel.saved.shown = shown;
+                lay_out(&mut panel, &desk.app);
+                assert!(!panel.is_at(picture));
+                assert_eq!(panel.is_at(side), shown);
+            }
+        });
+    }
+
+    fn lay_out(panel: &mut Panel, app: &App) {
+        let input = RawInput {
+            screen_rect: Some(Rect::from_min_size(Pos2::ZERO, egui::vec2(800.0, 600.0))),
+            ..RawInput::default()
+        };
+        let clock = FrameClock::default();
+        let inputs = PanelInputs {
+            app,
+            clock: &clock,
+            control: None,
+            present_mode: "",
+            slot: 0,
+            headset: None,
+            continuous: false,
+            alone: false,
+        };
+        panel.run(input, &inputs);
     }
 }
