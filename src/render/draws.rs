@@ -114,8 +114,8 @@ pub struct DrawCall {
 /// A range that some eye may see.
 struct Visible {
     layer: Layer,
-    /// Metres to the nearest eye, as the bits of an f32, which sort as numbers that are not negative do; of blended ones the
-    /// complement.
+    /// Metres from the nearest eye to the box's far end, as the bits of an f32, which sort as numbers that are not negative do; of
+    /// blended ones the complement.
     order: u32,
     /// Index in the scene's draws.
     draw: u32,
@@ -194,7 +194,8 @@ impl Visible {
     fn solid(index: u32, draw: &Draw, frusta: &Frusta, cull_backs: bool) -> Self {
         let hides_backs = cull_backs && draw.culling_bounds.is_some_and(|bounds| frusta.all_outside(&bounds));
         let call = DrawCall::of(draw, if hides_backs { Cull::Back } else { Cull::Nothing });
-        Self { layer: draw.layer, order: frusta.distance(&draw.bounds).to_bits(), draw: index, call }
+        // By near ends all boxes that the eye is in would come first: in a room, what is behind its walls before its things.
+        Self { layer: draw.layer, order: frusta.reach(&draw.bounds).to_bits(), draw: index, call }
     }
 
     /// The fronts of a blended surface, or its backs.
@@ -274,6 +275,14 @@ mod tests {
         assert_ne!(order, [4, 2, 0, 1]);
         order.sort_unstable();
         assert_eq!(order, [0, 1, 2, 4]);
+    }
+
+    #[test]
+    fn a_room_around_the_eye_comes_after_the_things_in_it() {
+        let mut room = draw(0.0, 0.0, false, false);
+        room.bounds = Bounds { min: Vec3::splat(-9.0), max: Vec3::splat(9.0) };
+        let draws = [room, draw(0.0, -4.0, false, false), draw(0.0, -2.0, false, false)];
+        assert_eq!(listed(&draws, CullOptions::default()), [(2, false), (1, false), (0, false)]);
     }
 
     #[test]
