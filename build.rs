@@ -5,7 +5,6 @@
 mod shader_compiler;
 
 #[path = "src/gpu/binding_type.rs"]
-#[expect(dead_code, reason = "the tables do not use every type")]
 mod binding_type;
 #[path = "src/render/bindings.rs"]
 mod bindings;

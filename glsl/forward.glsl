@@ -120,7 +120,7 @@ vec3 term(Surface s)
 {
     vec3 l = s.v;
     if (frame.light_count > 0u)
-        light_irradiance(lights[0], position_world, l);
+        light_irradiance(scene_light(0u), position_world, l);
     float nl = max(dot(s.n, l), 0.0);
     vec3 h = s.v + l;
     if (SHADING == SHADING_F)

@@ -6,6 +6,14 @@
 #include "energy.glsl"
 #include "shading_point.glsl"
 
+// A light of the scene, for a surface that is drawn.
+PointLight scene_light(uint index)
+{
+    if (LIGHTS < 0)
+        return lights[index];
+    return counted_lights[index];
+}
+
 // Irradiance of a point light on a surface that faces it, W/m^2, and its direction, a unit vector even where the light itself is.
 // Spot lights fall off as KHR_lights_punctual says.
 vec3 light_irradiance(PointLight light, vec3 position, out vec3 l)

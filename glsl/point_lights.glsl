@@ -19,10 +19,11 @@ vec3 point_lights(Surface s, vec3 position, Energy energy, vec2 at_v)
     uint count = LIGHTS < 0 ? frame.light_count : uint(LIGHTS);
     for (uint i = 0u; i < count; ++i) {
         vec3 l;
-        vec3 irradiance = light_irradiance(lights[i], position, l);
+        PointLight light = scene_light(i);
+        vec3 irradiance = light_irradiance(light, position, l);
         float nl = dot(s.n, l);
         if (nl > 0.0)
-            sum += irradiance * (nl * unblocked(lights[i])) * brdf(s, l, energy, at_v);
+            sum += irradiance * (nl * unblocked(light)) * brdf(s, l, energy, at_v);
     }
     return sum;
 }
@@ -34,8 +35,9 @@ vec3 point_lights_phong(Surface s, vec3 position)
     uint count = LIGHTS < 0 ? frame.light_count : uint(LIGHTS);
     for (uint i = 0u; i < count; ++i) {
         vec3 l;
-        vec3 irradiance = light_irradiance(lights[i], position, l);
-        float nl = max(dot(s.n, l), 0.0) * unblocked(lights[i]);
+        PointLight light = scene_light(i);
+        vec3 irradiance = light_irradiance(light, position, l);
+        float nl = max(dot(s.n, l), 0.0) * unblocked(light);
         sum += irradiance * nl * (diffuse_lambert(s.base_color) + f0 * phong_specular(s.n, s.v, l, s.roughness));
     }
     return sum;

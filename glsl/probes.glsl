@@ -7,7 +7,8 @@
 
 layout(constant_id = 17) const uint PROBES = 1;
 
-layout(SCENE_PROBES, scalar) readonly buffer Probes { Probe probes[]; };
+const uint MOST_PROBES = 8;
+layout(SCENE_PROBES, scalar) uniform Probes { Probe probes[MOST_PROBES]; }; // uniform: see MAX_COUNTED_LIGHTS
 layout(SCENE_PROBE_EVEN) uniform samplerCubeArray probe_even;
 layout(SCENE_PROBE_ODD) uniform samplerCubeArray probe_odd;
 layout(SCENE_PROBE_IRRADIANCE) uniform samplerCubeArray probe_irradiance_over_pi;
@@ -48,7 +49,7 @@ vec3 local_specular(SpecularLobe lobe, Surface s, vec3 position, vec3 even, out 
     left = 1.0;
     vec3 p = models_from_world(position - frame.world_from_models[3].xyz), light = vec3(0.0);
     for (uint i = 0u; i < PROBES && left > 0.0 && frame.probe_scale > 0.0; ++i) {
-        Probe probe = probes[i]; // once: lavapipe reads buffers lane by lane
+        Probe probe = probes[i];
         float weight = probe_weight(p, probe);
         if (weight > 0.0) {
             light += left * weight * probe_specular(i, probe, p, lobe) * reach_of_probe(i, s, even);

@@ -111,6 +111,12 @@ layout(SCENE_LIGHTS, scalar) readonly buffer Lights {
     PointLight lights[];
 };
 
+// The same where LIGHTS is their number: lavapipe reads a uniform buffer once for all fragments, a storage buffer for each.
+const uint MAX_COUNTED_LIGHTS = 64;
+layout(SCENE_COUNTED_LIGHTS, scalar) uniform CountedLights {
+    PointLight counted_lights[MAX_COUNTED_LIGHTS];
+};
+
 layout(SCENE_PANORAMA) uniform sampler2D panorama;
 layout(SCENE_IRRADIANCE) uniform samplerCube irradiance_over_pi;
 layout(SCENE_SPECULAR_EVEN) uniform samplerCube specular_even;

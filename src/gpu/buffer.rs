@@ -19,10 +19,8 @@ pub enum BufferKind {
     Index,
     /// Read and written by shaders, in GPU memory.
     Storage,
-    /// Small data the CPU writes and shaders read.
-    Uniform,
-    /// Larger data the CPU writes and shaders read; copies may change it between frames.
-    StorageFromCpu,
+    /// Data the CPU writes and shaders read, as uniform and as storage buffers; copies may change it between frames.
+    FromCpu,
     /// Per-frame data the CPU writes and shaders read, as uniform and as storage buffers.
     Arena,
     /// CPU to GPU copies.
@@ -39,8 +37,9 @@ impl BufferKind {
             Self::Vertex => (Usage::VERTEX_BUFFER | Usage::STORAGE_BUFFER | copies, MemoryLocation::GpuOnly),
             Self::Index => (Usage::INDEX_BUFFER | Usage::STORAGE_BUFFER | copies, MemoryLocation::GpuOnly),
             Self::Storage => (Usage::STORAGE_BUFFER | copies, MemoryLocation::GpuOnly),
-            Self::Uniform => (Usage::UNIFORM_BUFFER, MemoryLocation::CpuToGpu),
-            Self::StorageFromCpu => (Usage::STORAGE_BUFFER | Usage::TRANSFER_DST, MemoryLocation::CpuToGpu),
+            Self::FromCpu => {
+                (Usage::UNIFORM_BUFFER | Usage::STORAGE_BUFFER | Usage::TRANSFER_DST, MemoryLocation::CpuToGpu)
+            }
             Self::Arena => (Usage::UNIFORM_BUFFER | Usage::STORAGE_BUFFER, MemoryLocation::CpuToGpu),
             Self::Upload => (Usage::TRANSFER_SRC, MemoryLocation::CpuToGpu),
             Self::Readback => (Usage::TRANSFER_DST, MemoryLocation::GpuToCpu),
@@ -83,7 +82,7 @@ impl Buffer {
         Ok(Arc::new(buffer))
     }
 
-    /// Creates a buffer the CPU can write (`Uniform`, `StorageFromCpu`, `Arena`, `Upload`) and fills it.
+    /// Creates a buffer the CPU can write (`FromCpu`, `Arena`, `Upload`) and fills it.
     pub fn with_bytes(gpu: &Arc<Gpu>, name: &str, kind: BufferKind, bytes: &[u8]) -> Result<Arc<Self>> {
         let buffer = Self::new(gpu, name, kind, bytes.len() as u64)?;
         buffer.write(0, bytes);

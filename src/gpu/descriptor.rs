@@ -61,7 +61,8 @@ impl Drop for DescriptorSetLayout {
 /// The resource put into one binding.
 #[derive(Clone, Copy)]
 pub enum Binding<'a> {
-    Uniform(&'a Arc<Buffer>),
+    /// A buffer, and the bytes that shaders see from its start.
+    Uniform(&'a Arc<Buffer>, u64),
     /// A buffer, and the bytes that shaders see from the dynamic offset on.
     UniformDynamic(&'a Arc<Buffer>, u64),
     Storage(&'a Arc<Buffer>),
@@ -77,7 +78,7 @@ pub enum Binding<'a> {
 impl Binding<'_> {
     fn kind(self) -> BindingType {
         match self {
-            Self::Uniform(_) => BindingType::Uniform,
+            Self::Uniform(..) => BindingType::Uniform,
             Self::UniformDynamic(..) => BindingType::UniformDynamic,
             Self::Storage(_) => BindingType::Storage,
             Self::StorageDynamic(..) => BindingType::StorageDynamic,
@@ -88,7 +89,7 @@ impl Binding<'_> {
 
     fn resource(self) -> Resource {
         match self {
-            Self::Uniform(buffer)
+            Self::Uniform(buffer, _)
             | Self::UniformDynamic(buffer, _)
             | Self::Storage(buffer)
             | Self::StorageDynamic(buffer, _) => Resource::Buffer(Arc::clone(buffer)),
@@ -187,11 +188,11 @@ impl DescriptorSet {
             .descriptor_type(raw_type(binding.kind()));
         let (mut buffer, mut image) = ([vk::DescriptorBufferInfo::default()], [vk::DescriptorImageInfo::default()]);
         let write = match binding {
-            Binding::Uniform(b) | Binding::Storage(b) => {
+            Binding::Storage(b) => {
                 buffer[0] = buffer[0].buffer(b.raw).range(vk::WHOLE_SIZE);
                 write.buffer_info(&buffer)
             }
-            Binding::UniformDynamic(b, range) | Binding::StorageDynamic(b, range) => {
+            Binding::Uniform(b, range) | Binding::UniformDynamic(b, range) | Binding::StorageDynamic(b, range) => {
                 buffer[0] = buffer[0].buffer(b.raw).range(range);
                 write.buffer_info(&buffer)
             }

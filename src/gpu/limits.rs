@@ -8,7 +8,7 @@ use crate::{Error, Result};
 /// Images with samplers that one shader stage sees, in all sets of a pipeline; Vulkan requires 16.
 pub const SAMPLED_IN_STAGE: u32 = 21;
 /// Storage buffers that one shader stage sees; Vulkan requires 4.
-pub const STORAGE_IN_STAGE: u32 = 16;
+pub const STORAGE_IN_STAGE: u32 = 15;
 
 /// The needed limits that are too low, with what is needed; empty if there are none.
 pub(super) fn too_low(limits: &vk::PhysicalDeviceLimits) -> Vec<String> {

@@ -52,7 +52,7 @@ fn depth_alone_is_drawn_sampled_and_compared() {
             [0.5, 0.5, 1.0, 0.8],
             [2.0, 0.5, 1.0, 0.1],
         ];
-        let from = Buffer::with_bytes(gpu, "points", BufferKind::StorageFromCpu, bytemuck::bytes_of(&points)).unwrap();
+        let from = Buffer::with_bytes(gpu, "points", BufferKind::FromCpu, bytemuck::bytes_of(&points)).unwrap();
         let to = Buffer::new(gpu, "results", BufferKind::Storage, 8 * points.len() as u64).unwrap();
         let kinds = [BindingType::Sampled, BindingType::Sampled, BindingType::Storage, BindingType::Storage];
         let layout = DescriptorSetLayout::new(gpu, "sampled depth", &kinds).unwrap();

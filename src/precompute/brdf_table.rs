@@ -94,7 +94,7 @@ fn compute(gpu: &Arc<Gpu>, image: &Arc<Image>, choices: [u32; 2]) -> Result<Vec<
 }
 
 fn storage<T: bytemuck::Pod>(gpu: &Arc<Gpu>, name: &str, values: &[T]) -> Result<Arc<Buffer>> {
-    Buffer::with_bytes(gpu, name, BufferKind::StorageFromCpu, bytemuck::cast_slice(values))
+    Buffer::with_bytes(gpu, name, BufferKind::FromCpu, bytemuck::cast_slice(values))
 }
 
 /// Nodes and weights over φ, then over s; these run as 1 − (1 − t)² towards the horizon.

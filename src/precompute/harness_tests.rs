@@ -17,7 +17,7 @@ pub use crate::gpu::with_gpu;
 
 /// The outputs of `tests/glsl/{shader}` for each input; both structs have scalar layout there.
 pub fn evaluate<I: Pod, O: Pod>(gpu: &Arc<Gpu>, shader: &str, inputs: &[I]) -> Vec<O> {
-    let from = Buffer::with_bytes(gpu, "inputs", BufferKind::StorageFromCpu, bytemuck::cast_slice(inputs)).unwrap();
+    let from = Buffer::with_bytes(gpu, "inputs", BufferKind::FromCpu, bytemuck::cast_slice(inputs)).unwrap();
     let to = Buffer::new(gpu, "outputs", BufferKind::Storage, (size_of::<O>() * inputs.len()) as u64).unwrap();
     let layout = DescriptorSetLayout::new(gpu, shader, &[BindingType::Storage, BindingType::Storage]).unwrap();
     let set = DescriptorSet::new(gpu, shader, &layout, &[Binding::Storage(&from), Binding::Storage(&to)]).unwrap();

@@ -1,7 +1,7 @@
 //! Every descriptor binding of the renderer's shaders, by set. build.rs makes `bindings.glsl` of these tables, so that
 //! a shader names a binding instead of numbering it: `layout(SCENE_LIGHTS, scalar)`.
 
-use crate::gpu::BindingType::{self, Sampled, Storage, StorageDynamic, StorageImage, UniformDynamic};
+use crate::gpu::BindingType::{self, Sampled, Storage, StorageDynamic, StorageImage, Uniform, UniformDynamic};
 
 /// The bindings of one descriptor set: names and types, in order from binding 0.
 pub struct SetBindings {
@@ -31,11 +31,12 @@ pub const SCENE: SetBindings = SetBindings {
         ("SCENE_LAMP_DEPTHS", Sampled),
         ("SCENE_SUN_SHADOW", Sampled),
         ("SCENE_SUN_DEPTH", Sampled),
-        ("SCENE_PROBES", Storage),
+        ("SCENE_PROBES", Uniform),
         ("SCENE_PROBE_EVEN", Sampled),
         ("SCENE_PROBE_ODD", Sampled),
         ("SCENE_PROBE_IRRADIANCE", Sampled),
         ("SCENE_VERTEX_EXTRAS", Storage),
+        ("SCENE_COUNTED_LIGHTS", Uniform),
     ],
 };
 

@@ -13,7 +13,7 @@ use super::pipeline_request::PipelineRequest;
 use super::scene_resources::SceneResources;
 use super::settings::RenderSettings;
 use super::shadow_maps::{Placement, ShadowMaps};
-use super::shared::FrameBlock;
+use super::shared::{COUNTED_LIGHTS_BYTES, FrameBlock, PROBES_BYTES};
 use super::surface_pass::SurfacePass;
 use crate::Result;
 use crate::asset::Report;
@@ -252,11 +252,12 @@ fn scene_set(
         Binding::Sampled(&shadows.lamps, &nearest),
         Binding::Sampled(&shadows.sun, &compared),
         Binding::Sampled(&shadows.sun, &nearest),
-        Binding::Storage(blocks),
+        Binding::Uniform(blocks, PROBES_BYTES),
         Binding::Sampled(even, &clamped),
         Binding::Sampled(odd, &clamped),
         Binding::Sampled(irradiance, &clamped),
         Binding::Storage(&resources.geometry.extras),
+        Binding::Uniform(&resources.lights, COUNTED_LIGHTS_BYTES),
     ];
     DescriptorSet::new(gpu, "scene", &layouts.scene, &bindings)
 }

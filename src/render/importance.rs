@@ -65,7 +65,7 @@ fn texels(gpu: &Arc<Gpu>, panorama: &Image, most: u32) -> Result<([u32; 2], Vec<
 fn table(gpu: &Arc<Gpu>, size: [u32; 2], texels: &[[f32; 4]]) -> Result<Arc<Buffer>> {
     let cells: Vec<Cell> = alias_table(size, texels);
     let bytes = [bytes_of(&size), bytemuck::cast_slice(&cells)].concat();
-    Buffer::with_bytes(gpu, "importance", BufferKind::StorageFromCpu, &bytes)
+    Buffer::with_bytes(gpu, "importance", BufferKind::FromCpu, &bytes)
 }
 
 /// Adds a sun's light to the mean radiance of the cells that its disc covers.

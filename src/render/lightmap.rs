@@ -165,7 +165,7 @@ impl LightmapBake {
         let count = all.len().max(1) as u64;
         let storage = |name, bytes| Buffer::new(gpu, name, BufferKind::Storage, bytes);
         let list = if all.is_empty() { &[LightmapTexel::default()] } else { &all[..] };
-        let list = Buffer::with_bytes(gpu, "lightmap texels", BufferKind::StorageFromCpu, bytemuck::cast_slice(list))?;
+        let list = Buffer::with_bytes(gpu, "lightmap texels", BufferKind::FromCpu, bytemuck::cast_slice(list))?;
         let weighing = u64::from((seen as u32).div_ceil(GROUP).clamp(1, WEIGHING_GROUPS));
         let sums = storage("lightmap sums", count.max(weighing) * size_of::<[f32; 4]>() as u64)?;
         let weighed =

@@ -9,6 +9,7 @@ use crate::gpu::{
 };
 use crate::reference::levels::LEVELS;
 use crate::scene::Probe;
+use crate::scene::probes::MOST_PROBES;
 
 /// Texels along a face of the irradiance.
 const IRRADIANCE_FACE: u32 = 16;
@@ -39,8 +40,10 @@ impl ProbeMaps {
         };
         let mips = (LEVELS / 2) as u32;
         let placed: Vec<ProbeBlock> = probes.iter().map(block).collect();
+        let mut all = [ProbeBlock::default(); MOST_PROBES];
+        all[..placed.len()].copy_from_slice(&placed);
         let maps = Self {
-            blocks: Buffer::with_bytes(gpu, "probes", BufferKind::StorageFromCpu, bytemuck::cast_slice(&placed))?,
+            blocks: Buffer::with_bytes(gpu, "probes", BufferKind::FromCpu, bytemuck::cast_slice(&all))?,
             placed,
             specular: [cubes("even levels of probes", face, mips)?, cubes("odd levels of probes", face, mips)?],
             irradiance: cubes("irradiance of probes", IRRADIANCE_FACE, 1)?,

@@ -325,7 +325,7 @@ impl RaySet {
         let importance = match importance {
             Some(table) => Arc::clone(table),
             // No cells.
-            None => Buffer::with_bytes(gpu, "no importance", BufferKind::StorageFromCpu, &[0; size_of::<[u32; 8]>()])?,
+            None => Buffer::with_bytes(gpu, "no importance", BufferKind::FromCpu, &[0; size_of::<[u32; 8]>()])?,
         };
         let bindings = [
             Binding::Storage(&scene.nodes),
@@ -371,7 +371,7 @@ mod gpu_tests {
     fn traced(gpu: &Arc<Gpu>, bvh: &Bvh, rays: &[Ray]) -> Vec<Met> {
         let triangle = |t: &BvhTriangle| TriangleBlock { corners: t.corners, material_and_flags: 0 };
         let triangles: Vec<TriangleBlock> = bvh.triangles().iter().map(triangle).collect();
-        let storage = |bytes: &[u8]| Buffer::with_bytes(gpu, "rays", BufferKind::StorageFromCpu, bytes).unwrap();
+        let storage = |bytes: &[u8]| Buffer::with_bytes(gpu, "rays", BufferKind::FromCpu, bytes).unwrap();
         let [from, nodes, triangles] =
             [bytemuck::cast_slice(rays), bvh.node_bytes(), bytemuck::cast_slice(&triangles)].map(storage);
         let to = Buffer::new(gpu, "met", BufferKind::Storage, (size_of::<Met>() * rays.len()) as u64).unwrap();

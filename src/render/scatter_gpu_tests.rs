@@ -44,7 +44,7 @@ struct Output {
 fn run(gpu: &Arc<Gpu>, inputs: &[Input]) -> Vec<Output> {
     let table = BrdfTable::new(&Context::silent(gpu), Geometry::Smith, SplitSum::Moment).unwrap();
     let sampler = Sampler::new(gpu, "clamped", AddressMode::Clamp, 1).unwrap();
-    let from = Buffer::with_bytes(gpu, "inputs", BufferKind::StorageFromCpu, bytemuck::cast_slice(inputs)).unwrap();
+    let from = Buffer::with_bytes(gpu, "inputs", BufferKind::FromCpu, bytemuck::cast_slice(inputs)).unwrap();
     let to = Buffer::new(gpu, "outputs", BufferKind::Storage, (size_of::<Output>() * inputs.len()) as u64).unwrap();
     let io = DescriptorSetLayout::new(gpu, "io", &[BindingType::Storage; 2]).unwrap();
     let kinds: Vec<BindingType> = SCENE.bindings.iter().map(|(_, kind)| *kind).collect();
@@ -52,6 +52,7 @@ fn run(gpu: &Arc<Gpu>, inputs: &[Input]) -> Vec<Output> {
     // Only the table is read.
     let bound = kinds.iter().map(|kind| match kind {
         BindingType::Sampled => Binding::Sampled(&table.image, &sampler),
+        BindingType::Uniform => Binding::Uniform(&from, 16),
         _ => Binding::Storage(&from),
     });
     let scene_set = DescriptorSet::new(gpu, "scene", &scene, &bound.collect::<Vec<_>>()).unwrap();

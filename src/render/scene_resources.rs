@@ -20,6 +20,7 @@ use crate::asset::model::Cone;
 use crate::context::Context;
 use crate::gpu::{Buffer, BufferKind, Commands, Gpu};
 use crate::scene::cluster::{Cluster, clusters};
+use crate::scene::needs::MAX_COUNTED_LIGHTS;
 use crate::scene::{GeometryView, Lookup, Material, MaterialFeatures, PointLight, Scene, SceneFeatures};
 pub use geometry::Geometry;
 pub use textures::{SceneTextures, TextureFacts, affordable_bytes};
@@ -133,7 +134,7 @@ impl SceneResources {
             geometry: buffers,
             instances: storage(gpu, "instances", &instances)?,
             materials: storage(gpu, "materials", &blocks)?,
-            lights: storage(gpu, "lights", &lights)?,
+            lights: light_buffer(gpu, &lights)?,
             light_count: u32::try_from(lights.len()).unwrap_or(u32::MAX),
             material_blocks: blocks,
             light_blocks: lights,
@@ -198,7 +199,14 @@ fn draws(clusters: &[Cluster], geometry: &Geometry, materials: &[DrawnMaterial])
 fn storage<T: bytemuck::Pod>(gpu: &Arc<Gpu>, name: &str, blocks: &[T]) -> Result<Arc<Buffer>> {
     let none = [T::zeroed()];
     let blocks = if blocks.is_empty() { &none } else { blocks };
-    Buffer::with_bytes(gpu, name, BufferKind::StorageFromCpu, bytemuck::cast_slice(blocks))
+    Buffer::with_bytes(gpu, name, BufferKind::FromCpu, bytemuck::cast_slice(blocks))
+}
+
+/// With room for as many as shaders are made for.
+fn light_buffer(gpu: &Arc<Gpu>, lights: &[LightBlock]) -> Result<Arc<Buffer>> {
+    let mut all = lights.to_vec();
+    all.resize(lights.len().max(MAX_COUNTED_LIGHTS), LightBlock::default());
+    storage(gpu, "lights", &all)
 }
 
 fn material_block(material: &Material, textures: u32) -> MaterialBlock {

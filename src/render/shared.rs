@@ -6,9 +6,16 @@ use bytemuck::{Pod, Zeroable};
 
 use crate::scene::Vertex;
 use crate::scene::mesh::WHITE;
+use crate::scene::needs::MAX_COUNTED_LIGHTS;
+use crate::scene::probes::MOST_PROBES;
 
 /// The most eyes one pass draws.
 pub const MAX_EYES: usize = 4;
+/// Bytes of `SCENE_COUNTED_LIGHTS` and of `SCENE_PROBES`.
+pub const COUNTED_LIGHTS_BYTES: u64 = (size_of::<LightBlock>() * MAX_COUNTED_LIGHTS) as u64;
+pub const PROBES_BYTES: u64 = (size_of::<ProbeBlock>() * MOST_PROBES) as u64;
+// Every GPU allows uniform buffers of this size.
+const _: () = assert!(COUNTED_LIGHTS_BYTES <= 16384 && PROBES_BYTES <= COUNTED_LIGHTS_BYTES);
 
 /// One eye as shaders see it.
 #[repr(C)]
@@ -127,7 +134,7 @@ impl From<&Vertex> for VertexExtraBlock {
     }
 }
 
-/// One point light: an element of `SCENE_LIGHTS`.
+/// One point light: an element of `SCENE_LIGHTS` and `SCENE_COUNTED_LIGHTS`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 pub struct LightBlock {

@@ -13,8 +13,11 @@ use crate::gpu::{
 };
 use crate::precompute::harness_tests::with_gpu;
 use crate::reference::brdf::Geometry;
+use crate::scene::needs::MAX_COUNTED_LIGHTS;
+use crate::scene::probes::MOST_PROBES;
 
 const SHARED: &str = include_str!("../../glsl/shared.glsl");
+const PROBES: &str = include_str!("../../glsl/probes.glsl");
 const BRDF: &str = include_str!("../../glsl/brdf.glsl");
 
 /// Numbers 1, 2, 3 …
@@ -127,7 +130,7 @@ fn shaders_find_every_member_where_rust_put_it() {
     let blocks = Blocks::new();
     let want = blocks.by_name();
     let got: Vec<f32> = with_gpu(|gpu| {
-        let buffer = |name, bytes: &[u8]| Buffer::with_bytes(gpu, name, BufferKind::StorageFromCpu, bytes).unwrap();
+        let buffer = |name, bytes: &[u8]| Buffer::with_bytes(gpu, name, BufferKind::FromCpu, bytes).unwrap();
         let instances = buffer("instances", bytemuck::cast_slice(&blocks.instances));
         let materials = buffer("materials", bytemuck::cast_slice(&blocks.materials));
         let lights = buffer("lights", bytemuck::cast_slice(&blocks.lights));
@@ -171,7 +174,13 @@ fn shading_and_geometry_are_numbered_as_in_glsl() {
     assert_eq!(constants(SHARED, "uint", "SHADING_"), ours);
     let ours = [Geometry::Smith, Geometry::Karis2013].map(|g| (name(&g), g as u32));
     assert_eq!(constants(BRDF, "int", "GEOMETRY_"), ours);
-    assert_eq!(constants(SHARED, "uint", "MAX_"), [("EYES".to_owned(), MAX_EYES as u32)]);
+}
+
+#[test]
+fn arrays_have_the_same_lengths_as_in_glsl() {
+    let ours = [("EYES", MAX_EYES), ("COUNTEDLIGHTS", MAX_COUNTED_LIGHTS)].map(|(n, most)| (n.to_owned(), most as u32));
+    assert_eq!(constants(SHARED, "uint", "MAX_"), ours);
+    assert_eq!(constants(PROBES, "uint", "MOST_"), [("PROBES".to_owned(), MOST_PROBES as u32)]);
 }
 
 #[test]

@@ -124,12 +124,15 @@ fn multi_scatter(material: &Material) -> bool {
     is_multi_scatter_visible(roughness, metallic, material.base_color_factor.max_element().into())
 }
 
+/// More point lights than these are not counted by shaders made for their number, but by any frame.
+pub const MAX_COUNTED_LIGHTS: usize = 64;
+
 /// The features that the renderer builds for a scene.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct SceneFeatures {
     /// One for each of the scene's materials.
     pub materials: Vec<MaterialFeatures>,
-    /// The number of point lights, a constant of the shaders; `None` for any number.
+    /// The number of point lights, a constant of the shaders, at most [`MAX_COUNTED_LIGHTS`]; `None` for any number.
     pub lights: Option<u32>,
     /// Whether anything may cast a shadow on anything.
     pub casts: bool,
@@ -144,7 +147,7 @@ impl SceneFeatures {
         match model {
             Model::Needed => Self {
                 materials: scene.materials.iter().map(MaterialFeatures::of).collect(),
-                lights: u32::try_from(scene.lights.len()).ok(),
+                lights: (scene.lights.len() <= MAX_COUNTED_LIGHTS).then_some(scene.lights.len() as u32),
                 casts: nothing_casts(scene).is_none(),
                 first_levels: viewpoint.map_or(whole, |viewpoint| first_levels(scene, viewpoint)),
             },
@@ -239,10 +242,12 @@ pub mod tests {
 
     #[test]
     fn lights_are_counted() {
-        for count in [0, 1, 7] {
+        for count in [0, 1, MAX_COUNTED_LIGHTS] {
             assert_eq!(SceneFeatures::of(&scene(vec![], count), Model::Needed, None).lights, Some(count as u32));
             assert_eq!(SceneFeatures::of(&scene(vec![], count), Model::Everything, None).lights, None);
         }
+        let many = scene(vec![], MAX_COUNTED_LIGHTS + 1);
+        assert_eq!(SceneFeatures::of(&many, Model::Needed, None).lights, None);
     }
 
     #[test]

@@ -7,7 +7,7 @@ use super::weak::{Level, Profile};
 
 /// What pbr-vr needs, as its `src/gpu/choice.rs` says: a stage's samplers and sampled images, and its storage buffers.
 const SAMPLED: u32 = 21;
-const STORAGE_BUFFERS: u32 = 16;
+const STORAGE_BUFFERS: u32 = 15;
 
 /// Lowers limits; none is raised.
 pub fn lower(limits: &mut PhysicalDeviceLimits, profile: Profile) {
