@@ -78,7 +78,7 @@ mod tests {
         };
         assert_eq!(too_low(&enough), [""; 0]);
         let few = vk::PhysicalDeviceLimits { max_per_stage_descriptor_storage_buffers: 4, ..enough };
-        assert_eq!(too_low(&few), ["maxPerStageDescriptorStorageBuffers of 16 (4)"]);
+        assert_eq!(too_low(&few), ["maxPerStageDescriptorStorageBuffers of 15 (4)"]);
     }
 }
 
