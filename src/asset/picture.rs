@@ -67,6 +67,9 @@ pub struct Comparison {
     pub flip_pixels_per_degree: f32,
     /// Mean of (test − reference)² / (reference² + 0.01) over pixels and channels.
     pub relative_mse: f64,
+    /// Sum of |test − reference| over the sum of |reference|, of all pixels and channels; infinite (`null` in JSON) where only
+    /// the reference is black.
+    pub relative_l1: f64,
     /// Mean and largest |test − reference| of a channel.
     pub mean_error: f64,
     pub max_error: f64,
@@ -224,6 +227,7 @@ pub fn compare_seen(test: &Picture, reference: &Picture, pixels_per_degree: f32)
         flip_max: flip.max,
         flip_pixels_per_degree: pixels_per_degree,
         relative_mse: metrics::relative_mse(&test.pixels, &reference.pixels),
+        relative_l1: metrics::relative_l1(&test.pixels, &reference.pixels),
         mean_error: metrics::mean_error(&test.pixels, &reference.pixels),
         max_error,
         max_error_at: [at as u32 % width, at as u32 / width],
@@ -452,7 +456,7 @@ mod tests {
     fn comparisons_measure() {
         for picture in [display(), radiance()] {
             let same = compare(&picture, &picture).unwrap();
-            assert_eq!((same.flip_mean, same.relative_mse, same.max_error), (0.0, 0.0, 0.0));
+            assert_eq!((same.flip_mean, same.relative_mse, same.relative_l1, same.max_error), (0.0, 0.0, 0.0, 0.0));
         }
         let mut dim = radiance();
         dim.pixels[5 * 23 + 7] = [0.1, 0.1, 0.3];

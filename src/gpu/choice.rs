@@ -213,9 +213,9 @@ fn examine(instance: &Instance, physical: vk::PhysicalDevice, goal: Goal<'_>) ->
         let problem = match () {
             () if !presents => "cannot present to a window",
             () if family.is_none() && matches!(goal, Goal::Window(_)) => {
-                "has no queue for graphics and compute that presents to this window"
+                "has no queue for graphics, compute and timestamps that presents to this window"
             }
-            () if family.is_none() => "has no queue for graphics and compute",
+            () if family.is_none() => "has no queue for graphics, compute and timestamps",
             () if matches!(goal, Goal::Window(surface) if !shows(surface)) => "has no format for this window",
             () if !sampled.contains(vk::SampleCountFlags::TYPE_4) => "cannot do 4x MSAA",
             () if !filters_floats(instance, physical) => "cannot filter 32-bit float textures, which panoramas are",

@@ -1,4 +1,4 @@
-//! Differences of two pictures: FLIP, relative MSE, mean and maximum error.
+//! Differences of two pictures: FLIP, relative MSE, relative L1, mean and maximum error.
 
 use std::ops::RangeInclusive;
 
@@ -54,6 +54,14 @@ pub fn relative_mse(test: &[[f32; 3]], reference: &[[f32; 3]]) -> f64 {
     mean(terms)
 }
 
+/// The sum over pixels and channels of |test − reference| over that of |reference|: the share of the light that is wrong.
+/// Infinite where only the reference is black.
+pub fn relative_l1(test: &[[f32; 3]], reference: &[[f32; 3]]) -> f64 {
+    let (wrong, light) =
+        pairs(test, reference).fold((0.0, 0.0), |(wrong, light), (t, r)| (wrong + (t - r).abs(), light + r.abs()));
+    if wrong > 0.0 { wrong / light } else { 0.0 }
+}
+
 /// Mean over pixels and channels of |test − reference|.
 pub fn mean_error(test: &[[f32; 3]], reference: &[[f32; 3]]) -> f64 {
     mean(pairs(test, reference).map(|(t, r)| (t - r).abs()))
@@ -90,6 +98,9 @@ mod tests {
         assert!((relative_mse(&test, &reference) - truth).abs() < 1e-9);
         assert_eq!(max_error(&test, &reference), (1.0, 1));
         assert!((mean_error(&test, &reference) - 0.25).abs() < 1e-12);
+        assert!((relative_l1(&test, &reference) - 1.5 / 6.0).abs() < 1e-12);
+        let black = [[0.0; 3]; 2];
+        assert_eq!([relative_l1(&black, &black), relative_l1(&test, &black)], [0.0, f64::INFINITY]);
     }
 
     #[test]

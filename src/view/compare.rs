@@ -48,6 +48,7 @@ pub fn compare(request: &CompareRequest) -> Result<()> {
         comparison.flip_pixels_per_degree
     );
     say!("relative MSE  {:.3e}", comparison.relative_mse);
+    say!("relative L1   {:.3e}", comparison.relative_l1);
     say!(
         "error         mean {:.3e}, largest {:.3e} at {:?}",
         comparison.mean_error,
