@@ -2,6 +2,7 @@
 //! cache.
 
 pub mod cache;
+pub mod comparison;
 mod compress;
 pub mod contained;
 pub mod file;

@@ -1,9 +1,7 @@
-//! Rendered pictures: reading, writing, comparing.
+//! Rendered pictures: reading and writing.
 
-use std::{
-    io::Cursor,
-    path::{Path, PathBuf},
-};
+use std::io::Cursor;
+use std::path::Path;
 
 use exr::prelude::{
     Encoding, Image, ImageAttributes, Layer, LayerAttributes, ReadChannels, ReadLayers, SpecificChannels, Vec2,
@@ -19,10 +17,8 @@ use super::file::{self, write_atomically};
 use super::radiance_image::RadianceImage;
 use super::texture::decoder_problem;
 use super::{jpeg, openexr, radiance};
-use crate::{
-    Error, Result,
-    reference::{metrics, tone},
-};
+use crate::reference::tone;
+use crate::{Error, Result};
 
 /// Largest picture that is read, in pixels: a little more than 8K (7680 × 4320).
 const MAX_PIXELS: u64 = 1 << 25;
@@ -50,42 +46,6 @@ pub struct Picture {
     pub kind: Kind,
     /// Rows from the top; `width * height` pixels of RGB.
     pub pixels: Vec<[f32; 3]>,
-}
-
-/// The difference of two pictures, as `pbr-vr compare --json` writes it.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Comparison {
-    pub width: u32,
-    pub height: u32,
-    /// What the numbers below compare: `Display` sRGB-encoded values, `Radiance` linear ones.
-    pub kind: Kind,
-    /// LDR-FLIP of the pictures' eight-bit display values; radiance goes through the program's tone curve at 0 EV
-    /// first.
-    pub flip_mean: f32,
-    pub flip_max: f32,
-    /// Pixels per degree of visual angle: the viewing distance.
-    pub flip_pixels_per_degree: f32,
-    /// Mean of (test − reference)² / (reference² + 0.01) over pixels and channels.
-    pub relative_mse: f64,
-    /// Sum of |test − reference| over the sum of |reference|, of all pixels and channels; infinite (`null` in JSON) where only
-    /// the reference is black.
-    pub relative_l1: f64,
-    /// Mean and largest |test − reference| of a channel.
-    pub mean_error: f64,
-    pub max_error: f64,
-    /// Column and row, from the top left, of the largest error.
-    pub max_error_at: [u32; 2],
-    /// FLIP of each pixel, rows from the top.
-    #[serde(skip)]
-    pub flip: Vec<f32>,
-}
-
-impl Comparison {
-    /// FLIP of each pixel as a picture, dark where the two agree.
-    pub fn flip_map(&self) -> Picture {
-        let pixels = metrics::flip_colours(&self.flip).into_iter().map(|p| p.map(|c| f32::from(c) / 255.0)).collect();
-        Picture { name: "FLIP".into(), width: self.width, height: self.height, kind: Kind::Display, pixels }
-    }
 }
 
 impl Picture {
@@ -161,7 +121,7 @@ impl Picture {
     }
 
     /// Its eight-bit sRGB pixels.
-    fn srgb8(&self, ev: f32) -> Vec<[u8; 3]> {
+    pub(super) fn srgb8(&self, ev: f32) -> Vec<[u8; 3]> {
         let byte = |c: f32| (c * 255.0).round() as u8; // `as` saturates
         match self.kind {
             Kind::Display => self.pixels.iter().map(|p| p.map(byte)).collect(),
@@ -197,67 +157,6 @@ impl Picture {
         Image::new(attributes, layer).write().non_parallel().to_buffered(&mut bytes)?;
         Ok(bytes.into_inner())
     }
-}
-
-/// Compares two pictures at [`metrics::PIXELS_PER_DEGREE`].
-///
-/// # Errors
-/// Their sizes or kinds differ, or a value is not finite.
-pub fn compare(test: &Picture, reference: &Picture) -> Result<Comparison> {
-    compare_seen(test, reference, metrics::PIXELS_PER_DEGREE)
-}
-
-/// The same for another viewing distance, in [`metrics::PIXELS_PER_DEGREE_RANGE`].
-///
-/// # Errors
-/// As for [`compare`], and where the distance is out of range.
-pub fn compare_seen(test: &Picture, reference: &Picture, pixels_per_degree: f32) -> Result<Comparison> {
-    check_pair(test, reference)?;
-    let size @ [width, height] = [test.width, test.height];
-    let flip = metrics::flip(size, &test.srgb8(0.0), &reference.srgb8(0.0), pixels_per_degree).ok_or_else(|| {
-        let count = test.pixels.len();
-        unusable(test, format!("{count} pixels for {width} × {height}, {pixels_per_degree} to a degree"))
-    })?;
-    let (max_error, at) = metrics::max_error(&test.pixels, &reference.pixels);
-    Ok(Comparison {
-        width,
-        height,
-        kind: test.kind,
-        flip_mean: flip.mean,
-        flip_max: flip.max,
-        flip_pixels_per_degree: pixels_per_degree,
-        relative_mse: metrics::relative_mse(&test.pixels, &reference.pixels),
-        relative_l1: metrics::relative_l1(&test.pixels, &reference.pixels),
-        mean_error: metrics::mean_error(&test.pixels, &reference.pixels),
-        max_error,
-        max_error_at: [at as u32 % width, at as u32 / width],
-        flip: flip.errors,
-    })
-}
-
-fn check_pair(test: &Picture, reference: &Picture) -> Result<()> {
-    if (test.width, test.height) != (reference.width, reference.height) {
-        let Picture { name, width, height, .. } = reference;
-        let problem = format!("{} × {} pixels, but {name} has {width} × {height}", test.width, test.height);
-        return Err(unusable(test, problem));
-    }
-    if test.kind != reference.kind {
-        let what = |kind| if kind == Kind::Display { "display values" } else { "linear radiance" };
-        let problem = format!("it holds {}, but {} {}", what(test.kind), reference.name, what(reference.kind));
-        return Err(unusable(test, problem));
-    }
-    for picture in [test, reference] {
-        if let Some(at) = picture.pixels.iter().position(|p| !Vec3::from(*p).is_finite()) {
-            let (x, y) = (at as u32 % picture.width.max(1), at as u32 / picture.width.max(1));
-            return Err(unusable(picture, format!("pixel ({x}, {y}) is not finite: {:?}", picture.pixels[at])));
-        }
-    }
-    Ok(())
-}
-
-fn unusable(picture: &Picture, problem: String) -> Error {
-    let remedy = "compare two PNGs or two EXRs of one size, without NaN or infinity";
-    Error::Broken { path: PathBuf::from(&picture.name), what: "picture for this comparison", problem, remedy }
 }
 
 fn broken(path: &Path, problem: impl ToString) -> Error {
@@ -450,45 +349,6 @@ mod tests {
     fn crc32(bytes: &[u8]) -> u32 {
         let bit = |c: u32, _| if c & 1 == 1 { 0xedb8_8320 ^ (c >> 1) } else { c >> 1 };
         !bytes.iter().fold(!0, |c, b| (0..8).fold(c ^ u32::from(*b), bit))
-    }
-
-    #[test]
-    fn comparisons_measure() {
-        for picture in [display(), radiance()] {
-            let same = compare(&picture, &picture).unwrap();
-            assert_eq!((same.flip_mean, same.relative_mse, same.relative_l1, same.max_error), (0.0, 0.0, 0.0, 0.0));
-        }
-        let mut dim = radiance();
-        dim.pixels[5 * 23 + 7] = [0.1, 0.1, 0.3];
-        let mut other = dim.clone();
-        other.pixels[5 * 23 + 7][2] = 2.3;
-        let far = compare(&other, &dim).unwrap();
-        assert!((far.max_error - 2.0).abs() < 1e-6 && far.max_error_at == [7, 5], "{far:?}");
-        let truth = 4.0 / (0.09 + 0.01) / (3.0 * 23.0 * 11.0);
-        assert!((far.relative_mse / truth - 1.0).abs() < 1e-5, "{far:?}");
-        assert!(far.flip_mean > 0.0 && far.flip_max > far.flip_mean);
-        let map = far.flip_map();
-        let brightest = (0..map.pixels.len()).max_by(|a, b| map.pixels[*a][0].total_cmp(&map.pixels[*b][0])).unwrap();
-        assert_eq!((map.width, map.height, brightest), (23, 11, 5 * 23 + 7));
-        let json = serde_json::to_value(&far).unwrap();
-        assert_eq!(json["kind"], "radiance");
-        assert_eq!(json["max_error_at"][1], 5);
-    }
-
-    #[test]
-    fn pictures_that_do_not_match_are_errors() {
-        let small = Picture { width: 11, height: 23, ..display() };
-        let error = compare(&small, &display()).unwrap_err().to_string();
-        assert!(error.contains("11 × 23") && error.contains("23 × 11"), "{error}");
-        let error = compare(&radiance(), &display()).unwrap_err().to_string();
-        assert!(error.contains("radiance"), "{error}");
-        let mut bad = radiance();
-        bad.pixels[24][0] = f32::NAN;
-        let error = compare(&radiance(), &bad).unwrap_err().to_string();
-        assert!(error.contains("(1, 1)"), "{error}");
-        let empty = Picture { width: 0, height: 0, pixels: vec![], ..display() };
-        assert!(compare(&empty, &empty).is_err());
-        assert!(compare_seen(&display(), &display(), 0.0).unwrap_err().to_string().contains("0 to a degree"));
     }
 
     #[test]

@@ -6,7 +6,8 @@ use clap::Args;
 
 use crate::args::{parse_pixels_per_degree, write_json};
 use crate::asset::Outputs;
-use crate::asset::picture::{Picture, compare_seen};
+use crate::asset::comparison::compare_seen;
+use crate::asset::picture::Picture;
 use crate::reference::metrics::PIXELS_PER_DEGREE;
 use crate::{Error, Result, say};
 

@@ -2,7 +2,8 @@
 
 use std::time::Duration;
 
-use pbr_vr::asset::picture::{Picture, compare};
+use pbr_vr::asset::comparison::compare;
+use pbr_vr::asset::picture::Picture;
 
 use crate::common::fault::FaultLayer;
 use crate::common::json;

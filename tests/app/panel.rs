@@ -3,7 +3,8 @@
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-use pbr_vr::asset::picture::{Picture, compare};
+use pbr_vr::asset::comparison::compare;
+use pbr_vr::asset::picture::Picture;
 
 use crate::common::{Workshop, material};
 use crate::desktop::{Display, ESCAPE, H, Hands, L, P, Program, command};

@@ -3,7 +3,8 @@
 use std::fs;
 use std::path::Path;
 
-use pbr_vr::asset::picture::{Picture, compare};
+use pbr_vr::asset::comparison::compare;
+use pbr_vr::asset::picture::Picture;
 
 use crate::common::{Workshop, finish, json, material, program, sphere, succeeds};
 

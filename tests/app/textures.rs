@@ -5,7 +5,8 @@ use std::path::PathBuf;
 
 use crate::common::{Workshop, json, program, setup, succeeds};
 use pbr_vr::asset::Storage;
-use pbr_vr::asset::picture::{Picture, compare};
+use pbr_vr::asset::comparison::compare;
+use pbr_vr::asset::picture::Picture;
 use pbr_vr::precompute::Cache;
 use pbr_vr::render::{LightModel, RenderSettings, TextureSettings};
 use pbr_vr::scene::Model;

@@ -4,7 +4,8 @@
 use std::path::Path;
 use std::process::Command;
 
-use pbr_vr::asset::picture::{Picture, compare};
+use pbr_vr::asset::comparison::compare;
+use pbr_vr::asset::picture::Picture;
 
 use crate::common::failing::{SMALL, small_world};
 use crate::common::fault::FaultLayer;

@@ -4,7 +4,8 @@ use std::path::PathBuf;
 use std::process::Output;
 use std::time::Duration;
 
-use pbr_vr::asset::picture::{Picture, compare};
+use pbr_vr::asset::comparison::compare;
+use pbr_vr::asset::picture::Picture;
 
 use crate::common::{Workshop, material, sphere};
 use crate::desktop::{

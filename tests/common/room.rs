@@ -4,7 +4,8 @@ use std::path::{Path, PathBuf};
 
 use glam::{Affine3A, EulerRot, Mat4, Quat, Vec3};
 use headset_runtime::script::{EyeOptics, Script, Waypoint};
-use pbr_vr::asset::picture::{Picture, compare};
+use pbr_vr::asset::comparison::compare;
+use pbr_vr::asset::picture::Picture;
 use pbr_vr::gpu::{Subresource, read_image};
 use pbr_vr::render::{Eye, FrameInputs, LightModel, NEAR_METRES, RenderSettings, Renderer};
 use pbr_vr::scene::load::{LoadOptions, load};

@@ -25,12 +25,15 @@ const SEED: &str = "PBR_VR_FUZZ_SEED";
 const READER: &str = "PBR_VR_FUZZ_READER";
 /// The only case, by its number.
 const CASE: &str = "PBR_VR_FUZZ_CASE";
+/// The most address space of a child, in KiB, or `unlimited`.
+#[cfg(unix)]
+const MEMORY: &str = "PBR_VR_FUZZ_KIB";
 /// What a child process is to do.
 const JOB: &str = "PBR_VR_FUZZ_JOB";
 
 /// One file takes milliseconds.
 const PATIENCE: Duration = Duration::from_secs(120);
-/// Address space of a child, in KiB: somewhat more than the most that a reader may ask for, which is 4 GiB.
+/// It if not told: somewhat more than the most that a reader may ask for, which is 4 GiB.
 #[cfg(unix)]
 const MEMORY_KIB: u64 = 8 << 20;
 /// Places where each seed is cut off; by hand, every one of its bytes in some rounds.
@@ -194,7 +197,8 @@ fn peak_kib() -> u64 {
 #[cfg(unix)]
 fn start(job: &str, errors: File) -> Child {
     let program = std::env::current_exe().unwrap();
-    let script = format!("ulimit -c 0; ulimit -v {MEMORY_KIB} && exec \"$0\" \"$@\"");
+    let kib = std::env::var(MEMORY).unwrap_or(MEMORY_KIB.to_string());
+    let script = format!("ulimit -c 0; ulimit -v {kib} && exec \"$0\" \"$@\"");
     let mut shell = Command::new("sh");
     shell.args(["-c", &script]).arg(program).args(["--exact", "fuzz_tests::child", "--nocapture"]);
     shell.env(JOB, job).env("RAYON_NUM_THREADS", "2").stdout(Stdio::null()).stderr(errors).spawn().unwrap()

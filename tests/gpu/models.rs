@@ -5,7 +5,7 @@ use std::path::Path;
 
 use glam::{DMat4, DQuat, DVec3};
 use image::{GrayImage, Luma, Rgba, RgbaImage};
-use pbr_vr::asset::picture::compare;
+use pbr_vr::asset::comparison::compare;
 use pbr_vr::render::{LightModel, Shading};
 use serde_json::{Value, json};
 

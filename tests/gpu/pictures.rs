@@ -4,7 +4,8 @@
 use std::path::{Path, PathBuf};
 
 use crate::common::{PictureOptions, Workshop};
-use pbr_vr::asset::picture::{Picture, compare};
+use pbr_vr::asset::comparison::compare;
+use pbr_vr::asset::picture::Picture;
 
 /// Mean FLIP that driver versions may differ by; a shifted highlight gives ten times as much.
 const TOLERANCE: f32 = 0.005;

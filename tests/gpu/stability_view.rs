@@ -4,7 +4,7 @@
 use crate::common::stage::{Stage, assert_sane, scaled, scene, shipped, with_gpu};
 use crate::common::{Workshop, material, sphere, square};
 use glam::{Mat4, Quat, Vec3};
-use pbr_vr::asset::picture::compare;
+use pbr_vr::asset::comparison::compare;
 use pbr_vr::render::{Eye, NEAR_METRES, Output, Shading};
 use pbr_vr::scene::{Camera, Scene};
 
