@@ -44,13 +44,19 @@ SpecularLobe specular_lobe(vec3 n, vec3 v, float nv, vec3 f0, float roughness)
     return lobe;
 }
 
+// The share of even light that the round lobe reflects.
+vec3 round_reflectance(SpecularLobe lobe)
+{
+    return lobe.reflectance * (1.0 - lobe.even);
+}
+
 // What the round lobe reflects of the panorama.
 vec3 environment_specular(SpecularLobe lobe)
 {
     vec3 d = panorama_from_world(lobe.towards);
     LevelMix levels = level_mix(lobe.level);
     vec3 even = textureLod(specular_even, d, levels.even_mip).rgb, odd = textureLod(specular_odd, d, levels.odd_mip).rgb;
-    return lobe.reflectance * (1.0 - lobe.even) * mix(even, odd, levels.odd_share) * frame.environment_scale;
+    return round_reflectance(lobe) * mix(even, odd, levels.odd_share) * frame.environment_scale;
 }
 
 #endif

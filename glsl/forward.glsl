@@ -23,16 +23,17 @@ vec3 phong(Surface s)
     return s.base_color * environment_diffuse(s.n) * s.occlusion + sun_light_phong(s) + point_lights_phong(s, position_world);
 }
 
-// The lightmap's layer of this fragment's side; that of its openness is LIGHTMAP layers above.
-float lightmap_layer()
+// The lightmap at this fragment's side; of one of LIGHTMAP_KINDS.
+vec3 lightmap_texel(uint kind)
 {
-    return LIGHTMAP == LIGHTMAP_BOTH && !gl_FrontFacing ? 1.0 : 0.0;
+    uint layer = kind * LIGHTMAP + (LIGHTMAP == LIGHTMAP_BOTH && !gl_FrontFacing ? 1u : 0u);
+    return textureLod(lightmap, vec3(lightmap_uv, layer), 0.0).rgb;
 }
 
 // Soft light as irradiance over pi.
 vec3 lightmap_diffuse()
 {
-    return textureLod(lightmap, vec3(lightmap_uv, lightmap_layer()), 0.0).rgb * INV_PI;
+    return lightmap_texel(0u) * INV_PI;
 }
 
 struct Split {
@@ -47,12 +48,11 @@ SpecularLobe lobe_of(Surface s)
 
 // What is mirrored where no probe reaches: the panorama's image as far as the lightmap knows the lobe's direction to be open; in
 // the rest what surfaces give, as if it came from all of them evenly.
-vec3 distant_specular(SpecularLobe lobe, vec3 even)
+vec3 distant_specular(SpecularLobe lobe)
 {
-    vec4 texel = textureLod(lightmap, vec3(lightmap_uv, lightmap_layer() + float(LIGHTMAP)), 0.0);
     vec3 n = normalize_or(normal_world, vec3(0.0, 1.0, 0.0)) * (gl_FrontFacing ? 1.0 : -1.0);
-    Openness open = openness_from_mean(n, mat3(frame.world_from_models) * texel.xyz);
-    vec3 blocked = lobe.reflectance * (1.0 - lobe.even) * even * texel.a;
+    Openness open = openness_from_mean(n, mat3(frame.world_from_models) * lightmap_texel(1u));
+    vec3 blocked = round_reflectance(lobe) * lightmap_texel(2u);
     return mix(blocked, environment_specular(lobe), visibility(open, normalize(lobe.towards)));
 }
 
@@ -68,7 +68,7 @@ vec3 mirrored(Surface s, SpecularLobe lobe, vec3 even)
     if (left <= 0.0)
         return light;
 #endif
-    return light + left * distant_specular(lobe, even);
+    return light + left * distant_specular(lobe);
 }
 
 // What the environment gives: the split sum, and with the irradiance what is diffuse or scattered more than once. That is

@@ -37,7 +37,7 @@ struct LightmapSurface {
     // Once bounces are kept:
     vec4 unblocked; // sum over rays that met nothing of the models' direction, and their number
     float rays;     // all of them
-    vec2 settled;   // sums of the sky's and of all light
+    vec3 surfaces;  // sum of the irradiance that surfaces give
 };
 
 layout(LIGHTMAP_TEXELS, scalar) readonly buffer LightmapTexels { LightmapTexel lightmap_texels[]; };
@@ -46,8 +46,8 @@ layout(LIGHTMAP_SUMS, scalar) buffer LightmapSums { vec4 lightmap_sums[]; };
 layout(LIGHTMAP_SURFACES, scalar) buffer LightmapSurfaces { LightmapSurface lightmap_surfaces[]; };
 layout(LIGHTMAP_RELAYS, scalar) buffer LightmapRelays { Relay relays[]; };
 // Layer 0: fronts, layer 1: backs. Given back of the light that comes straight from lamps and sun, with the density of
-// relays; of soft light, with the share that is glossy; and soft light itself as irradiance, with 1 where it is known, and in
-// as many layers more its openness.
+// relays; of soft light, with the share that is glossy; and soft light itself as irradiance, with 1 where it is known, in
+// as many layers more its openness, and in as many again the radiance of what blocks.
 layout(LIGHTMAP_DIRECT) uniform sampler2DArray given_back_of_direct;
 layout(LIGHTMAP_SOFT) uniform sampler2DArray given_back_of_soft;
 layout(LIGHTMAP_DIRECT_IMAGE, rgba16f) uniform image2DArray direct_image;
@@ -73,17 +73,28 @@ const float HALF_MOST = 60000.0;
 // How far places are kept from edges, in roundings of a position.
 const float OFF_EDGE = 16.0;
 
-// Where its openness is.
+// Where the lightmap has its openness, and what blocks.
 ivec3 openness_address(ivec3 at)
 {
-    return at + ivec3(0, 0, imageSize(light_image).z / 2);
+    return at + ivec3(0, 0, imageSize(light_image).z / LIGHTMAP_KINDS);
 }
 
-// The mean over rays of directions that met nothing, and the radiance of what the others met over the mean of all.
+ivec3 blockers_address(ivec3 at)
+{
+    return at + ivec3(0, 0, 2 * (imageSize(light_image).z / LIGHTMAP_KINDS));
+}
+
+// The mean over rays of directions that met nothing.
 vec4 openness_texel(LightmapSurface s)
 {
-    float lit = 1.0 - s.settled.x / max(s.settled.y, TINY), blocked = 1.0 - s.unblocked.w / max(s.rays, 1.0);
-    return vec4(s.unblocked.xyz / max(s.rays, 1.0), clamp(lit / max(blocked, 0.02), 0.0, 4.0));
+    return vec4(s.unblocked.xyz / max(s.rays, 1.0), 1.0);
+}
+
+// Mean radiance of what the other rays met.
+vec4 blockers_texel(LightmapSurface s)
+{
+    float blocked = max(s.rays - s.unblocked.w, 0.02 * s.rays);
+    return vec4(min(s.surfaces / (PI * max(blocked, TINY)), HALF_MOST), 1.0);
 }
 
 ivec3 texel_address(LightmapTexel texel)

@@ -14,7 +14,7 @@ void main()
     if (lightmap_sums[index].a > 0.0)
         return;
     ivec2 last = imageSize(light_image).xy - 1;
-    vec4 sum = vec4(0.0), openness = vec4(0.0);
+    vec4 sum = vec4(0.0), openness = vec4(0.0), blockers = vec4(0.0);
     vec3 soft_sum = vec3(0.0);
     // Only texels that are known are read, and only others are written.
     for (int y = -REACH; y <= REACH; ++y) {
@@ -26,6 +26,7 @@ void main()
                 soft_sum += imageLoad(soft_image, beside).rgb * weight;
                 sum += vec4(light.rgb, 1.0) * weight;
                 openness += imageLoad(light_image, openness_address(beside)) * weight;
+                blockers += imageLoad(light_image, blockers_address(beside)) * weight;
             }
         }
     }
@@ -34,6 +35,7 @@ void main()
         if ((work.flags & WORK_IS_SHOWN) != 0u) {
             imageStore(light_image, at, vec4(sum.rgb / sum.a, 0.0));
             imageStore(light_image, openness_address(at), openness / sum.a);
+            imageStore(light_image, blockers_address(at), blockers / sum.a);
         }
     }
 }

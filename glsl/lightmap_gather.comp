@@ -118,7 +118,7 @@ void main()
     // Where no sample has met the sky, none is drawn from it; without a table (0 cells) nowhere.
     bool sees_sky = cells_size.x > 0u && (seen_sky.x > 0.0 || seen_sky.y == 0.0);
     vec4 sum = vec4(0.0), unblocked = vec4(0.0);
-    vec2 settled = vec2(0.0);
+    vec3 surfaces = vec3(0.0);
     for (uint i = work.first_sample; i < work.first_sample + work.samples && count > 0u; ++i) {
         float random = unit_from_bits(pcg4d(uvec4(index, i, 2u, 0u)).x);
         uint place = nth_bit(places, min(uint(random * float(count)), count - 1u));
@@ -130,7 +130,7 @@ void main()
         RayHit met = trace_ray(origin, d, 1e30, false);
         if (!gathered(p, met, d, sky, light))
             continue;
-        vec3 from_sky = met.t < 0.0 ? light : vec3(0.0);
+        vec3 from_sky = met.t < 0.0 ? light : vec3(0.0), from_surfaces = light - from_sky;
         unblocked += met.t < 0.0 ? vec4(d * mat3(frame.world_from_models), 1.0) : vec4(0.0);
         float bright = dot(sky_radiance(d, panorama_lod(PANORAMA_TEXELS)), vec3(1.0));
         met_sky += bright * bright * vec2(met.t < 0.0 ? 1.0 : 0.0, 1.0);
@@ -138,25 +138,22 @@ void main()
             vec3 seen;
             uvec4 bits = uvec4(sobol_bits(i / PER_DRAWN, scramble.zw), pcg4d(uvec4(index, i, 5u, 0u)).xy);
             sky += drawn_sky_light(p, origin, bits.xzyw, seen);
-            light += seen;
             from_sky += seen;
         }
-        if (open > 0.0) {
-            light = beside_open_sky(p.s.n, light, sky, open);
+        if (open > 0.0)
             from_sky = beside_open_sky(p.s.n, from_sky, sky, open);
-        }
         if (work.relay_count > 0u)
-            light += relay_light(p, origin, relays[(i ^ scramble.y) % work.relay_count]);
+            from_surfaces += relay_light(p, origin, relays[(i ^ scramble.y) % work.relay_count]);
         if (emitter_count > 0u)
-            light += emitter_irradiance(p, sobol(i, pcg4d(uvec4(index, 0u, 6u, 0u)).xy));
-        settled += vec2(dot(from_sky, vec3(1.0)), dot(light, vec3(1.0)));
-        sum += vec4(light, 1.0);
+            from_surfaces += emitter_irradiance(p, sobol(i, pcg4d(uvec4(index, 0u, 6u, 0u)).xy));
+        surfaces += from_surfaces;
+        sum += vec4(from_sky + from_surfaces, 1.0);
     }
     // Not before surfaces give back nearly all they will.
     if ((work.flags & WORK_COUNTS) == 0u || (work.flags & WORK_KEEPS) != 0u) {
         lightmap_surfaces[index].unblocked += unblocked;
         lightmap_surfaces[index].rays += sum.a;
-        lightmap_surfaces[index].settled += settled;
+        lightmap_surfaces[index].surfaces += surfaces;
     }
     if ((work.flags & WORK_COUNTS) != 0u)
         lightmap_surfaces[index].sky += met_sky;

@@ -40,7 +40,7 @@ float reach_of_probe(uint index, Surface s, vec3 even)
 
 vec3 probe_specular(uint index, Probe probe, vec3 p, SpecularLobe lobe)
 {
-    return lobe.reflectance * (1.0 - lobe.even) * probe_radiance(index, probe, p, lobe.towards, lobe.level);
+    return round_reflectance(lobe) * probe_radiance(index, probe, p, lobe.towards, lobe.level);
 }
 
 // What the probes around a point give of a mirror image; `left`: the share that they leave to the panorama.

@@ -70,6 +70,8 @@ const uint METALNESS_MIXED = 2;
 const uint LIGHTMAP_NONE = 0;
 const uint LIGHTMAP_FRONTS = 1;
 const uint LIGHTMAP_BOTH = 2;
+// Kinds of the lightmap's layers: irradiance, openness, and what blocks; each of as many layers as LIGHTMAP says.
+const int LIGHTMAP_KINDS = 3;
 
 // VERTEX_COLOURS: what they multiply.
 const uint COLOURS_OF_NOTHING = 0;
@@ -122,7 +124,7 @@ layout(SCENE_IRRADIANCE) uniform samplerCube irradiance_over_pi;
 layout(SCENE_SPECULAR_EVEN) uniform samplerCube specular_even;
 layout(SCENE_SPECULAR_ODD) uniform samplerCube specular_odd;
 layout(SCENE_BRDF_TABLE) uniform sampler2DArray brdf_table;
-layout(SCENE_LIGHTMAP) uniform sampler2DArray lightmap; // soft light as irradiance; layer 0: fronts, layer 1: backs
+layout(SCENE_LIGHTMAP) uniform sampler2DArray lightmap; // layers: see LIGHTMAP_KINDS; fronts before backs
 layout(SCENE_LAMP_SHADOWS) uniform sampler2DArrayShadow lamp_shadows;
 layout(SCENE_LAMP_DEPTHS) uniform sampler2DArray lamp_depths; // the same image
 layout(SCENE_SUN_SHADOW) uniform sampler2DArrayShadow sun_shadows; // one layer

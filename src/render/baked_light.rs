@@ -181,7 +181,7 @@ impl BakedLight {
 
     /// Its layers of light: fronts, and backs where some can be seen.
     pub fn layers(&self) -> u32 {
-        self.source.lightmap.desc().shape.layers() / 2
+        lightmap::sides(&self.source.lightmap)
     }
 
     /// What smooth surfaces mirror of the rooms around them, where there are any.

@@ -58,7 +58,7 @@ struct Work {
 pub struct LightmapBake {
     pipelines: Pipelines,
     set: DescriptorSet,
-    /// Irradiance of soft light, a layer for fronts and one for backs where there are any; then as many layers of openness.
+    /// What is shown: see [`KINDS`].
     light: Arc<Image>,
     soft: Arc<Image>,
     direct: Arc<Image>,
@@ -127,13 +127,21 @@ fn cleared(gpu: &Arc<Gpu>, name: &str, side: u32, layers: u32) -> Result<Arc<Ima
     Ok(image)
 }
 
-/// A lightmap of `side` × `side` texels with no light yet: irradiance of soft light in one layer for fronts or in two for both
-/// sides, and as many layers of openness.
+/// Kinds of a lightmap's layers, each for fronts, and for backs where some can be seen: irradiance of soft light; openness, the mean
+/// of directions drawn by the cosine that meet nothing, with 0 for all others; and the mean radiance of what those others meet.
+const KINDS: u32 = 3;
+
+/// A lightmap's layers of each kind: 1 for fronts, or 2 for both sides.
+pub fn sides(lightmap: &Image) -> u32 {
+    lightmap.desc().shape.layers() / KINDS
+}
+
+/// A lightmap of `side` × `side` texels with no light yet, for so many sides.
 ///
 /// # Errors
 /// No memory; a failed Vulkan call.
-pub fn dark_lightmap(gpu: &Arc<Gpu>, side: u32, layers: u32) -> Result<Arc<Image>> {
-    cleared(gpu, "lightmap", side, 2 * layers)
+pub fn dark_lightmap(gpu: &Arc<Gpu>, side: u32, sides: u32) -> Result<Arc<Image>> {
+    cleared(gpu, "lightmap", side, KINDS * sides)
 }
 
 impl LightmapBake {
@@ -159,7 +167,7 @@ impl LightmapBake {
         let (pipelines, (scene, texels)) = (pipelines?, listed?);
         let LightmapTexels { all, seen } = texels;
         tracing::debug!("lightmap: {side}x{side}, {} texels, {seen} of them seen", all.len());
-        let layers = light.desc().shape.layers() / 2;
+        let layers = sides(light);
         let (soft, direct) =
             (cleared(gpu, "lightmap soft", side, layers)?, cleared(gpu, "lightmap direct", side, layers)?);
         let count = all.len().max(1) as u64;
@@ -170,7 +178,7 @@ impl LightmapBake {
         let sums = storage("lightmap sums", count.max(weighing) * size_of::<[f32; 4]>() as u64)?;
         let weighed =
             Buffer::new(gpu, "lightmap weighed", BufferKind::Readback, weighing * size_of::<[f32; 4]>() as u64)?;
-        let surfaces = storage("lightmap surfaces", count * size_of::<[f32; 18]>() as u64)?;
+        let surfaces = storage("lightmap surfaces", count * size_of::<[f32; 19]>() as u64)?;
         let relays = storage("lightmap relays", u64::from(RELAYS) * size_of::<[f32; 17]>() as u64)?;
         let sampler = Sampler::new(gpu, "lightmap", AddressMode::Clamp, 1)?;
         let bindings = [

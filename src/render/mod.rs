@@ -75,6 +75,7 @@ pub use gizmos::{ControllerGizmos, GizmoVertex, MAX_GIZMO_VERTICES};
 pub use kept_pipelines::KeptPipelines;
 pub use light_detail::LightDetail;
 pub use lighting::Lighting;
+pub use lightmap::sides as lightmap_sides;
 pub use lightmapped::{LightmapRequest, Lightmapped, is_lightmapped};
 pub use mirror_picture::{MirrorPart, MirrorPicture};
 pub use output::Output;

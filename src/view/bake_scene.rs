@@ -14,7 +14,7 @@ use crate::asset::ktx2::Ktx2;
 use crate::context::Setup;
 use crate::gpu::Gpu;
 use crate::precompute::{LightMaps, read_texture};
-use crate::render::{Eye, FrameInputs, LightModel, ProbeBlock, ProbeMaps, RenderSettings, Renderer};
+use crate::render::{Eye, FrameInputs, LightModel, ProbeBlock, ProbeMaps, RenderSettings, Renderer, lightmap_sides};
 use crate::scene::needs::lightmap::{LightmapNeed, lightmap_need};
 use crate::{Error, Result};
 
@@ -58,7 +58,7 @@ struct Meaning<'a> {
 struct LightmapMeaning {
     /// Texels along a side.
     size: u32,
-    /// Layers of irradiance: fronts, and backs where some can be seen. As many of openness follow.
+    /// Layers of irradiance: fronts, and backs where some can be seen. As many of openness follow, and as many of what blocks.
     layers: u32,
 }
 
@@ -76,7 +76,7 @@ struct ProbePlace {
 ///
 /// - `lightmap.ktx2`: irradiance of soft light, W/m², by the coordinates of the program's own atlas; layer 0 for fronts, layer 1
 ///   for backs where some can be seen; then as many layers of openness: the mean of directions that meet nothing, in the
-///   models' space, and the mean radiance of what the others meet over that of all.
+///   models' space, with 0 for all others; and as many of the mean radiance, W/(m² sr), of what these others meet.
 /// - `probe-specular.ktx2` and `probe-irradiance.ktx2`, where the scene needs probes: arrays of cubes of radiance,
 ///   W/(m² sr), as for a panorama. Level i of probe p of n is mip i / 2 of cube p + n (i % 2).
 /// - `light.json`: sizes, and where probes stand.
@@ -124,10 +124,9 @@ fn write(gpu: &Arc<Gpu>, renderer: &Renderer, scene: &Path, folder: &Path) -> Re
         return Err(Error::Usage(format!("{}: no atlas can be made of it", scene.display())));
     };
     let mut texture = read_texture(gpu, &[lightmap])?;
-    let content =
-        "irradiance of soft light, of fronts and where there are any of backs; then as many layers of openness";
+    let content = "irradiance of soft light, of fronts and where there are any of backs; then as many layers of openness, and of what blocks";
     texture.set_text("pbrvrContent", content);
-    let lightmap = LightmapMeaning { size: texture.size[0], layers: texture.layers / 2 };
+    let lightmap = LightmapMeaning { size: texture.size[0], layers: lightmap_sides(lightmap) };
     // All is read before the first file is written: they belong together.
     let mut textures = vec![(LIGHTMAP, texture)];
     let mut meaning = Meaning { scene, lightmap, probes: Vec::new(), roughness: Vec::new() };

@@ -10,7 +10,7 @@ use pbr_vr::gpu::{FrameRing, Gpu, Subresource, read_image};
 use pbr_vr::reference::shadow::hit;
 use pbr_vr::render::{
     Eye, FRAME_BYTES, FRAMES_IN_FLIGHT, FrameInputs, LightModel, Output, RenderSettings, Renderer, Shading,
-    StandardError,
+    StandardError, lightmap_sides,
 };
 use pbr_vr::scene::{Bounds, Camera, Environment, Instance, Material, Mesh, PointLight, Scene, Vertex};
 
@@ -191,8 +191,7 @@ pub fn take_all(gpu: &Arc<Gpu>, scene: &Scene, eyes: &[Eye], shot: Shot) -> Vec<
     }
     let lightmap = renderer.lightmap().filter(|_| is_baked).map_or_else(Vec::new, |image| {
         let layer = |layer| read_image(gpu, image, Subresource { mip: 0, layer }, 8).expect("a lightmap");
-        // The rest is openness.
-        let layers = (0..image.desc().shape.layers() / 2).flat_map(layer);
+        let layers = (0..lightmap_sides(image)).flat_map(layer);
         layers.collect::<Vec<u8>>().chunks_exact(2).map(|b| u16::from_le_bytes([b[0], b[1]])).collect()
     });
     assert!(lightmap.iter().all(|bits| f16::from_bits(*bits).is_finite() && bits & 0x8000 == 0), "in the lightmap");

@@ -162,6 +162,28 @@ fn a_metal_ball_mirrors_the_floor_that_hides_the_sky() {
     });
 }
 
+/// The floor's own colour, not that of all light: the channel that is seen is strong or weak in it.
+#[test]
+fn a_metal_ball_mirrors_the_colour_of_the_floor() {
+    let from = eye([0.0, 0.3, 2.6], [0.0; 3], 26.0);
+    with_gpu(|gpu| {
+        for colour in [[0.9, 0.1, 0.1], [0.1, 0.9, 0.9]] {
+            let floor = Material { base_color_factor: colour.into(), ..grey(1.0, 0.0, 1.0) };
+            let things =
+                vec![flat(0, &[level([-6.0, 6.0], -0.5, [-6.0, 6.0])]), ball(1, [0.0; 3], 0.5, 24, false), mote(FAR)];
+            let scene = world(things, vec![floor, grey(1.0, 1.0, 0.25)], vec![], uniform(1.0));
+            let baked = take(gpu, &scene, &from, Shot::new(BAKED, 48));
+            let exact = take(gpu, &scene, &from, Shot::reference(BAKED, 48, 64));
+            let below = |pixel| seen(&scene, &from, 48, pixel).is_some_and(|(_, n, mesh)| mesh == 1 && n.y < -0.1);
+            let pixels: Vec<usize> = (0..48 * 48).filter(|pixel| below(*pixel)).collect();
+            let mean = |taken: &Taken| pixels.iter().map(|i| taken.pixels[*i]).sum::<f64>() / pixels.len() as f64;
+            let (got, want) = (mean(&baked), mean(&exact));
+            println!("{colour:?}: {got:.4} for {want:.4} in {} pixels", pixels.len());
+            assert!(pixels.len() > 100 && (got / want - 1.0).abs() < 0.1, "{colour:?}: {got} for {want}");
+        }
+    });
+}
+
 /// A single sheet, lit on one side; and one that parts a room.
 #[test]
 fn a_sheets_sides_have_their_own_light() {
