@@ -90,11 +90,13 @@ vec4 openness_texel(LightmapSurface s)
     return vec4(s.unblocked.xyz / max(s.rays, 1.0), 1.0);
 }
 
-// Mean radiance of what the other rays met.
-vec4 blockers_texel(LightmapSurface s)
+// Mean radiance of what the other rays met; where these are few, no more than a multiple of the mean of all.
+const float MOST_BLOCKERS = 4.0;
+
+vec4 blockers_texel(LightmapSurface s, vec3 irradiance)
 {
     float blocked = max(s.rays - s.unblocked.w, 0.02 * s.rays);
-    return vec4(min(s.surfaces / (PI * max(blocked, TINY)), HALF_MOST), 1.0);
+    return vec4(min(s.surfaces / max(blocked, TINY), MOST_BLOCKERS * irradiance) * INV_PI, 1.0);
 }
 
 ivec3 texel_address(LightmapTexel texel)

@@ -25,7 +25,7 @@ void main()
     imageStore(light_image, at, vec4(shown, sum.a > 0.0 ? 1.0 : 0.0));
     if ((work.flags & WORK_IS_SHOWN) != 0u) {
         imageStore(light_image, openness_address(at), openness_texel(lightmap_surfaces[index]));
-        imageStore(light_image, blockers_address(at), blockers_texel(lightmap_surfaces[index]));
+        imageStore(light_image, blockers_address(at), blockers_texel(lightmap_surfaces[index], shown));
     }
     vec4 albedo = lightmap_surfaces[index].albedo;
     imageStore(soft_image, at, vec4(albedo.rgb * light * INV_PI, albedo.a));
