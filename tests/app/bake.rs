@@ -262,7 +262,7 @@ fn a_scenes_light_is_written_with_all_its_probes_and_another_reader_agrees() {
     let meaning = json(&folder.join("new/folder/light.json"));
     let sides = meaning["lightmap"]["layers"].as_u64().expect("a number") as u32;
     assert_eq!(meaning["lightmap"]["size"], lightmap.size[0]);
-    assert_eq!((lightmap.layers, lightmap.faces, lightmap.levels.len()), (2 * sides, 1, 1));
+    assert_eq!((lightmap.layers, lightmap.faces, lightmap.levels.len()), (3 * sides, 1, 1));
     assert_eq!((irradiance.layers, irradiance.faces, irradiance.levels.len()), (2, 6, 1));
     assert_eq!((specular.layers, specular.faces, specular.levels.len()), (4, 6, LEVELS / 2));
     assert_eq!(meaning["roughness"].as_array().map(Vec::len), Some(LEVELS));
@@ -291,6 +291,8 @@ fn a_scenes_light_is_written_with_all_its_probes_and_another_reader_agrees() {
         assert!((even / sharp - 1.0).abs() < 0.2, "{sharp} and {even}");
     }
     assert!(of(&specular, 0, 0) != of(&specular, 0, 1), "one probe's light twice");
+    let brightest = |layer: u32| of(&lightmap, 0, layer as usize).into_iter().fold(0.0, f64::max);
+    assert!(brightest(0) > 0.0 && brightest(2 * sides) > 0.0, "no irradiance, or nothing blocks");
     let facts = json(&folder.join("facts.json"));
     assert_eq!(facts["files"].as_array().map(Vec::len), Some(3));
     assert!(facts["light_ms"].as_f64().is_some_and(|ms| ms > 0.0) && facts["triangles"] == 4, "{facts}");
