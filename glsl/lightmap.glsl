@@ -96,7 +96,8 @@ const float MOST_BLOCKERS = 4.0;
 vec4 blockers_texel(LightmapSurface s, vec3 irradiance)
 {
     float blocked = max(s.rays - s.unblocked.w, 0.02 * s.rays);
-    return vec4(min(s.surfaces / max(blocked, TINY), MOST_BLOCKERS * irradiance) * INV_PI, 1.0);
+    vec3 radiance = min(s.surfaces / max(blocked, TINY), MOST_BLOCKERS * irradiance) * INV_PI;
+    return vec4(min(radiance, HALF_MOST), 1.0);
 }
 
 ivec3 texel_address(LightmapTexel texel)
