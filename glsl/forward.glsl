@@ -33,7 +33,7 @@ vec3 lightmap_texel(uint kind)
 // Soft light as irradiance over pi.
 vec3 lightmap_diffuse()
 {
-    return lightmap_texel(0u) * INV_PI;
+    return lightmap_texel(LIGHTMAP_IRRADIANCE) * INV_PI;
 }
 
 struct Split {
@@ -51,8 +51,8 @@ SpecularLobe lobe_of(Surface s)
 vec3 distant_specular(SpecularLobe lobe)
 {
     vec3 n = normalize_or(normal_world, vec3(0.0, 1.0, 0.0)) * (gl_FrontFacing ? 1.0 : -1.0);
-    Openness open = openness_from_mean(n, mat3(frame.world_from_models) * lightmap_texel(1u));
-    vec3 blocked = round_reflectance(lobe) * lightmap_texel(2u);
+    Openness open = openness_from_mean(n, mat3(frame.world_from_models) * lightmap_texel(LIGHTMAP_OPENNESS));
+    vec3 blocked = round_reflectance(lobe) * lightmap_texel(LIGHTMAP_BLOCKERS);
     return mix(blocked, environment_specular(lobe), visibility(open, normalize(lobe.towards)));
 }
 

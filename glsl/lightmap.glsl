@@ -73,15 +73,10 @@ const float HALF_MOST = 60000.0;
 // How far places are kept from edges, in roundings of a position.
 const float OFF_EDGE = 16.0;
 
-// Where the lightmap has its openness, and what blocks.
-ivec3 openness_address(ivec3 at)
+// Where the lightmap has one of LIGHTMAP_KINDS of a texel.
+ivec3 kind_address(uint kind, ivec3 at)
 {
-    return at + ivec3(0, 0, imageSize(light_image).z / LIGHTMAP_KINDS);
-}
-
-ivec3 blockers_address(ivec3 at)
-{
-    return at + ivec3(0, 0, 2 * (imageSize(light_image).z / LIGHTMAP_KINDS));
+    return at + ivec3(0, 0, int(kind) * imageSize(light_image).z / int(LIGHTMAP_KINDS));
 }
 
 // The mean over rays of directions that met nothing.

@@ -25,8 +25,8 @@ void main()
                 float weight = exp2(-float(x * x + y * y));
                 soft_sum += imageLoad(soft_image, beside).rgb * weight;
                 sum += vec4(light.rgb, 1.0) * weight;
-                openness += imageLoad(light_image, openness_address(beside)) * weight;
-                blockers += imageLoad(light_image, blockers_address(beside)) * weight;
+                openness += imageLoad(light_image, kind_address(LIGHTMAP_OPENNESS, beside)) * weight;
+                blockers += imageLoad(light_image, kind_address(LIGHTMAP_BLOCKERS, beside)) * weight;
             }
         }
     }
@@ -34,8 +34,8 @@ void main()
         imageStore(soft_image, at, vec4(soft_sum / sum.a, lightmap_surfaces[index].albedo.a));
         if ((work.flags & WORK_IS_SHOWN) != 0u) {
             imageStore(light_image, at, vec4(sum.rgb / sum.a, 0.0));
-            imageStore(light_image, openness_address(at), openness / sum.a);
-            imageStore(light_image, blockers_address(at), blockers / sum.a);
+            imageStore(light_image, kind_address(LIGHTMAP_OPENNESS, at), openness / sum.a);
+            imageStore(light_image, kind_address(LIGHTMAP_BLOCKERS, at), blockers / sum.a);
         }
     }
 }

@@ -14,5 +14,5 @@ void main()
     imageStore(direct_image, at, vec4(0.0));
     imageStore(soft_image, at, vec4(0.0));
     imageStore(light_image, at, vec4(min(light, HALF_MOST), 1.0));
-    imageStore(light_image, openness_address(at), vec4(2.0 / 3.0 * (p.s.n * mat3(frame.world_from_models)), 1.0));
+    imageStore(light_image, kind_address(LIGHTMAP_OPENNESS, at), vec4(2.0 / 3.0 * (p.s.n * mat3(frame.world_from_models)), 1.0));
 }

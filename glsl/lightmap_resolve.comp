@@ -24,8 +24,8 @@ void main()
     vec3 light = mean(sum), shown = (work.flags & WORK_IS_SHOWN) != 0u ? mean(known) : imageLoad(light_image, at).rgb;
     imageStore(light_image, at, vec4(shown, sum.a > 0.0 ? 1.0 : 0.0));
     if ((work.flags & WORK_IS_SHOWN) != 0u) {
-        imageStore(light_image, openness_address(at), openness_texel(lightmap_surfaces[index]));
-        imageStore(light_image, blockers_address(at), blockers_texel(lightmap_surfaces[index], shown));
+        imageStore(light_image, kind_address(LIGHTMAP_OPENNESS, at), openness_texel(lightmap_surfaces[index]));
+        imageStore(light_image, kind_address(LIGHTMAP_BLOCKERS, at), blockers_texel(lightmap_surfaces[index], shown));
     }
     vec4 albedo = lightmap_surfaces[index].albedo;
     imageStore(soft_image, at, vec4(albedo.rgb * light * INV_PI, albedo.a));

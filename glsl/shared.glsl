@@ -70,8 +70,12 @@ const uint METALNESS_MIXED = 2;
 const uint LIGHTMAP_NONE = 0;
 const uint LIGHTMAP_FRONTS = 1;
 const uint LIGHTMAP_BOTH = 2;
-// Kinds of the lightmap's layers: irradiance, openness, and what blocks; each of as many layers as LIGHTMAP says.
-const int LIGHTMAP_KINDS = 3;
+// Kinds of the lightmap's layers, in their order, each of as many layers as LIGHTMAP says: soft light as irradiance; the mean direction
+// that meets nothing; the mean radiance of what others meet.
+const uint LIGHTMAP_IRRADIANCE = 0;
+const uint LIGHTMAP_OPENNESS = 1;
+const uint LIGHTMAP_BLOCKERS = 2;
+const uint LIGHTMAP_KINDS = 3;
 
 // VERTEX_COLOURS: what they multiply.
 const uint COLOURS_OF_NOTHING = 0;

@@ -129,7 +129,7 @@ fn cleared(gpu: &Arc<Gpu>, name: &str, side: u32, layers: u32) -> Result<Arc<Ima
 
 /// Kinds of a lightmap's layers, each for fronts, and for backs where some can be seen: irradiance of soft light; openness, the mean
 /// of directions drawn by the cosine that meet nothing, with 0 for all others; and the mean radiance of what those others meet.
-const KINDS: u32 = 3;
+pub const KINDS: u32 = 3;
 
 /// A lightmap's layers of each kind: 1 for fronts, or 2 for both sides.
 pub fn sides(lightmap: &Image) -> u32 {

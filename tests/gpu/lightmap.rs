@@ -137,12 +137,16 @@ fn white_things_are_invisible_in_a_furnace() {
     });
 }
 
-/// Under an even sky a metal ball mirrors the floor where that hides the sky, and all of the sky above.
+/// A metal ball, mesh 1, on a floor of this material under an even sky.
+fn ball_on(floor: Material) -> Scene {
+    let things = vec![flat(0, &[level([-6.0, 6.0], -0.5, [-6.0, 6.0])]), ball(1, [0.0; 3], 0.5, 24, false), mote(FAR)];
+    world(things, vec![floor, grey(1.0, 1.0, 0.25)], vec![], uniform(1.0))
+}
+
+/// A metal ball mirrors the floor where that hides the sky, and all of the sky above.
 #[test]
 fn a_metal_ball_mirrors_the_floor_that_hides_the_sky() {
-    let floor = flat(0, &[level([-6.0, 6.0], -0.5, [-6.0, 6.0])]);
-    let materials = vec![grey(0.05, 0.0, 1.0), grey(1.0, 1.0, 0.25)];
-    let scene = world(vec![floor, ball(1, [0.0; 3], 0.5, 24, false), mote(FAR)], materials, vec![], uniform(1.0));
+    let scene = ball_on(grey(0.05, 0.0, 1.0));
     let from = eye([0.0, 0.3, 2.6], [0.0; 3], 26.0);
     with_gpu(|gpu| {
         let baked = take(gpu, &scene, &from, Shot::new(BAKED, 48));
@@ -168,10 +172,7 @@ fn a_metal_ball_mirrors_the_colour_of_the_floor() {
     let from = eye([0.0, 0.3, 2.6], [0.0; 3], 26.0);
     with_gpu(|gpu| {
         for colour in [[0.9, 0.1, 0.1], [0.1, 0.9, 0.9]] {
-            let floor = Material { base_color_factor: colour.into(), ..grey(1.0, 0.0, 1.0) };
-            let things =
-                vec![flat(0, &[level([-6.0, 6.0], -0.5, [-6.0, 6.0])]), ball(1, [0.0; 3], 0.5, 24, false), mote(FAR)];
-            let scene = world(things, vec![floor, grey(1.0, 1.0, 0.25)], vec![], uniform(1.0));
+            let scene = ball_on(Material { base_color_factor: colour.into(), ..grey(1.0, 0.0, 1.0) });
             let baked = take(gpu, &scene, &from, Shot::new(BAKED, 48));
             let exact = take(gpu, &scene, &from, Shot::reference(BAKED, 48, 64));
             let below = |pixel| seen(&scene, &from, 48, pixel).is_some_and(|(_, n, mesh)| mesh == 1 && n.y < -0.1);
