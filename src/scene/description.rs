@@ -1,6 +1,8 @@
 //! Scene descriptions: TOML files with the environment, models, lights and cameras of a scene.
 
 use std::collections::HashSet;
+use std::fs::Metadata;
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 use glam::{EulerRot, Mat4, Quat, Vec3};
@@ -247,19 +249,23 @@ impl Check<'_> {
             }
             None => folder.join(&text),
         };
-        if text.is_empty() || !path.is_file() {
-            let remedy = if text.contains(char::is_control) {
-                // An escape such as `\n` or `\t` was meant as a part of the path.
-                format!("; {BACKSLASH}")
-            } else if text.starts_with(LARGE_SCENES) {
-                LARGE_SCENES_REMEDY.into()
-            } else {
-                String::new()
-            };
-            let place = shortened(&path.display().to_string(), MAX_MESSAGE);
-            return Err(self.error(key, name, format!("there is no file {place}{remedy}")));
+        let data = path.metadata();
+        if !text.is_empty() && data.as_ref().is_ok_and(Metadata::is_file) {
+            return Ok(path);
         }
-        Ok(path)
+        let place = shortened(&path.display().to_string(), MAX_MESSAGE);
+        // A disk that fails is not a name that is wrong.
+        let unread = data.err().filter(|e| !matches!(e.kind(), ErrorKind::NotFound | ErrorKind::NotADirectory));
+        let problem = if text.contains(char::is_control) {
+            // An escape such as `\n` or `\t` was meant as a part of the path.
+            format!("there is no file {place}; {BACKSLASH}")
+        } else if let Some(unread) = unread {
+            format!("{place} cannot be read: {unread}")
+        } else {
+            let remedy = if text.starts_with(LARGE_SCENES) { LARGE_SCENES_REMEDY } else { "" };
+            format!("there is no file {place}{remedy}")
+        };
+        Err(self.error(key, name, problem))
     }
 
     fn environment(&self, folder: &Path, keys: EnvironmentKeys) -> Result<EnvironmentFile> {

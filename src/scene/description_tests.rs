@@ -137,3 +137,12 @@ fn only_the_folder_of_large_scenes_is_expanded_and_a_missing_file_gets_a_remedy(
         assert!(key == "file" && problem.contains(part), "{error}");
     }
 }
+
+#[cfg(unix)]
+#[test]
+fn a_file_that_cannot_be_looked_at_is_not_called_missing() {
+    let name = "a".repeat(5000);
+    let error = parsed(&format!("environment = {{ panorama = \"{name}\" }}")).unwrap_err().to_string();
+    let reason = Path::new(&name).metadata().unwrap_err().to_string();
+    assert!(error.contains(&reason), "{error}");
+}
