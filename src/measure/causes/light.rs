@@ -14,7 +14,7 @@ use crate::Result;
 use crate::reference::tone::display_bytes;
 use crate::render::{LightDetail, LightModel, LightPart, Output, RenderSettings, Shading};
 
-/// Frames of the exact picture for each of those without light between things: a path takes one of many ways.
+/// Frames of soft light for each of those of lamps and the sun: a path takes one of many ways.
 const FRAMES: u32 = 2;
 
 /// Radiance of each pixel.
@@ -158,11 +158,11 @@ impl Subject<'_> {
         Ok(blocked.iter().zip(&open).map(|(blocked, open)| shares(*blocked, *open)).collect())
     }
 
-    /// The mean of many frames of the reference, `times` as many as where nothing blocks light.
+    /// The mean of many frames of the reference, `times` as many as [`super::picture::Detail::half_of_paths`] says.
     fn integrated(&self, settings: RenderSettings, times: u32) -> Result<MeanAndHalves<Radiance>> {
         let settings = RenderSettings { shading: Shading::Reference, output: Output::Linear, ..settings };
         let mut bench = self.bench(&self.compressed, settings)?;
-        bench.integrated(times * self.detail.half, || (), |pixels| pixels.iter().map(Vec3::as_dvec3).collect())
+        bench.integrated(times * self.detail.half_of_paths, || (), |pixels| pixels.iter().map(Vec3::as_dvec3).collect())
     }
 }
 

@@ -30,12 +30,14 @@ pub struct Detail {
     pub places: u32,
     /// Frames of half a reference.
     pub half: u32,
+    /// Frames of half a reference of light along paths, which take many times as long.
+    pub half_of_paths: u32,
     /// Texels along a face of a cube that counts as exact.
     pub cube: u32,
 }
 
-pub const QUICK: Detail = Detail { size: [192, 144], places: 8, half: 128, cube: 512 };
-pub const FULL: Detail = Detail { size: [640, 480], places: 16, half: 512, cube: 1024 };
+pub const QUICK: Detail = Detail { size: [192, 144], places: 8, half: 128, half_of_paths: 32, cube: 512 };
+pub const FULL: Detail = Detail { size: [640, 480], places: 16, half: 512, half_of_paths: 512, cube: 1024 };
 
 /// Most samples along a slanted footprint.
 const MOST_ANISOTROPY: u32 = 16;
