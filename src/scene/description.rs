@@ -253,17 +253,21 @@ impl Check<'_> {
         if !text.is_empty() && data.as_ref().is_ok_and(Metadata::is_file) {
             return Ok(path);
         }
-        let place = shortened(&path.display().to_string(), MAX_MESSAGE);
-        // A disk that fails is not a name that is wrong.
-        let unread = data.err().filter(|e| !matches!(e.kind(), ErrorKind::NotFound | ErrorKind::NotADirectory));
-        let problem = if text.contains(char::is_control) {
+        let remedy = if text.contains(char::is_control) {
             // An escape such as `\n` or `\t` was meant as a part of the path.
-            format!("there is no file {place}; {BACKSLASH}")
-        } else if let Some(unread) = unread {
-            format!("{place} cannot be read: {unread}")
+            format!("; {BACKSLASH}")
+        } else if text.starts_with(LARGE_SCENES) {
+            LARGE_SCENES_REMEDY.into()
         } else {
-            let remedy = if text.starts_with(LARGE_SCENES) { LARGE_SCENES_REMEDY } else { "" };
-            format!("there is no file {place}{remedy}")
+            String::new()
+        };
+        let place = shortened(&path.display().to_string(), MAX_MESSAGE);
+        let problem = match data {
+            // A disk that fails is not a name that is wrong.
+            Err(e) if !matches!(e.kind(), ErrorKind::NotFound | ErrorKind::NotADirectory) => {
+                format!("{place} cannot be read: {e}{remedy}")
+            }
+            _ => format!("there is no file {place}{remedy}"),
         };
         Err(self.error(key, name, problem))
     }

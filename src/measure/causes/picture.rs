@@ -28,7 +28,7 @@ pub struct Detail {
     pub size: [u32; 2],
     /// Places along a pixel's side where all of a pixel is averaged.
     pub places: u32,
-    /// Frames of half a reference.
+    /// Frames of half a reference where nothing blocks light or gives it back.
     pub half: u32,
     /// Frames of half a reference of light along paths, which take many times as long.
     pub half_of_paths: u32,
