@@ -20,8 +20,10 @@ pub mod wall;
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::fs;
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
+use std::sync::LazyLock;
 
 use pbr_vr::asset::Cache;
 use pbr_vr::asset::picture::Picture;
@@ -76,7 +78,7 @@ impl Workshop {
         })
     }
 
-    /// Renders with validation on; any message fails the test.
+    /// Renders with validation on, and light from [`light`]; any message fails the test.
     pub fn render(&self, scene: &Path, options: &PictureOptions<'_>) -> Vec<Picture> {
         let output = self.path(options.file);
         let request = RenderRequest {
@@ -98,7 +100,7 @@ impl Workshop {
             },
             ..RenderRequest::new(scene, output)
         };
-        let facts = render(&request, &setup(None)).expect("a render without validation messages");
+        let facts = render(&request, &setup(Some(&light()))).expect("a render without validation messages");
         facts.files.iter().map(|file| Picture::read(file).expect("the written picture")).collect()
     }
 }
@@ -198,6 +200,19 @@ pub fn scenes(what: &str) -> Option<PathBuf> {
         println!("skipped: {what} (set PBR_VR_SCENES to the folder of test scenes)");
     }
     folder
+}
+
+/// A cache that the tests of a process share, because most draw under the same few panoramas. It is empty at the start:
+/// an entry from before could hide a changed constant whose version was not raised.
+fn light() -> Cache {
+    static CACHE: LazyLock<Cache> = LazyLock::new(|| {
+        let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("light");
+        match fs::remove_dir_all(&folder) {
+            Err(error) if error.kind() != ErrorKind::NotFound => panic!("{}: {error}", folder.display()),
+            _ => Cache::in_folder(folder.join("maps")),
+        }
+    });
+    CACHE.clone()
 }
 
 /// Under validation, and silent.

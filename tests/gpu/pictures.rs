@@ -3,7 +3,7 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::common::{PictureOptions, Workshop};
+use crate::common::{PictureOptions, Workshop, program, succeeds};
 use pbr_vr::asset::comparison::compare;
 use pbr_vr::asset::picture::Picture;
 
@@ -100,7 +100,8 @@ fn the_same_command_gives_the_same_bytes() {
     for extension in ["png", "exr"] {
         let files = ["a", "b"].map(|name| format!("{name}.{extension}"));
         let bytes = files.each_ref().map(|file| {
-            shop.render(&scene, &PictureOptions { file, size: [160, 120], ..PictureOptions::default() });
+            let scene = scene.to_str().expect("a path");
+            succeeds(program(shop.0.path(), &["render", scene, "--no-cache", "-o", file, "--size", "160x120"]));
             std::fs::read(shop.path(file)).expect("the written picture")
         });
         assert!(bytes[0] == bytes[1], ".{extension} differs between two runs");
