@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use pbr_vr::asset::picture::Picture;
 
-use crate::common::Workshop;
+use crate::common::{Workshop, signal};
 use crate::desktop::{Display, ESCAPE, H, Hands, P, Program, command};
 use crate::killed::{
     DRIVER_CACHE, Point, age_temporary_files, assert_no_temporary_files, files, is_temporary, kills, wait_for,
@@ -99,8 +99,7 @@ fn the_window_is_killed_while_it_writes_and_starts_again() {
                 // An action that changes no file, as a click that comes too early, ends in a kill all the same.
                 let is_late = || acted.lock().expect("a time").is_some_and(|at: Instant| at.elapsed() > LONGEST);
                 wait_for(point, folder, is_late);
-                let killed = std::process::Command::new("kill").args(["-s", "KILL", &id.to_string()]).status();
-                assert!(killed.expect("kill").success());
+                signal(id, "KILL");
             });
             act(&program, &hands);
             *acted.lock().expect("a time") = Some(Instant::now());

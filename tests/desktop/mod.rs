@@ -20,7 +20,7 @@ use x11rb::protocol::xproto::{
 use x11rb::rust_connection::RustConnection;
 use x11rb::wrapper::ConnectionExt as _;
 
-use crate::common::control_in;
+use crate::common::{control_in, signal};
 
 const PATIENCE: Duration = Duration::from_secs(180);
 pub const SCREEN: [u16; 2] = [2600, 2000];
@@ -235,8 +235,7 @@ impl Program {
 
     /// Sends it a signal, by its name.
     pub fn signal(&self, name: &str) {
-        let sent = Command::new("kill").args(["-s", name, &self.child.id().to_string()]).status();
-        assert!(sent.expect("kill").success());
+        signal(self.child.id(), name);
     }
 
     /// Whether it runs no more.

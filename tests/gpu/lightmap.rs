@@ -20,11 +20,6 @@ const BAKED: LightModel = LightModel::Baked;
 /// Far enough for a scene of some 2 m to need no more than the least lightmap.
 const FAR: [f64; 3] = [0.0, 12.0, 0.0];
 
-/// A picture by a lightmap of few samples, for what does not depend on their number.
-fn coarse(size: u32) -> Shot {
-    Shot { lightmap_samples: 32, ..Shot::new(BAKED, size) }
-}
-
 /// A dielectric as the lightmap has it, matt, and as pictures show its diffuse part.
 struct Matt {
     base_color: DVec3,
@@ -204,7 +199,7 @@ fn a_sheets_sides_have_their_own_light() {
                     world(things.clone(), vec![grey(0.7, 0.0, 1.0)], vec![lamp([0.1, 0.2, z], 5.0)], uniform(0.0));
                 let eyes = [sides(0.7), sides(-0.7)];
                 let [mut lit, mut dark] =
-                    <[Taken; 2]>::try_from(take_all(gpu, &scene, &eyes, coarse(48))).ok().unwrap();
+                    <[Taken; 2]>::try_from(take_all(gpu, &scene, &eyes, Shot::new(BAKED, 48))).ok().unwrap();
                 if z < 0.0 {
                     std::mem::swap(&mut lit, &mut dark);
                 }
@@ -471,7 +466,7 @@ fn models_that_no_one_should_make_are_drawn() {
             let lights = vec![lamp([0.3, 0.0, 0.2], 4.0), lamp([0.5, 0.5, 0.0], 4.0)];
             let scene = world(things, vec![grey(0.7, 0.3, 0.5)], lights, uniform(1.0));
             let from = eye([0.3, 0.9, 2.0], [0.0, 0.2, 0.0], 50.0);
-            for shot in [coarse(24), Shot::reference(BAKED, 24, 4), Shot::new(LightModel::Direct, 24)] {
+            for shot in [Shot::new(BAKED, 24), Shot::reference(BAKED, 24, 4), Shot::new(LightModel::Direct, 24)] {
                 let taken = take(gpu, &scene, &from, shot);
                 println!("{name}: {:?} {:.4}, {:?}", shot.shading, taken.mean(), taken.warnings);
             }

@@ -7,6 +7,8 @@ use serde_json::{Value, json};
 
 use crate::common::headset::command;
 use crate::common::room::{Room, SIZE, assert_different, assert_same, head, patient};
+#[cfg(unix)]
+use crate::common::{signal, wait_until};
 
 /// OpenVR's numbers.
 const QUIT: u32 = 700;
@@ -356,18 +358,12 @@ fn beyond_the_edge_of_a_smaller_picture_its_last_texels_are_repeated() {
 #[cfg(unix)]
 #[test]
 fn a_signal_ends_it_with_report_summary_and_shutdown() {
-    for signal in ["INT", "TERM"] {
+    for name in ["INT", "TERM"] {
         let room = Room::with(patient());
         let arguments = ["view", "scene.toml", "--on", "headset", "--report", "report.json", "--light", "direct"];
         let child = room.headset.start(room.workshop.0.path(), &arguments);
-        let started = std::time::Instant::now();
-        while room.headset.frame() < 10 {
-            assert!(started.elapsed().as_secs() < 120, "no frames");
-            std::thread::sleep(std::time::Duration::from_millis(20));
-        }
-        let pid = child.id().to_string();
-        let killed = std::process::Command::new("kill").args(["-s", signal, &pid]).status().expect("kill");
-        assert!(killed.success());
+        wait_until("frames", || room.headset.frame() >= 10);
+        signal(child.id(), name);
         let ran = crate::common::headset::finish(child);
         ran.assert_clean();
         assert!(ran.out.contains("frames") && ran.out.contains("hidden by the lenses"), "no summary: {ran}");
@@ -382,18 +378,10 @@ fn a_second_signal_ends_it_at_once() {
     let room = Room::with(Script { block_submit: vec![Block { frame: 5, seconds: 600.0 }], ..patient() });
     let child =
         room.headset.start(room.workshop.0.path(), &["view", "scene.toml", "--on", "headset", "--light", "direct"]);
-    let started = std::time::Instant::now();
-    while room.headset.calls_of("SubmitBlocks").is_empty() {
-        assert!(started.elapsed().as_secs() < 120, "no frames");
-        std::thread::sleep(std::time::Duration::from_millis(20));
-    }
-    let kill = |signal: &str| {
-        let pid = child.id().to_string();
-        assert!(std::process::Command::new("kill").args(["-s", signal, &pid]).status().expect("kill").success());
-    };
-    kill("INT");
+    wait_until("frames", || !room.headset.calls_of("SubmitBlocks").is_empty());
+    signal(child.id(), "INT");
     std::thread::sleep(std::time::Duration::from_millis(500));
-    kill("TERM");
+    signal(child.id(), "TERM");
     let ran = crate::common::headset::finish(child);
     assert!(ran.code == Some(130) && ran.took.as_secs() < 10, "{ran}");
 }
