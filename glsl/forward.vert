@@ -54,7 +54,7 @@ void main()
     vec4 tangent_local = frame_tangent(frame_local);
     tangent_world = vec4(normalize(world_direction(models_from_local, tangent_local.xyz)), tangent_local.w);
     uv = uv_in;
-    covered_lightmap_uv = lightmap_uv_in * (65535.0 / 65536.0);
+    covered_lightmap_uv = lightmap_uv_in * (65535.0 / float(LIGHTMAP_STEPS));
     gl_Position = frame.eyes[eye].clip_from_world * world;
     gl_Layer = int(eye);
 }

@@ -127,7 +127,7 @@ vec3 ray_normal_of(RayHit hit, vec3 at)
 vec2 corner_lightmap_uv(uint corner)
 {
     uint packed_uv = ray_corners[corner].lightmap_uv;
-    return vec2(packed_uv & 0xffffu, packed_uv >> 16u) / 65536.0;
+    return vec2(packed_uv & 0xffffu, packed_uv >> 16u) / float(LIGHTMAP_STEPS);
 }
 
 // Where the lightmap has what a hit gives back; layer 1: backs.

@@ -76,6 +76,8 @@ const uint LIGHTMAP_IRRADIANCE = 0;
 const uint LIGHTMAP_OPENNESS = 1;
 const uint LIGHTMAP_BLOCKERS = 2;
 const uint LIGHTMAP_KINDS = 3;
+// What vertices count lightmap coordinates in, from 0 to 1.
+const uint LIGHTMAP_STEPS = 49152;
 
 // VERTEX_COLOURS: what they multiply.
 const uint COLOURS_OF_NOTHING = 0;

@@ -181,8 +181,9 @@ fn arrays_have_the_same_lengths_as_in_glsl() {
     let ours = [("EYES", MAX_EYES), ("COUNTEDLIGHTS", MAX_COUNTED_LIGHTS)].map(|(n, most)| (n.to_owned(), most as u32));
     assert_eq!(constants(SHARED, "uint", "MAX_"), ours);
     assert_eq!(constants(PROBES, "uint", "MOST_"), [("PROBES".to_owned(), MOST_PROBES as u32)]);
-    let kinds = constants(SHARED, "uint", "LIGHTMAP_").into_iter().find(|(name, _)| name == "KINDS");
-    assert_eq!(kinds.map(|(_, kinds)| kinds), Some(super::lightmap::KINDS));
+    let lightmap = constants(SHARED, "uint", "LIGHTMAP_");
+    let value = |wanted| lightmap.iter().find(|(name, _)| name == wanted).map(|(_, value)| *value);
+    assert_eq!([value("KINDS"), value("STEPS")], [super::lightmap::KINDS, crate::scene::atlas::STEPS].map(Some));
 }
 
 #[test]

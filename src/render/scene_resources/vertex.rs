@@ -48,6 +48,7 @@ mod gpu_tests {
     use crate::precompute::harness_tests::{Judge, evaluate, with_gpu};
     use crate::reference::octahedral::tests::directions;
     use crate::reference::octahedral::{frame_normal, frame_tangent, unpack_frame};
+    use crate::scene::atlas::STEPS;
 
     #[test]
     fn the_gpu_unpacks_frames_as_its_twin_does() {
@@ -74,12 +75,12 @@ mod gpu_tests {
             normal: [0.0, 1.0, 0.0],
             uv: [0.5, 7.0],
             tangent: [1.0, 0.0, 0.0, -1.0],
-            lightmap_uv: [0.25, 65535.0 / 65536.0],
+            lightmap_uv: [0.25, 1.0],
             ..Vertex::default()
         };
         let packed = PackedVertex::from(&v);
         assert_eq!((packed.position, packed.uv, packed.frame), (v.position, v.uv, [0, 32767, 32767, packed.frame[3]]));
-        assert_eq!(packed.lightmap_uv, [1 << 14, u16::MAX]);
+        assert_eq!(packed.lightmap_uv, [STEPS as u16 / 4, STEPS as u16]);
         assert!((-16384..=-16383).contains(&packed.frame[3]), "{packed:?}");
     }
 }

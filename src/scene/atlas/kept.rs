@@ -9,7 +9,7 @@ use crate::asset::ktx2::{Ktx2, TexelFormat};
 use crate::scene::{Instance, Mesh};
 
 /// Raise it whenever the same scene gets another layout, as by another version of `uvunwrap`.
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 /// Words in a row of the picture.
 const ROW: usize = 4096;
 /// Limit of an entry's header, key and values, in bytes.

@@ -2,8 +2,9 @@
 
 use std::fmt;
 
-/// Steps of lightmap coordinates from 0 to 1. A power of two, so that texels' borders and centres are among them.
-pub const STEPS: u32 = 1 << 16;
+/// Steps of lightmap coordinates from 0 to 1, which `lightmap_uv` of vertices counts in 16 bits. All sides of atlases divide half of
+/// it, so that texels' borders and centres are among them.
+pub const STEPS: u32 = 3 << 14;
 /// Scenes of more triangles, those of a mesh counted for each instance, get no atlas.
 pub const MOST_TRIANGLES: usize = 4_000_000;
 

@@ -101,7 +101,7 @@ mod tests {
             exposure_ev: 0.0,
         };
         assert!(matches!(lightmap_need(&scene, Model::Needed), LightmapNeed::None(_)));
-        assert_eq!(lightmap_need(&scene, Model::Everything), LightmapNeed::Side(512));
+        assert_eq!(lightmap_need(&scene, Model::Everything), LightmapNeed::Side(384));
         scene.instances.push(placed(3.0));
         assert_eq!(lightmap_need(&scene, Model::Needed), LightmapNeed::Side(lightmap_side(&scene)));
     }
@@ -110,11 +110,8 @@ mod tests {
     fn more_surface_in_the_same_place_needs_more() {
         // A ball covers π times its diagonal's square over 3: 300 · sqrt(π / 3 / 0.8) = 343 texels, and for n of them
         // sqrt(n) times as many.
-        assert_eq!(
-            [1, 2, 3, 8, 10, 30, 40, 1000].map(|n| side(n, 1.0)),
-            [512, 512, 1024, 1024, 2048, 2048, 2048, 2048]
-        );
-        assert_eq!([1e-3, 1.0, 1e3].map(|scale| side(1, scale)), [512; 3], "at whatever scale");
+        assert_eq!([1, 2, 3, 8, 10, 30, 40, 1000].map(|n| side(n, 1.0)), [384, 512, 768, 1024, 1536, 2048, 2048, 2048]);
+        assert_eq!([1e-3, 1.0, 1e3].map(|scale| side(1, scale)), [384; 3], "at whatever scale");
         assert_eq!([side(0, 1.0), side(1, 0.0), side(1, f32::NAN), side(1, f32::INFINITY)], [256; 4], "no extent");
     }
 }
