@@ -33,17 +33,26 @@ struct LightmapSurface {
     vec4 albedo; // with the share of places that are glossy
     uint places; // bit i: its place i is one that can be seen
     vec2 sky;    // squares of the open sky's luminance over the bounces' samples: of those that met nothing, and of all
-    vec4 kept;   // sum of irradiance over bounces that is shown until the last one is there, and its samples
+    // Sum of irradiance over bounces that is shown until the last one is there, and its samples. After the bounces `sky` with that of
+    // the texels around. At last what the filter goes by: mean irradiance, and the variance of a texel's brightness.
+    vec4 kept;
     // Once bounces are kept:
     vec4 unblocked; // sum over rays that met nothing of the models' direction, and their number
     float rays;     // all of them
     vec3 surfaces;  // sum of the irradiance that surfaces give
+    // For the filter:
+    float uneven;   // sum of one half of the samples that `lightmap_sums` has, less the other half, brightness
+    vec3 place;     // mean of its places that are seen, metres
+    vec3 normal;    // mean of their normals
+    float extent;   // metres along a texel
 };
 
 layout(LIGHTMAP_TEXELS, scalar) readonly buffer LightmapTexels { LightmapTexel lightmap_texels[]; };
 // The sum of a texel's samples of irradiance, and their number.
 layout(LIGHTMAP_SUMS, scalar) buffer LightmapSums { vec4 lightmap_sums[]; };
 layout(LIGHTMAP_SURFACES, scalar) buffer LightmapSurfaces { LightmapSurface lightmap_surfaces[]; };
+// For each texel of each layer, its index in the list of those above, or all bits.
+layout(LIGHTMAP_INDICES, scalar) readonly buffer LightmapIndices { uint lightmap_indices[]; };
 layout(LIGHTMAP_RELAYS, scalar) buffer LightmapRelays { Relay relays[]; };
 // Layer 0: fronts, layer 1: backs. Given back of the light that comes straight from lamps and sun, with the density of
 // relays; of soft light, with the share that is glossy; and soft light itself as irradiance, with 1 where it is known, in
@@ -79,6 +88,12 @@ ivec3 kind_address(uint kind, ivec3 at)
     return at + ivec3(0, 0, int(kind) * imageSize(light_image).z / int(LIGHTMAP_KINDS));
 }
 
+// What noise is measured in.
+float brightness(vec3 irradiance)
+{
+    return dot(irradiance, vec3(1.0 / 3.0));
+}
+
 // The mean over rays of directions that met nothing.
 vec4 openness_texel(LightmapSurface s)
 {
@@ -103,6 +118,15 @@ ivec3 texel_address(LightmapTexel texel)
 float cross2(vec2 a, vec2 b)
 {
     return a.x * b.y - a.y * b.x;
+}
+
+// Metres along a texel, as its triangle is stretched.
+float texel_extent(LightmapTexel texel)
+{
+    uint index = texel.triangle & ~LIGHTMAP_BACK, first = 3u * index;
+    vec2 a = corner_lightmap_uv(first), size = vec2(imageSize(light_image).xy);
+    float texels = abs(cross2((corner_lightmap_uv(first + 1u) - a) * size, (corner_lightmap_uv(first + 2u) - a) * size));
+    return sqrt(length(bvh_normal(index)) / max(texels, TINY));
 }
 
 // A place of a texel, as a hit of its triangle: where `part` of it lies, in [0, 1)^2, or the nearest place on the triangle.

@@ -63,7 +63,7 @@ void main()
     LightmapTexel texel = lightmap_texels[index];
     uvec2 scramble = pcg4d(uvec4(index, 0u, 4u, 0u)).xy;
     uint lamps = frame.light_count;
-    vec3 given = vec3(0.0), albedo = vec3(0.0);
+    vec3 given = vec3(0.0), albedo = vec3(0.0), place = vec3(0.0), normal = vec3(0.0);
     float density = 0.0, glossy = 0.0;
     uint seen = seen_places(texel, index);
     for (uint i = 0u; i < work.samples; ++i) {
@@ -81,10 +81,14 @@ void main()
             light += sun_irradiance(p, sobol(i, scramble));
         given += matt * light * INV_PI;
         albedo += matt;
+        place += p.position;
+        normal += p.s.n;
         glossy += is_glossy(p.s) ? 1.0 : 0.0;
     }
     float scale = 1.0 / float(seen != 0u ? uint(bitCount(seen)) : work.samples);
     imageStore(direct_image, texel_address(texel), vec4(min(given * scale, HALF_MOST), min(density * scale, HALF_MOST)));
     imageStore(soft_image, texel_address(texel), vec4(vec3(0.0), glossy * scale));
-    lightmap_surfaces[index] = LightmapSurface(vec4(albedo, glossy) * scale, seen, vec2(0.0), vec4(0.0), vec4(0.0), 0.0, vec3(0.0));
+    LightmapSurface s = LightmapSurface(vec4(albedo, glossy) * scale, seen, vec2(0.0), vec4(0.0), vec4(0.0), 0.0, vec3(0.0), 0.0,
+        place * scale, normalize_or(normal, vec3(0.0, 1.0, 0.0)), texel_extent(texel));
+    lightmap_surfaces[index] = s;
 }

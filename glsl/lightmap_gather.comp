@@ -113,12 +113,14 @@ void main()
     BvhTriangle triangle = bvh_triangles[texel.triangle & ~LIGHTMAP_BACK];
     vec3 edge = mat3(frame.world_from_models) * (triangle.b - triangle.a);
     // The share that leaves the least noise: by the squares of what is seen, so that a bright window counts that is hidden.
-    vec2 seen_sky = lightmap_surfaces[index].sky, met_sky = vec2(0.0);
+    bool counts = (work.flags & WORK_COUNTS) != 0u;
+    vec2 seen_sky = counts ? lightmap_surfaces[index].sky : lightmap_surfaces[index].kept.xy, met_sky = vec2(0.0);
     float open = seen_sky.y > 0.0 ? seen_sky.x / seen_sky.y : 0.0;
-    // Where no sample has met the sky, none is drawn from it; without a table (0 cells) nowhere.
+    // Where no sample has met the sky, nor one of the texels around once those of bounces are known, none is drawn from it; without a table (0 cells) nowhere.
     bool sees_sky = cells_size.x > 0u && (seen_sky.x > 0.0 || seen_sky.y == 0.0);
     vec4 sum = vec4(0.0), unblocked = vec4(0.0);
     vec3 surfaces = vec3(0.0);
+    float uneven = 0.0;
     for (uint i = work.first_sample; i < work.first_sample + work.samples && count > 0u; ++i) {
         float random = unit_from_bits(pcg4d(uvec4(index, i, 2u, 0u)).x);
         uint place = nth_bit(places, min(uint(random * float(count)), count - 1u));
@@ -148,14 +150,18 @@ void main()
             from_surfaces += emitter_irradiance(p, sobol(i, pcg4d(uvec4(index, 0u, 6u, 0u)).xy));
         surfaces += from_surfaces;
         sum += vec4(from_sky + from_surfaces, 1.0);
+        // Halves that have equally many samples of the panorama.
+        uneven += (i / PER_DRAWN) % 2u == 0u ? -brightness(from_sky + from_surfaces) : brightness(from_sky + from_surfaces);
     }
     // Not before surfaces give back nearly all they will.
-    if ((work.flags & WORK_COUNTS) == 0u || (work.flags & WORK_KEEPS) != 0u) {
+    if (!counts || (work.flags & WORK_KEEPS) != 0u) {
         lightmap_surfaces[index].unblocked += unblocked;
         lightmap_surfaces[index].rays += sum.a;
         lightmap_surfaces[index].surfaces += surfaces;
     }
-    if ((work.flags & WORK_COUNTS) != 0u)
+    if (counts)
         lightmap_surfaces[index].sky += met_sky;
-    lightmap_sums[index] = (work.flags & WORK_BEGINS) != 0u ? sum : lightmap_sums[index] + sum;
+    bool begins = (work.flags & WORK_BEGINS) != 0u;
+    lightmap_sums[index] = begins ? sum : lightmap_sums[index] + sum;
+    lightmap_surfaces[index].uneven = begins ? uneven : lightmap_surfaces[index].uneven + uneven;
 }

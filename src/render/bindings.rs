@@ -83,6 +83,7 @@ pub const LIGHTMAP: SetBindings = SetBindings {
         ("LIGHTMAP_SUMS", Storage),
         ("LIGHTMAP_SURFACES", Storage),
         ("LIGHTMAP_RELAYS", Storage),
+        ("LIGHTMAP_INDICES", Storage),
         ("LIGHTMAP_DIRECT", Sampled),
         ("LIGHTMAP_SOFT", Sampled),
         ("LIGHTMAP_DIRECT_IMAGE", StorageImage),

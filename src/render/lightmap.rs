@@ -16,7 +16,7 @@ use crate::gpu::{
     AddressMode, Binding, Buffer, BufferKind, Commands, Constant, DescriptorSet, Format, Gpu, Image, ImageAccess,
     ImageDesc, ImageUsageFlags, PassTime, Pipeline, Sampler, Shape, submit_and_wait,
 };
-use crate::scene::lightmap_texels::{LightmapTexel, LightmapTexels};
+use crate::scene::lightmap_texels::{BACK, LightmapTexel, LightmapTexels};
 use bytemuck::{Pod, Zeroable, bytes_of};
 
 /// Workgroups that sum up what surfaces give back, at most.
@@ -33,13 +33,16 @@ const MOST_TEXELS: u32 = 65535 * GROUP;
 const PIECES: std::ops::RangeInclusive<f64> = 8192.0..=4e8;
 
 /// The compute shaders that make a lightmap what it is.
-pub const SHADERS: [&str; 6] = [
+pub const SHADERS: [&str; 9] = [
     "lightmap_direct.comp",
     "lightmap_relays.comp",
     "lightmap_gather.comp",
     "lightmap_resolve.comp",
     "lightmap_fill.comp",
     "lightmap_balance.comp",
+    "lightmap_sky.comp",
+    "lightmap_guide.comp",
+    "lightmap_filter.comp",
 ];
 
 /// The push constants of its passes.
@@ -87,6 +90,9 @@ struct Pipelines {
     resolve: Pipeline,
     fill: Pipeline,
     balance: Pipeline,
+    sky: Pipeline,
+    guide: Pipeline,
+    filter: Pipeline,
 }
 
 impl Pipelines {
@@ -100,6 +106,9 @@ impl Pipelines {
             resolve: pipeline("lightmap_resolve.comp")?,
             fill: pipeline("lightmap_fill.comp")?,
             balance: pipeline("lightmap_balance.comp")?,
+            sky: pipeline("lightmap_sky.comp")?,
+            guide: pipeline("lightmap_guide.comp")?,
+            filter: pipeline("lightmap_filter.comp")?,
         })
     }
 
@@ -110,6 +119,9 @@ impl Pipelines {
             Stage::Direct => &self.direct,
             Stage::Relays => &self.relays,
             Stage::Bounce(_) | Stage::Last(_) | Stage::Done => &self.gather,
+            Stage::Sky => &self.sky,
+            Stage::Guide => &self.guide,
+            Stage::Filter => &self.filter,
         }
     }
 }
@@ -142,6 +154,16 @@ pub fn sides(lightmap: &Image) -> u32 {
 /// No memory; a failed Vulkan call.
 pub fn dark_lightmap(gpu: &Arc<Gpu>, side: u32, sides: u32) -> Result<Arc<Image>> {
     cleared(gpu, "lightmap", side, KINDS * sides)
+}
+
+/// For each texel of each of the lightmap's layers its index in the list, or [`u32::MAX`].
+fn indices(listed: &[LightmapTexel], side: u32, layers: u32) -> Vec<u32> {
+    let mut indices = vec![u32::MAX; (side * side * layers) as usize];
+    for (index, texel) in (0u32..).zip(listed) {
+        let [x, y, layer] = [texel.place & 0xffff, texel.place >> 16, u32::from(texel.triangle & BACK != 0)];
+        indices[((layer * side + y) * side + x) as usize] = index;
+    }
+    indices
 }
 
 impl LightmapBake {
@@ -178,7 +200,9 @@ impl LightmapBake {
         let sums = storage("lightmap sums", count.max(weighing) * size_of::<[f32; 4]>() as u64)?;
         let weighed =
             Buffer::new(gpu, "lightmap weighed", BufferKind::Readback, weighing * size_of::<[f32; 4]>() as u64)?;
-        let surfaces = storage("lightmap surfaces", count * size_of::<[f32; 19]>() as u64)?;
+        let surfaces = storage("lightmap surfaces", count * size_of::<[f32; 27]>() as u64)?;
+        let indices = indices(&all[..seen], side, layers);
+        let indices = Buffer::with_bytes(gpu, "lightmap indices", BufferKind::FromCpu, bytemuck::cast_slice(&indices))?;
         let relays = storage("lightmap relays", u64::from(RELAYS) * size_of::<[f32; 17]>() as u64)?;
         let sampler = Sampler::new(gpu, "lightmap", AddressMode::Clamp, 1)?;
         let bindings = [
@@ -186,6 +210,7 @@ impl LightmapBake {
             Binding::Storage(&sums),
             Binding::Storage(&surfaces),
             Binding::Storage(&relays),
+            Binding::Storage(&indices),
             Binding::Sampled(&direct, &sampler),
             Binding::Sampled(&soft, &sampler),
             Binding::StorageImage(&direct, 0),
@@ -254,7 +279,7 @@ impl LightmapBake {
             commands.buffers_written();
             commands.prepare(&self.light, ImageAccess::Storage);
             let access = match self.stage {
-                Stage::Open | Stage::Direct => ImageAccess::Storage,
+                Stage::Open | Stage::Direct | Stage::Filter => ImageAccess::Storage,
                 _ => ImageAccess::Sampled,
             };
             [&self.direct, &self.soft].iter().for_each(|image| commands.prepare(image, access));
@@ -295,15 +320,17 @@ impl LightmapBake {
 
     /// What the stage's pieces follow.
     fn paced(&mut self) -> &mut Pace {
-        if self.stage.is_soft() { &mut self.pace } else { &mut self.direct_pace }
+        if self.stage.pass() == PASS { &mut self.pace } else { &mut self.direct_pace }
     }
 
     fn end_stage(&mut self, commands: &mut Commands<'_>, sets: &BakeSets<'_>) {
+        let all = Work { count: self.texels, flags: self.stage.flags(self.length), ..Work::default() };
         if self.stage.is_soft() {
-            let all = Work { count: self.texels, flags: self.stage.flags(self.length), ..Work::default() };
             commands.buffers_written();
             commands.prepare(&self.soft, ImageAccess::Storage);
             self.dispatch(commands, &self.pipelines.resolve, sets, all);
+        }
+        if self.stage.is_soft() || self.stage == Stage::Filter {
             commands.buffers_written();
             commands.prepare(&self.light, ImageAccess::Storage);
             commands.prepare(&self.soft, ImageAccess::Storage);

@@ -23,6 +23,10 @@ const UNKEPT: u32 = 8;
 const PRESENTABLE: u32 = 16;
 /// Places of a texel, at most 31: of each it is found out whether it is seen, and which lamps and sun reach it.
 const DIRECT_SAMPLES: u32 = 16;
+/// Samples that take as long as these stages.
+const SKY_COST: u32 = 2;
+const GUIDE_COST: u32 = 2;
+const FILTER_COST: u32 = 6;
 /// Flags of a stage's passes: sums begin with these samples; what is known is shown from now on; their sky is counted; their sums are
 /// kept.
 const BEGINS: u32 = 1;
@@ -63,8 +67,13 @@ pub enum Stage {
     Relays,
     /// Samples of one bounce, the first of which is 0.
     Bounce(u32),
+    /// What the texels around have seen of the sky.
+    Sky,
     /// Samples after this many of the last one.
     Last(u32),
+    /// What the filter goes by, and the filter.
+    Guide,
+    Filter,
     Done,
 }
 
@@ -76,9 +85,12 @@ impl Stage {
             Self::Direct if has_relays => Self::Relays,
             Self::Direct | Self::Relays => Self::Bounce(0),
             Self::Bounce(bounce) if bounce + 1 < length.bounces => Self::Bounce(bounce + 1),
-            Self::Bounce(_) => Self::Last(0),
+            Self::Bounce(_) => Self::Sky,
+            Self::Sky => Self::Last(0),
             Self::Last(samples) if samples + AT_ONCE < length.samples => Self::Last(samples + AT_ONCE),
-            Self::Last(_) | Self::Done => Self::Done,
+            Self::Last(_) => Self::Guide,
+            Self::Guide => Self::Filter,
+            Self::Filter | Self::Done => Self::Done,
         }
     }
 
@@ -101,16 +113,19 @@ impl Stage {
         match self {
             Self::Open => OPEN_PASS,
             Self::Direct | Self::Relays => DIRECT_PASS,
-            Self::Bounce(_) | Self::Last(_) | Self::Done => PASS,
+            Self::Bounce(_) | Self::Sky | Self::Last(_) | Self::Guide | Self::Filter | Self::Done => PASS,
         }
     }
 
-    /// Samples of a texel.
+    /// Samples of a texel, or how many take as long.
     pub fn samples(self) -> u32 {
         match self {
             Self::Direct => DIRECT_SAMPLES,
             Self::Bounce(_) => BOUNCE_SAMPLES,
             Self::Last(_) => AT_ONCE,
+            Self::Sky => SKY_COST,
+            Self::Guide => GUIDE_COST,
+            Self::Filter => FILTER_COST,
             Self::Open | Self::Relays | Self::Done => 1,
         }
     }
@@ -120,7 +135,7 @@ impl Stage {
         match self {
             Self::Bounce(bounce) => bounce * BOUNCE_SAMPLES,
             Self::Last(samples) => (BOUNCES.end() * BOUNCE_SAMPLES).next_multiple_of(length.samples) + samples,
-            Self::Open | Self::Direct | Self::Relays | Self::Done => 0,
+            Self::Open | Self::Direct | Self::Relays | Self::Sky | Self::Guide | Self::Filter | Self::Done => 0,
         }
     }
 
@@ -135,19 +150,24 @@ impl Stage {
                 let better = kept_by(length.bounces - 1).max(PRESENTABLE);
                 begins | shown_if(samples + AT_ONCE >= better.min(length.samples))
             }
-            Self::Open | Self::Direct | Self::Relays | Self::Done => 0,
+            Self::Filter => IS_SHOWN,
+            Self::Open | Self::Direct | Self::Relays | Self::Sky | Self::Guide | Self::Done => 0,
         }
     }
 
     /// Samples of a texel that came before it.
     pub fn samples_before(self, length: Length) -> u32 {
         let bounces = DIRECT_SAMPLES + length.bounces * BOUNCE_SAMPLES;
+        let last = bounces + SKY_COST + length.samples;
         match self {
             Self::Open | Self::Direct => 0,
             Self::Relays => DIRECT_SAMPLES,
             Self::Bounce(bounce) => DIRECT_SAMPLES + bounce * BOUNCE_SAMPLES,
-            Self::Last(samples) => bounces + samples,
-            Self::Done => bounces + length.samples,
+            Self::Sky => bounces,
+            Self::Last(samples) => bounces + SKY_COST + samples,
+            Self::Guide => last,
+            Self::Filter => last + GUIDE_COST,
+            Self::Done => last + GUIDE_COST + FILTER_COST,
         }
     }
 }
@@ -205,7 +225,7 @@ mod tests {
                 assert_eq!(stage.samples_before(length), done, "{stage:?}");
                 done += if matches!(stage, Stage::Open | Stage::Relays) { 0 } else { stage.samples() };
             }
-            assert_eq!(done, DIRECT_SAMPLES + 13 * BOUNCE_SAMPLES + samples);
+            assert_eq!(done, DIRECT_SAMPLES + 13 * BOUNCE_SAMPLES + samples + SKY_COST + GUIDE_COST + FILTER_COST);
         }
     }
 

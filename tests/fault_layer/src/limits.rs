@@ -5,9 +5,9 @@ use ash::vk::{PhysicalDeviceLimits, SampleCountFlags as Samples};
 
 use super::weak::{Level, Profile};
 
-/// What pbr-vr needs, as its `src/gpu/choice.rs` says: a stage's samplers and sampled images, and its storage buffers.
+/// What pbr-vr needs, as its `src/gpu/limits.rs` says: a stage's samplers and sampled images, and its storage buffers.
 const SAMPLED: u32 = 21;
-const STORAGE_BUFFERS: u32 = 15;
+const STORAGE_BUFFERS: u32 = 16;
 
 /// Lowers limits; none is raised.
 pub fn lower(limits: &mut PhysicalDeviceLimits, profile: Profile) {

@@ -1,0 +1,31 @@
+// Texels that may share their light: those beside each other on one surface.
+#ifndef LIGHTMAP_BESIDE_GLSL
+#define LIGHTMAP_BESIDE_GLSL
+
+#include "lightmap.glsl"
+
+const uint NO_TEXEL = 0xffffffffu;
+
+// The index of a texel that is seen and has samples, or NO_TEXEL.
+uint texel_at(ivec3 at)
+{
+    ivec2 size = imageSize(light_image).xy;
+    if (any(lessThan(at.xy, ivec2(0))) || any(greaterThanEqual(at.xy, size)))
+        return NO_TEXEL;
+    uint index = lightmap_indices[(at.z * size.y + at.y) * size.x + at.x];
+    return index != NO_TEXEL && lightmap_sums[index].a > 0.0 ? index : NO_TEXEL;
+}
+
+// How far two texels are on one smooth surface, 0 to 1, with `off` texels from one to the other in the atlas.
+float same_surface(LightmapSurface a, LightmapSurface b, vec2 off)
+{
+    vec3 apart = b.place - a.place;
+    // Charts are stretched by up to a factor of two.
+    float most = 2.0 * a.extent * (length(off) + 1.0);
+    float squared = dot(apart, apart), along_normal = max(abs(dot(apart, a.normal)), abs(dot(apart, b.normal)));
+    if (squared > most * most || along_normal > 0.25 * sqrt(squared) + 0.05 * a.extent)
+        return 0.0;
+    return smoothstep(0.9, 1.0, dot(a.normal, b.normal));
+}
+
+#endif

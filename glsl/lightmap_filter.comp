@@ -1,0 +1,80 @@
+// Takes noise out of a lightmap: each texel gets a mean of those around it on the same surface that differ from it by no more
+// than their noise does. A joint bilateral filter whose range follows the samples' own variance: Rousselle, Knaus and Zwicker,
+// "Adaptive Rendering with Non-Local Means Filtering" (2012), sections 4 and 5.
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#include "lightmap_beside.glsl"
+
+const int REACH = 4; // texels
+// Of the variance of both texels' noise: by how much the squares of what the filter goes by may differ.
+const float RANGE = 0.8;
+// Part of the light by which texels may differ where there is no noise.
+const float LEAST_RANGE = 0.002;
+
+// How likely it is noise alone that two texels differ by, 0 to 1.
+float alike(vec4 guide, vec4 other)
+{
+    float apart = brightness(guide.rgb - other.rgb), least = LEAST_RANGE * brightness(guide.rgb);
+    return exp(-apart * apart / max(RANGE * (guide.a + other.a) + least * least, TINY));
+}
+
+// The same of the parts of their rays that met nothing, whose number has a binomial distribution.
+float alike_open(LightmapSurface a, LightmapSurface b)
+{
+    vec2 rays = max(vec2(a.rays, b.rays), 1.0), open = vec2(a.unblocked.w, b.unblocked.w) / rays;
+    // As if one more ray had met something, and one nothing: few rays do not show that none does.
+    vec2 likely = (open * rays + 1.0) / (rays + 2.0);
+    float apart = open.x - open.y;
+    return exp(-apart * apart / dot(likely * (1.0 - likely), 1.0 / rays));
+}
+
+// What another texel has met nothing in, around the normal of this one: across a curved surface it would be shorter else, as if
+// something blocked. The least rotation from normal a to b.
+vec3 turned(vec3 v, vec3 a, vec3 b)
+{
+    vec3 between = a + b;
+    return v - dot(between, v) / (1.0 + dot(a, b)) * between + 2.0 * dot(a, v) * b;
+}
+
+void main()
+{
+    if (gl_GlobalInvocationID.x >= work.count)
+        return;
+    uint index = work.first + gl_GlobalInvocationID.x;
+    ivec3 at = texel_address(lightmap_texels[index]);
+    LightmapSurface s = lightmap_surfaces[index];
+    if (lightmap_sums[index].a == 0.0)
+        return;
+    mat3 models = mat3(frame.world_from_models);
+    vec4 light = vec4(0.0), unblocked = vec4(0.0);
+    vec3 surfaces = vec3(0.0);
+    float rays = 0.0;
+    for (int y = -REACH; y <= REACH; ++y) {
+        for (int x = -REACH; x <= REACH; ++x) {
+            uint beside = texel_at(at + ivec3(x, y, 0));
+            if (beside == NO_TEXEL)
+                continue;
+            vec2 off = vec2(x, y);
+            LightmapSurface other = lightmap_surfaces[beside];
+            vec4 sum = lightmap_sums[beside];
+            float weight = same_surface(s, other, off) * alike(s.kept, other.kept) * exp2(-dot(off, off) / 8.0);
+            if (weight == 0.0)
+                continue;
+            light += weight * vec4(sum.rgb / sum.a, 1.0);
+            weight *= alike_open(s, other);
+            vec3 directions = turned(other.unblocked.xyz, other.normal * models, s.normal * models);
+            unblocked += weight * vec4(directions, other.unblocked.w);
+            surfaces += weight * other.surfaces;
+            rays += weight * other.rays;
+        }
+    }
+    // Its own weight is 1.
+    vec3 irradiance = clamp(light.rgb / light.a, 0.0, HALF_MOST);
+    s.unblocked = unblocked;
+    s.surfaces = surfaces;
+    s.rays = rays;
+    imageStore(light_image, at, vec4(irradiance, 1.0));
+    imageStore(light_image, kind_address(LIGHTMAP_OPENNESS, at), openness_texel(s));
+    imageStore(light_image, kind_address(LIGHTMAP_BLOCKERS, at), blockers_texel(s, irradiance));
+    imageStore(soft_image, at, vec4(s.albedo.rgb * irradiance * INV_PI, s.albedo.a));
+}
