@@ -116,7 +116,8 @@ void main()
     bool counts = (work.flags & WORK_COUNTS) != 0u;
     vec2 seen_sky = counts ? lightmap_surfaces[index].sky : lightmap_surfaces[index].kept.xy, met_sky = vec2(0.0);
     float open = seen_sky.y > 0.0 ? seen_sky.x / seen_sky.y : 0.0;
-    // Where no sample has met the sky, nor one of the texels around once those of bounces are known, none is drawn from it; without a table (0 cells) nowhere.
+    // Where no sample has met the sky, nor one of the texels around once those of bounces are known, none is drawn from it;
+    // without a table (0 cells) nowhere.
     bool sees_sky = cells_size.x > 0u && (seen_sky.x > 0.0 || seen_sky.y == 0.0);
     vec4 sum = vec4(0.0), unblocked = vec4(0.0);
     vec3 surfaces = vec3(0.0);
@@ -151,7 +152,8 @@ void main()
         surfaces += from_surfaces;
         sum += vec4(from_sky + from_surfaces, 1.0);
         // Halves that have equally many samples of the panorama.
-        uneven += (i / PER_DRAWN) % 2u == 0u ? -brightness(from_sky + from_surfaces) : brightness(from_sky + from_surfaces);
+        float bright_light = brightness(from_sky + from_surfaces);
+        uneven += (i / PER_DRAWN) % 2u == 0u ? -bright_light : bright_light;
     }
     // Not before surfaces give back nearly all they will.
     if (!counts || (work.flags & WORK_KEEPS) != 0u) {

@@ -1,8 +1,8 @@
 //! A scene's lightmap: soft light on its surfaces, gathered by compute passes, a piece with each frame.
 //!
 //! Iterated gathering: light that comes straight from lamps and sun first, then for each further bounce a few samples of
-//! the hemisphere at every texel, whose rays read what the bounce before gave back, at last many samples. How many bounces
-//! depends on how much of the light surfaces give back.
+//! the hemisphere at every texel, whose rays read what the bounce before gave back, at last many samples, whose noise a filter
+//! takes out. How many bounces depends on how much of the light surfaces give back.
 
 use std::sync::Arc;
 
