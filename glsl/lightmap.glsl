@@ -88,7 +88,7 @@ ivec3 kind_address(uint kind, ivec3 at)
     return at + ivec3(0, 0, int(kind) * imageSize(light_image).z / int(LIGHTMAP_KINDS));
 }
 
-// What noise is measured in.
+// What noise is measured in: all channels alike, for blue specks are noise, too.
 float brightness(vec3 irradiance)
 {
     return dot(irradiance, vec3(1.0 / 3.0));
@@ -108,6 +108,25 @@ vec4 blockers_texel(LightmapSurface s, vec3 irradiance)
     float blocked = max(s.rays - s.unblocked.w, 0.02 * s.rays);
     vec3 radiance = min(s.surfaces / max(blocked, TINY), MOST_BLOCKERS * irradiance) * INV_PI;
     return vec4(min(radiance, HALF_MOST), 1.0);
+}
+
+// Of sums of irradiance and their number.
+vec3 mean_irradiance(vec4 sum)
+{
+    return sum.a > 0.0 ? clamp(sum.rgb / sum.a, 0.0, HALF_MOST) : vec3(0.0);
+}
+
+// What the lightmap shows of a texel beside its irradiance.
+void store_directions(ivec3 at, LightmapSurface s, vec3 irradiance)
+{
+    imageStore(light_image, kind_address(LIGHTMAP_OPENNESS, at), openness_texel(s));
+    imageStore(light_image, kind_address(LIGHTMAP_BLOCKERS, at), blockers_texel(s, irradiance));
+}
+
+// What a texel gives back of soft light.
+void store_soft(ivec3 at, LightmapSurface s, vec3 irradiance)
+{
+    imageStore(soft_image, at, vec4(s.albedo.rgb * irradiance * INV_PI, s.albedo.a));
 }
 
 ivec3 texel_address(LightmapTexel texel)

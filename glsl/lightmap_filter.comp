@@ -68,13 +68,11 @@ void main()
             rays += weight * other.rays;
         }
     }
-    // Its own weight is 1.
-    vec3 irradiance = clamp(light.rgb / light.a, 0.0, HALF_MOST);
+    vec3 irradiance = mean_irradiance(light);
     s.unblocked = unblocked;
     s.surfaces = surfaces;
     s.rays = rays;
     imageStore(light_image, at, vec4(irradiance, 1.0));
-    imageStore(light_image, kind_address(LIGHTMAP_OPENNESS, at), openness_texel(s));
-    imageStore(light_image, kind_address(LIGHTMAP_BLOCKERS, at), blockers_texel(s, irradiance));
-    imageStore(soft_image, at, vec4(s.albedo.rgb * irradiance * INV_PI, s.albedo.a));
+    store_directions(at, s, irradiance);
+    store_soft(at, s, irradiance);
 }

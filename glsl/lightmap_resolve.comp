@@ -4,12 +4,6 @@
 #extension GL_GOOGLE_include_directive : require
 #include "lightmap.glsl"
 
-// Of sums of irradiance and their number.
-vec3 mean(vec4 sum)
-{
-    return sum.a > 0.0 ? clamp(sum.rgb / sum.a, 0.0, HALF_MOST) : vec3(0.0);
-}
-
 void main()
 {
     if (gl_GlobalInvocationID.x >= work.count)
@@ -21,12 +15,10 @@ void main()
         known += lightmap_surfaces[index].kept;
         lightmap_surfaces[index].kept = known;
     }
-    vec3 light = mean(sum), shown = (work.flags & WORK_IS_SHOWN) != 0u ? mean(known) : imageLoad(light_image, at).rgb;
+    bool is_shown = (work.flags & WORK_IS_SHOWN) != 0u;
+    vec3 shown = is_shown ? mean_irradiance(known) : imageLoad(light_image, at).rgb;
     imageStore(light_image, at, vec4(shown, sum.a > 0.0 ? 1.0 : 0.0));
-    if ((work.flags & WORK_IS_SHOWN) != 0u) {
-        imageStore(light_image, kind_address(LIGHTMAP_OPENNESS, at), openness_texel(lightmap_surfaces[index]));
-        imageStore(light_image, kind_address(LIGHTMAP_BLOCKERS, at), blockers_texel(lightmap_surfaces[index], shown));
-    }
-    vec4 albedo = lightmap_surfaces[index].albedo;
-    imageStore(soft_image, at, vec4(albedo.rgb * light * INV_PI, albedo.a));
+    if (is_shown)
+        store_directions(at, lightmap_surfaces[index], shown);
+    store_soft(at, lightmap_surfaces[index], mean_irradiance(sum));
 }

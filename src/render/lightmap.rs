@@ -16,7 +16,7 @@ use crate::gpu::{
     AddressMode, Binding, Buffer, BufferKind, Commands, Constant, DescriptorSet, Format, Gpu, Image, ImageAccess,
     ImageDesc, ImageUsageFlags, PassTime, Pipeline, Sampler, Shape, submit_and_wait,
 };
-use crate::scene::lightmap_texels::{BACK, LightmapTexel, LightmapTexels};
+use crate::scene::lightmap_texels::{LightmapTexel, LightmapTexels};
 use bytemuck::{Pod, Zeroable, bytes_of};
 
 /// Workgroups that sum up what surfaces give back, at most.
@@ -156,16 +156,6 @@ pub fn dark_lightmap(gpu: &Arc<Gpu>, side: u32, sides: u32) -> Result<Arc<Image>
     cleared(gpu, "lightmap", side, KINDS * sides)
 }
 
-/// For each texel of each of the lightmap's layers its index in the list, or [`u32::MAX`].
-fn indices(listed: &[LightmapTexel], side: u32, layers: u32) -> Vec<u32> {
-    let mut indices = vec![u32::MAX; (side * side * layers) as usize];
-    for (index, texel) in (0u32..).zip(listed) {
-        let [x, y, layer] = [texel.place & 0xffff, texel.place >> 16, u32::from(texel.triangle & BACK != 0)];
-        indices[((layer * side + y) * side + x) as usize] = index;
-    }
-    indices
-}
-
 impl LightmapBake {
     /// Prepares the computation of a [`dark_lightmap`], or of one that is there, which is not touched; `listed`: its texels, if
     /// they are known. `constants` of shaders say by which BRDF light is given back.
@@ -187,9 +177,10 @@ impl LightmapBake {
         };
         let (pipelines, listed) = rayon::join(|| Pipelines::new(gpu, layouts, constants), list);
         let (pipelines, (scene, texels)) = (pipelines?, listed?);
+        let layers = sides(light);
+        let indices = texels.indices(side, layers);
         let LightmapTexels { all, seen } = texels;
         tracing::debug!("lightmap: {side}x{side}, {} texels, {seen} of them seen", all.len());
-        let layers = sides(light);
         let (soft, direct) =
             (cleared(gpu, "lightmap soft", side, layers)?, cleared(gpu, "lightmap direct", side, layers)?);
         let count = all.len().max(1) as u64;
@@ -201,7 +192,6 @@ impl LightmapBake {
         let weighed =
             Buffer::new(gpu, "lightmap weighed", BufferKind::Readback, weighing * size_of::<[f32; 4]>() as u64)?;
         let surfaces = storage("lightmap surfaces", count * size_of::<[f32; 27]>() as u64)?;
-        let indices = indices(&all[..seen], side, layers);
         let indices = Buffer::with_bytes(gpu, "lightmap indices", BufferKind::FromCpu, bytemuck::cast_slice(&indices))?;
         let relays = storage("lightmap relays", u64::from(RELAYS) * size_of::<[f32; 17]>() as u64)?;
         let sampler = Sampler::new(gpu, "lightmap", AddressMode::Clamp, 1)?;

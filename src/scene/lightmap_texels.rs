@@ -154,6 +154,16 @@ impl LightmapTexels {
         Self { all, seen }
     }
 
+    /// For each texel of each layer, of fronts and then of backs, its index among those that are seen, or [`u32::MAX`].
+    pub fn indices(&self, side: u32, layers: u32) -> Vec<u32> {
+        let mut indices = vec![u32::MAX; (side * side * layers) as usize];
+        for (index, texel) in (0u32..).zip(&self.all[..self.seen]) {
+            let [x, y, layer] = [texel.place & 0xffff, texel.place >> 16, u32::from(texel.triangle & BACK != 0)];
+            indices[((layer * side + y) * side + x) as usize] = index;
+        }
+        indices
+    }
+
     /// Whether some are of backs.
     pub fn has_backs(&self) -> bool {
         self.all.iter().any(|texel| texel.triangle & BACK != 0)
@@ -241,6 +251,10 @@ mod tests {
             assert_eq!((texels.all.len(), texels.seen), (all, seen), "{sides:?}");
             assert_eq!(texels.all[..25], *front);
         }
+        // Those of backs are in the second layer.
+        let indices = both.indices(8, 2);
+        assert_eq!(indices.iter().filter(|index| **index != u32::MAX).count(), 50);
+        assert!((0..50).all(|i| indices[(64 * (i / 25) + 8 * (i % 25 / 5 + 1) + i % 5 + 1) as usize] == i));
         // Below and above the diagonal each triangle has its own texels.
         let of = |x: u32, y: u32| front.iter().find(|t| t.place == x | (y << 16)).unwrap().triangle as usize;
         let third = |index: usize| bvh.triangles()[index].first_index;

@@ -201,8 +201,7 @@ fn noise_is_taken_out_and_shadows_stay() {
     assert_eq!(walls.len(), 8);
     let floor = level([-1.0, 1.0], 0.0, [-1.0, 1.0]);
     let [low, high] = [DVec3::new(-1.0, 0.0, -0.1), DVec3::new(0.2, 0.5, 0.0)];
-    let mut things = vec![flat(0, &[floor]), flat(1, &walls), flat(1, &block(low.into(), high.into())), mote(FAR)];
-    things[3].material = 1;
+    let things = vec![flat(0, &[floor]), flat(1, &walls), flat(1, &block(low.into(), high.into())), mote(FAR)];
     let scene = world(things, vec![grey(0.5, 0.0, 1.0), grey(0.0, 0.0, 1.0)], vec![], uniform(1.0));
     let from = eye([0.0, 1.9, 0.9], [0.0, 0.0, 0.1], 90.0);
     let blocked = |p: DVec3, q: DVec3| {
