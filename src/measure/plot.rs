@@ -159,17 +159,17 @@ impl Plot {
 }
 
 impl Panel {
-    /// With a line for each name, in the order in which they come. Points of the same name and mark are one series; names have
-    /// colours in their order, from this one.
+    /// With a line for each name, in the order in which they come. Points of the same name and mark are one series; `known` are
+    /// the names of other panels' series, to which this one's are added: a name's place there is its colour.
     pub fn named(
         title: &str,
         x_label: &str,
-        first_colour: usize,
+        known: &mut Vec<String>,
         points: impl Iterator<Item = (String, Mark, String, Point)>,
     ) -> Self {
-        let (mut lines, mut names, mut all): (Vec<String>, Vec<String>, Vec<Series>) = Default::default();
+        let (mut lines, mut all): (Vec<String>, Vec<Series>) = Default::default();
         for (name, mark, line, point) in points {
-            let [y, colour] = [(&mut lines, line), (&mut names, name.clone())].map(|(known, new)| {
+            let [y, colour] = [(&mut lines, line), (&mut *known, name.clone())].map(|(known, new)| {
                 known.iter().position(|old| *old == new).unwrap_or_else(|| {
                     known.push(new);
                     known.len() - 1
@@ -178,9 +178,7 @@ impl Panel {
             let point = Point { y: y as f64, ..point };
             match all.iter_mut().find(|series| series.name == name && series.mark == mark) {
                 Some(series) => series.points.push(point),
-                None => {
-                    all.push(Series { name, colour: first_colour + colour, mark, joined: false, points: vec![point] })
-                }
+                None => all.push(Series { name, colour, mark, joined: false, points: vec![point] }),
             }
         }
         let (title, x_label) = (title.to_owned(), x_label.to_owned());

@@ -246,7 +246,8 @@ fn write(folder: &Path, results: &Results) -> Result<()> {
 /// GPU times: a line for each scene, a mark for each way of drawing.
 fn plot(results: &Results) -> Plot {
     let Results { machine: Machine { gpu, date, .. }, rows, .. } = results;
-    let panel = |view: &str| {
+    let mut names = Vec::new();
+    let mut panel = |view: &str| {
         let own = rows.iter().filter(|row| row.view == view && WAYS[..CHARTED].iter().any(|way| way.0 == row.way));
         let point = |row: &Row| {
             let Spread { median, low, high } = row.cost.gpu_ms;
@@ -255,7 +256,7 @@ fn plot(results: &Results) -> Plot {
         };
         let [width, height] = rows.iter().find(|row| row.view == view).map_or([0; 2], |row| row.size);
         let each = if view == "stereo" { " per eye" } else { "" };
-        Panel::named(&format!("{view}, {width}×{height}{each}"), "ms", 0, own.map(point))
+        Panel::named(&format!("{view}, {width}×{height}{each}"), "ms", &mut names, own.map(point))
     };
     let caption = format!("{gpu}, {date}. Marks: medians; lines: from the first to the last decile.");
     let panels = vec![panel("desktop"), panel("stereo")];

@@ -8,7 +8,7 @@ use glam::{DVec3, Vec3};
 
 use super::super::bench::Bench;
 use super::super::noise::{MeanAndHalves, floor_share};
-use super::picture::{Picture, Subject};
+use super::picture::{Picture, Subject, exact};
 use super::rows::{Ablation, Kind, Row};
 use crate::Result;
 use crate::reference::tone::display_bytes;
@@ -43,7 +43,7 @@ impl Subject<'_> {
         let settings = RenderSettings { light: LightModel::Baked, ..self.settings_for(&self.compressed) };
         let Some(fast) = self.fast(&settings)? else { return Ok(()) };
         let seen = self.drawn(&self.compressed, &settings)?;
-        let exact = self.exact(&settings)?;
+        let exact = self.exact_parts(&settings)?;
         // The sky is what is left of the whole.
         let all = |index: usize| -> Radiance {
             let own = fast.whole.iter().enumerate().map(|(i, whole)| {
@@ -136,7 +136,7 @@ impl Subject<'_> {
         Ok(Some(Fast { whole, direct, unblocked, diffuse, specular }))
     }
 
-    fn exact(&self, settings: &RenderSettings) -> Result<Exact> {
+    fn exact_parts(&self, settings: &RenderSettings) -> Result<Exact> {
         let part = |part, light, frames| {
             let settings = RenderSettings { part, light, ..settings.clone() };
             let MeanAndHalves { all, halves: [first, second] } = self.integrated(settings, frames)?;
@@ -160,8 +160,7 @@ impl Subject<'_> {
 
     /// The mean of many frames of the reference, `times` as many as [`super::picture::Detail::half_of_paths`] says.
     fn integrated(&self, settings: RenderSettings, times: u32) -> Result<MeanAndHalves<Radiance>> {
-        let settings = RenderSettings { shading: Shading::Reference, output: Output::Linear, ..settings };
-        let mut bench = self.bench(&self.compressed, settings)?;
+        let mut bench = self.bench(&self.compressed, exact(settings))?;
         bench.integrated(times * self.detail.half_of_paths, || (), |pixels| pixels.iter().map(Vec3::as_dvec3).collect())
     }
 }

@@ -193,8 +193,7 @@ impl<'a> Subject<'a> {
 
     /// The reference of many frames, and of both halves of them; radiance is averaged, then tone-mapped.
     fn reference(&self, scene: &Scene) -> Result<MeanAndHalves<Picture>> {
-        let (shading, output) = (Shading::Reference, Output::Linear);
-        let mut bench = self.bench(scene, RenderSettings { shading, output, ..self.settings_for(scene) })?;
+        let mut bench = self.bench(scene, exact(self.settings_for(scene)))?;
         let bytes = |radiance: &Vec3| display_bytes(radiance.as_dvec3(), self.raw.exposure_ev.into());
         bench.integrated(self.detail.half, || (), |pixels| pixels.iter().map(bytes).collect())
     }
@@ -217,6 +216,13 @@ impl<'a> Subject<'a> {
     pub fn bench(&self, scene: &Scene, settings: RenderSettings) -> Result<Bench> {
         Bench::new(self.context, scene, settings, self.detail.size, vec![self.eye])
     }
+}
+
+/// The reference's settings. It reads textures at their finest level: anisotropic filtering does nothing for it, but lavapipe's
+/// reads every texel within a pixel, and takes ten times as long.
+pub fn exact(mut settings: RenderSettings) -> RenderSettings {
+    settings.textures.anisotropy = Some(1);
+    RenderSettings { shading: Shading::Reference, output: Output::Linear, ..settings }
 }
 
 /// The eye looking `offset` pixels beside each pixel's centre.

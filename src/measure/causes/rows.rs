@@ -120,17 +120,22 @@ impl Results {
     /// The change of the result for each cause; balls under all panoramas on the left, pictures on the right.
     pub fn plot(&self) -> Plot {
         let [width, height] = self.size;
-        let mut panels = vec![self.panel(Kind::Ball, "balls", "mean relative difference of radiance, %", 0)];
-        let unit = format!("mean FLIP, pictures of {width}×{height}");
-        panels.push(self.panel(Kind::Picture, "shading alone", &unit, 3));
-        panels.push(self.panel(Kind::Light, "light between things", &unit, 3));
-        panels.retain(|panel| !panel.series.is_empty());
+        let (ball, picture) =
+            ("mean relative difference of radiance, %", format!("mean FLIP, pictures of {width}×{height}"));
+        let mut names = Vec::new();
+        let panels = [
+            (Kind::Ball, "balls", ball),
+            (Kind::Picture, "shading alone", &picture),
+            (Kind::Light, "light between things", &picture),
+        ]
+        .map(|(kind, title, unit)| self.panel(kind, title, unit, &mut names));
+        let panels = panels.into_iter().filter(|panel| !panel.series.is_empty()).collect();
         let title = "What each approximation changes".into();
         Plot { title, panels, caption: self.notes(), key: Vec::new() }
     }
 
     /// Largest changes first.
-    fn panel(&self, kind: Kind, title: &str, unit: &str, first_colour: usize) -> Panel {
+    fn panel(&self, kind: Kind, title: &str, unit: &str, names: &mut Vec<String>) -> Panel {
         let of = |floor| self.rows.iter().filter(move |r| r.kind == kind && (r.ablation == Ablation::Floor) == floor);
         let mut rows: Vec<&Row> = of(false).collect();
         rows.sort_by(|a, b| a.ablation.cmp(&b.ablation).then(b.change.total_cmp(&a.change)));
@@ -143,7 +148,7 @@ impl Results {
             (series, mark, line, Point { x: row.change, ..Point::default() })
         };
         let floor = of(true).map(|row| row.change).reduce(f64::max);
-        Panel { floor, ..Panel::named(title, unit, first_colour, rows.iter().map(point)) }
+        Panel { floor, ..Panel::named(title, unit, names, rows.iter().map(point)) }
     }
 }
 
@@ -169,6 +174,22 @@ mod tests {
         }
         let machine = Machine { gpu: "a GPU".into(), driver: "d".into(), date: "2026-01-01".into() };
         Results { machine, size: [64, 48], rows }
+    }
+
+    /// Also where it is the only one of a panel.
+    #[test]
+    fn a_scene_has_one_colour() {
+        let mut results = results();
+        for (kind, subject) in [(Kind::Picture, "another"), (Kind::Light, "another")] {
+            results.rows.push(Row::new(kind, subject, Ablation::Whole, ["all", "a", "exact"], [0.02, 0.02, 0.0]));
+        }
+        let plot = results.plot();
+        let colours = plot.panels.iter().map(|panel| {
+            let of = |name: &str| panel.series.iter().find(|series| series.name == name).map(|series| series.colour);
+            ["metal", "a scene", "another"].map(of)
+        });
+        let all = [[Some(0), None, None], [None, Some(1), Some(2)], [None, None, Some(2)]];
+        assert_eq!(colours.collect::<Vec<_>>(), all);
     }
 
     #[test]
