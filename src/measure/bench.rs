@@ -12,7 +12,7 @@ use super::noise::MeanAndHalves;
 use crate::asset::Report;
 use crate::context::Context;
 use crate::gpu::{FrameRing, Gpu, Subresource, read_image};
-use crate::render::{Eye, FRAME_BYTES, FrameInputs, RenderSettings, Renderer, Shading};
+use crate::render::{Eye, FRAME_BYTES, FrameInputs, Output, RenderSettings, Renderer, Shading};
 use crate::scene::Scene;
 use crate::{Error, Result};
 
@@ -28,6 +28,13 @@ pub struct FrameTime {
     pub cpu: Option<f64>,
     /// Processor time of the thread that records and submits.
     pub record: f64,
+}
+
+/// The reference's settings. It reads textures at their finest level: anisotropic filtering does nothing for it, but lavapipe's
+/// reads every texel within a pixel, and takes ten times as long.
+pub fn exact(mut settings: RenderSettings) -> RenderSettings {
+    settings.textures.anisotropy = Some(1);
+    RenderSettings { shading: Shading::Reference, output: Output::Linear, ..settings }
 }
 
 /// A renderer, the eyes that it draws for, and its frames.

@@ -6,9 +6,9 @@
 
 use glam::{DVec3, Vec3};
 
-use super::super::bench::Bench;
+use super::super::bench::{Bench, exact};
 use super::super::noise::{MeanAndHalves, floor_share};
-use super::picture::{Picture, Subject, exact};
+use super::picture::{Picture, Subject};
 use super::rows::{Ablation, Kind, Row};
 use crate::Result;
 use crate::reference::tone::display_bytes;

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use glam::{DVec3, Vec3};
 
-use super::super::bench::{Bench, first_eye, size_error};
+use super::super::bench::{Bench, exact, first_eye, size_error};
 use super::super::noise::{MeanAndHalves, floor_share};
 use super::super::report::stem;
 use super::rows::{Ablation, Kind, Row};
@@ -15,7 +15,7 @@ use crate::reference::energy::Scattering;
 use crate::reference::metrics::{PIXELS_PER_DEGREE, flip};
 use crate::reference::table::SplitSum;
 use crate::reference::tone::{display_bytes, display_light, srgb_bytes};
-use crate::render::{Eye, LightModel, Output, RenderSettings, Shading, TextureSettings};
+use crate::render::{Eye, LightModel, Output, RenderSettings, TextureSettings};
 use crate::scene::Scene;
 use crate::scene::staging::Staging;
 use crate::view::load_staged;
@@ -216,13 +216,6 @@ impl<'a> Subject<'a> {
     pub fn bench(&self, scene: &Scene, settings: RenderSettings) -> Result<Bench> {
         Bench::new(self.context, scene, settings, self.detail.size, vec![self.eye])
     }
-}
-
-/// The reference's settings. It reads textures at their finest level: anisotropic filtering does nothing for it, but lavapipe's
-/// reads every texel within a pixel, and takes ten times as long.
-pub fn exact(mut settings: RenderSettings) -> RenderSettings {
-    settings.textures.anisotropy = Some(1);
-    RenderSettings { shading: Shading::Reference, output: Output::Linear, ..settings }
 }
 
 /// The eye looking `offset` pixels beside each pixel's centre.

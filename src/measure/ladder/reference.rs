@@ -3,23 +3,20 @@
 use glam::{DVec3, DVec4, Vec3};
 use serde::{Deserialize, Serialize};
 
-use super::super::bench::{Bench, size_error};
+use super::super::bench::{Bench, exact, size_error};
 use super::super::noise::{Halves, MeanAndHalves, blocks, floor_share};
 use crate::Result;
 use crate::asset::Storage;
 use crate::context::Context;
-use crate::gpu::Gpu;
 use crate::reference::metrics::{Flip, flip, relative_mse};
 use crate::reference::mip::box_average;
 use crate::reference::tone::{display_light, srgb_bytes};
-use crate::render::{Eye, LightModel, Output, RenderSettings, Shading, TextureSettings};
+use crate::render::{Eye, LightModel, RenderSettings, TextureSettings};
 use crate::scene::Scene;
 
 /// The number of reference pixels along a pixel's side: edges are averaged over 16 places a frame, and textures are read
 /// from levels so much finer.
 const FINENESS: u32 = 4;
-/// Samples along a slanted footprint, where they do not take minutes.
-const MOST_ANISOTROPY: u32 = 16;
 
 /// A picture's error.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -69,19 +66,17 @@ pub struct Shot {
 }
 
 /// Texture options of the reference picture's scene.
-pub fn textures(gpu: &Gpu) -> TextureSettings {
-    let anisotropy = if gpu.info().is_software() { 1 } else { MOST_ANISOTROPY };
-    TextureSettings { storage: Some(Storage::Raw), anisotropy: Some(anisotropy), ..TextureSettings::default() }
+pub fn textures() -> TextureSettings {
+    TextureSettings { storage: Some(Storage::Raw), ..TextureSettings::default() }
 }
 
 impl Reference {
     /// Draws twice `half` frames of all light in `scene`, along all paths; the scene has been loaded with [`textures`].
     pub fn new(context: &Context, shot: Shot, scene: &Scene, settings: &RenderSettings, half: u32) -> Result<Self> {
         let size = shot.size.map(|side| side * FINENESS);
-        let (textures, output) = (textures(&context.gpu), Output::Linear);
-        let (shading, light) = (Shading::Reference, LightModel::Baked);
-        let settings = RenderSettings { shading, light, textures, output, viewpoint: None, ..settings.clone() };
-        let mut bench = Bench::new(context, scene, settings, size, vec![shot.eye])?;
+        let (textures, light) = (textures(), LightModel::Baked);
+        let settings = RenderSettings { light, textures, viewpoint: None, ..settings.clone() };
+        let mut bench = Bench::new(context, scene, exact(settings), size, vec![shot.eye])?;
         let bar = context.report.progress("reference", 2 * u64::from(half));
         let MeanAndHalves { all, halves } = bench.integrated(half, || bar.inc(1), |pixels| shot.reduced(pixels))?;
         bar.finish_and_clear();

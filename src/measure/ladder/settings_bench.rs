@@ -40,7 +40,7 @@ impl<'a> SettingsBench<'a> {
         let (size, half, seconds) = if request.full { ([1280, 720], 64, 10) } else { ([384, 216], 16, 2) };
         let size = request.picture.unwrap_or(size);
         let staging = request.staging();
-        let options = textures(&context.gpu).options(context);
+        let options = textures().options(context);
         let raw = load_staged(path, staging.clone(), &options, &context.report)?;
         let (eye, exposure_ev) = (first_eye(&raw, size), raw.exposure_ev);
         let shot = Shot { eye, size, exposure_ev, pixels_per_degree: request.pixels_per_degree };
