@@ -34,6 +34,8 @@ const NOOK: f32 = 0.2;
 const CLEAR: f32 = 0.05;
 /// Share of rays that meet backs from which on a place is inside of a thing.
 const BEHIND: f32 = 0.7;
+/// Of what two boxes have together, the share that both have from which on they are one room's.
+const SAME_ROOM: f32 = 0.75;
 /// Cameras that paths begin at, spread evenly over all.
 const MOST_CAMERAS: usize = 64;
 /// Paths that look for smooth surfaces from each camera, and how often each is reflected.
@@ -63,6 +65,14 @@ impl Probe {
     fn reaches(&self, p: Vec3) -> bool {
         let outside = (self.bounds.min - p).max(p - self.bounds.max).max(Vec3::ZERO);
         outside.length() < self.border()
+    }
+
+    /// Whether another is of the same room. Places outside of a box, such as a gallery above it, find its room again.
+    fn is_same_room(&self, other: &Self) -> bool {
+        let volume = |bounds: Bounds| (bounds.max - bounds.min).max(Vec3::ZERO).as_dvec3().element_product();
+        let (a, b) = (self.bounds, other.bounds);
+        let both = volume(Bounds { min: a.min.max(b.min), max: a.max.min(b.max) });
+        both >= f64::from(SAME_ROOM) * (volume(a) + volume(b) - both)
     }
 }
 
@@ -119,6 +129,9 @@ impl Placement {
             self.open += 1;
             return;
         };
+        if self.probes.iter().any(|placed| placed.is_same_room(&probe)) {
+            return;
+        }
         // Things that enclose a place hide others beside them, which its box has, too.
         let shows = |p: &&Vec3| probe.reaches(**p) && is_clear(bvh, probe.position, **p);
         if seen.iter().filter(shows).take(enough).count() >= enough {

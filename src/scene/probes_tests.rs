@@ -16,13 +16,23 @@ fn walls(min: Vec3, max: Vec3, without: &[usize]) -> Mesh {
     mesh(&corners, indices)
 }
 
-/// The placement in a scene of these parts, of which the last is smooth.
-fn placed(meshes: &[Mesh], cameras: &[Vec3]) -> Placement {
+fn bvh(meshes: &[Mesh]) -> Bvh {
     let placed = |mesh| Instance { mesh, world_from_local: Mat4::IDENTITY };
     let instances: Vec<Instance> = (0..meshes.len()).map(placed).collect();
-    let bvh = Bvh::new(meshes, &instances).unwrap();
+    Bvh::new(meshes, &instances).unwrap()
+}
+
+/// The placement in a scene of these parts, of which the last is smooth.
+fn placed(meshes: &[Mesh], cameras: &[Vec3]) -> Placement {
+    let bvh = bvh(meshes);
     let last = meshes.len() as u32 - 1;
     place(&bvh, cameras, |triangle| bvh.triangles()[triangle].instance == last)
+}
+
+/// A part of a wall where x is 2, as high as the room.
+fn wall_at_2(z: [f32; 2]) -> Mesh {
+    let at = |y: f32, z: f32| Vec3::new(2.0, y, z);
+    mesh(&[at(0.0, z[0]), at(2.5, z[0]), at(2.5, z[1]), at(0.0, z[1])], vec![0, 1, 2, 0, 2, 3])
 }
 
 fn ball(centre: Vec3, radius: f32) -> Mesh {
@@ -56,17 +66,34 @@ fn a_room_gets_one_probe_with_its_walls_as_the_box() {
 fn a_room_beside_the_cameras_gets_its_own() {
     // Two rooms side by side without the wall between them but for a door's height, seen through it.
     let next = [Vec3::new(2.0, 0.0, -3.0), Vec3::new(8.0, 2.5, 3.0)];
-    let wall = |z: [f32; 2]| {
-        let at = |y: f32, z: f32| Vec3::new(2.0, y, z);
-        mesh(&[at(0.0, z[0]), at(2.5, z[0]), at(2.5, z[1]), at(0.0, z[1])], vec![0, 1, 2, 0, 2, 3])
-    };
-    let parts = [walls(LOW, HIGH, &[1]), walls(next[0], next[1], &[0]), wall([-3.0, -0.6]), wall([0.6, 3.0])];
+    let wall = [wall_at_2([-3.0, -0.6]), wall_at_2([0.6, 3.0])];
+    let parts = [&[walls(LOW, HIGH, &[1]), walls(next[0], next[1], &[0])][..], &wall].concat();
     let ball = ball(Vec3::new(5.0, 1.0, 0.0), 0.6);
     let found = placed(&[&parts[..], &[ball]].concat(), &[Vec3::new(-1.0, 1.5, 0.0)]);
     assert_eq!(found.probes.len(), 1, "{found:?}");
     let bounds = found.probes[0].bounds;
     assert!((bounds.min - next[0]).abs().max_element() < 0.1, "{bounds:?}");
     assert!((bounds.max - next[1]).abs().max_element() < 0.1, "{bounds:?}");
+}
+
+#[test]
+fn a_room_found_from_places_outside_of_its_box_gets_one_probe() {
+    // The box that is there ends before the wall where the next camera is.
+    let parts = [walls(LOW, HIGH, &[]), ball(Vec3::new(0.0, 1.0, 0.0), 0.4)];
+    let short = Probe { position: Vec3::Y, bounds: Bounds { min: LOW, max: Vec3::new(1.4, 2.5, 3.0) } };
+    let mut found = Placement { probes: vec![short], ..Placement::default() };
+    let start = Vec3::new(1.8, 1.2, 2.0);
+    let seen = [Vec3::X, Vec3::Z, -Vec3::X, -Vec3::Z].map(|side| Vec3::Y + 0.5 * side);
+    let hierarchy = bvh(&parts);
+    assert!(!found.reach(start) && room(&hierarchy, start).is_some());
+    found.add(&hierarchy, start, &seen, 1);
+    assert_eq!(found.probes, [short]);
+    let probe = Probe { position: Vec3::ZERO, bounds: Bounds { min: LOW, max: HIGH } };
+    let moved = |by: Vec3| Probe { bounds: Bounds { min: LOW + by, max: HIGH + by }, ..probe };
+    assert!(probe.is_same_room(&moved(Vec3::new(0.2, 0.0, 0.0))));
+    assert!(!probe.is_same_room(&moved(Vec3::new(0.0, 0.0, 3.0))), "the room beside it");
+    let niche = Probe { bounds: Bounds { min: LOW, max: Vec3::new(-1.0, 2.0, 0.0) }, ..probe };
+    assert!(!probe.is_same_room(&niche) && !niche.is_same_room(&probe), "a niche is its own");
 }
 
 #[test]
