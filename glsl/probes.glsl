@@ -48,13 +48,18 @@ vec3 local_specular(SpecularLobe lobe, Surface s, vec3 position, vec3 even, out 
 {
     left = 1.0;
     vec3 p = models_from_world(position - frame.world_from_models[3].xyz), light = vec3(0.0);
-    for (uint i = 0u; i < PROBES && left > 0.0 && frame.probe_scale > 0.0; ++i) {
-        Probe probe = probes[i];
-        float weight = probe_weight(p, probe);
-        if (weight > 0.0) {
-            light += left * weight * probe_specular(i, probe, p, lobe) * reach_of_probe(i, s, even);
-            left *= 1.0 - weight;
+    // Looks for the next box around the point before it reads that probe's light: a software renderer computes what a branch
+    // skips, too, and would read every probe.
+    uint next = 0u;
+    for (bool more = frame.probe_scale > 0.0; more; more = left > 0.0 && next < PROBES) {
+        float weight = 0.0;
+        uint found = 0u;
+        for (; next < PROBES && weight <= 0.0; ++next) {
+            found = next;
+            weight = probe_weight(p, probes[next]);
         }
+        light += left * weight * probe_specular(found, probes[found], p, lobe) * reach_of_probe(found, s, even);
+        left *= 1.0 - weight;
     }
     return light;
 }
