@@ -30,7 +30,7 @@ vec3 lightmap_texel(uint kind)
     return textureLod(lightmap, vec3(lightmap_uv, layer), 0.0).rgb;
 }
 
-// Soft light as irradiance over pi.
+// Soft light as irradiance over pi, as the diffuse part takes it: less of what comes at grazing angles, the same of even light.
 vec3 lightmap_diffuse()
 {
     return lightmap_texel(LIGHTMAP_IRRADIANCE) * INV_PI;
@@ -72,7 +72,8 @@ vec3 mirrored(Surface s, SpecularLobe lobe, vec3 even)
 }
 
 // What the environment gives: the split sum, and with the irradiance what is diffuse or scattered more than once. That is
-// exact under even light (energy.glsl); elsewhere it takes these terms' slow fall towards grazing light for the cosine's.
+// exact under even light (energy.glsl); elsewhere it takes these terms' slow fall towards grazing light for the cosine's, but for
+// the diffuse part by a lightmap, whose irradiance has that fall.
 Split environment(Surface s, SpecularLobe lobe)
 {
     vec3 even = LIGHTMAP == LIGHTMAP_NONE ? environment_diffuse(s.n) * s.occlusion : lightmap_diffuse();

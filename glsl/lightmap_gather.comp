@@ -8,12 +8,21 @@ const float PANORAMA_TEXELS = 256.0;
 // Samples of the cosine for each one of the panorama: divides the samples of every pass.
 const uint PER_DRAWN = 2;
 
-// Irradiance by way of a relay, for a point that samples its hemisphere by the cosine: see path.glsl's `relayed_light`.
-vec3 relay_light(PathPoint p, vec3 origin, Relay relay)
+// How a surface takes light from a direction at that cosine, 1 on average over even light: a dielectric's diffuse part takes less of
+// grazing light, of which its specular part has more. Irradiance so weighted is what shading multiplies by the part's share of
+// even light (energy.glsl).
+float taken(Surface s, Energy energy, float cosine)
+{
+    float share = left_by_dielectric(energy, table_entry(brdf_table, max(cosine, 0.0), s.roughness));
+    return mix(share / max(left_by_dielectric(energy, energy.mean), LEAST_LOST), 1.0, s.metallic);
+}
+
+// Irradiance by way of a relay, and its direction, for a point that samples its hemisphere by the cosine: see path.glsl's `relayed_light`.
+vec3 relay_light(PathPoint p, vec3 origin, Relay relay, out vec3 l)
 {
     vec3 to_relay = relay.position - origin;
     float squared = max(dot(to_relay, to_relay), TINY), far = sqrt(squared);
-    vec3 l = to_relay / far;
+    l = to_relay / far;
     float cosine = dot(p.s.n, l), area = -dot(relay.side, l) / squared;
     if (cosine <= 0.0 || area <= 0.0 || dot(p.side, l) <= 0.0 || relay.density <= 0.0)
         return vec3(0.0);
@@ -25,13 +34,9 @@ vec3 relay_light(PathPoint p, vec3 origin, Relay relay)
     return light == vec3(0.0) || trace_ray(origin, l, far * (1.0 - 1e-5), true).t >= 0.0 ? vec3(0.0) : light;
 }
 
-// What is known without samples: an open sky's irradiance, as much of it as its light comes through; samples find the rest.
-// `sky`: the same sample's estimate of it.
-// A control variate: Owen, "Monte Carlo theory, methods and examples" (2013), section 8.9.
-vec3 beside_open_sky(vec3 n, vec3 light, vec3 sky, float open)
+vec3 open_sky_irradiance(vec3 n)
 {
-    vec3 all = textureLod(irradiance_over_pi, panorama_from_world(n), 0.0).rgb * frame.environment_scale;
-    return light + open * (PI * all - sky);
+    return PI * textureLod(irradiance_over_pi, panorama_from_world(n), 0.0).rgb * frame.environment_scale;
 }
 
 // Irradiance of the open sky from one direction, over the density of all samples: of the cosine, and where `drawn` of the
@@ -44,9 +49,10 @@ vec3 sky_light(vec3 n, vec3 d, bool drawn)
 }
 
 // The same from a direction drawn from the panorama, `seen` of it where nothing blocks it.
-vec3 drawn_sky_light(PathPoint p, vec3 origin, uvec4 bits, out vec3 seen)
+vec3 drawn_sky_light(PathPoint p, vec3 origin, uvec4 bits, out vec3 d, out vec3 seen)
 {
-    vec3 d = world_from_panorama(sample_panorama(bits)), light = sky_light(p.s.n, d, true);
+    d = world_from_panorama(sample_panorama(bits));
+    vec3 light = sky_light(p.s.n, d, true);
     bool blocked = light == vec3(0.0) || dot(p.side, d) <= 0.0 || trace_ray(origin, d, 1e30, true).t >= 0.0;
     seen = blocked ? vec3(0.0) : light;
     return light;
@@ -75,13 +81,15 @@ bool gathered(PathPoint p, RayHit hit, vec3 d, vec3 sky, out vec3 light)
     return true;
 }
 
-// Irradiance of a point of what shines, for a point that samples its hemisphere by the cosine.
-vec3 emitter_irradiance(PathPoint p, vec2 u)
+// Irradiance of a point of what shines, and its direction, for a point that samples its hemisphere by the cosine.
+vec3 emitter_irradiance(PathPoint p, vec2 u, out vec3 l)
 {
     EmitterLight light;
+    l = p.s.n;
     if (!emitter_light(p, u, light))
         return vec3(0.0);
-    float cosine = dot(p.s.n, light.l);
+    l = light.l;
+    float cosine = dot(p.s.n, l);
     return light.radiance * (cosine * light.area / max(cosine * INV_PI * light.area + light.density, TINY));
 }
 
@@ -129,30 +137,39 @@ void main()
         PathPoint p = texel_point(hit, (texel.triangle & LIGHTMAP_BACK) != 0u);
         vec3 origin = ray_origin(p);
         vec3 d = frame_along(p.s.n, edge) * cosine_direction(sobol(i, scramble.xy));
-        vec3 sky = sky_light(p.s.n, d, sees_sky), light;
+        vec3 sky = sky_light(p.s.n, d, sees_sky), light, l;
         RayHit met = trace_ray(origin, d, 1e30, false);
         if (!gathered(p, met, d, sky, light))
             continue;
-        vec3 from_sky = met.t < 0.0 ? light : vec3(0.0), from_surfaces = light - from_sky;
+        Energy energy = Energy(table_mean(brdf_table, p.s.roughness), MULTI_SCATTER);
+        vec3 all = taken(p.s, energy, dot(p.s.n, d)) * light, from_surfaces = met.t < 0.0 ? vec3(0.0) : light;
         unblocked += met.t < 0.0 ? vec4(d * mat3(frame.world_from_models), 1.0) : vec4(0.0);
         float bright = dot(sky_radiance(d, panorama_lod(PANORAMA_TEXELS)), vec3(1.0));
         met_sky += bright * bright * vec2(met.t < 0.0 ? 1.0 : 0.0, 1.0);
         if (sees_sky && i % PER_DRAWN == 0u) {
             vec3 seen;
             uvec4 bits = uvec4(sobol_bits(i / PER_DRAWN, scramble.zw), pcg4d(uvec4(index, i, 5u, 0u)).xy);
-            sky += drawn_sky_light(p, origin, bits.xzyw, seen);
-            from_sky += seen;
+            sky += drawn_sky_light(p, origin, bits.xzyw, l, seen);
+            all += taken(p.s, energy, dot(p.s.n, l)) * seen;
         }
+        // What is known without samples is an open sky's irradiance: `sky` is these samples' estimate of it, and stands for as much
+        // as the sky's light comes through here. A control variate: Owen, "Monte Carlo theory, methods and examples" (2013), section 8.9.
         if (open > 0.0)
-            from_sky = beside_open_sky(p.s.n, from_sky, sky, open);
-        if (work.relay_count > 0u)
-            from_surfaces += relay_light(p, origin, relays[(i ^ scramble.y) % work.relay_count]);
-        if (emitter_count > 0u)
-            from_surfaces += emitter_irradiance(p, sobol(i, pcg4d(uvec4(index, 0u, 6u, 0u)).xy));
+            all += open * (open_sky_irradiance(p.s.n) - sky);
+        if (work.relay_count > 0u) {
+            light = relay_light(p, origin, relays[(i ^ scramble.y) % work.relay_count], l);
+            from_surfaces += light;
+            all += taken(p.s, energy, dot(p.s.n, l)) * light;
+        }
+        if (emitter_count > 0u) {
+            light = emitter_irradiance(p, sobol(i, pcg4d(uvec4(index, 0u, 6u, 0u)).xy), l);
+            from_surfaces += light;
+            all += taken(p.s, energy, dot(p.s.n, l)) * light;
+        }
         surfaces += from_surfaces;
-        sum += vec4(from_sky + from_surfaces, 1.0);
+        sum += vec4(all, 1.0);
         // Halves that have equally many samples of the panorama.
-        float bright_light = brightness(from_sky + from_surfaces);
+        float bright_light = brightness(all);
         uneven += (i / PER_DRAWN) % 2u == 0u ? -bright_light : bright_light;
     }
     // Not before surfaces give back nearly all they will.

@@ -74,9 +74,10 @@ struct ProbePlace {
 
 /// Computes a scene's light and writes it into `folder`:
 ///
-/// - `lightmap.ktx2`: irradiance of soft light, W/m², by the coordinates of the program's own atlas; layer 0 for fronts, layer 1
-///   for backs where some can be seen; then as many layers of openness: the mean of directions that meet nothing, in the
-///   models' space, with 0 for all others; and as many of the mean radiance, W/(m² sr), of what these others meet.
+/// - `lightmap.ktx2`: irradiance of soft light, W/m², as diffuse parts take it (`taken` in `glsl/lightmap_gather.comp`), by the
+///   coordinates of the program's own atlas; layer 0 for fronts, layer 1 for backs where some can be seen; then as many layers
+///   of openness: the mean of directions that meet nothing, in the models' space, with 0 for all others; and as many of the
+///   mean radiance, W/(m² sr), of what these others meet.
 /// - `probe-specular.ktx2` and `probe-irradiance.ktx2`, where the scene needs probes: arrays of cubes of radiance,
 ///   W/(m² sr), as for a panorama. Level i of probe p of n is mip i / 2 of cube p + n (i % 2).
 /// - `light.json`: sizes, and where probes stand.

@@ -137,6 +137,38 @@ fn white_things_are_invisible_in_a_furnace() {
     });
 }
 
+/// A smooth floor's specular part has more of grazing light, its diffuse part less, than of light from above.
+#[test]
+fn a_smooth_floors_diffuse_part_takes_less_of_grazing_light() {
+    let floor = Material { base_color_factor: Vec3::splat(0.5), ..grey(0.5, 0.0, 0.2) };
+    let matt = Matt::new(&floor);
+    // Twenty of the panorama's rows, to 14°.
+    let highest = (20.0 * PI / 256.0).sin();
+    let sky = Panorama::from_fn(512, 256, |d| Vec3::splat(if d.y > 0.0 && d.y < highest as f32 { 1.0 } else { 0.0 }));
+    let plane = flat(0, &[level([-1.0, 1.0], 0.0, [-1.0, 1.0])]);
+    let things = vec![plane, ball(0, [0.9, 0.05, 0.9], 0.05, 8, false), mote(FAR)];
+    let scene = world(things, vec![floor], vec![], sky);
+    let from = eye([0.0, 1.0, 1.5], [0.0; 3], 20.0);
+    with_gpu(|gpu| {
+        let taken = take(gpu, &scene, &from, diffuse(32));
+        let seen_at = |pixel: usize| seen(&scene, &from, 32, pixel).filter(|(.., mesh)| *mesh == 0);
+        let expected = |p: DVec3| {
+            let at_v = matt.curve.at(DVec3::Y.dot((from.position().as_dvec3() - p).normalize()));
+            let part = |i: i32| {
+                let cosine = (f64::from(i) + 0.5) / 200.0 * highest;
+                2.0 * PI * cosine * matt.energy.diffuse(matt.base_color, matt.curve.at(cosine), at_v).x * highest
+                    / 200.0
+            };
+            (0..200).map(part).sum::<f64>()
+        };
+        let pairs: Vec<(f64, f64)> =
+            (0..32 * 32).filter_map(|pixel| Some((taken.pixels[pixel], expected(seen_at(pixel)?.0)))).collect();
+        let (mean, spread) = deviations(&pairs);
+        println!("{mean:.4}, {spread:.4} in {} pixels", pairs.len());
+        assert!(pairs.len() > 900 && mean.abs() < 0.01 && spread < 0.02, "{mean}, {spread}");
+    });
+}
+
 /// A metal ball, mesh 1, on a floor of this material under an even sky.
 fn ball_on(floor: Material) -> Scene {
     let things = vec![flat(0, &[level([-6.0, 6.0], -0.5, [-6.0, 6.0])]), ball(1, [0.0; 3], 0.5, 24, false), mote(FAR)];
