@@ -110,77 +110,111 @@ uint nth_bit(uint bits, uint n)
     return uint(findLSB(bits));
 }
 
+// One of a texel's places that can be seen.
+PathPoint seen_place(LightmapTexel texel, uint index, uint i)
+{
+    uint places = lightmap_surfaces[index].places, count = uint(bitCount(places));
+    float random = unit_from_bits(pcg4d(uvec4(index, i, 2u, 0u)).x);
+    uint place = nth_bit(places, min(uint(random * float(count)), count - 1u));
+    return texel_point(texel_hit(texel, texel_place(index, place)), (texel.triangle & LIGHTMAP_BACK) != 0u);
+}
+
+// What a texel knows of the sky before it samples.
+struct KnownSky {
+    float open;    // the share of its light that comes through
+    bool is_drawn; // whether directions are drawn from it, too
+};
+
+// By the squares of what is seen, so that a bright window counts that is hidden: the share that leaves the least noise. Where no
+// sample has met the sky, nor one of the texels around once those of bounces are known, nothing is drawn from it; without a
+// table (0 cells) nowhere.
+KnownSky known_sky(vec2 seen)
+{
+    float open = seen.y > 0.0 ? seen.x / seen.y : 0.0;
+    return KnownSky(open, cells_size.x > 0u && (seen.x > 0.0 || seen.y == 0.0));
+}
+
+// What one sample of a texel found.
+struct GatheredLight {
+    vec3 all;       // irradiance as it is `taken`, by all ways that light comes
+    vec3 surfaces;  // irradiance from surfaces
+    vec4 unblocked; // of a ray that met nothing the models' direction, and 1
+    vec2 sky;       // square of the sky's luminance along a ray that met nothing, and along any
+};
+
+// False where no one sees the place. `bases`: of the texel's random numbers.
+bool gather(PathPoint p, vec3 d, uint index, uint i, uvec4 bases, KnownSky known, out GatheredLight found)
+{
+    vec3 origin = ray_origin(p), sky = sky_light(p.s.n, d, known.is_drawn), light, l;
+    RayHit met = trace_ray(origin, d, 1e30, false);
+    if (!gathered(p, met, d, sky, light))
+        return false;
+    Energy energy = Energy(table_mean(brdf_table, p.s.roughness), MULTI_SCATTER);
+    float is_sky = met.t < 0.0 ? 1.0 : 0.0, bright = dot(sky_radiance(d, panorama_lod(PANORAMA_TEXELS)), vec3(1.0));
+    found.all = taken(p.s, energy, dot(p.s.n, d)) * light;
+    found.surfaces = (1.0 - is_sky) * light;
+    found.unblocked = is_sky * vec4(d * mat3(frame.world_from_models), 1.0);
+    found.sky = bright * bright * vec2(is_sky, 1.0);
+    if (known.is_drawn && i % PER_DRAWN == 0u) {
+        vec3 seen;
+        uvec4 bits = uvec4(sobol_bits(i / PER_DRAWN, bases.zw), pcg4d(uvec4(index, i, 5u, 0u)).xy);
+        sky += drawn_sky_light(p, origin, bits.xzyw, l, seen);
+        found.all += taken(p.s, energy, dot(p.s.n, l)) * seen;
+    }
+    // An open sky's irradiance is known without samples: it stands for as much of `sky`, these samples' estimate of it, as comes
+    // through. A control variate: Owen, "Monte Carlo theory, methods and examples" (2013), section 8.9.
+    if (known.open > 0.0)
+        found.all += known.open * (open_sky_irradiance(p.s.n) - sky);
+    if (work.relay_count > 0u) {
+        light = relay_light(p, origin, relays[(i ^ bases.y) % work.relay_count], l);
+        found.surfaces += light;
+        found.all += taken(p.s, energy, dot(p.s.n, l)) * light;
+    }
+    if (emitter_count > 0u) {
+        light = emitter_irradiance(p, sobol(i, pcg4d(uvec4(index, 0u, 6u, 0u)).xy), l);
+        found.surfaces += light;
+        found.all += taken(p.s, energy, dot(p.s.n, l)) * light;
+    }
+    return true;
+}
+
 void main()
 {
     if (gl_GlobalInvocationID.x >= work.count)
         return;
     uint index = work.first + gl_GlobalInvocationID.x;
     LightmapTexel texel = lightmap_texels[index];
-    uvec4 scramble = pcg4d(uvec4(index, 0u, 1u, 0u));
-    uint places = lightmap_surfaces[index].places, count = uint(bitCount(places));
+    uvec4 bases = pcg4d(uvec4(index, 0u, 1u, 0u));
     BvhTriangle triangle = bvh_triangles[texel.triangle & ~LIGHTMAP_BACK];
     vec3 edge = mat3(frame.world_from_models) * (triangle.b - triangle.a);
-    // The share that leaves the least noise: by the squares of what is seen, so that a bright window counts that is hidden.
-    bool counts = (work.flags & WORK_COUNTS) != 0u;
-    vec2 seen_sky = counts ? lightmap_surfaces[index].sky : lightmap_surfaces[index].kept.xy, met_sky = vec2(0.0);
-    float open = seen_sky.y > 0.0 ? seen_sky.x / seen_sky.y : 0.0;
-    // Where no sample has met the sky, nor one of the texels around once those of bounces are known, none is drawn from it;
-    // without a table (0 cells) nowhere.
-    bool sees_sky = cells_size.x > 0u && (seen_sky.x > 0.0 || seen_sky.y == 0.0);
-    vec4 sum = vec4(0.0), unblocked = vec4(0.0);
-    vec3 surfaces = vec3(0.0);
-    float uneven = 0.0;
-    for (uint i = work.first_sample; i < work.first_sample + work.samples && count > 0u; ++i) {
-        float random = unit_from_bits(pcg4d(uvec4(index, i, 2u, 0u)).x);
-        uint place = nth_bit(places, min(uint(random * float(count)), count - 1u));
-        RayHit hit = texel_hit(texel, texel_place(index, place));
-        PathPoint p = texel_point(hit, (texel.triangle & LIGHTMAP_BACK) != 0u);
-        vec3 origin = ray_origin(p);
-        vec3 d = frame_along(p.s.n, edge) * cosine_direction(sobol(i, scramble.xy));
-        vec3 sky = sky_light(p.s.n, d, sees_sky), light, l;
-        RayHit met = trace_ray(origin, d, 1e30, false);
-        if (!gathered(p, met, d, sky, light))
+    bool counts = (work.flags & WORK_COUNTS) != 0u, is_seen = lightmap_surfaces[index].places != 0u;
+    KnownSky known = known_sky(counts ? lightmap_surfaces[index].sky : lightmap_surfaces[index].kept.xy);
+    GatheredLight sum = GatheredLight(vec3(0.0), vec3(0.0), vec4(0.0), vec2(0.0)), found;
+    float samples = 0.0, uneven = 0.0;
+    for (uint i = work.first_sample; i < work.first_sample + work.samples && is_seen; ++i) {
+        PathPoint p = seen_place(texel, index, i);
+        vec3 d = frame_along(p.s.n, edge) * cosine_direction(sobol(i, bases.xy));
+        if (!gather(p, d, index, i, bases, known, found))
             continue;
-        Energy energy = Energy(table_mean(brdf_table, p.s.roughness), MULTI_SCATTER);
-        vec3 all = taken(p.s, energy, dot(p.s.n, d)) * light, from_surfaces = met.t < 0.0 ? vec3(0.0) : light;
-        unblocked += met.t < 0.0 ? vec4(d * mat3(frame.world_from_models), 1.0) : vec4(0.0);
-        float bright = dot(sky_radiance(d, panorama_lod(PANORAMA_TEXELS)), vec3(1.0));
-        met_sky += bright * bright * vec2(met.t < 0.0 ? 1.0 : 0.0, 1.0);
-        if (sees_sky && i % PER_DRAWN == 0u) {
-            vec3 seen;
-            uvec4 bits = uvec4(sobol_bits(i / PER_DRAWN, scramble.zw), pcg4d(uvec4(index, i, 5u, 0u)).xy);
-            sky += drawn_sky_light(p, origin, bits.xzyw, l, seen);
-            all += taken(p.s, energy, dot(p.s.n, l)) * seen;
-        }
-        // What is known without samples is an open sky's irradiance: `sky` is these samples' estimate of it, and stands for as much
-        // as the sky's light comes through here. A control variate: Owen, "Monte Carlo theory, methods and examples" (2013), section 8.9.
-        if (open > 0.0)
-            all += open * (open_sky_irradiance(p.s.n) - sky);
-        if (work.relay_count > 0u) {
-            light = relay_light(p, origin, relays[(i ^ scramble.y) % work.relay_count], l);
-            from_surfaces += light;
-            all += taken(p.s, energy, dot(p.s.n, l)) * light;
-        }
-        if (emitter_count > 0u) {
-            light = emitter_irradiance(p, sobol(i, pcg4d(uvec4(index, 0u, 6u, 0u)).xy), l);
-            from_surfaces += light;
-            all += taken(p.s, energy, dot(p.s.n, l)) * light;
-        }
-        surfaces += from_surfaces;
-        sum += vec4(all, 1.0);
+        sum.all += found.all;
+        sum.surfaces += found.surfaces;
+        sum.unblocked += found.unblocked;
+        sum.sky += found.sky;
+        samples += 1.0;
         // Halves that have equally many samples of the panorama.
-        float bright_light = brightness(all);
-        uneven += (i / PER_DRAWN) % 2u == 0u ? -bright_light : bright_light;
+        float bright = brightness(found.all);
+        uneven += (i / PER_DRAWN) % 2u == 0u ? -bright : bright;
     }
     // Not before surfaces give back nearly all they will.
     if (!counts || (work.flags & WORK_KEEPS) != 0u) {
-        lightmap_surfaces[index].unblocked += unblocked;
-        lightmap_surfaces[index].rays += sum.a;
-        lightmap_surfaces[index].surfaces += surfaces;
+        lightmap_surfaces[index].unblocked += sum.unblocked;
+        lightmap_surfaces[index].rays += samples;
+        lightmap_surfaces[index].surfaces += sum.surfaces;
     }
     if (counts)
-        lightmap_surfaces[index].sky += met_sky;
+        lightmap_surfaces[index].sky += sum.sky;
     bool begins = (work.flags & WORK_BEGINS) != 0u;
-    lightmap_sums[index] = begins ? sum : lightmap_sums[index] + sum;
+    vec4 all = vec4(sum.all, samples);
+    lightmap_sums[index] = begins ? all : lightmap_sums[index] + all;
     lightmap_surfaces[index].uneven = begins ? uneven : lightmap_surfaces[index].uneven + uneven;
 }

@@ -58,8 +58,10 @@ vec3 local_specular(SpecularLobe lobe, Surface s, vec3 position, vec3 even, out 
             found = next;
             weight = probe_weight(p, probes[next]);
         }
-        light += left * weight * probe_specular(found, probes[found], p, lobe) * reach_of_probe(found, s, even);
-        left *= 1.0 - weight;
+        if (weight > 0.0) {
+            light += left * weight * probe_specular(found, probes[found], p, lobe) * reach_of_probe(found, s, even);
+            left *= 1.0 - weight;
+        }
     }
     return light;
 }
