@@ -4,9 +4,9 @@
 
 #include "shared.glsl"
 #include "emitters.glsl"
+#include "given_back.glsl"
 #include "importance.glsl"
 #include "lamp.glsl"
-#include "ray_surface.glsl"
 
 layout(local_size_x = 64) in;
 
@@ -17,13 +17,15 @@ struct LightmapTexel {
 
 const uint LIGHTMAP_BACK = 0x80000000u;
 
+const uint RELAY_GLOSSY = 0x80000000u;
+
 // A place that light from a lamp met.
 struct Relay {
     vec3 position;
     vec3 side;       // unit normal, towards the lamp
     vec3 radiance;   // that it gives back of lamps and sun, W/(m^2 sr)
     float density;   // of such places per area
-    uint glossy_triangle; // where it is not matt, one more than its triangle, else 0
+    uint triangle;   // the upper bit: it is not matt
     vec3 weights;
     vec3 address;    // in the lightmap
 };
@@ -224,16 +226,6 @@ vec3 glossy_radiance(RayHit hit, vec3 d, out float density)
 vec2 texel_place(uint texel, uint i)
 {
     return sobol(i, pcg4d(uvec4(texel, 0u, 0u, 0u)).xy);
-}
-
-// Share of even light that a surface gives back, as if it were matt.
-vec3 matt_albedo(Surface s)
-{
-    vec2 mean = table_mean(brdf_table, s.roughness);
-    Energy energy = Energy(mean, MULTI_SCATTER);
-    vec3 f0 = f0_from_metallic(s.base_color, s.metallic);
-    return min(f0 * mean.x + mean.y + diffuse_even(energy, s.base_color, s.metallic, mean)
-        + multiple_even(energy, s.base_color, s.metallic, mean), vec3(1.0));
 }
 
 #endif

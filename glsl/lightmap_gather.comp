@@ -26,10 +26,14 @@ vec3 relay_light(PathPoint p, vec3 origin, Relay relay, out vec3 l)
     float cosine = dot(p.s.n, l), area = -dot(relay.side, l) / squared;
     if (cosine <= 0.0 || area <= 0.0 || dot(p.side, l) <= 0.0 || relay.density <= 0.0)
         return vec3(0.0);
-    if (relay.glossy_triangle > 0u)
-        relay.radiance = glossy_radiance(RayHit(far, relay.glossy_triangle - 1u, relay.weights), l, relay.density);
     // Light that comes twice from beside a lamp, as within its shade, is as hard to find.
     vec3 soft = textureLod(given_back_of_soft, relay.address, 0.0).rgb;
+    RayHit lit = RayHit(far, relay.triangle & ~RELAY_GLOSSY, relay.weights);
+    vec3 towards = towards_over_matt(lit, -dot(relay.side, l));
+    relay.radiance *= towards;
+    soft *= towards;
+    if ((relay.triangle & RELAY_GLOSSY) != 0u)
+        relay.radiance = glossy_radiance(lit, l, relay.density);
     vec3 light = (relay.radiance + soft) * (cosine * area / (cosine * INV_PI * area + relay.density));
     return light == vec3(0.0) || trace_ray(origin, l, far * (1.0 - 1e-5), true).t >= 0.0 ? vec3(0.0) : light;
 }
@@ -68,10 +72,12 @@ bool gathered(PathPoint p, RayHit hit, vec3 d, vec3 sky, out vec3 light)
         return false;
     vec3 at = lightmap_address(hit, is_back(hit, d));
     vec4 direct = textureLod(given_back_of_direct, at, 0.0), soft = textureLod(given_back_of_soft, at, 0.0);
+    float cosine = hit_cosine(hit, d), area = cosine / max(hit.t * hit.t, TINY);
+    vec3 towards = towards_over_matt(hit, cosine);
+    direct.rgb *= towards;
+    soft.rgb *= towards;
     if (soft.a > 0.5)
         direct.rgb = glossy_radiance(hit, d, direct.a);
-    vec3 g = normalize_or(bvh_normal(hit.triangle), vec3(0.0));
-    float area = abs(dot(g, d * mat3(frame.world_from_models))) / max(hit.t * hit.t, TINY);
     float here = max(dot(p.s.n, d), 0.0) * INV_PI * area;
     // Relays give the rest, and points that are drawn of what shines.
     float share = work.relay_count > 0u ? here / max(here + direct.a, TINY) : 1.0;

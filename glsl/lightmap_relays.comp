@@ -17,7 +17,7 @@ void main()
     PathPoint p = ray_point(hit, d);
     vec3 at = lightmap_address(hit, is_back(hit, d));
     vec4 given = textureLod(given_back_of_direct, at, 0.0);
-    uint glossy_triangle = textureLod(given_back_of_soft, at, 0.0).a > 0.5 ? hit.triangle + 1u : 0u;
+    uint glossy = textureLod(given_back_of_soft, at, 0.0).a > 0.5 ? RELAY_GLOSSY : 0u;
     vec3 position = p.position + 2.0 * p.rounding * p.side;
-    relays[index] = Relay(position, p.side, given.rgb, given.a, glossy_triangle, hit.weights, at);
+    relays[index] = Relay(position, p.side, given.rgb, given.a, hit.triangle | glossy, hit.weights, at);
 }

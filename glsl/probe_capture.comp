@@ -2,8 +2,8 @@
 // the panorama between them.
 #version 460
 #extension GL_GOOGLE_include_directive : require
+#include "given_back.glsl"
 #include "panorama.glsl"
-#include "ray_surface.glsl"
 
 layout(local_size_x = 8, local_size_y = 8) in;
 layout(PROBE_DIRECT) uniform sampler2DArray given_back_of_direct;
@@ -26,7 +26,7 @@ vec3 radiance_along(vec3 d, float rays_across)
         return sky_radiance(d_world, panorama_lod(rays_across));
     vec3 at = lightmap_address(hit, is_back(hit, d_world));
     vec3 given_back = textureLod(given_back_of_direct, at, 0.0).rgb + textureLod(given_back_of_soft, at, 0.0).rgb;
-    return given_back + emission_of_hit(hit);
+    return given_back * towards_over_matt(hit, hit_cosine(hit, d_world)) + emission_of_hit(hit);
 }
 
 void main()

@@ -169,6 +169,26 @@ fn a_smooth_floors_diffuse_part_takes_less_of_grazing_light() {
     });
 }
 
+/// A black floor that is smooth mirrors the sky towards walls, more of it than to the ceiling.
+#[test]
+fn a_smooth_floor_gives_walls_more_than_its_mean() {
+    let sky = Panorama::from_fn(64, 32, |d| Vec3::splat(if d.y > 0.0 { 1.0 } else { 0.0 }));
+    let floor = flat(1, &[level([-12.0, 12.0], 0.0, [-12.0, 12.0])]);
+    let things = vec![flat(0, &block([-0.25, 0.75, -0.25], [0.25, 1.25, 0.25])), floor];
+    let scene = world(things, vec![grey(0.5, 0.0, 1.0), grey(0.0, 0.0, 0.2)], vec![], sky);
+    let from = eye([0.0, 1.0, 2.0], [0.0, 1.0, 0.0], 15.0);
+    with_gpu(|gpu| {
+        let baked = take(gpu, &scene, &from, Shot::new(BAKED, 32));
+        let exact = take(gpu, &scene, &from, Shot::reference(BAKED, 32, 256));
+        let on_wall = |pixel: &usize| seen(&scene, &from, 32, *pixel).is_some_and(|(.., mesh)| mesh == 0);
+        let pixels: Vec<usize> = (0..32 * 32).filter(on_wall).collect();
+        let mean = |taken: &Taken| pixels.iter().map(|i| taken.pixels[*i]).sum::<f64>() / pixels.len() as f64;
+        let (got, want) = (mean(&baked), mean(&exact));
+        println!("{got:.4} for {want:.4} in {} pixels", pixels.len());
+        assert!(pixels.len() > 800 && (got / want - 1.0).abs() < 0.015, "{got} for {want}");
+    });
+}
+
 /// A metal ball, mesh 1, on a floor of this material under an even sky.
 fn ball_on(floor: Material) -> Scene {
     let things = vec![flat(0, &[level([-6.0, 6.0], -0.5, [-6.0, 6.0])]), ball(1, [0.0; 3], 0.5, 24, false), mote(FAR)];

@@ -1,0 +1,43 @@
+// How much of even light surfaces give back: all in all, and towards where.
+#ifndef GIVEN_BACK_GLSL
+#define GIVEN_BACK_GLSL
+
+#include "shared.glsl"
+#include "energy.glsl"
+#include "ray_surface.glsl"
+
+// Share that is given back; `at`: the table's entry at n.v, or its mean.
+vec3 total_albedo(Energy energy, vec3 base_color, float metallic, vec2 at)
+{
+    vec3 specular = f0_from_metallic(base_color, metallic) * at.x + at.y + multiple_even(energy, base_color, metallic, at);
+    return min(specular + diffuse_even(energy, base_color, metallic, at), vec3(1.0));
+}
+
+// The same as if the surface were matt.
+vec3 matt_albedo(Surface s)
+{
+    Energy energy = Energy(table_mean(brdf_table, s.roughness), MULTI_SCATTER);
+    return total_albedo(energy, s.base_color, s.metallic, energy.mean);
+}
+
+// What a hit gives back at this cosine to its triangle's normal, over what it does as if it were matt: a smooth floor mirrors more
+// light towards walls than to the ceiling.
+vec3 towards_over_matt(RayHit hit, float cosine)
+{
+    Material material = materials[bvh_triangles[hit.triangle].material_and_flags & BVH_MATERIAL];
+    vec2 uv = ray_uv(hit);
+    vec3 base_color = ray_base(hit, material, uv).rgb;
+    vec3 maps = textureLod(ray_orm, ray_map_at(hit, material, uv, MAP_ORM, textureSize(ray_base_color, 0).x), 0.0).rgb;
+    float roughness = material.roughness * maps.g, metallic = material.metallic * maps.b;
+    Energy energy = Energy(table_mean(brdf_table, roughness), MULTI_SCATTER);
+    vec2 at_v = table_entry(brdf_table, cosine, roughness);
+    return total_albedo(energy, base_color, metallic, at_v) / max(total_albedo(energy, base_color, metallic, energy.mean), vec3(TINY));
+}
+
+// Cosine of a ray of unit direction d, in world space, to the normal of the triangle that it met.
+float hit_cosine(RayHit hit, vec3 d)
+{
+    return abs(dot(normalize_or(bvh_normal(hit.triangle), vec3(0.0)), d * mat3(frame.world_from_models)));
+}
+
+#endif
