@@ -27,17 +27,11 @@ vec3 towards_over_matt(RayHit hit, float cosine)
     Material material = materials[bvh_triangles[hit.triangle].material_and_flags & BVH_MATERIAL];
     vec2 uv = ray_uv(hit);
     vec3 base_color = ray_base(hit, material, uv).rgb;
-    vec3 maps = textureLod(ray_orm, ray_map_at(hit, material, uv, MAP_ORM, textureSize(ray_base_color, 0).x), 0.0).rgb;
-    float roughness = material.roughness * maps.g, metallic = material.metallic * maps.b;
+    vec2 metallic_roughness = ray_metallic_roughness(hit, material, uv);
+    float metallic = metallic_roughness.x, roughness = metallic_roughness.y;
     Energy energy = Energy(table_mean(brdf_table, roughness), MULTI_SCATTER);
-    vec2 at_v = table_entry(brdf_table, cosine, roughness);
-    return total_albedo(energy, base_color, metallic, at_v) / max(total_albedo(energy, base_color, metallic, energy.mean), vec3(TINY));
-}
-
-// Cosine of a ray of unit direction d, in world space, to the normal of the triangle that it met.
-float hit_cosine(RayHit hit, vec3 d)
-{
-    return abs(dot(normalize_or(bvh_normal(hit.triangle), vec3(0.0)), d * mat3(frame.world_from_models)));
+    vec3 here = total_albedo(energy, base_color, metallic, table_entry(brdf_table, cosine, roughness));
+    return here / max(total_albedo(energy, base_color, metallic, energy.mean), vec3(TINY));
 }
 
 #endif

@@ -17,6 +17,17 @@ float taken(Surface s, Energy energy, float cosine)
     return mix(share / max(left_by_dielectric(energy, energy.mean), LEAST_LOST), 1.0, s.metallic);
 }
 
+// Radiance that a hit gives back to where a ray of direction d came from, of what its texel says of direct and soft light. Where it is
+// glossy, that of lamps and sun and the density of relays are those of the very place.
+vec3 given_towards(RayHit hit, vec3 d, float cosine, vec3 direct, vec3 soft, bool glossy, inout float density)
+{
+    vec3 towards = towards_over_matt(hit, cosine);
+    direct *= towards;
+    if (glossy)
+        direct = glossy_radiance(hit, d, density);
+    return direct + towards * soft;
+}
+
 // Irradiance by way of a relay, and its direction, for a point that samples its hemisphere by the cosine: see path.glsl's `relayed_light`.
 vec3 relay_light(PathPoint p, vec3 origin, Relay relay, out vec3 l)
 {
@@ -29,12 +40,9 @@ vec3 relay_light(PathPoint p, vec3 origin, Relay relay, out vec3 l)
     // Light that comes twice from beside a lamp, as within its shade, is as hard to find.
     vec3 soft = textureLod(given_back_of_soft, relay.address, 0.0).rgb;
     RayHit lit = RayHit(far, relay.triangle & ~RELAY_GLOSSY, relay.weights);
-    vec3 towards = towards_over_matt(lit, -dot(relay.side, l));
-    relay.radiance *= towards;
-    soft *= towards;
-    if ((relay.triangle & RELAY_GLOSSY) != 0u)
-        relay.radiance = glossy_radiance(lit, l, relay.density);
-    vec3 light = (relay.radiance + soft) * (cosine * area / (cosine * INV_PI * area + relay.density));
+    bool glossy = (relay.triangle & RELAY_GLOSSY) != 0u;
+    vec3 given = given_towards(lit, l, -dot(relay.side, l), relay.radiance, soft, glossy, relay.density);
+    vec3 light = given * (cosine * area / (cosine * INV_PI * area + relay.density));
     return light == vec3(0.0) || trace_ray(origin, l, far * (1.0 - 1e-5), true).t >= 0.0 ? vec3(0.0) : light;
 }
 
@@ -73,15 +81,11 @@ bool gathered(PathPoint p, RayHit hit, vec3 d, vec3 sky, out vec3 light)
     vec3 at = lightmap_address(hit, is_back(hit, d));
     vec4 direct = textureLod(given_back_of_direct, at, 0.0), soft = textureLod(given_back_of_soft, at, 0.0);
     float cosine = hit_cosine(hit, d), area = cosine / max(hit.t * hit.t, TINY);
-    vec3 towards = towards_over_matt(hit, cosine);
-    direct.rgb *= towards;
-    soft.rgb *= towards;
-    if (soft.a > 0.5)
-        direct.rgb = glossy_radiance(hit, d, direct.a);
+    vec3 given = given_towards(hit, d, cosine, direct.rgb, soft.rgb, soft.a > 0.5, direct.a);
     float here = max(dot(p.s.n, d), 0.0) * INV_PI * area;
     // Relays give the rest, and points that are drawn of what shines.
     float share = work.relay_count > 0u ? here / max(here + direct.a, TINY) : 1.0;
-    light = PI * share * (direct.rgb + soft.rgb);
+    light = PI * share * given;
     if (emitter_count > 0u)
         light += PI * emission_of_hit(hit) * (here / max(here + emitter_density(hit.triangle), TINY));
     return true;
@@ -145,7 +149,7 @@ struct GatheredLight {
     vec3 all;       // irradiance as it is `taken`, by all ways that light comes
     vec3 surfaces;  // irradiance from surfaces
     vec4 unblocked; // of a ray that met nothing the models' direction, and 1
-    vec2 sky;       // square of the sky's luminance along a ray that met nothing, and along any
+    vec2 sky;       // square of the sky's brightness along a ray that met nothing, and along any
 };
 
 // False where no one sees the place. `bases`: of the texel's random numbers.

@@ -92,6 +92,12 @@ vec4 ray_base(RayHit hit, Material material, vec2 uv)
     return (material.flags & MATERIAL_VERTEX_COLOURS) != 0u ? base * ray_colour(hit) : base;
 }
 
+vec2 ray_metallic_roughness(RayHit hit, Material material, vec2 uv)
+{
+    vec3 at = ray_map_at(hit, material, uv, MAP_ORM, textureSize(ray_base_color, 0).x);
+    return vec2(material.metallic, material.roughness) * textureLod(ray_orm, at, 0.0).bg;
+}
+
 bool is_hole(RayHit hit)
 {
     Material material = materials[bvh_triangles[hit.triangle].material_and_flags & BVH_MATERIAL];
@@ -165,7 +171,7 @@ PathPoint ray_point(RayHit hit, vec3 d)
     vec3 place = hit.weights.x * triangle.a + hit.weights.y * triangle.b + hit.weights.z * triangle.c;
     vec3 g = turn * normalize_or(bvh_normal(hit.triangle), vec3(0.0, 1.0, 0.0));
     float front = dot(g, d) <= 0.0 ? 1.0 : -1.0;
-    vec3 maps = textureLod(ray_orm, ray_map_at(hit, material, uv, MAP_ORM, side), 0.0).rgb;
+    vec2 metallic_roughness = ray_metallic_roughness(hit, material, uv);
     PathPoint p;
     p.position = (frame.world_from_models * vec4(place, 1.0)).xyz;
     p.side = front * g;
@@ -176,8 +182,8 @@ PathPoint ray_point(RayHit hit, vec3 d)
     p.s.base_color = ray_base(hit, material, uv).rgb;
     p.s.alpha = 1.0; // rays pass through what is not covered
     p.s.emission = ray_emission_of(hit, material, uv);
-    p.s.metallic = material.metallic * maps.b;
-    p.s.roughness = material.roughness * maps.g;
+    p.s.metallic = metallic_roughness.x;
+    p.s.roughness = metallic_roughness.y;
     p.s.occlusion = 1.0; // rays find out themselves what light reaches
     return p;
 }
@@ -186,6 +192,12 @@ PathPoint ray_point(RayHit hit, vec3 d)
 bool is_back(RayHit hit, vec3 d)
 {
     return dot(bvh_normal(hit.triangle), d * mat3(frame.world_from_models)) > 0.0;
+}
+
+// Cosine of a ray of unit direction d to the normal of the triangle that it met.
+float hit_cosine(RayHit hit, vec3 d)
+{
+    return abs(dot(normalize_or(bvh_normal(hit.triangle), vec3(0.0)), d * mat3(frame.world_from_models)));
 }
 
 // The first hit of a ray in world space, with t in metres.
