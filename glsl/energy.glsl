@@ -84,6 +84,20 @@ vec3 multiple_even(Energy energy, vec3 base_color, float metallic, vec2 at_v)
     return lost(at_v) * mixed_share(energy, base_color, metallic);
 }
 
+// What the diffuse part takes of light from all around, over what it takes of the same irradiance of even light, by how much of it
+// is grazing: its mean of 21 (1 - n.l)^5 under the cosine, which is 1 for even light. Smooth dielectrics leave
+// 0.96 (1 - (1 - n.l)^5), for which this is exact; for rough ones the factor is fitted (src/precompute/README.md).
+float diffuse_taken(float roughness, float grazing)
+{
+    return max(1.0 - (grazing - 1.0) / (20.0 + 460.0 * roughness * roughness * roughness), 0.0);
+}
+
+// The same for multiple scattering.
+float multiple_taken(float roughness, float grazing)
+{
+    return max(1.0 + (grazing - 1.0) * clamp(0.047 / (roughness * roughness) - 0.157, -0.065, 1.0), 0.0);
+}
+
 // The table's entry at n.l or n.v.
 vec2 table_entry(sampler2DArray table, float cosine, float roughness)
 {

@@ -7,10 +7,16 @@
 #include "split_sum.glsl"
 #include "table.glsl"
 
-// Irradiance of a surface facing n, over pi: what a white Lambertian surface sends out, W/(m^2 sr).
-vec3 environment_diffuse(vec3 n)
+// Light of all directions that a surface facing n has.
+struct EvenLight {
+    vec3 over_pi;  // irradiance over pi: what a white Lambertian surface sends out, W/(m^2 sr)
+    float grazing; // how much of it is grazing: see diffuse_taken
+};
+
+EvenLight environment_even(vec3 n)
 {
-    return texture(irradiance_over_pi, panorama_from_world(n)).rgb * frame.environment_scale;
+    vec4 texel = texture(irradiance_over_pi, panorama_from_world(n));
+    return EvenLight(texel.rgb * frame.environment_scale, texel.a);
 }
 
 // What the specular term does with light from all around.

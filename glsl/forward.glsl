@@ -20,7 +20,7 @@ layout(location = 0) out vec4 colour;
 // Phong has neither metals nor mirror images of the surroundings, only an ambient term, the sun and the point lights.
 vec3 phong(Surface s)
 {
-    return s.base_color * environment_diffuse(s.n) * s.occlusion + sun_light_phong(s) + point_lights_phong(s, position_world);
+    return s.base_color * environment_even(s.n).over_pi * s.occlusion + sun_light_phong(s) + point_lights_phong(s, position_world);
 }
 
 // The lightmap at this fragment's side; of one of LIGHTMAP_KINDS.
@@ -30,10 +30,14 @@ vec3 lightmap_texel(uint kind)
     return textureLod(lightmap, vec3(lightmap_uv, layer), 0.0).rgb;
 }
 
-// Soft light as irradiance over pi, as the diffuse part takes it: less of what comes at grazing angles, the same of even light.
-vec3 lightmap_diffuse()
+// Soft light, of the lightmap or else of the panorama. A lightmap's irradiance is as the diffuse part takes it.
+EvenLight even_light(Surface s)
 {
-    return lightmap_texel(LIGHTMAP_IRRADIANCE) * INV_PI;
+    if (LIGHTMAP != LIGHTMAP_NONE)
+        return EvenLight(lightmap_texel(LIGHTMAP_IRRADIANCE) * INV_PI, 1.0);
+    EvenLight light = environment_even(s.n);
+    light.over_pi *= s.occlusion;
+    return light;
 }
 
 struct Split {
@@ -72,11 +76,11 @@ vec3 mirrored(Surface s, SpecularLobe lobe, vec3 even)
 }
 
 // What the environment gives: the split sum, and with the irradiance what is diffuse or scattered more than once. That is
-// exact under even light (energy.glsl); elsewhere it takes these terms' slow fall towards grazing light for the cosine's, but for
-// the diffuse part by a lightmap, whose irradiance has that fall.
+// exact under even light; elsewhere these terms' share of grazing light is fitted (energy.glsl).
 Split environment(Surface s, SpecularLobe lobe)
 {
-    vec3 even = LIGHTMAP == LIGHTMAP_NONE ? environment_diffuse(s.n) * s.occlusion : lightmap_diffuse();
+    EvenLight light = even_light(s);
+    vec3 even = light.over_pi;
     Split split = Split(vec3(0.0), mirrored(s, lobe, even) + lobe.reflectance * lobe.even * even);
     bool multiple = MULTI_SCATTER && GEOMETRY == GEOMETRY_SMITH;
     if (METALNESS == METALNESS_METAL && !multiple)
@@ -85,9 +89,9 @@ Split environment(Surface s, SpecularLobe lobe)
     if (GEOMETRY == GEOMETRY_KARIS2013) // the thesis's: what the mixed specular part leaves
         split.diffuse = (1.0 - lobe.reflectance) * (1.0 - s.metallic) * s.base_color * even;
     else if (METALNESS != METALNESS_METAL)
-        split.diffuse = diffuse_even(energy, s.base_color, s.metallic, lobe.entry) * even;
+        split.diffuse = diffuse_even(energy, s.base_color, s.metallic, lobe.entry) * diffuse_taken(s.roughness, light.grazing) * even;
     if (multiple)
-        split.specular += multiple_even(energy, s.base_color, s.metallic, lobe.entry) * even;
+        split.specular += multiple_even(energy, s.base_color, s.metallic, lobe.entry) * multiple_taken(s.roughness, light.grazing) * even;
     return split;
 }
 
@@ -143,7 +147,7 @@ vec3 light_of(Surface s)
     if (SHADING == SHADING_SPECULAR)
         return environment(s, lobe_of(s)).specular;
     if (SHADING == SHADING_IRRADIANCE)
-        return environment_diffuse(s.n);
+        return environment_even(s.n).over_pi;
     return physically_based(s) + s.emission;
 }
 

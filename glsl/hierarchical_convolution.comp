@@ -4,7 +4,8 @@
 // for each tile of 8x8 texels: smaller than the lobe is where they lie, so K hardly bends over one, and the bend that is
 // left enters by the light's second moment in the node. No sample and no random number: the same light gives the same
 // bits. The sums for radiance 1 (NORMS) are the same on every face, and divide out most of what is left of the error.
-// Twin: reference::integrals::prefiltered; at alpha = 1 reference::integrals::irradiance over pi.
+// Alpha is 1, but beside irradiance it is how much of the light is grazing (energy.glsl, diffuse_taken).
+// Twins: reference::integrals::prefiltered; at alpha = 1 reference::integrals::irradiance over pi and grazing.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "cube.glsl"
@@ -20,7 +21,8 @@ layout(constant_id = 0) const bool NORMS = false;
 layout(set = 0, binding = 0, scalar) readonly buffer Nodes { Node nodes[]; };
 layout(set = 0, binding = 1, scalar) readonly buffer Lists { uint lists[]; };
 layout(set = 0, binding = 2, scalar) readonly buffer Tiles { uvec2 tiles[]; }; // first entry of a list, their number
-layout(set = 0, binding = 3, scalar) buffer Norms { float norms[]; }; // rows of one face, level after level
+// Rows of one face, level after level; after irradiance, which is last, those of its grazing light.
+layout(set = 0, binding = 3, scalar) buffer Norms { float norms[]; };
 layout(set = 0, binding = 4, rgba16f) uniform writeonly image2DArray level;
 layout(push_constant, scalar) uniform Push {
     float alpha2;
@@ -37,9 +39,11 @@ void main()
     uint across = gl_NumWorkGroups.x;
     uvec2 corner = 8u * group.xy + uvec2(gl_LocalInvocationID.x, 0u);
     vec3 r[ROWS], sum[ROWS];
+    float grazing[ROWS];
     for (uint j = 0u; j < ROWS; ++j) {
         r[j] = cube_direction(group.z, (vec2(corner + uvec2(0u, j)) + 0.5) / float(size));
         sum[j] = vec3(0.0);
+        grazing[j] = 0.0;
     }
     Lobe lobe = Lobe(push.alpha2, push.k);
     uvec2 list = tiles[push.first_tile + (group.z * across + group.y) * across + group.x];
@@ -50,14 +54,28 @@ void main()
             sum[j] += weights.x * node.flux + weights.y * (r[j] * node.moment);
         }
     }
+    // A loop of its own: specular levels, which are most of the time, must not pay for it.
+    bool irradiance = push.alpha2 == 1.0;
+    for (uint i = list.x; irradiance && i < list.x + list.y; ++i) {
+        Node node = nodes[lists[i]];
+        float flux = dot(node.flux, BRIGHTNESS);
+        for (uint j = 0u; j < ROWS; ++j)
+            grazing[j] += flux * grazing_mean(dot(r[j], node.mean), node.spread);
+    }
     for (uint j = 0u; j < ROWS; ++j) {
         uvec2 texel = corner + uvec2(0u, j);
         if (texel.x >= size || texel.y >= size)
             continue;
-        uint norm = push.first_norm + texel.y * size + texel.x;
-        if (NORMS)
+        uint norm = push.first_norm + texel.y * size + texel.x, grazing_norm = norm + size * size;
+        if (NORMS) {
             norms[norm] = sum[j].x;
-        else
-            imageStore(level, ivec3(texel, push.first_layer + group.z), vec4(round_to_half(sum[j] / norms[norm]), 1.0));
+            if (irradiance)
+                norms[grazing_norm] = grazing[j];
+            continue;
+        }
+        vec3 mean = sum[j] / norms[norm];
+        float bright = dot(mean, BRIGHTNESS);
+        float alpha = irradiance && bright > 0.0 ? grazing[j] / norms[grazing_norm] / bright : 1.0;
+        imageStore(level, ivec3(texel, push.first_layer + group.z), vec4(round_to_half(mean), alpha));
     }
 }

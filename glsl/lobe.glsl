@@ -24,4 +24,12 @@ vec2 lobe_mean(Lobe lobe, float c, float spread)
     return c > 0.0 ? over_q * over_q * vec2(c + bend - c * slope, slope) : vec2(0.0);
 }
 
+// The same mean of G(c) = c (1 - c)^5, Schlick's Fresnel term under the cosine, for light of one colour, whose mean cosine is c.
+// G'' = (1 - c)^3 (30 c - 10).
+float grazing_mean(float c, float spread)
+{
+    float left = 1.0 - c, cubed = left * left * left;
+    return c > 0.0 ? cubed * (c * left * left + spread * (1.0 - c * c) * (30.0 * c - 10.0)) : 0.0;
+}
+
 #endif

@@ -54,7 +54,10 @@ fn read_cube(folder: &Path, map: &str) -> Result<CubeTexels> {
             remedy: "give the folder that cmgen wrote with -f exr --no-mirror",
         });
     }
-    let texel = |[x, y, face]: Texel| faces[face as usize].pixels[(y * size + x) as usize];
+    let texel = |[x, y, face]: Texel| {
+        let [r, g, b] = faces[face as usize].pixels[(y * size + x) as usize];
+        [r, g, b, 1.0]
+    };
     let all = (0..6).flat_map(|face| (0..size).flat_map(move |y| (0..size).map(move |x| [x, y, face])));
     Ok(CubeTexels { size, texels: all.map(|ours| texel(theirs(ours, size))).collect() })
 }

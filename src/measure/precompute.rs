@@ -261,7 +261,7 @@ fn judge(filled: Filled, name: &str, sums: &mut Sums<'_>, log2_texels: u32) -> V
         let texels = spread_texels(map.cube.size, log2_texels);
         let directions: Vec<DVec3> = texels.iter().map(|texel| texel_direction(*texel, map.cube.size)).collect();
         let truths: Vec<DVec3> = sums.settled(|sums| directions.iter().map(|d| sums.around(*d, map.alpha)).collect());
-        let values: Vec<DVec3> = texels.iter().map(|texel| map.cube.at(*texel)).collect();
+        let values: Vec<DVec3> = texels.iter().map(|texel| map.cube.at(*texel).truncate()).collect();
         Row {
             panorama: name.to_owned(),
             cube_size: filled.cube_size,

@@ -2,17 +2,17 @@
 
 use std::sync::Arc;
 
-use glam::{DVec2, DVec3, Vec3};
+use glam::{DVec2, DVec3, DVec4, Vec4};
 use half::f16;
 
 use crate::Result;
 use crate::gpu::{Gpu, Image, Subresource, read_image};
 use crate::reference::cube::{cube_direction, cube_face};
 
-/// One mip of a cube map: texels of a face's side, and radiance, face by face, rows from the top.
+/// One mip of a cube map: texels of a face's side, and radiance and alpha, face by face, rows from the top.
 pub struct CubeTexels {
     pub size: u32,
-    pub texels: Vec<[f32; 3]>,
+    pub texels: Vec<[f32; 4]>,
 }
 
 impl CubeTexels {
@@ -21,19 +21,20 @@ impl CubeTexels {
         let mut texels = Vec::new();
         for layer in 0..6 {
             let bytes = read_image(gpu, image, Subresource { mip, layer }, 8)?;
-            let value = |b: &[u8]| f16::from_le_bytes([b[0], b[1]]).to_f32() * scale;
-            texels.extend(bytes.chunks_exact(8).map(|t| [value(&t[..2]), value(&t[2..4]), value(&t[4..6])]));
+            let halves: Vec<[f16; 4]> = bytemuck::pod_collect_to_vec(&bytes);
+            let texel = |[r, g, b, alpha]: [f32; 4]| [r * scale, g * scale, b * scale, alpha];
+            texels.extend(halves.iter().map(|t| texel(t.map(f16::to_f32))));
         }
         Ok(Self { size: image.mip_size(mip)[0], texels })
     }
 
     /// Of a column, row and face.
-    pub fn at(&self, [x, y, face]: [u32; 3]) -> DVec3 {
-        Vec3::from(self.texels[((face * self.size + y) * self.size + x) as usize]).as_dvec3()
+    pub fn at(&self, [x, y, face]: [u32; 3]) -> DVec4 {
+        Vec4::from(self.texels[((face * self.size + y) * self.size + x) as usize]).as_dvec4()
     }
 
     /// Bilinear, as a sampler does, but with weights that are not rounded; across an edge, texels of the next face.
-    pub fn look_up(&self, d: DVec3) -> DVec3 {
+    pub fn look_up(&self, d: DVec3) -> DVec4 {
         let side = f64::from(self.size);
         let (face, st) = cube_face(d);
         let at = st * side - 0.5;
@@ -60,12 +61,12 @@ mod tests {
         };
         let texels = (0..6)
             .flat_map(|face| (0..size).flat_map(move |y| (0..size).map(move |x| texel_direction([x, y, face], size))))
-            .map(|d| (DVec3::ONE + 0.5 * d).as_vec3().to_array())
+            .map(|d| (DVec3::ONE + 0.5 * d).extend(2.0 + d.x).as_vec4().to_array())
             .collect();
         let cube = CubeTexels { size, texels };
         for texel in [[0, 0, 0], [7, 3, 2], [4, 4, 5]] {
             let d = texel_direction(texel, size);
-            assert!(cube.look_up(d).abs_diff_eq(DVec3::ONE + 0.5 * d, 1e-6));
+            assert!(cube.look_up(d).abs_diff_eq((DVec3::ONE + 0.5 * d).extend(2.0 + d.x), 1e-6));
         }
         // Over the edge between +X and +Y, in small steps.
         let mut last = cube.look_up(DVec3::new(1.0, 0.9, 0.13));
@@ -75,7 +76,7 @@ mod tests {
             last = next;
         }
         for d in [DVec3::new(1.0, 1.0, 0.99), DVec3::new(-0.3, 1.0, 0.98)] {
-            assert!(cube.look_up(d).abs_diff_eq(DVec3::ONE + 0.5 * d.normalize(), 0.05), "at a corner");
+            assert!(cube.look_up(d).truncate().abs_diff_eq(DVec3::ONE + 0.5 * d.normalize(), 0.05), "at a corner");
         }
     }
 }

@@ -9,7 +9,7 @@ use super::harness_tests::{Judge, Random, evaluate, with_gpu};
 use crate::context::Context;
 use crate::gpu::{Subresource, read_image};
 use crate::reference::brdf::Geometry;
-use crate::reference::energy::{Energy, Scattering};
+use crate::reference::energy::{Energy, Scattering, diffuse_taken, multiple_taken};
 use crate::reference::table::{Entry, SplitSum, table_arguments, table_entry};
 
 #[repr(C)]
@@ -21,6 +21,9 @@ struct Input {
     base_color: [f32; 3],
     metallic: f32,
     multiple: u32,
+    roughness: f32,
+    /// From all light at the normal to all at the horizon.
+    grazing: f32,
 }
 
 #[repr(C)]
@@ -34,6 +37,8 @@ struct Output {
     beyond: [f32; 3],
     diffuse_even: [f32; 3],
     multiple_even: [f32; 3],
+    diffuse_taken: f32,
+    multiple_taken: f32,
 }
 
 fn entry([scale, bias]: [f32; 2]) -> Entry {
@@ -57,6 +62,8 @@ fn inputs() -> Vec<Input> {
             base_color: random.colour().as_vec3().into(),
             metallic: [0.0, 1.0, random.unit() as f32][i % 3],
             multiple: u32::from(i % 5 != 0),
+            roughness: random.unit() as f32,
+            grazing: 21.0 * random.unit() as f32,
         };
         if i < 64 {
             [input.mean, input.at_l, input.at_v] = [ends[i % 4], ends[i / 4 % 4], ends[i / 16]];
@@ -93,6 +100,9 @@ fn what_comes_beside_single_scattering_agrees() {
         near("diffuse", o.diffuse, energy.diffuse(base_color, at_l, at_v), [1e-6 + rounding, 1e-5 + rounding]);
         near("diffuse_even", o.diffuse_even, energy.diffuse_even(base_color, metallic, at_v), [1e-6, 2e-6]);
         near("multiple_even", o.multiple_even, energy.multiple_even(base_color, metallic, at_v), [1e-6, 2e-6]);
+        let [roughness, grazing] = [i.roughness.into(), i.grazing.into()];
+        judge.near("diffuse_taken", i, &[o.diffuse_taken], &[diffuse_taken(roughness, grazing)], [1e-6, 0.0]);
+        judge.near("multiple_taken", i, &[o.multiple_taken], &[multiple_taken(roughness, grazing)], [1e-6, 1e-5]);
     }
 }
 

@@ -9,7 +9,7 @@ use crate::reference::cube::{
     rotate_y,
 };
 use crate::reference::levels::level_from_spread;
-use crate::reference::lobe::{kernel, kernel_second_derivative};
+use crate::reference::lobe::{grazing_kernel, grazing_second_derivative, kernel, kernel_second_derivative};
 use crate::reference::math::{normalize_or, round_to_half};
 use crate::reference::openness::{openness_from_mean, visibility};
 use crate::reference::probe::{box_exit, probe_weight};
@@ -73,6 +73,7 @@ struct LevelsInput {
 struct LevelsOutput {
     level: f32,
     mean: f32,
+    grazing: f32,
     coordinate: [f32; 2],
     arguments: [f32; 2],
 }
@@ -91,8 +92,11 @@ fn levels_lobes_and_table_places_agree() {
         // The sign of a cosine of 0 is rounding's.
         let c = 2.0 * spread - 1.0;
         if c.abs() > 1e-6 {
-            let bend = 0.01 * spread * (1.0 - c * c) * kernel_second_derivative(c, alpha);
-            judge.near("lobe_mean", input, &[got.mean], &[kernel(c, alpha) + bend], [0.0, 1e-3]);
+            let variance = 0.01 * spread * (1.0 - c * c);
+            let mean = kernel(c, alpha) + variance * kernel_second_derivative(c, alpha);
+            judge.near("lobe_mean", input, &[got.mean], &[mean], [0.0, 1e-3]);
+            let grazing = grazing_kernel(c) + variance * grazing_second_derivative(c);
+            judge.near("grazing_mean", input, &[got.grazing], &[grazing], [1e-6, 1e-5]);
         }
         let place = table_place(spread, alpha.min(1.0));
         let size = [128.0, 96.0];

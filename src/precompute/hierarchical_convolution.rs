@@ -108,7 +108,8 @@ impl HierarchicalConvolution {
         let size = specular[0].desc().size[0];
         let targets = targets(size, irradiance.desc().size[0]);
         let lists = InteractionLists::new(size / 2, &targets);
-        let norms: u32 = targets.iter().map(|target| target.size * target.size).sum();
+        // Irradiance has two.
+        let norms: u32 = targets.iter().chain(targets.last()).map(|target| target.size * target.size).sum();
         let buffers = [
             Buffer::new(gpu, "nodes", BufferKind::Storage, u64::from(node_count(size / 2)) * NODE_BYTES)?,
             filled(gpu, "node lists", bytemuck::cast_slice(&lists.entries))?,

@@ -8,9 +8,10 @@ use rayon::prelude::*;
 use super::*;
 use crate::context::Context;
 use crate::gpu::Subresource;
+use crate::precompute::CubeTexels;
 use crate::precompute::harness_tests::{Random, texels, with_gpu};
 use crate::reference::cube::{cube_direction, cube_face, cube_texel_solid_angle, panorama_texel_solid_angle};
-use crate::reference::integrals::{PanoramaView, irradiance, prefiltered};
+use crate::reference::integrals::{PanoramaView, grazing, irradiance, prefiltered};
 use crate::reference::levels::alpha_from_level;
 
 /// Half floats are stored to half of 2^-10; a cube's own texels to this much more.
@@ -27,6 +28,14 @@ impl Level {
         let face =
             |layer| texels(gpu, image, Subresource { mip, layer }).iter().map(|t| *t * f64::from(scale)).collect();
         Self { size: image.mip_size(mip)[0], faces: (0..6).map(face).collect() }
+    }
+
+    /// How much of the light is grazing, in all channels.
+    fn read_grazing(gpu: &Arc<Gpu>, irradiance: &Image) -> Self {
+        let cube = CubeTexels::read(gpu, irradiance, 0, 1.0).unwrap();
+        let faces = cube.texels.chunks_exact((cube.size * cube.size) as usize);
+        let face = |texels: &[[f32; 4]]| texels.iter().map(|t| DVec3::splat(t[3].into())).collect();
+        Self { size: cube.size, faces: faces.map(face).collect() }
     }
 
     fn at(&self, [face, x, y]: [u32; 3]) -> DVec3 {
@@ -66,6 +75,7 @@ impl Level {
 /// Irradiance and specular levels of a panorama.
 struct Maps {
     irradiance: Level,
+    grazing: Level,
     specular: Vec<Level>,
     scale: f32,
 }
@@ -76,6 +86,7 @@ impl Maps {
             let maps = LightMaps::new(&Context::silent(gpu), panorama, Options::default()).unwrap();
             Self {
                 irradiance: Level::read(gpu, &maps.irradiance_over_pi, 0, maps.scale),
+                grazing: Level::read_grazing(gpu, &maps.irradiance_over_pi),
                 specular: (0..LEVELS)
                     .map(|i| Level::read(gpu, &maps.specular[i % 2], (i / 2) as u32, maps.scale))
                     .collect(),
@@ -170,6 +181,34 @@ fn uniform_light_stays_what_it_is() {
     for texel in maps.all_texels() {
         let error = ((*texel - radiance.as_dvec3()) / radiance.as_dvec3()).abs().max_element();
         assert!(error <= HALF, "{texel} instead of {radiance}");
+    }
+}
+
+/// Largest difference from the sums over all texels, over 1 plus what they give.
+fn grazing_error(maps: &Maps, truth: PanoramaView<'_>) -> f64 {
+    let off = |place| {
+        let want = grazing(truth, maps.grazing.direction(place));
+        (maps.grazing.at(place).x - want).abs() / (1.0 + want)
+    };
+    maps.grazing.some_places(24).into_par_iter().map(off).reduce(|| 0.0, f64::max)
+}
+
+#[test]
+fn the_share_of_grazing_light_comes_out_right() {
+    let grey = |radiance: f32| Maps::of(&Panorama::uniform(Vec3::splat(radiance)));
+    for maps in [grey(0.0), grey(3.0)] {
+        assert!(maps.grazing.places().all(|place| (maps.grazing.at(place).x - 1.0).abs() <= HALF));
+    }
+    let linear = Panorama::from_fn(256, 128, |d| Vec3::new(1.0 + d.y, 1.0 - d.y, 1.0 + 0.9 * d.x));
+    let sun = sunny(100);
+    let (coarse, _, noise) = &*NOISE;
+    for (what, error, bound) in [
+        ("linear", grazing_error(&Maps::of(&linear), view(&linear)), 0.001),
+        ("noise", grazing_error(noise, view(coarse)), 0.002),
+        ("a small sun", grazing_error(&Maps::of(&sun), view(&sun)), 0.02),
+    ] {
+        println!("{what}: {error:.5}");
+        assert!(error < bound, "{what}: off by {error}");
     }
 }
 

@@ -101,6 +101,19 @@ impl Energy {
     }
 }
 
+/// What the diffuse part takes of light from all around, over what it takes of the same irradiance of even light, by how much of
+/// that light is [grazing](super::integrals::grazing): 1 − t (grazing − 1), t being 1/20 for smooth surfaces, where it is exact,
+/// and less for rough ones. Twin: `diffuse_taken` in `glsl/energy.glsl`.
+pub fn diffuse_taken(roughness: f64, grazing: f64) -> f64 {
+    (1.0 - (grazing - 1.0) / (20.0 + 460.0 * roughness.powi(3))).max(0.0)
+}
+
+/// The same for multiple scattering, 1 + u (grazing − 1): smooth metals lose light at grazing angles alone, the roughest least
+/// there. Twin: `multiple_taken` in `glsl/energy.glsl`.
+pub fn multiple_taken(roughness: f64, grazing: f64) -> f64 {
+    (1.0 + (grazing - 1.0) * (0.047 / (roughness * roughness) - 0.157).clamp(-0.065, 1.0)).max(0.0)
+}
+
 /// 2 ∫ E(μ) μ dμ.
 fn mean(nodes: usize, entry: impl Fn(f64) -> Entry) -> Entry {
     let mut mean = Entry { scale: 0.0, bias: 0.0 };
@@ -249,6 +262,39 @@ mod tests {
                 let even = energy.diffuse_even(base_color, 0.3, *at_v) + energy.multiple_even(base_color, 0.3, *at_v);
                 assert!(sum.abs_diff_eq(even, 1e-3), "{sum} and {even} at n·v {nv}");
             }
+        }
+    }
+
+    /// What a term takes from a direction, over its mean, less 1, as a multiple of Schlick's term less its mean: the best factor by
+    /// least squares under the cosine, and roots of the mean square that `factor` and no factor leave.
+    fn fit(row: &Row, factor: f64, taken: impl Fn(Entry) -> f64) -> [f64; 3] {
+        let schlick = |nl: f64| 21.0 * (1.0 - nl).powi(5) - 1.0;
+        let product = integral(row, |nl, at_l| taken(at_l) * schlick(nl));
+        let left = |factor: f64| (integral(row, |nl, at_l| (taken(at_l) - factor * schlick(nl)).powi(2)) / PI).sqrt();
+        [product / integral(row, |nl, _| schlick(nl).powi(2)), left(factor), left(0.0)]
+    }
+
+    #[test]
+    fn what_terms_take_of_grazing_light_is_fitted_to_what_they_are() {
+        for i in 0..ROUGHNESSES {
+            let row = row(i);
+            let roughness = i as f64 / (ROUGHNESSES - 1) as f64;
+            let left = |entry| 1.0 - row.energy.specular_albedo(DVec3::splat(DIELECTRIC_F0), entry).x;
+            let ours = diffuse_taken(roughness, 2.0) - 1.0;
+            let [best, rest, all] = fit(&row, ours, |at_l| left(at_l) / left(row.energy.mean) - 1.0);
+            println!("roughness {roughness:.2}: diffuse {ours:.4}, best {best:.4}, {rest:.4} of {all:.4} left");
+            assert!(
+                (ours - best).abs() < 0.002 && rest < 0.016 && rest < 0.5 * all,
+                "diffuse at roughness {roughness}"
+            );
+            let lost_mean = lost(row.energy.mean);
+            if lost_mean < 0.01 {
+                continue; // hardly any is scattered more than once
+            }
+            let ours = multiple_taken(roughness, 2.0) - 1.0;
+            let [best, rest, all] = fit(&row, ours, |at_l| lost(at_l) / lost_mean - 1.0);
+            println!("    of {lost_mean:.3} multiple {ours:.3}, best {best:.3}, {rest:.3} of {all:.3} left");
+            assert!((ours - best).abs() * lost_mean < 0.005 && rest < 1.05 * all, "multiple at roughness {roughness}");
         }
     }
 

@@ -9,6 +9,7 @@ use super::{
     brdf::{Geometry, d_ggx, diffuse_karis2013, f_schlick, f0_from_metallic, v_environment},
     cube::{panorama_direction, panorama_texel_solid_angle, panorama_uv},
     energy::{Curve, Energy, Scattering},
+    lobe::grazing_kernel,
     table::Entry,
 };
 
@@ -155,12 +156,26 @@ impl Cell {
 /// Cell width for smooth integrands: the error of cos(θ) by midpoints of 0.02 is 2e-5.
 const SMOOTH_RADIANS: f64 = 0.02;
 
+/// How much a channel counts where light of all is taken together; as in `glsl/nodes.glsl`.
+const BRIGHTNESS: DVec3 = DVec3::new(0.25, 0.5, 0.25);
+
 /// Cells per scale of a specular lobe.
 const CELLS_PER_LOBE: f64 = 12.0;
 
 /// Irradiance ∫ L n·l dl in W/m² on a surface with unit normal n. Not divided by π: a white Lambertian reflects it / π.
 pub fn irradiance(panorama: PanoramaView, n: DVec3) -> DVec3 {
     panorama.sum(|_| SMOOTH_RADIANS, |l, light, _| light * n.dot(l).max(0.0))
+}
+
+/// How much of the light on a surface with unit normal n is grazing: the mean of 21 (1 − n·l)⁵ by the irradiance of all
+/// channels; 1 for even light, and where there is none. For one cosine c of all light it is 21 (1 − c)⁵.
+pub fn grazing(panorama: PanoramaView, n: DVec3) -> f64 {
+    let term = |l: DVec3, light: DVec3, _: f64| {
+        let nl = n.dot(l);
+        DVec2::new(nl.max(0.0), 21.0 * grazing_kernel(nl)) * light.dot(BRIGHTNESS)
+    };
+    let [all, grazing] = panorama.sum(|_| SMOOTH_RADIANS, term).to_array();
+    if all > 0.0 { grazing / all } else { 1.0 }
 }
 
 /// Prefiltered radiance for a roughness in [0, 1] around unit direction r, with n = v = r: ∫ L D n·l dl / ∫ D n·l dl,

@@ -22,6 +22,16 @@ pub fn kernel_second_derivative(c: f64, alpha: f64) -> f64 {
     4.0 * k / q.powi(3) + 6.0 * k * k * c / q.powi(4)
 }
 
+/// Schlick's Fresnel term under the cosine, G(c) = c (1 − c)⁵, and 0 below the horizon. ∫ G dω is π/21.
+pub fn grazing_kernel(c: f64) -> f64 {
+    c.max(0.0) * (1.0 - c).powi(5)
+}
+
+/// G″(c) above the horizon, 0 below.
+pub fn grazing_second_derivative(c: f64) -> f64 {
+    if c <= 0.0 { 0.0 } else { (1.0 - c).powi(3) * (30.0 * c - 10.0) }
+}
+
 /// ∫ K dω over the sphere: with x = k/α² it is 2π/k² · (x − ln(1 + x)), and π at α = 1, where k = 0.
 pub fn kernel_integral(alpha: f64) -> f64 {
     let (k, a2) = (steepness(alpha), alpha * alpha);

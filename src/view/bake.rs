@@ -145,7 +145,7 @@ impl Stages {
 
 fn write(gpu: &Arc<Gpu>, folder: &Path, light: &LightMaps, table: &BrdfTable) -> Result<Vec<BakedFile>> {
     let mut irradiance = radiance(read_texture(gpu, &[&light.irradiance_over_pi])?, light.scale);
-    irradiance.set_text("pbrvrContent", "irradiance / pi");
+    irradiance.set_text("pbrvrContent", "irradiance / pi; alpha: how much of it is grazing, 1 for even light");
     let mut specular = radiance(read_texture(gpu, &light.specular.each_ref().map(|map| &**map))?, light.scale);
     specular.set_text("pbrvrContent", "radiance filtered by GGX lobes; level i: mip i / 2 of layer i % 2");
     specular.set_text("pbrvrRoughness", &roughness_text());

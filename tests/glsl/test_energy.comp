@@ -9,9 +9,11 @@ struct Input {
     vec3 base_color;
     float metallic;
     uint multiple;
+    float roughness, grazing; // of diffuse_taken and multiple_taken
 };
 struct Output {
     vec3 share, mixed, lobe, specular, diffuse, beyond, diffuse_even, multiple_even;
+    float diffuse_taken, multiple_taken;
 };
 layout(local_size_x = 64) in;
 layout(set = 0, binding = 0, scalar) readonly buffer Inputs { Input inputs[]; };
@@ -33,5 +35,7 @@ void main()
     o.beyond = beyond_single(energy, i.base_color, i.metallic, i.at_l, i.at_v);
     o.diffuse_even = diffuse_even(energy, i.base_color, i.metallic, i.at_v);
     o.multiple_even = multiple_even(energy, i.base_color, i.metallic, i.at_v);
+    o.diffuse_taken = diffuse_taken(i.roughness, i.grazing);
+    o.multiple_taken = multiple_taken(i.roughness, i.grazing);
     outputs[id] = o;
 }

@@ -7,11 +7,11 @@
 #include "table.glsl"
 
 struct Input {
-    float spread; // of level_from_spread; the cosine and the spread of lobe_mean are its 2 s - 1 and s / 100
+    float spread; // of level_from_spread; the cosine and the spread of lobe_mean and grazing_mean are its 2 s - 1 and s / 100
     float alpha;
 };
 struct Output {
-    float level, mean;
+    float level, mean, grazing;
     vec2 coordinate;
     vec2 arguments;
 };
@@ -28,6 +28,7 @@ void main()
     Lobe lobe = Lobe(i.alpha * i.alpha, 0.5 * (1.0 - i.alpha * i.alpha));
     float c = 2.0 * i.spread - 1.0;
     float mean = dot(lobe_mean(lobe, c, i.spread / 100.0), vec2(1.0, c)); // one colour: its mean cosine is c
-    outputs[id] = Output(level_from_spread(i.spread), mean, table_coordinate(i.spread, i.alpha, vec2(128.0, 96.0)),
+    outputs[id] = Output(level_from_spread(i.spread), mean, grazing_mean(c, i.spread / 100.0),
+        table_coordinate(i.spread, i.alpha, vec2(128.0, 96.0)),
         table_arguments(uvec2(id % 128u, id % 96u), uvec2(128u, 96u)));
 }

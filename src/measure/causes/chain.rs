@@ -6,8 +6,8 @@ use glam::DVec3;
 use super::super::sums::Sums;
 use crate::precompute::{CubeTexels, TableAt, TableTexels};
 use crate::reference::brdf::{Geometry, f_schlick_roughness, f0_from_metallic};
-use crate::reference::energy::{Energy, Scattering};
-use crate::reference::integrals::{Surface, Terms, reflected_by};
+use crate::reference::energy::{Energy, Scattering, diffuse_taken, multiple_taken};
+use crate::reference::integrals::{Surface, Terms, grazing, reflected_by};
 use crate::reference::levels::{LEVELS, alpha_from_level, alpha_from_spread, level_from_spread};
 use crate::reference::lobe::kernel_spread;
 use crate::reference::table::{Entry, Lobe, Match, SplitSum, table_lobe};
@@ -67,6 +67,8 @@ pub struct Point {
     own: DVec3,
     /// The diffuse and multiply scattered part.
     beyond: DVec3,
+    /// How much of the light is grazing.
+    grazing: f64,
     exact: TableAt,
     stored: TableAt,
 }
@@ -82,14 +84,17 @@ impl Point {
         let mirror = Surface { base_color: f0, metallic: 1.0, ..surface };
         let single = reflected_by(sums.view, &mirror, terms, Scattering::Single).specular;
         let stored = table.look_up(surface.n.dot(surface.v), surface.roughness);
-        Self { surface, truth, own: single / reflectance(&exact.lobe, f0), beyond: truth - single, exact, stored }
+        let (own, beyond, grazing) =
+            (single / reflectance(&exact.lobe, f0), truth - single, grazing(sums.view, surface.n));
+        Self { surface, truth, own, beyond, grazing, exact, stored }
     }
 
-    /// Share of even light that comes back diffuse or after several bounces.
-    fn even(&self, at: &TableAt, scattering: Scattering) -> DVec3 {
-        let Surface { base_color, metallic, .. } = self.surface;
+    /// Share of the irradiance that comes back diffuse or after several bounces.
+    fn even(&self, at: &TableAt, scattering: Scattering, grazing: f64) -> DVec3 {
+        let Surface { base_color, metallic, roughness, .. } = self.surface;
         let (energy, entry) = (Energy { mean: at.mean, scattering }, entry(at));
-        energy.diffuse_even(base_color, metallic, entry) + energy.multiple_even(base_color, metallic, entry)
+        energy.diffuse_even(base_color, metallic, entry) * diffuse_taken(roughness, grazing)
+            + energy.multiple_even(base_color, metallic, entry) * multiple_taken(roughness, grazing)
     }
 }
 
@@ -136,9 +141,11 @@ pub fn radiance(point: &Point, exact: Exact, variant: Variant, stored: &Stored, 
         let round = maps.mirrored(point, &point.exact, variant, Exact::All);
         mirrored += reflectance(&at.lobe, f0) * (point.own - round / reflectance(&point.exact.lobe, f0));
     }
-    let mut beyond = point.even(at, variant.scattering) * maps.irradiance(n, exact);
+    let grazing = if !exact.has(Cause::Texels) { stored.irradiance.look_up(n).w } else { point.grazing };
+    let mut beyond = point.even(at, variant.scattering, grazing) * maps.irradiance(n, exact);
     if exact.has(Cause::Diffuse) {
-        beyond += point.beyond - point.even(&point.exact, Scattering::Multiple) * maps.irradiance(n, Exact::All);
+        let even = point.even(&point.exact, Scattering::Multiple, point.grazing);
+        beyond += point.beyond - even * maps.irradiance(n, Exact::All);
     }
     mirrored + beyond
 }
@@ -158,7 +165,7 @@ fn matched(point: &Point, lobe: &Lobe, split_sum: SplitSum) -> (DVec3, f64, f64)
 pub struct Stored {
     /// The mirror's level first.
     pub levels: Vec<CubeTexels>,
-    /// Irradiance / π.
+    /// Irradiance / π, and in alpha how much of it is grazing.
     pub irradiance: CubeTexels,
 }
 
@@ -200,11 +207,11 @@ impl Maps<'_, '_> {
         }
         // The texels' error is carried over to whatever else is exact.
         let levels = &self.stored.levels;
-        mean + levels[low].look_up(d).lerp(levels[high].look_up(d), share) - exact_mix
+        mean + levels[low].look_up(d).lerp(levels[high].look_up(d), share).truncate() - exact_mix
     }
 
     /// Irradiance / π.
     fn irradiance(&mut self, n: DVec3, exact: Exact) -> DVec3 {
-        if !exact.has(Cause::Texels) { self.stored.irradiance.look_up(n) } else { self.sums.around(n, 1.0) }
+        if !exact.has(Cause::Texels) { self.stored.irradiance.look_up(n).truncate() } else { self.sums.around(n, 1.0) }
     }
 }
