@@ -7,6 +7,7 @@
 
 layout(push_constant, scalar) uniform Draw {
     uint instance;
+    uint probe; // probes.glsl
 } draw;
 
 layout(location = 0) in vec3 position_local;

@@ -3,9 +3,10 @@
 #define PROBE_BOX_GLSL
 
 struct Probe {
-    vec3 position; // metres, in the models' space, as the box
-    vec3 low, high;
-    float border;  // metres outside of the box over which its influence ends
+    vec3 position;  // metres, in the models' space, as the boxes
+    vec3 low, high; // what was captured is taken to lie on this box,
+    vec3 reach_low, reach_high; // and mirror images show it in this one
+    float border;   // metres outside of which its influence ends
 };
 
 // Where a ray from p, towards d of any length, leaves the box: Lagarde and Zanuttini, "Local Image-based Lighting With
@@ -19,10 +20,10 @@ vec3 box_exit(vec3 p, vec3 d, vec3 low, vec3 high)
     return start + min(t.x, min(t.y, t.z)) * d;
 }
 
-// 1 in the box, 0 from the border on, with an even slope at both ends.
+// 1 where mirror images show it, 0 from the border on, with an even slope at both ends.
 float probe_weight(vec3 p, Probe probe)
 {
-    vec3 outside = max(max(probe.low - p, p - probe.high), vec3(0.0));
+    vec3 outside = max(max(probe.reach_low - p, p - probe.reach_high), vec3(0.0));
     float part = min(length(outside) / probe.border, 1.0);
     return 1.0 - part * part * (3.0 - 2.0 * part);
 }

@@ -4,6 +4,7 @@
 #extension GL_GOOGLE_include_directive : require
 #include "given_back.glsl"
 #include "panorama.glsl"
+#include "probe_box.glsl"
 
 layout(local_size_x = 8, local_size_y = 8) in;
 layout(PROBE_DIRECT) uniform sampler2DArray given_back_of_direct;
@@ -13,6 +14,7 @@ layout(push_constant, scalar) uniform Work {
     vec3 position; // in the models' space
     uint first_row;
     uint rows;
+    vec3 low, high; // rays begin where they leave this box
 } work;
 
 // Rays along each side of a texel.
@@ -20,7 +22,8 @@ const uint RAYS = 2;
 
 vec3 radiance_along(vec3 d, float rays_across)
 {
-    vec3 position = (frame.world_from_models * vec4(work.position, 1.0)).xyz, d_world = mat3(frame.world_from_models) * d;
+    vec3 begin = box_exit(work.position, d, work.low, work.high);
+    vec3 position = (frame.world_from_models * vec4(begin, 1.0)).xyz, d_world = mat3(frame.world_from_models) * d;
     RayHit hit = trace_ray(position, d_world, 1e30, false);
     if (hit.t < 0.0)
         return sky_radiance(d_world, panorama_lod(rays_across));

@@ -5,7 +5,12 @@
 #include "environment.glsl"
 #include "probe_box.glsl"
 
+// How many there are; 0 where a draw's mirror images are all of one.
 layout(constant_id = 17) const uint PROBES = 1;
+layout(push_constant, scalar) uniform Draw {
+    uint instance; // forward.vert
+    uint probe;    // where PROBES is 0
+} draw;
 
 const uint MOST_PROBES = 8;
 layout(SCENE_PROBES, scalar) uniform Probes { Probe probes[MOST_PROBES]; }; // uniform: see MAX_COUNTED_LIGHTS
@@ -38,20 +43,24 @@ float reach_of_probe(uint index, Surface s, vec3 even)
     return clamp(pow(s.nv + open, exp2(-16.0 * s.roughness - 1.0)) - 1.0 + open, 0.0, 1.0);
 }
 
-vec3 probe_specular(uint index, Probe probe, vec3 p, SpecularLobe lobe)
+// What one probe gives of a mirror image at p in the models' space; `even`: irradiance over pi.
+vec3 probe_specular(uint index, vec3 p, SpecularLobe lobe, Surface s, vec3 even)
 {
-    return round_reflectance(lobe) * probe_radiance(index, probe, p, lobe.towards, lobe.level);
+    vec3 radiance = probe_radiance(index, probes[index], p, lobe.towards, lobe.level);
+    return round_reflectance(lobe) * radiance * reach_of_probe(index, s, even);
 }
 
-// What the probes around a point give of a mirror image; `left`: the share that they leave to the panorama.
+// What the probes around a point give of it; `left`: the share that they leave to the panorama.
 vec3 local_specular(SpecularLobe lobe, Surface s, vec3 position, vec3 even, out float left)
 {
-    left = 1.0;
     vec3 p = models_from_world(position - frame.world_from_models[3].xyz), light = vec3(0.0);
+    left = PROBES == 0u ? 0.0 : 1.0;
+    if (PROBES == 0u)
+        return probe_specular(draw.probe, p, lobe, s, even);
     // Looks for the next box around the point before it reads that probe's light: a software renderer computes what a branch
     // skips, too, and would read every probe.
     uint next = 0u;
-    for (bool more = frame.probe_scale > 0.0; more; more = left > 0.0 && next < PROBES) {
+    for (bool more = true; more; more = left > 0.0 && next < PROBES) {
         float weight = 0.0;
         uint found = 0u;
         for (; next < PROBES && weight <= 0.0; ++next) {
@@ -59,7 +68,7 @@ vec3 local_specular(SpecularLobe lobe, Surface s, vec3 position, vec3 even, out 
             weight = probe_weight(p, probes[next]);
         }
         if (weight > 0.0) {
-            light += left * weight * probe_specular(found, probes[found], p, lobe) * reach_of_probe(found, s, even);
+            light += left * weight * probe_specular(found, p, lobe, s, even);
             left *= 1.0 - weight;
         }
     }

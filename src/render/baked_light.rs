@@ -22,7 +22,7 @@ use crate::context::Context;
 use crate::gpu::{Buffer, Commands, DescriptorSet, Image, PassTime};
 use crate::precompute::{CONVOLUTION_SHADERS, CacheKind, keep_cached, load_cached};
 use crate::scene::lightmap_texels::LightmapTexels;
-use crate::scene::{GeometryView, Scene};
+use crate::scene::{GeometryView, Probe, Scene};
 use crate::{Error, Result};
 
 /// In the cache: raise the version when samples, seeds, or the list of texels change.
@@ -189,9 +189,14 @@ impl BakedLight {
         self.source.probes.as_ref()
     }
 
+    /// Where they stand.
+    pub fn placed_probes(&self) -> &[Probe] {
+        self.probes().map_or(&[], |probes| probes.placed())
+    }
+
     /// How many probes there are.
     pub fn probe_count(&self) -> u32 {
-        self.probes().map_or(0, |probes| probes.count())
+        self.placed_probes().len() as u32
     }
 
     /// What the values of the probes' maps are to be multiplied by; 0 before they hold any.
@@ -360,7 +365,7 @@ impl BakedLight {
         if let Some(edits) = edits {
             hasher.update(edits.as_bytes());
         }
-        hasher.update(self.probes().map_or(&[][..], |probes| bytemuck::cast_slice(probes.placed())));
+        hasher.update(format!("{:?}", self.placed_probes()).as_bytes());
         hasher.finalize()
     }
 

@@ -201,6 +201,7 @@ impl BoundScene {
             constant_lights: self.resources.constant_lights,
             lightmap_layers: self.baked.as_ref().map_or(0, BakedLight::layers),
             probes: self.baked.as_ref().map_or(0, BakedLight::probe_count),
+            drawn: self.resources.drawn_kinds(),
             ray_scene: Arc::clone(&self.resources.ray_scene),
             casts: self.resources.shadow_plan.casts,
             planned_shadows: self.resources.shadow_plan.kind,

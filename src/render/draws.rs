@@ -7,8 +7,8 @@ use glam::Mat4;
 use super::culling::Frusta;
 use super::eye::Eye;
 use crate::gpu::Cull;
-use crate::scene::Bounds;
 use crate::scene::cluster::Cluster;
+use crate::scene::{Bounds, Probe};
 
 /// One range of triangles of one instance.
 pub struct Draw {
@@ -22,11 +22,49 @@ pub struct Draw {
     pub textures: u32,
     /// Whether it is not seen from behind.
     pub single_sided: bool,
+    pub probes: ProbeUse,
     layer: Layer,
     /// World space, before the common movement of all models.
     bounds: Bounds,
     /// No back face is visible from outside of this box.
     culling_bounds: Option<Bounds>,
+}
+
+/// Which probes give a draw's mirror images.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum ProbeUse {
+    /// None reaches into its box.
+    #[default]
+    None,
+    /// Some may, or the panorama in their place.
+    Some,
+    /// One gives all: its index.
+    One(u32),
+}
+
+impl ProbeUse {
+    /// How many kinds there are.
+    pub const KINDS: usize = 3;
+
+    /// Of these probes, whose order is that in which shaders ask them, for what is in a box.
+    pub fn new(probes: &[Probe], bounds: Bounds) -> Self {
+        let first = (0u32..).zip(probes).find(|(_, probe)| probe.reaches_into(bounds));
+        first.map_or(Self::None, |(index, probe)| if probe.covers(bounds) { Self::One(index) } else { Self::Some })
+    }
+
+    /// Which pipeline of a variant draws it: below [`ProbeUse::KINDS`].
+    pub fn kind(self) -> usize {
+        match self {
+            Self::None => 0,
+            Self::Some => 1,
+            Self::One(_) => 2,
+        }
+    }
+
+    /// The probe that a shader does not look for.
+    pub fn index(self) -> u32 {
+        if let Self::One(index) = self { index } else { 0 }
+    }
 }
 
 /// What is drawn before what.
@@ -51,8 +89,9 @@ impl Draw {
             variant: 0,
             textures: 0,
             single_sided: false,
+            probes: ProbeUse::None,
             layer,
-            bounds: cluster.bounds.placed(world_from_local),
+            bounds: cluster.bounds_at(world_from_local),
             culling_bounds: culling_bounds.map(|bounds| bounds.placed(world_from_local)),
         }
     }
@@ -109,6 +148,7 @@ pub struct DrawCall {
     pub cull: Cull,
     /// Whether backs are not to be seen.
     pub single_sided: bool,
+    pub probes: ProbeUse,
 }
 
 /// A range that some eye may see.
@@ -207,7 +247,7 @@ impl Visible {
 
 impl DrawCall {
     fn of(draw: &Draw, cull: Cull) -> Self {
-        let Draw { indices, instance, variant, textures, single_sided, .. } = draw;
+        let Draw { indices, instance, variant, textures, single_sided, probes, .. } = draw;
         Self {
             indices: indices.clone(),
             instance: *instance,
@@ -215,6 +255,7 @@ impl DrawCall {
             textures: *textures,
             cull,
             single_sided: *single_sided,
+            probes: *probes,
         }
     }
 
@@ -224,7 +265,8 @@ impl DrawCall {
     }
 
     fn continues_with(&self, next: &Self) -> bool {
-        self.indices.end == next.indices.start && self.instance == next.instance && self.cull == next.cull
+        let alike = self.instance == next.instance && self.probes == next.probes && self.cull == next.cull;
+        alike && self.indices.end == next.indices.start
     }
 }
 
@@ -233,6 +275,7 @@ mod tests {
     use glam::Vec3;
 
     use super::*;
+    use crate::scene::Vertex;
 
     fn draw(x: f32, z: f32, masked: bool, closed: bool) -> Draw {
         layered(x, z, if masked { Layer::Masked } else { Layer::Opaque }, closed)
@@ -240,15 +283,40 @@ mod tests {
 
     fn layered(x: f32, z: f32, layer: Layer, closed: bool) -> Draw {
         let bounds = Bounds { min: Vec3::new(x - 0.5, -0.5, z - 0.5), max: Vec3::new(x + 0.5, 0.5, z + 0.5) };
-        let cluster = Cluster {
-            vertices: Vec::new(),
+        Draw::new(&cluster(bounds, closed), 0..3, 0, Mat4::IDENTITY, layer)
+    }
+
+    fn cluster(bounds: Bounds, closed: bool) -> Cluster {
+        let corner = |p: Vec3| Vertex { position: p.into(), ..Vertex::default() };
+        Cluster {
+            vertices: [bounds.min, bounds.max].map(corner).into(),
             indices: Vec::new(),
             material: 0,
             bounds,
             culling_bounds: closed.then_some(bounds),
             placements: Vec::new(),
-        };
-        Draw::new(&cluster, 0..3, 0, Mat4::IDENTITY, layer)
+        }
+    }
+
+    #[test]
+    fn draws_that_one_probe_reaches_wholly_need_not_look_for_others() {
+        let around = |low: f32, high: f32| Bounds { min: Vec3::splat(low), max: Vec3::splat(high) };
+        let room = Probe { position: Vec3::ZERO, bounds: around(-4.0, 4.0), thing: None };
+        let thing = Probe { thing: Some(around(-1.0, 1.0)), ..room };
+        let probes = [thing, room];
+        for (bounds, expected) in [
+            (around(-0.9, 0.9), ProbeUse::One(0)),
+            (around(-1.005, 1.0), ProbeUse::One(0)),
+            (around(0.5, 1.5), ProbeUse::Some),
+            (around(1.5, 2.5), ProbeUse::One(1)),
+            (around(-4.05, 4.05), ProbeUse::Some),
+            (around(3.0, 6.0), ProbeUse::Some),
+            (around(6.0, 7.0), ProbeUse::None),
+        ] {
+            assert_eq!(ProbeUse::new(&probes, bounds), expected, "{bounds:?}");
+        }
+        assert_eq!(ProbeUse::new(&[room], around(-4.05, 4.05)), ProbeUse::One(0), "a wall");
+        assert_eq!(ProbeUse::new(&[], around(-1.0, 1.0)), ProbeUse::None);
     }
 
     fn listed(draws: &[Draw], culling: CullOptions) -> Vec<(u32, bool)> {
@@ -324,14 +392,7 @@ mod tests {
     fn mirrored_surfaces_keep_their_backs() {
         let mut draws = [draw(0.0, -4.0, false, true), draw(0.0, -4.0, false, true)];
         assert!(draws[0].culling_bounds.is_some());
-        let cluster = Cluster {
-            vertices: Vec::new(),
-            indices: Vec::new(),
-            material: 0,
-            bounds: draws[0].bounds,
-            culling_bounds: draws[0].culling_bounds,
-            placements: Vec::new(),
-        };
+        let cluster = cluster(draws[0].bounds, true);
         let mirror = Mat4::from_scale(Vec3::new(-1.0, 1.0, 1.0));
         draws[1] = Draw::new(&cluster, 0..3, 1, mirror, Layer::Opaque);
         assert_eq!(listed(&draws, CullOptions::default()), [(0, true), (1, false)]);

@@ -1,8 +1,10 @@
 //! The forward pass: surfaces, with one pipeline per combination of material features, and the sky behind them. It draws
 //! the picture, or one frame of the reference's samples.
 
+use bytemuck::{Pod, Zeroable};
+
 use super::bound_scene::BoundScene;
-use super::draws::DrawCall;
+use super::draws::{DrawCall, ProbeUse};
 use super::frame_set::FrameSet;
 use super::output::Output;
 use super::pipeline_request::PipelineRequest;
@@ -16,6 +18,14 @@ use crate::reference::energy::Scattering;
 use crate::reference::table::SplitSum;
 use crate::scene::MaterialFeatures;
 
+/// Push constants of `glsl/forward.vert` and `glsl/probes.glsl`.
+#[repr(C)]
+#[derive(Clone, Copy, Pod, Zeroable)]
+struct Push {
+    instance: u32,
+    probe: u32,
+}
+
 /// The fragment stages and the format and samples of their target.
 struct Stages {
     surface: &'static str,
@@ -26,7 +36,7 @@ struct Stages {
 }
 
 impl Stages {
-    /// `late_depth`: what [`Gpu::wants_late_depth`](crate::gpu::Gpu::wants_late_depth) says.
+    /// `probes`: for what some probe reaches; `late_depth`: what [`Gpu::wants_late_depth`](crate::gpu::Gpu::wants_late_depth) says.
     fn new(settings: &RenderSettings, probes: bool, late_depth: bool) -> Self {
         if settings.shading == Shading::Reference {
             return Self {
@@ -49,10 +59,25 @@ impl Stages {
     }
 }
 
+/// Pipelines of one variant.
+struct SurfacePipelines {
+    /// Without probes, or before they hold light.
+    plain: Pipeline,
+    /// For the other kinds of [`ProbeUse`], where something is drawn by them.
+    with_probes: [Option<Pipeline>; ProbeUse::KINDS - 1],
+}
+
+impl SurfacePipelines {
+    fn draws(&self, call: &DrawCall, probes_hold_light: bool) -> &Pipeline {
+        let kind = if probes_hold_light { call.probes.kind() } else { 0 };
+        kind.checked_sub(1).and_then(|kind| self.with_probes[kind].as_ref()).unwrap_or(&self.plain)
+    }
+}
+
 /// Pipelines for the features of one scene.
 pub struct ForwardPass {
     /// In the order of the scene's variants.
-    surfaces: Vec<Pipeline>,
+    surfaces: Vec<SurfacePipelines>,
     sky: Pipeline,
     eyes: u32,
 }
@@ -62,8 +87,9 @@ impl ForwardPass {
     pub fn new(request: &PipelineRequest) -> Result<Self> {
         let PipelineRequest { gpu, layouts, variants, constant_lights, lightmap_layers, settings, eyes, .. } = request;
         let is_reference = settings.shading == Shading::Reference;
-        let stages = Stages::new(settings, request.probes > 0, gpu.wants_late_depth());
-        let common: [Constant; 13] = [
+        let stages = |probes| Stages::new(settings, probes, gpu.wants_late_depth());
+        let Stages { sky, colour, samples, .. } = stages(false);
+        let common: [Constant; 12] = [
             (constant::EYES, *eyes),
             (constant::SHADING, settings.shading as u32),
             (constant::GEOMETRY, settings.geometry as u32),
@@ -75,23 +101,24 @@ impl ForwardPass {
             (constant::LAMP_SHADOWS, request.lamp_shadows() as u32),
             (constant::SUN_SHADOW, u32::from(request.sun_shadow())),
             (constant::LIGHTMAP, if is_reference { 0 } else { *lightmap_layers }),
-            (constant::PROBES, request.probes),
             (constant::TRANSPORT, settings.transport() as u32),
             (constant::PART, settings.part as u32),
         ];
         let drawing = layouts.drawing();
-        let desc = GraphicsDesc {
-            constants: &common,
-            sets: &drawing,
-            colours: &[stages.colour],
-            samples: stages.samples,
-            ..GraphicsDesc::default()
-        };
+        let desc =
+            GraphicsDesc { constants: &common, sets: &drawing, colours: &[colour], samples, ..GraphicsDesc::default() };
         let multiple = settings.scattering == Scattering::Multiple;
-        let surface = |features: &MaterialFeatures| {
+        let surface = |features: &MaterialFeatures, kind: usize| {
             // A path that begins on one material goes on to others.
             let features = if is_reference { features.with_any_factors() } else { *features };
-            let constants: Vec<Constant> = common.into_iter().chain(constants(features, multiple)).collect();
+            // No probe to look for: the draw says which one.
+            let looked_for = [0, request.probes, 0][kind];
+            let constants: Vec<Constant> = common
+                .into_iter()
+                .chain(constants(features, multiple))
+                .chain([(constant::PROBES, looked_for)])
+                .collect();
+            let stages = stages(kind > 0);
             let fragment = if features.alpha_mask { stages.cutout } else { stages.surface };
             // The reference covers by chance instead.
             let blend = features.blends && !is_reference;
@@ -102,7 +129,7 @@ impl ForwardPass {
                     vertex: "forward.vert",
                     fragment: Some(fragment),
                     constants: &constants,
-                    push_bytes: size_of::<u32>() as u32,
+                    push_bytes: size_of::<Push>() as u32,
                     vertex_stride: size_of::<PackedVertex>() as u32,
                     vertex_attributes: &ATTRIBUTES,
                     depth: Some(if blend { DepthState::TEST } else { DepthState::WRITE }),
@@ -111,14 +138,19 @@ impl ForwardPass {
                 },
             )
         };
+        let surfaces_of = |(features, drawn): (&MaterialFeatures, &[bool; ProbeUse::KINDS])| {
+            let with_probes = |kind: usize| (drawn[kind] && !is_reference).then(|| surface(features, kind)).transpose();
+            let (plain, some, one) = (surface(features, 0)?, with_probes(1)?, with_probes(2)?);
+            Ok(SurfacePipelines { plain, with_probes: [some, one] })
+        };
         let sky = GraphicsDesc {
             name: "sky",
             vertex: "sky.vert",
-            fragment: Some(stages.sky),
+            fragment: Some(sky),
             depth: Some(DepthState::TEST),
             ..desc
         };
-        let surfaces = variants.iter().map(surface).collect::<Result<_>>()?;
+        let surfaces = variants.iter().zip(&request.drawn).map(surfaces_of).collect::<Result<_>>()?;
         Ok(Self { surfaces, sky: Pipeline::graphics(gpu, &sky)?, eyes: *eyes })
     }
 
@@ -133,24 +165,26 @@ impl ForwardPass {
         rays: Option<&RaySet>,
     ) {
         let resources = &scene.resources;
+        let probes_hold_light = scene.baked.as_ref().is_some_and(|baked| baked.probe_scale() > 0.0);
         commands.bind_mesh(&resources.geometry.vertices, &resources.geometry.indices);
         let mut last: Option<&DrawCall> = None;
         for call in calls {
             let changes = |part: fn(&DrawCall) -> u32| last.is_none_or(|last| part(last) != part(call));
-            let pipeline = &self.surfaces[call.variant as usize];
+            let pipeline = self.surfaces[call.variant as usize].draws(call, probes_hold_light);
             if last.is_none() {
                 // All variants have the same pipeline layout, so that sets and push constants stay bound.
                 frame.bind(commands, pipeline, 0);
                 commands.bind_set(pipeline, 1, &scene.set, &[]);
                 rays.iter().for_each(|rays| commands.bind_set(pipeline, 3, &rays.set, &[]));
-            } else if changes(|call| call.variant) {
+            } else if changes(|call| call.variant) || changes(|call| call.probes.kind() as u32) {
                 commands.bind_pipeline(pipeline);
             }
             if changes(|call| call.textures) {
                 commands.bind_set(pipeline, 2, &resources.textures.sets[call.textures as usize], &[]);
             }
-            if changes(|call| call.instance) {
-                commands.push(pipeline, bytemuck::bytes_of(&call.instance));
+            if changes(|call| call.instance) || changes(|call| call.probes.index()) {
+                let push = Push { instance: call.instance, probe: call.probes.index() };
+                commands.push(pipeline, bytemuck::bytes_of(&push));
             }
             if last.is_none_or(|last| last.seen_faces() != call.seen_faces()) {
                 commands.cull(call.seen_faces());

@@ -4,7 +4,6 @@
 use std::sync::Arc;
 
 use bytemuck::{Pod, Zeroable};
-use glam::Vec3;
 
 use super::layouts::Layouts;
 use super::ray_scene::LazyRayScene;
@@ -19,7 +18,7 @@ use crate::scene::needs::mirrors::ProbePlan;
 use crate::scene::{Bounds, Probe, Scene};
 
 /// Raise it whenever rays find other sides or other places.
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 /// Limit of an entry, in bytes.
 const ENTRY_BYTES: u64 = 1 << 20;
 
@@ -36,8 +35,10 @@ pub struct LightPlan {
 #[derive(Clone, Copy, Pod, Zeroable)]
 struct ProbeWords {
     position: [f32; 3],
-    low: [f32; 3],
-    high: [f32; 3],
+    /// Least and largest corner, as of the next.
+    bounds: [[f32; 3]; 2],
+    /// [`Bounds::EMPTY`] for none.
+    thing: [[f32; 3]; 2],
 }
 
 impl LightPlan {
@@ -80,18 +81,20 @@ impl LightPlan {
         let (layers, probes) = words.split_first().filter(|(layers, _)| [1, 2].contains(*layers))?;
         let probes: &[ProbeWords] = bytemuck::try_cast_slice(probes).ok()?;
         let probe = |words: &ProbeWords| {
-            let ProbeWords { position, low, high } = words;
-            Probe { position: Vec3::from(*position), bounds: Bounds { min: Vec3::from(*low), max: Vec3::from(*high) } }
+            let corners = |[min, max]: [[f32; 3]; 2]| Bounds { min: min.into(), max: max.into() };
+            let [bounds, thing] = [words.bounds, words.thing].map(corners);
+            Probe { position: words.position.into(), bounds, thing: (thing != Bounds::EMPTY).then_some(thing) }
         };
         Some(Self { layers: *layers, probes: probes.iter().map(probe).collect() })
     }
 
     /// Keeps it; a failure is logged.
     pub fn keep(&self, cache: &Cache, key: &str) {
+        let corners = |bounds: Bounds| [bounds.min.into(), bounds.max.into()];
         let words = |probe: &Probe| ProbeWords {
             position: probe.position.into(),
-            low: probe.bounds.min.into(),
-            high: probe.bounds.max.into(),
+            bounds: corners(probe.bounds),
+            thing: corners(probe.thing.unwrap_or(Bounds::EMPTY)),
         };
         let probes: Vec<ProbeWords> = self.probes.iter().map(words).collect();
         let level = [bytemuck::bytes_of(&self.layers), bytemuck::cast_slice(&probes)].concat();
@@ -104,6 +107,8 @@ impl LightPlan {
 
 #[cfg(test)]
 mod tests {
+    use glam::Vec3;
+
     use super::*;
 
     #[test]
@@ -113,6 +118,7 @@ mod tests {
         let probe = |x: f32| Probe {
             position: Vec3::new(x, 0.1, -2.0),
             bounds: Bounds { min: Vec3::splat(-1e30), max: Vec3::new(3.0, x, 0.0) },
+            thing: (x > 1.0).then_some(Bounds { min: Vec3::ZERO, max: Vec3::splat(x) }),
         };
         for (layers, probes) in [(1, vec![]), (2, vec![probe(0.5)]), (2, (0..8).map(|i| probe(i as f32)).collect())] {
             let plan = LightPlan { layers, probes };

@@ -86,7 +86,7 @@ pub use reference_accumulator::StandardError;
 pub use renderer::Renderer;
 pub use scene_resources::{Replaced, SceneTextures, TextureFacts, affordable_bytes};
 pub use settings::{Change, LightModel, LightPart, RenderSettings, Shading, TextureSettings};
-pub use shared::{MAX_EYES, ProbeBlock};
+pub use shared::MAX_EYES;
 pub use targets::check_size;
 pub use texture_request::TextureRequest;
 pub use ui::{MAX_TEXTURE_SIDE, UI_BYTES, UiFrame, UiRenderer, UiTarget};

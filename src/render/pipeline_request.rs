@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use super::draws::ProbeUse;
 use super::layouts::Layouts;
 use super::ray_scene::LazyRayScene;
 use super::settings::{LightModel, RenderSettings};
@@ -22,6 +23,8 @@ pub struct PipelineRequest {
     pub(super) lightmap_layers: u32,
     /// Probes of mirrored light.
     pub(super) probes: u32,
+    /// Of each variant, whether something is drawn with it by each kind of [`ProbeUse`].
+    pub(super) drawn: Vec<[bool; ProbeUse::KINDS]>,
     /// What the reference's rays meet.
     pub(super) ray_scene: Arc<LazyRayScene>,
     /// Whether anything casts a shadow on anything.

@@ -18,7 +18,7 @@ const IRRADIANCE_FACE: u32 = 16;
 pub struct ProbeMaps {
     /// [`ProbeBlock`]s.
     pub blocks: Arc<Buffer>,
-    placed: Vec<ProbeBlock>,
+    placed: Vec<Probe>,
     /// Even and odd levels.
     pub specular: [Arc<Image>; 2],
     /// Over pi.
@@ -39,12 +39,11 @@ impl ProbeMaps {
             Image::new(gpu, name, ImageDesc { shape: Shape::CubeArray(count), mips, ..flat })
         };
         let mips = (LEVELS / 2) as u32;
-        let placed: Vec<ProbeBlock> = probes.iter().map(block).collect();
         let mut all = [ProbeBlock::default(); MOST_PROBES];
-        all[..placed.len()].copy_from_slice(&placed);
+        all.iter_mut().zip(probes).for_each(|(to, probe)| *to = block(probe));
         let maps = Self {
             blocks: Buffer::with_bytes(gpu, "probes", BufferKind::FromCpu, bytemuck::cast_slice(&all))?,
-            placed,
+            placed: probes.to_vec(),
             specular: [cubes("even levels of probes", face, mips)?, cubes("odd levels of probes", face, mips)?],
             irradiance: cubes("irradiance of probes", IRRADIANCE_FACE, 1)?,
         };
@@ -61,7 +60,7 @@ impl ProbeMaps {
     }
 
     /// Where they stand.
-    pub fn placed(&self) -> &[ProbeBlock] {
+    pub fn placed(&self) -> &[Probe] {
         &self.placed
     }
 
@@ -79,11 +78,14 @@ impl ProbeMaps {
 }
 
 fn block(probe: &Probe) -> ProbeBlock {
-    let Probe { position, bounds } = probe;
+    let Probe { position, bounds, .. } = probe;
+    let reach = probe.reach();
     ProbeBlock {
         position: (*position).into(),
         low: bounds.min.into(),
         high: bounds.max.into(),
+        reach_low: reach.min.into(),
+        reach_high: reach.max.into(),
         border: probe.border().max(f32::MIN_POSITIVE),
     }
 }

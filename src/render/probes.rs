@@ -15,6 +15,7 @@ use crate::gpu::{
     PassTime, Pipeline, Sampler, submit_and_wait,
 };
 use crate::precompute::HierarchicalConvolution;
+use crate::scene::{Bounds, Probe};
 
 /// Names of the passes, for their times.
 pub const CAPTURE: &str = "probe capture";
@@ -32,6 +33,17 @@ struct Work {
     position: [f32; 3],
     first_row: u32,
     rows: u32,
+    /// Rays begin where they leave this box.
+    low: [f32; 3],
+    high: [f32; 3],
+}
+
+impl Work {
+    fn new(probe: &Probe, first_row: u32, rows: u32) -> Self {
+        let Probe { position, thing, .. } = *probe;
+        let within = thing.unwrap_or(Bounds { min: position, max: position });
+        Self { position: position.into(), first_row, rows, low: within.min.into(), high: within.max.into() }
+    }
 }
 
 /// What comes next.
@@ -119,7 +131,7 @@ impl ProbeBake {
                 let [_, height] = self.captured.desc().size;
                 let rows = (self.pace.size() as u32 / GROUP * GROUP).clamp(GROUP, height - first_row);
                 self.pace.issue(f64::from(rows));
-                let work = Work { position: self.probes.placed()[probe].position, first_row, rows };
+                let work = Work::new(&self.probes.placed()[probe], first_row, rows);
                 commands.pass(CAPTURE, |commands| self.capture(commands, sets, work));
                 let next = first_row + rows;
                 self.stage = if next < height { Stage::Capture(probe, next) } else { Stage::Filter(probe) };

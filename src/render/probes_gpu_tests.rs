@@ -38,7 +38,7 @@ fn scene(mesh: Mesh, base_color: f32, intensity: f32, sky: f32) -> Scene {
         lights: vec![PointLight { position: Vec3::ZERO, intensity: Vec3::splat(intensity), radius: 0.0, cone: None }],
         cameras: vec![Camera { name: "c".into(), position: Vec3::ZERO, target: Vec3::Z, vertical_fov_degrees: 40.0 }],
         environment: Environment { panorama: Panorama::uniform(Vec3::splat(sky)), rotation_degrees: 0.0 },
-        probes: vec![Probe { position: Vec3::new(0.4, 0.2, -0.1), bounds }],
+        probes: vec![Probe { position: Vec3::new(0.4, 0.2, -0.1), bounds, thing: None }],
         exposure_ev: 0.0,
     }
 }

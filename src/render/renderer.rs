@@ -206,6 +206,7 @@ impl Renderer {
         PipelineRequest {
             lightmap_layers: baked.layers(),
             probes: baked.probe_count(),
+            drawn: resources.drawn_kinds(),
             ray_scene: Arc::clone(&resources.ray_scene),
             ..self.pipeline_request(self.settings().clone(), self.eyes())
         }

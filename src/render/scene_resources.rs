@@ -9,7 +9,7 @@ use std::sync::Arc;
 
 use glam::Vec3;
 
-use super::draws::{Draw, Layer};
+use super::draws::{Draw, Layer, ProbeUse};
 use super::edits::{EditPlaces, SceneEdits};
 use super::ray_scene::LazyRayScene;
 use super::settings::RenderSettings;
@@ -21,7 +21,7 @@ use crate::context::Context;
 use crate::gpu::{Buffer, BufferKind, Commands, Gpu};
 use crate::scene::cluster::{Cluster, clusters};
 use crate::scene::needs::MAX_COUNTED_LIGHTS;
-use crate::scene::{GeometryView, Lookup, Material, MaterialFeatures, PointLight, Scene, SceneFeatures};
+use crate::scene::{GeometryView, Lookup, Material, MaterialFeatures, PointLight, Probe, Scene, SceneFeatures};
 pub use geometry::Geometry;
 pub use textures::{SceneTextures, TextureFacts, affordable_bytes};
 pub use vertex::{ATTRIBUTES, PackedVertex};
@@ -79,6 +79,22 @@ impl SceneResources {
             }
         }
         variants
+    }
+
+    /// Says of each draw which of these probes give its mirror images.
+    pub fn place_probes(&mut self, probes: &[Probe]) {
+        for draw in &mut self.draws {
+            draw.probes = ProbeUse::new(probes, draw.bounds());
+        }
+    }
+
+    /// Of each variant, whether something is drawn with it by each kind of [`ProbeUse`].
+    pub fn drawn_kinds(&self) -> Vec<[bool; ProbeUse::KINDS]> {
+        let mut drawn = vec![[false; ProbeUse::KINDS]; self.variants.len()];
+        for draw in &self.draws {
+            drawn[draw.variant as usize][draw.probes.kind()] = true;
+        }
+        drawn
     }
 
     /// Records the writing of these materials and lamps as they are with their changes.

@@ -155,14 +155,17 @@ pub struct LightBlock {
     pub cone: [f32; 2],
 }
 
-/// A place that light was captured at: an element of `SCENE_PROBES`. In the models' space.
+/// A place that light was captured at, the box that it is taken to lie on, and the one in which mirror images show it: an element
+/// of `SCENE_PROBES`. In the models' space.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
 pub struct ProbeBlock {
     pub position: [f32; 3],
     pub low: [f32; 3],
     pub high: [f32; 3],
-    /// Metres outside of the box over which its influence ends.
+    pub reach_low: [f32; 3],
+    pub reach_high: [f32; 3],
+    /// Metres outside of the second box over which its influence ends.
     pub border: f32,
 }
 
@@ -186,7 +189,7 @@ const _: () = {
     assert!(offset_of!(LightBlock, radius) == 12 && offset_of!(LightBlock, intensity) == 16);
     assert!(offset_of!(LightBlock, shadow_near) == 28 && offset_of!(LightBlock, shadow_layer) == 32);
     assert!(offset_of!(LightBlock, along) == 36 && size_of::<LightBlock>() == 56);
-    assert!(offset_of!(ProbeBlock, low) == 12 && offset_of!(ProbeBlock, border) == 36);
+    assert!(offset_of!(ProbeBlock, low) == 12 && offset_of!(ProbeBlock, border) == 60);
 };
 
 /// Specialization constants, by their id in `glsl/shared.glsl`.

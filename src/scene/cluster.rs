@@ -36,6 +36,13 @@ pub struct Cluster {
     pub placements: Vec<Mat4>,
 }
 
+impl Cluster {
+    /// The bounds of an instance: of a turned one less than those of its turned box.
+    pub fn bounds_at(&self, world_from_local: Mat4) -> Bounds {
+        Bounds::of(self.vertices.iter().map(|vertex| world_from_local.transform_point3(vertex.position.into())))
+    }
+}
+
 /// Splits a scene's instances into clusters. Meshes with the same material and transforms are merged.
 ///
 /// `blends`: whether a material's surfaces are blended with what is behind. Each connected one of these is a cluster of its

@@ -139,6 +139,8 @@ pub struct PointLight {
 pub struct Probe {
     pub position: Vec3,
     pub bounds: Bounds,
+    /// The box around a thing that alone mirrors what is captured, which is what lies outside; `None`: all in `bounds` does.
+    pub thing: Option<Bounds>,
 }
 
 /// A named viewpoint.

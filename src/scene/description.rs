@@ -323,7 +323,7 @@ impl Check<'_> {
         if position.cmplt(min).any() || position.cmpgt(max).any() {
             return Err(self.error("position", &keys.position, "the probe lies outside of its box"));
         }
-        Ok(Probe { position, bounds: Bounds { min, max } })
+        Ok(Probe { position, bounds: Bounds { min, max }, thing: None })
     }
 
     fn cameras(&self, all: Vec<CameraKeys>) -> Result<Vec<Camera>> {

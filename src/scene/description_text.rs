@@ -206,7 +206,11 @@ mod tests {
             floor: true,
             models: vec![ModelFile { file, world_from_local: placed }],
             lights: vec![PointLight { position: Vec3::X, intensity: Vec3::splat(1e-3), radius: 0.05, cone }],
-            probes: vec![Probe { position: Vec3::ZERO, bounds: Bounds { min: -Vec3::ONE, max: Vec3::ONE } }],
+            probes: vec![Probe {
+                position: Vec3::ZERO,
+                bounds: Bounds { min: -Vec3::ONE, max: Vec3::ONE },
+                thing: None,
+            }],
             cameras: vec![Camera {
                 name: "a \"b\"\n".into(),
                 position: Vec3::new(0.1, 0.2, 0.3),

@@ -19,6 +19,7 @@ pub mod mesh;
 mod model_lights;
 pub mod needs;
 pub mod probes;
+mod things;
 pub mod staging;
 pub mod tangent;
 

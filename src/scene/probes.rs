@@ -1,18 +1,21 @@
-//! Places where light is captured for mirror images, each with a box: one for each room or open place that smooth surfaces
-//! are seen in, found by rays.
+//! Places where light is captured for mirror images, each with a box: one for each room that smooth surfaces are seen in, and for
+//! smooth things that stand in the open, found by rays.
 
 use glam::Vec3;
 use rayon::prelude::*;
 
 use super::Probe;
-use super::bvh::{Bvh, Hit};
+use super::bvh::{self, Bvh};
 use super::lightmap_texels::random_direction;
 use super::mesh::Bounds;
+use super::things::things;
 
 /// The most probes of a scene: each takes memory, and every fragment looks at each box.
 pub const MOST_PROBES: usize = 8;
 /// Part of a box's mean side over which its influence ends, outside of it.
 const BORDER: f32 = 0.05;
+/// The same of a thing's box, which is raised by it, too: what the thing stands on has its own mirror images.
+const THING_BORDER: f32 = 0.005;
 /// Share of rays to the sky from which on a place is open: what it mirrors is mostly the panorama.
 const OPEN: f32 = 1.0 / 3.0;
 /// Rays that a place is judged by, and that a candidate for the middle of a room is.
@@ -44,6 +47,8 @@ const REFLECTIONS: u32 = 3;
 /// Part of the smooth places that a room without a camera needs, and how many of such places are tried.
 const ROOM: f32 = 0.2;
 const TRIES: usize = 32;
+/// Part of the smooth places that a thing in the open needs.
+const THING: f32 = 0.01;
 
 /// Where probes go, and what else was found.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -56,15 +61,35 @@ pub struct Placement {
 }
 
 impl Probe {
-    /// Metres outside of the box over which its influence ends.
+    /// The box in which it gives mirror images.
+    pub fn reach(&self) -> Bounds {
+        self.thing.unwrap_or(self.bounds)
+    }
+
+    /// Metres outside of that box over which its influence ends.
     pub fn border(&self) -> f32 {
-        BORDER * (self.bounds.max - self.bounds.min).min(Vec3::splat(1e6)).element_sum() / 3.0
+        let part = if self.thing.is_some() { THING_BORDER } else { BORDER };
+        part * mean_side(self.reach())
+    }
+
+    /// Whether it gives mirror images of something in a box, at least in part.
+    pub fn reaches_into(&self, bounds: Bounds) -> bool {
+        let (reach, border) = (self.reach(), Vec3::splat(self.border()));
+        bounds.min.cmplt(reach.max + border).all() && bounds.max.cmpgt(reach.min - border).all()
+    }
+
+    /// Whether it gives all mirror images of what is in a box, or hardly less: of a thing's probe, where the thing stands, and of a
+    /// room's, where its walls are not quite even, others would give a small part.
+    pub fn covers(&self, bounds: Bounds) -> bool {
+        let slack = if self.thing.is_some() { 2.0 } else { 0.2 };
+        let (reach, slack) = (self.reach(), Vec3::splat(slack * self.border()));
+        bounds.min.cmpge(reach.min - slack).all() && bounds.max.cmple(reach.max + slack).all()
     }
 
     /// Whether it gives the mirror images of a place, at least in part.
     fn reaches(&self, p: Vec3) -> bool {
-        let outside = (self.bounds.min - p).max(p - self.bounds.max).max(Vec3::ZERO);
-        outside.length() < self.border()
+        let reach = self.reach();
+        (reach.min - p).max(p - reach.max).max(Vec3::ZERO).length() < self.border()
     }
 
     /// Whether another is of the same room. Places outside of a box, such as a gallery above it, find its room again.
@@ -81,16 +106,17 @@ impl Probe {
 pub fn place(bvh: &Bvh, cameras: &[Vec3], smooth: impl Fn(usize) -> bool + Sync) -> Placement {
     let every = cameras.len().div_ceil(MOST_CAMERAS).max(1);
     let cameras: Vec<Vec3> = cameras.iter().copied().step_by(every).collect();
-    let seen: Vec<Vec3> = (0u32..)
+    let met: Vec<Met> = (0u32..)
         .zip(&cameras)
         .flat_map(|(i, camera)| {
             let walk = |path| smooth_met(bvh, *camera, i * PATHS + path, &smooth);
-            (0..PATHS).into_par_iter().flat_map_iter(walk).collect::<Vec<Vec3>>()
+            (0..PATHS).into_par_iter().flat_map_iter(walk).collect::<Vec<Met>>()
         })
         .collect();
-    if seen.is_empty() {
+    if met.is_empty() {
         return Placement::default();
     }
+    let seen: Vec<Vec3> = met.iter().map(|met| met.place).collect();
     let mut placed = Placement { sees_smooth: true, ..Placement::default() };
     for camera in &cameras {
         placed.add(bvh, *camera, &seen, 1);
@@ -109,8 +135,14 @@ pub fn place(bvh: &Bvh, cameras: &[Vec3], smooth: impl Fn(usize) -> bool + Sync)
         }
         others.retain(|p| !placed.reach(*p));
     }
+    let beyond: Vec<usize> = met.iter().filter(|met| !placed.reach(met.place)).map(|met| met.triangle).collect();
+    let free = MOST_PROBES - placed.probes.len();
+    let least = (THING * met.len() as f32) as usize + 1;
+    let around =
+        things(bvh, (&beyond, least), &smooth, &cameras).into_iter().filter_map(|thing| surroundings(bvh, thing));
+    placed.probes.extend(around.take(free));
     // The smallest comes first: a niche within a room is its own.
-    let volume = |probe: &Probe| (probe.bounds.max - probe.bounds.min).element_product();
+    let volume = |probe: &Probe| (probe.reach().max - probe.reach().min).element_product();
     placed.probes.sort_by(|a, b| volume(a).total_cmp(&volume(b)));
     placed
 }
@@ -140,6 +172,21 @@ impl Placement {
     }
 }
 
+fn mean_side(bounds: Bounds) -> f32 {
+    (bounds.max - bounds.min).min(Vec3::splat(1e6)).element_sum() / 3.0
+}
+
+/// The probe of what a thing in this box mirrors; `None` where that is the panorama alone, or the inside of another thing.
+fn surroundings(bvh: &Bvh, mut thing: Bounds) -> Option<Probe> {
+    thing.min.y += THING_BORDER * mean_side(thing);
+    let position = thing.centre();
+    let view = View::around(bvh, position, Some(thing), RAYS);
+    // What stands beside it is no wall: most of what is seen there is beyond.
+    let (floor, far) = (view.bounds(bvh).min.y.min(thing.min.y), Vec3::splat(NO_WALL * bvh.bounds().radius()));
+    let bounds = Bounds { min: (position - far).with_y(floor), max: position + far };
+    (!view.met.is_empty() && view.backs < BEHIND).then_some(Probe { position, bounds, thing: Some(thing) })
+}
+
 /// The probe of the room around a place; `None` in the open.
 fn room(bvh: &Bvh, start: Vec3) -> Option<Probe> {
     let from_start = View::new(bvh, start, RAYS);
@@ -163,7 +210,7 @@ fn room(bvh: &Bvh, start: Vec3) -> Option<Probe> {
     let axes = walled.bitmask().count_ones().max(1);
     let side = Vec3::select(walled, bounds.max - bounds.min, Vec3::ZERO).element_sum() / axes as f32;
     let is_nook = side < NOOK * bvh.bounds().radius() || (axes < 3 && clearance < CLEAR * side);
-    (!is_open && !is_nook && walls >= WALLS).then_some(Probe { position, bounds })
+    (!is_open && !is_nook && walls >= WALLS).then_some(Probe { position, bounds, thing: None })
 }
 
 /// The freest place near a room's centre; `start` if nothing else is inside of the room.
@@ -185,9 +232,17 @@ fn middle(bvh: &Bvh, start: Vec3, bounds: Bounds, from_start: &View) -> Vec3 {
     rated.collect::<Vec<_>>().into_iter().reduce(|a, b| if b.1 > a.1 { b } else { a }).map_or(start, |(place, _)| place)
 }
 
+/// A smooth surface that a path meets.
+struct Met {
+    /// A little off it, where rays go to all sides.
+    place: Vec3,
+    /// Of the hierarchy.
+    triangle: usize,
+}
+
 /// What a ray meets.
 #[derive(Clone, Copy)]
-struct Met {
+struct Hit {
     d: Vec3,
     t: f32,
     /// The triangle's normal, towards where the ray came from.
@@ -198,7 +253,7 @@ struct Met {
 /// What rays to all sides of a place meet.
 struct View {
     from: Vec3,
-    met: Vec<Met>,
+    met: Vec<Hit>,
     rays: u32,
     /// Shares of the rays that meet nothing, and that meet a triangle's back.
     open: f32,
@@ -209,14 +264,20 @@ struct View {
 
 impl View {
     fn new(bvh: &Bvh, from: Vec3, rays: u32) -> Self {
+        Self::around(bvh, from, None, rays)
+    }
+
+    /// Rays begin where they leave the box that `from` is in.
+    fn around(bvh: &Bvh, from: Vec3, thing: Option<Bounds>, rays: u32) -> Self {
         let trace = |i: u32| {
             let d = spiral(i, rays);
-            let hit = bvh.trace(from, d, f32::INFINITY, |_| true)?;
+            let begin = thing.map_or(0.0, |thing| exit(from, d, thing));
+            let hit = bvh.trace(from + begin * d, d, f32::INFINITY, |_| true)?;
             let n = normal(bvh, &hit);
             let back = n.dot(d) > 0.0;
-            Some(Met { d, t: hit.t, n: if back { -n } else { n }, back })
+            Some(Hit { d, t: begin + hit.t, n: if back { -n } else { n }, back })
         };
-        let met: Vec<Met> = (0..rays).into_par_iter().filter_map(trace).collect();
+        let met: Vec<Hit> = (0..rays).into_par_iter().filter_map(trace).collect();
         let share = |count: usize| count as f32 / rays as f32;
         let mut distances: Vec<f32> = met.iter().map(|met| met.t).collect();
         distances.sort_by(f32::total_cmp);
@@ -238,14 +299,14 @@ impl View {
     fn bounds(&self, bvh: &Bvh) -> Bounds {
         let far = NO_WALL * bvh.bounds().radius();
         let wall = |axis: usize, sign: f32| {
-            let towards = |met: &&Met| met.d[axis] * sign > 0.0;
-            let along = |met: &&Met| met.d.abs().max_position() == axis;
-            let faces = |met: &&Met| met.n[axis] * sign < -FACES;
+            let towards = |met: &&Hit| met.d[axis] * sign > 0.0;
+            let along = |met: &&Hit| met.d.abs().max_position() == axis;
+            let faces = |met: &&Hit| met.n[axis] * sign < -FACES;
             // A sixth of all rays go to each side; where half of them meet nothing, there is no wall.
             if (self.met.iter().filter(towards).filter(along).count() as u32) < self.rays / 12 {
                 return far;
             }
-            let distance = |met: &Met| met.d[axis].abs() * met.t;
+            let distance = |met: &Hit| met.d[axis].abs() * met.t;
             let mut distances: Vec<f32> = self.met.iter().filter(towards).filter(faces).map(distance).collect();
             if distances.len() < FACING {
                 distances = self.met.iter().filter(towards).filter(along).map(distance).collect();
@@ -263,13 +324,20 @@ impl View {
     }
 }
 
+/// How far it is from a place in a box along d to its side.
+fn exit(from: Vec3, d: Vec3, within: Bounds) -> f32 {
+    let sides = Vec3::select(d.cmpge(Vec3::ZERO), within.max, within.min);
+    // A side that d goes along is infinitely far, or where the place lies in it, nowhere.
+    ((sides - from) / d).to_array().into_iter().filter(|t| !t.is_nan()).fold(f32::INFINITY, f32::min).max(0.0)
+}
+
 /// Directions along a spiral over the sphere: Roberts, "How to evenly distribute points on a sphere" (2018).
 fn spiral(i: u32, count: u32) -> Vec3 {
     let (up, longitude) = (1.0 - (2.0 * i as f32 + 1.0) / count as f32, i as f32 * 2.399_963_2);
     Vec3::new(longitude.cos(), 0.0, longitude.sin()) * (1.0 - up * up).sqrt() + up * Vec3::Y
 }
 
-fn normal(bvh: &Bvh, hit: &Hit) -> Vec3 {
+fn normal(bvh: &Bvh, hit: &bvh::Hit) -> Vec3 {
     let [a, b, c] = bvh.triangles()[hit.triangle].corners.map(Vec3::from);
     (b - a).cross(c - a).normalize_or_zero()
 }
@@ -280,7 +348,7 @@ fn is_clear(bvh: &Bvh, from: Vec3, to: Vec3) -> bool {
 }
 
 /// Places before the smooth surfaces that one random path meets.
-fn smooth_met(bvh: &Bvh, camera: Vec3, path: u32, smooth: &impl Fn(usize) -> bool) -> Vec<Vec3> {
+fn smooth_met(bvh: &Bvh, camera: Vec3, path: u32, smooth: &impl Fn(usize) -> bool) -> Vec<Met> {
     let (mut met, mut o, mut axis) = (Vec::new(), camera, None);
     for reflection in 0..=REFLECTIONS {
         let d = random_direction(path * (REFLECTIONS + 1) + reflection);
@@ -291,8 +359,7 @@ fn smooth_met(bvh: &Bvh, camera: Vec3, path: u32, smooth: &impl Fn(usize) -> boo
         let place = o + hit.t * d;
         o = place + 1e-5 * (hit.t + place.abs().max_element()) * side;
         if smooth(hit.triangle) {
-            // A little off the surface, where rays go to all sides.
-            met.push(place + 1e-3 * bvh.bounds().radius() * side);
+            met.push(Met { place: place + 1e-3 * bvh.bounds().radius() * side, triangle: hit.triangle });
         }
         axis = Some(side);
     }
@@ -301,4 +368,4 @@ fn smooth_met(bvh: &Bvh, camera: Vec3, path: u32, smooth: &impl Fn(usize) -> boo
 
 #[cfg(test)]
 #[path = "probes_tests.rs"]
-mod tests;
+pub mod tests;

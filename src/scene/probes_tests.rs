@@ -7,7 +7,7 @@ use crate::scene::bvh::tests::mesh;
 use crate::scene::{Instance, Mesh};
 
 /// The inside of a box, without the sides whose numbers (−X, +X, −Y, +Y, −Z, +Z) are listed.
-fn walls(min: Vec3, max: Vec3, without: &[usize]) -> Mesh {
+pub fn walls(min: Vec3, max: Vec3, without: &[usize]) -> Mesh {
     let corner = |i: usize| Vec3::select(glam::BVec3::new(i & 1 != 0, i & 2 != 0, i & 4 != 0), max, min);
     let sides = [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]];
     let corners: Vec<Vec3> = (0..8).map(corner).collect();
@@ -16,7 +16,7 @@ fn walls(min: Vec3, max: Vec3, without: &[usize]) -> Mesh {
     mesh(&corners, indices)
 }
 
-fn bvh(meshes: &[Mesh]) -> Bvh {
+pub fn bvh(meshes: &[Mesh]) -> Bvh {
     let placed = |mesh| Instance { mesh, world_from_local: Mat4::IDENTITY };
     let instances: Vec<Instance> = (0..meshes.len()).map(placed).collect();
     Bvh::new(meshes, &instances).unwrap()
@@ -35,7 +35,7 @@ fn wall_at_2(z: [f32; 2]) -> Mesh {
     mesh(&[at(0.0, z[0]), at(2.5, z[0]), at(2.5, z[1]), at(0.0, z[1])], vec![0, 1, 2, 0, 2, 3])
 }
 
-fn ball(centre: Vec3, radius: f32) -> Mesh {
+pub fn ball(centre: Vec3, radius: f32) -> Mesh {
     let mut ball = Mesh::ball(12, radius);
     ball.vertices.iter_mut().for_each(|v| v.position = (Vec3::from(v.position) + centre).into());
     ball
@@ -51,7 +51,7 @@ fn a_room_gets_one_probe_with_its_walls_as_the_box() {
     let cameras = [Vec3::new(1.5, 1.6, 2.5), Vec3::new(-1.5, 1.2, -2.0)];
     let found = placed(&[walls(LOW, HIGH, &[]), table, ball], &cameras);
     assert_eq!((found.probes.len(), found.open), (1, 0), "{found:?}");
-    let Probe { position, bounds } = found.probes[0];
+    let Probe { position, bounds, .. } = found.probes[0];
     assert!(
         (bounds.min - LOW).abs().max_element() < 0.02 && (bounds.max - HIGH).abs().max_element() < 0.02,
         "{bounds:?}"
@@ -80,7 +80,7 @@ fn a_room_beside_the_cameras_gets_its_own() {
 fn a_room_found_from_places_outside_of_its_box_gets_one_probe() {
     // The box that is there ends before the wall where the next camera is.
     let parts = [walls(LOW, HIGH, &[]), ball(Vec3::new(0.0, 1.0, 0.0), 0.4)];
-    let short = Probe { position: Vec3::Y, bounds: Bounds { min: LOW, max: Vec3::new(1.4, 2.5, 3.0) } };
+    let short = Probe { position: Vec3::Y, bounds: Bounds { min: LOW, max: Vec3::new(1.4, 2.5, 3.0) }, thing: None };
     let mut found = Placement { probes: vec![short], ..Placement::default() };
     let start = Vec3::new(1.8, 1.2, 2.0);
     let seen = [Vec3::X, Vec3::Z, -Vec3::X, -Vec3::Z].map(|side| Vec3::Y + 0.5 * side);
@@ -88,7 +88,7 @@ fn a_room_found_from_places_outside_of_its_box_gets_one_probe() {
     assert!(!found.reach(start) && room(&hierarchy, start).is_some());
     found.add(&hierarchy, start, &seen, 1);
     assert_eq!(found.probes, [short]);
-    let probe = Probe { position: Vec3::ZERO, bounds: Bounds { min: LOW, max: HIGH } };
+    let probe = Probe { position: Vec3::ZERO, bounds: Bounds { min: LOW, max: HIGH }, thing: None };
     let moved = |by: Vec3| Probe { bounds: Bounds { min: LOW + by, max: HIGH + by }, ..probe };
     assert!(probe.is_same_room(&moved(Vec3::new(0.2, 0.0, 0.0))));
     assert!(!probe.is_same_room(&moved(Vec3::new(0.0, 0.0, 3.0))), "the room beside it");
@@ -97,11 +97,20 @@ fn a_room_found_from_places_outside_of_its_box_gets_one_probe() {
 }
 
 #[test]
-fn an_open_place_needs_none_and_a_court_has_no_ceiling() {
+fn a_thing_in_the_open_gets_its_own_and_a_court_has_no_ceiling() {
     let floor = walls(Vec3::new(-5.0, 0.0, -5.0), Vec3::new(5.0, 9.0, 5.0), &[0, 1, 3, 4, 5]);
     let camera = [Vec3::new(0.0, 1.5, 2.0)];
-    let found = placed(&[floor, ball(Vec3::new(0.0, 0.5, 0.0), 0.5)], &camera);
-    assert!(found.probes.is_empty() && found.open > 0, "{found:?}");
+    let found = placed(&[floor.clone(), ball(Vec3::new(0.0, 0.5, 0.0), 0.5)], &camera);
+    let [Probe { position, bounds, thing: Some(thing) }] = found.probes[..] else { panic!("{found:?}") };
+    assert!(found.open > 0 && (position - Vec3::new(0.0, 0.5, 0.0)).length() < 0.05, "{found:?}");
+    assert!(bounds.min.y.abs() < 1e-3 && bounds.max.min_element() > 30.0, "the floor, and no walls: {bounds:?}");
+    assert!(thing.min.y > 0.001 && (thing.max - Vec3::new(0.5, 1.0, 0.5)).abs().max_element() < 0.03, "{thing:?}");
+    assert!(!found.probes[0].reaches(Vec3::new(0.1, 0.0, 0.1)), "the floor has its own mirror images");
+    assert!(found.probes[0].reaches(Vec3::new(0.0, 0.02, 0.0)));
+    let alone = placed(&[ball(Vec3::new(0.0, 0.5, 0.0), 0.5)], &camera);
+    assert!(alone.probes.is_empty() && alone.open > 0, "the panorama alone: {alone:?}");
+    let shiny_floor = placed(&[ball(Vec3::new(0.0, 0.5, 0.0), 0.5), floor], &camera);
+    assert!(shiny_floor.probes.is_empty(), "a floor is no thing: {shiny_floor:?}");
     let court = walls(Vec3::new(-3.0, 0.0, -3.0), Vec3::new(3.0, 6.0, 3.0), &[3]);
     let found = placed(&[court, ball(Vec3::new(0.0, 0.5, 0.0), 0.5)], &camera);
     assert_eq!(found.probes.len(), 1, "{found:?}");

@@ -14,7 +14,8 @@ use crate::asset::ktx2::Ktx2;
 use crate::context::Setup;
 use crate::gpu::Gpu;
 use crate::precompute::{LightMaps, read_texture};
-use crate::render::{Eye, FrameInputs, LightModel, ProbeBlock, ProbeMaps, RenderSettings, Renderer, lightmap_sides};
+use crate::render::{Eye, FrameInputs, LightModel, ProbeMaps, RenderSettings, Renderer, lightmap_sides};
+use crate::scene::Probe;
 use crate::scene::needs::lightmap::{LightmapNeed, lightmap_need};
 use crate::{Error, Result};
 
@@ -62,14 +63,31 @@ struct LightmapMeaning {
     layers: u32,
 }
 
-/// Where a probe's light was captured, and the box that it mirrors: world space, metres.
+/// Where a probe's light was captured, the box that it is taken to lie on, and the one in which mirror images show it: world space,
+/// metres. The second is another than the first around a thing, whose probe shows what lies outside of it.
 #[derive(Serialize)]
 struct ProbePlace {
     position: [f32; 3],
     low: [f32; 3],
     high: [f32; 3],
-    /// Outside of the box, where its influence ends.
+    reach_low: [f32; 3],
+    reach_high: [f32; 3],
+    /// Outside of the second box, where its influence ends.
     border: f32,
+}
+
+impl ProbePlace {
+    fn new(probe: &Probe) -> Self {
+        let reach = probe.reach();
+        Self {
+            position: probe.position.into(),
+            low: probe.bounds.min.into(),
+            high: probe.bounds.max.into(),
+            reach_low: reach.min.into(),
+            reach_high: reach.max.into(),
+            border: probe.border(),
+        }
+    }
 }
 
 /// Computes a scene's light and writes it into `folder`:
@@ -159,6 +177,5 @@ fn probe_textures(gpu: &Arc<Gpu>, probes: &ProbeMaps, scale: f32) -> Result<[Ktx
 }
 
 fn places(probes: &ProbeMaps) -> Vec<ProbePlace> {
-    let place = |&ProbeBlock { position, low, high, border }: &ProbeBlock| ProbePlace { position, low, high, border };
-    probes.placed().iter().map(place).collect()
+    probes.placed().iter().map(ProbePlace::new).collect()
 }

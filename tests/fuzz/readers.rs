@@ -217,7 +217,7 @@ impl Bench {
                 let scene = load(&bench.path("good.obj"), &raw(), &Report::silent()).unwrap();
                 bench.flatten(&scene);
                 let bounds = Bounds { min: glam::Vec3::NEG_ONE, max: glam::Vec3::ONE };
-                let probes = vec![Probe { position: glam::Vec3::ZERO, bounds }; 2];
+                let probes = vec![Probe { position: glam::Vec3::ZERO, bounds, thing: None }; 2];
                 LightPlan { layers: 2, probes }.keep(&bench.cache(), PLAN);
                 bench.scene = Some(scene);
             }

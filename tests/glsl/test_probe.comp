@@ -22,6 +22,6 @@ void main()
     if (id >= inputs.length())
         return;
     Input i = inputs[id];
-    Probe probe = Probe(vec3(0.0), i.low, i.high, i.border);
+    Probe probe = Probe(vec3(0.0), vec3(0.0), vec3(0.0), i.low, i.high, i.border);
     outputs[id] = Output(box_exit(i.p, i.d, i.low, i.high), probe_weight(i.p, probe));
 }

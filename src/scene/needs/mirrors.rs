@@ -51,12 +51,17 @@ impl ProbePlan {
         let Placement { probes, sees_smooth, open } = place(bvh, &cameras, smooth);
         let [count, all] = counted(scene, model);
         let of = format!("{count} of {all} materials are metal or smooth");
-        let why = match probes.len() {
-            0 if !sees_smooth => format!("{of}, but none is seen from the cameras: no probe"),
-            0 if open > 0 => format!("{of}, but around them is mostly sky, the panorama itself: no probe"),
-            0 => format!("{of}, but there is no room around them: no probe"),
-            MOST_PROBES => format!("{of}; one for each of the first {MOST_PROBES} rooms that they are seen in"),
-            rooms => format!("{of}; one for each room that they are seen in: {rooms}, found by rays"),
+        let things = probes.iter().filter(|probe| probe.thing.is_some()).count();
+        let why = match [probes.len() - things, things] {
+            [0, 0] if !sees_smooth => format!("{of}, but none is seen from the cameras: no probe"),
+            [0, 0] if open > 0 => format!("{of}, but around them is mostly sky, the panorama itself: no probe"),
+            [0, 0] => format!("{of}, but there is no room around them: no probe"),
+            [MOST_PROBES, 0] => format!("{of}; one for each of the first {MOST_PROBES} rooms that they are seen in"),
+            [rooms, 0] => format!("{of}; one for each room that they are seen in: {rooms}, found by rays"),
+            [0, things] => format!("{of}; one around each thing that stands in the open: {things}, found by rays"),
+            [rooms, things] => {
+                format!("{of}; {rooms} for rooms, {things} around things in the open, found by rays")
+            }
         };
         Self { probes, why }
     }
@@ -76,7 +81,7 @@ mod tests {
     fn plan(metallic: f32, roughness: f32, model: Model) -> ProbePlan {
         let material = Material::plain("plain", Vec3::ONE, metallic, roughness);
         let bounds = Bounds { min: -Vec3::ONE, max: Vec3::ONE };
-        let by_hand = vec![Probe { position: Vec3::ZERO, bounds }];
+        let by_hand = vec![Probe { position: Vec3::ZERO, bounds, thing: None }];
         let scene = Scene { probes: by_hand, ..scene(vec![material], 1) };
         ProbePlan::new(&scene, model, &Bvh::new(&scene.meshes, &scene.instances).unwrap())
     }

@@ -1,0 +1,164 @@
+//! Things with smooth surfaces, as a probe is placed for: parts of the scene that hang together, and the boxes around them.
+
+use std::collections::HashMap;
+
+use glam::Vec3;
+
+use super::bvh::Bvh;
+use super::mesh::Bounds;
+
+/// Of the smaller of two parts' boxes, the share that lies in the other's from which on they are one thing, as a teapot and its
+/// handle are.
+const OVERLAP: f32 = 0.05;
+/// Unless its diagonal is a smaller part of the other's than this: what stands in a shelf is no part of it.
+const PART: f32 = 0.15;
+/// Least side of a thing's box, in parts of its largest: flat things are walls and floors.
+const FLAT: f32 = 0.05;
+/// Diagonal of a thing's box, in parts of the scene's, from which on it is what surrounds others.
+const LARGE: f32 = 0.7;
+
+/// Boxes around the things whose triangles were met so often at least, `met` having one entry for each time; those that were met
+/// most come first. Smooth triangles that share a corner hang together. Nothing that a camera is in is a thing.
+pub fn things(
+    bvh: &Bvh,
+    (met, least): (&[usize], usize),
+    smooth: impl Fn(usize) -> bool,
+    cameras: &[Vec3],
+) -> Vec<Bounds> {
+    let parts = Parts::new(bvh, smooth);
+    let mut counts: HashMap<usize, usize> = HashMap::new();
+    for part in met.iter().filter_map(|triangle| parts.of_triangle[*triangle]) {
+        *counts.entry(part).or_default() += 1;
+    }
+    let mut boxes: Vec<(Bounds, usize)> = Vec::new();
+    for (part, count) in counts {
+        let bounds = parts.grown(part);
+        match boxes.iter_mut().find(|(known, _)| *known == bounds) {
+            Some((_, known)) => *known += count,
+            None => boxes.push((bounds, count)),
+        }
+    }
+    let most = 2.0 * LARGE * bvh.bounds().radius();
+    let contains = |bounds: &Bounds, p: &Vec3| p.cmpge(bounds.min).all() && p.cmple(bounds.max).all();
+    boxes.retain(|(bounds, count)| {
+        let side = bounds.max - bounds.min;
+        *count >= least
+            && side.min_element() > FLAT * side.max_element()
+            && 2.0 * bounds.radius() < most
+            && !cameras.iter().any(|camera| contains(bounds, camera))
+    });
+    let place = |bounds: &Bounds| bounds.min.to_array().map(f32::to_bits);
+    boxes.sort_by_key(|(bounds, count)| (std::cmp::Reverse(*count), place(bounds)));
+    boxes.into_iter().map(|(bounds, _)| bounds).collect()
+}
+
+/// Parts of the smooth surfaces that hang together by their corners.
+struct Parts {
+    /// By triangle of the hierarchy; `None` for what is not smooth.
+    of_triangle: Vec<Option<usize>>,
+    bounds: Vec<Bounds>,
+}
+
+impl Parts {
+    fn new(bvh: &Bvh, smooth: impl Fn(usize) -> bool) -> Self {
+        let triangles = bvh.triangles();
+        let (mut corner_of, mut parent): (HashMap<[u32; 3], usize>, Vec<usize>) = (HashMap::new(), Vec::new());
+        let mut first_corner = vec![None; triangles.len()];
+        for (triangle, first) in first_corner.iter_mut().enumerate().filter(|(triangle, _)| smooth(*triangle)) {
+            let corners = triangles[triangle].corners.map(|corner| {
+                *corner_of.entry(corner.map(|c| (c + 0.0).to_bits())).or_insert_with(|| {
+                    parent.push(parent.len());
+                    parent.len() - 1
+                })
+            });
+            let roots = corners.map(|corner| root(&mut parent, corner));
+            roots[1..].iter().for_each(|other| {
+                let other = root(&mut parent, *other);
+                parent[other] = root(&mut parent, roots[0]);
+            });
+            *first = Some(corners[0]);
+        }
+        let (mut part_of, mut bounds): (HashMap<usize, usize>, Vec<Bounds>) = (HashMap::new(), Vec::new());
+        let of_triangle = first_corner.iter().zip(triangles).map(|(corner, triangle)| {
+            let part = *part_of.entry(root(&mut parent, (*corner)?)).or_insert_with(|| {
+                bounds.push(Bounds::EMPTY);
+                bounds.len() - 1
+            });
+            bounds[part] = union(bounds[part], Bounds::of(triangle.corners.map(Vec3::from)));
+            Some(part)
+        });
+        Self { of_triangle: of_triangle.collect(), bounds }
+    }
+
+    /// The box around a part and all that belong to it.
+    fn grown(&self, part: usize) -> Bounds {
+        let mut bounds = self.bounds[part];
+        loop {
+            let belongs = |other: &&Bounds| belong_together(bounds, **other);
+            let grown = self.bounds.iter().filter(belongs).fold(bounds, |sum, other| union(sum, *other));
+            if grown == bounds {
+                return bounds;
+            }
+            bounds = grown;
+        }
+    }
+}
+
+fn root(parent: &mut [usize], mut corner: usize) -> usize {
+    while parent[corner] != corner {
+        parent[corner] = parent[parent[corner]];
+        corner = parent[corner];
+    }
+    corner
+}
+
+fn union(a: Bounds, b: Bounds) -> Bounds {
+    Bounds { min: a.min.min(b.min), max: a.max.max(b.max) }
+}
+
+fn belong_together(a: Bounds, b: Bounds) -> bool {
+    let volume = |bounds: Bounds| (bounds.max - bounds.min).max(Vec3::ZERO).element_product();
+    let both = volume(Bounds { min: a.min.max(b.min), max: a.max.min(b.max) });
+    let (small, large) = (a.radius().min(b.radius()), a.radius().max(b.radius()));
+    both > OVERLAP * volume(a).min(volume(b)) && small >= PART * large
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::probes::tests::{ball, bvh, walls};
+
+    #[test]
+    fn a_thing_is_what_hangs_together_and_what_reaches_into_it() {
+        let floor = walls(Vec3::new(-5.0, 0.0, -5.0), Vec3::new(5.0, 9.0, 5.0), &[0, 1, 3, 4, 5]);
+        let shelf = walls(Vec3::new(-3.0, 0.0, -3.0), Vec3::new(-1.0, 3.0, -2.0), &[5]);
+        let (body, handle) = (ball(Vec3::new(1.0, 0.5, 0.0), 0.5), ball(Vec3::new(1.55, 0.5, 0.0), 0.2));
+        let (beside, in_shelf) = (ball(Vec3::new(0.4, 0.1, 1.0), 0.1), ball(Vec3::new(-2.0, 1.0, -2.5), 0.15));
+        let scene = bvh(&[floor, shelf, body, handle, beside, in_shelf]);
+        let triangles_of = |instance: u32| {
+            let all = scene.triangles().iter().enumerate();
+            all.filter(move |(_, t)| t.instance == instance).map(|(i, _)| i)
+        };
+        let met: Vec<usize> = (0..6).flat_map(triangles_of).collect();
+        let found = |met: &[usize], cameras: &[Vec3]| things(&scene, (met, 10), |_| true, cameras);
+        let near = |bounds: &Bounds, min: [f32; 3], max: [f32; 3]| {
+            let off = (bounds.min - Vec3::from(min)).abs().max((bounds.max - Vec3::from(max)).abs());
+            off.max_element() < 0.03
+        };
+        let all = found(&met, &[Vec3::new(0.0, 2.0, 4.0)]);
+        assert_eq!(all.len(), 4, "not the floor: {all:?}");
+        assert!(near(&all[0], [0.5, 0.0, -0.5], [1.75, 1.0, 0.5]), "body and handle: {all:?}");
+        assert!(
+            all.iter().any(|thing| near(thing, [-2.15, 0.85, -2.65], [-1.85, 1.15, -2.35])),
+            "in the shelf: {all:?}"
+        );
+        let in_body = found(&met, &[Vec3::new(1.0, 0.5, 0.0)]);
+        assert_eq!(in_body.len(), 3, "not what a camera is in: {in_body:?}");
+        let rough = things(&scene, (&met, 10), |i| scene.triangles()[i].instance == 4, &[]);
+        assert!(
+            rough.len() == 1 && near(&rough[0], [0.3, 0.0, 0.9], [0.5, 0.2, 1.1]),
+            "the smooth ball alone: {rough:?}"
+        );
+        assert!(found(&met[met.len() - 9..], &[]).is_empty(), "what is hardly met");
+    }
+}
