@@ -48,8 +48,8 @@ fn picture(shop: &Workshop, scene: &Path, shading: Shading, camera: &str) -> Pic
     shop.render(scene, &options).remove(0)
 }
 
-/// The median over blocks of the picture's middle, which a ball fills, of how far colours are off.
-fn off(got: &Picture, want: &Picture) -> f64 {
+/// How far colours are off in blocks of the picture's middle, which a ball fills; the least first.
+fn all_off(got: &Picture, want: &Picture) -> Vec<f64> {
     let middles = || (24..72).step_by(6);
     let block = |(x, y): (u32, u32)| {
         let [got, want] = [got, want].map(|picture| mean_at(picture, x, y, 2));
@@ -58,7 +58,17 @@ fn off(got: &Picture, want: &Picture) -> f64 {
     };
     let mut off: Vec<f64> = middles().flat_map(|y| middles().map(move |x| (x, y))).map(block).collect();
     off.sort_by(f64::total_cmp);
+    off
+}
+
+fn median_off(got: &Picture, want: &Picture) -> f64 {
+    let off = all_off(got, want);
     off[off.len() / 2]
+}
+
+fn mean_off(got: &Picture, want: &Picture) -> f64 {
+    let off = all_off(got, want);
+    off.iter().sum::<f64>() / off.len() as f64
 }
 
 #[test]
@@ -73,12 +83,46 @@ fn a_mirror_ball_shows_each_wall_where_it_is() {
         )
     };
     let exact = picture(&shop, &room(&shop, ball, ""), Shading::Reference, "c");
-    let right = off(&picture(&shop, &room(&shop, ball, &probe(1.0)), Shading::Pbr, "c"), &exact);
-    let by_rays = off(&picture(&shop, &room(&shop, ball, ""), Shading::Pbr, "c"), &exact);
-    let too_large = off(&picture(&shop, &room(&shop, ball, &probe(6.0)), Shading::Pbr, "c"), &exact);
+    let right = median_off(&picture(&shop, &room(&shop, ball, &probe(1.0)), Shading::Pbr, "c"), &exact);
+    let by_rays = median_off(&picture(&shop, &room(&shop, ball, ""), Shading::Pbr, "c"), &exact);
+    let too_large = median_off(&picture(&shop, &room(&shop, ball, &probe(6.0)), Shading::Pbr, "c"), &exact);
     println!("off by {right:.3} with the room's box, {by_rays:.3} found by rays, {too_large:.3} with a larger box");
     assert!(right < 0.08 && by_rays < 0.08, "{right}, {by_rays}");
     assert!(too_large > 2.0 * right, "parallax no longer counts: {right} against {too_large}");
+}
+
+/// A ball of polished metal on a red floor under a sky, beside a blue wall.
+fn open_place(shop: &Workshop, probes: &str) -> PathBuf {
+    shop.panorama("open.exr", 64, |[_, y, _]| if y > 0.0 { [0.6, 0.8, 1.0 + y as f32] } else { [0.5, 0.4, 0.3] });
+    let mut text = format!("environment = {{ panorama = \"open.exr\" }}\n{probes}");
+    for (name, colour, metallic, roughness) in
+        [("ball", [1.0; 3], 1.0, 0.02), ("floor", [0.8, 0.1, 0.1], 0.0, 1.0), ("wall", [0.1, 0.1, 0.8], 0.0, 1.0)]
+    {
+        let mtl = format!("{name}.mtl");
+        shop.write(&mtl, &material(colour, metallic, roughness));
+        shop.write(&format!("{name}.obj"), &if name == "ball" { sphere(&mtl) } else { square(&mtl) });
+    }
+    for (name, at) in [
+        ("ball", "translation = [0.0, 0.3, 0.0]\nscale = 0.3"),
+        ("floor", "rotation_degrees = [-90, 0, 0]\nscale = 5"),
+        ("wall", "translation = [0.7, 0.5, 0.2]\nrotation_degrees = [0, -90, 0]\nscale = 1"),
+    ] {
+        writeln!(text, "[[model]]\nfile = \"{name}.obj\"\n{at}").expect("a string");
+    }
+    text += "[[camera]]\nname = \"c\"\nposition = [-0.2, 0.6, 1.6]\ntarget = [0, 0.3, 0]\nvertical_fov_degrees = 27\n";
+    shop.write("open.toml", &text)
+}
+
+#[test]
+fn a_mirror_ball_in_the_open_shows_the_floor_and_what_stands_beside_it() {
+    let shop = Workshop::new();
+    let exact = picture(&shop, &open_place(&shop, ""), Shading::Reference, "c");
+    let around = mean_off(&picture(&shop, &open_place(&shop, ""), Shading::Pbr, "c"), &exact);
+    // A probe by hand that does not reach the ball leaves it what the lightmap knows.
+    let elsewhere = "[[probe]]\nposition = [8, 8, 8]\nbox = [[7, 7, 7], [9, 9, 9]]\n";
+    let without = mean_off(&picture(&shop, &open_place(&shop, elsewhere), Shading::Pbr, "c"), &exact);
+    println!("off by {around:.3} with a probe around the ball, {without:.3} without");
+    assert!(around < 0.06 && without > 1.6 * around, "{around} against {without}");
 }
 
 #[test]
