@@ -1,4 +1,4 @@
-//! How finely shadows, soft light and mirrored rooms are computed: settings for speed against error.
+//! How finely shadows, soft light and reflection probes are computed: settings for speed against error.
 
 use clap::Args;
 

@@ -59,7 +59,7 @@ impl LightPlan {
             Vec::new()
         } else {
             let ProbePlan { probes, why } = ProbePlan::new(scene, settings.model, &rays.bvh);
-            tracing::debug!("mirrored rooms: {why}: {probes:?}");
+            tracing::debug!("reflection probes: {why}: {probes:?}");
             probes
         };
         Ok((Self { layers: if texels.has_backs() { 2 } else { 1 }, probes }, texels))

@@ -178,13 +178,31 @@ fn mean_side(bounds: Bounds) -> f32 {
 
 /// The probe of what a thing in this box mirrors; `None` where that is the panorama alone, or the inside of another thing.
 fn surroundings(bvh: &Bvh, mut thing: Bounds) -> Option<Probe> {
-    thing.min.y += THING_BORDER * mean_side(thing);
+    thing.min.y = ground(bvh, thing) + THING_BORDER * mean_side(thing);
     let position = thing.centre();
     let view = View::around(bvh, position, Some(thing), RAYS);
     // What stands beside it is no wall: most of what is seen there is beyond.
     let (floor, far) = (view.bounds(bvh).min.y.min(thing.min.y), Vec3::splat(NO_WALL * bvh.bounds().radius()));
     let bounds = Bounds { min: (position - far).with_y(floor), max: position + far };
     (!view.met.is_empty() && view.backs < BEHIND).then_some(Probe { position, bounds, thing: Some(thing) })
+}
+
+/// How high a thing stands: its box's lowest, or higher what it is sunk in.
+fn ground(bvh: &Bvh, thing: Bounds) -> f32 {
+    let centre = thing.centre();
+    let is_part = |hit: &bvh::Hit| {
+        let corners = Bounds::of(bvh.triangles()[hit.triangle].corners.map(Vec3::from));
+        corners.min.cmpge(thing.min).all() && corners.max.cmple(thing.max).all()
+    };
+    let down = (0..CANDIDATE_RAYS).map(|i| spiral(i, CANDIDATE_RAYS)).filter(|d| d.y < -FACES);
+    let height = |d: Vec3| {
+        let hit = bvh.trace(centre, d, exit(centre, d, thing), |hit| !is_part(hit))?;
+        (normal(bvh, &hit).y.abs() > FACES).then_some(centre.y + hit.t * d.y)
+    };
+    let heights: Vec<Option<f32>> = down.map(height).collect();
+    let mut met: Vec<f32> = heights.iter().flatten().copied().collect();
+    met.sort_by(f32::total_cmp);
+    if 2 * met.len() > heights.len() { met[met.len() / 2] } else { thing.min.y }
 }
 
 /// The probe of the room around a place; `None` in the open.

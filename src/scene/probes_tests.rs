@@ -107,6 +107,9 @@ fn a_thing_in_the_open_gets_its_own_and_a_court_has_no_ceiling() {
     assert!(thing.min.y > 0.001 && (thing.max - Vec3::new(0.5, 1.0, 0.5)).abs().max_element() < 0.03, "{thing:?}");
     assert!(!found.probes[0].reaches(Vec3::new(0.1, 0.0, 0.1)), "the floor has its own mirror images");
     assert!(found.probes[0].reaches(Vec3::new(0.0, 0.02, 0.0)));
+    let sunk = placed(&[floor.clone(), ball(Vec3::new(0.0, 0.4, 0.0), 0.5)], &camera);
+    let sunk = sunk.probes[0].thing.expect("a thing").min.y;
+    assert!((0.0..0.02).contains(&sunk), "rays begin above the floor, not below: {sunk}");
     let alone = placed(&[ball(Vec3::new(0.0, 0.5, 0.0), 0.5)], &camera);
     assert!(alone.probes.is_empty() && alone.open > 0, "the panorama alone: {alone:?}");
     let shiny_floor = placed(&[ball(Vec3::new(0.0, 0.5, 0.0), 0.5), floor], &camera);

@@ -25,6 +25,9 @@ pub fn things(
     smooth: impl Fn(usize) -> bool,
     cameras: &[Vec3],
 ) -> Vec<Bounds> {
+    if met.len() < least {
+        return Vec::new();
+    }
     let parts = Parts::new(bvh, smooth);
     let mut counts: HashMap<usize, usize> = HashMap::new();
     for part in met.iter().filter_map(|triangle| parts.of_triangle[*triangle]) {

@@ -214,7 +214,7 @@ fn local_probes(scene: &Scene) -> Finding {
         Err(error) => ProbePlan { probes: Vec::new(), why: format!("{error}: no probe") },
     };
     let ProbePlan { probes, why } = ProbePlan::without_rays(scene, Model::Needed).unwrap_or_else(by_rays);
-    Finding { subject: "mirrored rooms", modelled: !probes.is_empty(), why }
+    Finding { subject: "reflection probes", modelled: !probes.is_empty(), why }
 }
 
 #[cfg(test)]
