@@ -36,8 +36,8 @@ pub enum ProbeUse {
     /// None reaches into its box.
     #[default]
     None,
-    /// Some may, or the panorama in their place.
-    Some,
+    /// Several may, or the panorama in their place.
+    Several,
     /// One gives all: its index.
     One(u32),
 }
@@ -49,14 +49,14 @@ impl ProbeUse {
     /// Of these probes, whose order is that in which shaders ask them, for what is in a box.
     pub fn new(probes: &[Probe], bounds: Bounds) -> Self {
         let first = (0u32..).zip(probes).find(|(_, probe)| probe.reaches_into(bounds));
-        first.map_or(Self::None, |(index, probe)| if probe.covers(bounds) { Self::One(index) } else { Self::Some })
+        first.map_or(Self::None, |(index, probe)| if probe.covers(bounds) { Self::One(index) } else { Self::Several })
     }
 
     /// Which pipeline of a variant draws it: below [`ProbeUse::KINDS`].
     pub fn kind(self) -> usize {
         match self {
             Self::None => 0,
-            Self::Some => 1,
+            Self::Several => 1,
             Self::One(_) => 2,
         }
     }
@@ -307,10 +307,10 @@ mod tests {
         for (bounds, expected) in [
             (around(-0.9, 0.9), ProbeUse::One(0)),
             (around(-1.005, 1.0), ProbeUse::One(0)),
-            (around(0.5, 1.5), ProbeUse::Some),
+            (around(0.5, 1.5), ProbeUse::Several),
             (around(1.5, 2.5), ProbeUse::One(1)),
-            (around(-4.05, 4.05), ProbeUse::Some),
-            (around(3.0, 6.0), ProbeUse::Some),
+            (around(-4.05, 4.05), ProbeUse::Several),
+            (around(3.0, 6.0), ProbeUse::Several),
             (around(6.0, 7.0), ProbeUse::None),
         ] {
             assert_eq!(ProbeUse::new(&probes, bounds), expected, "{bounds:?}");
