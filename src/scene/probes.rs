@@ -8,7 +8,7 @@ use super::Probe;
 use super::bvh::{self, Bvh};
 use super::lightmap_texels::random_direction;
 use super::mesh::Bounds;
-use super::things::things;
+use super::things::{outstanding, things};
 
 /// The most probes of a scene: each takes memory, and every fragment looks at each box.
 pub const MOST_PROBES: usize = 8;
@@ -58,6 +58,8 @@ pub struct Placement {
     pub sees_smooth: bool,
     /// Places with smooth surfaces around which most is sky.
     pub open: usize,
+    /// Whether things in the open get no probe because there are too many.
+    pub crowded: bool,
 }
 
 impl Probe {
@@ -136,11 +138,12 @@ pub fn place(bvh: &Bvh, cameras: &[Vec3], smooth: impl Fn(usize) -> bool + Sync)
         others.retain(|p| !placed.reach(*p));
     }
     let beyond: Vec<usize> = met.iter().filter(|met| !placed.reach(met.place)).map(|met| met.triangle).collect();
-    let free = MOST_PROBES - placed.probes.len();
-    let least = (THING * met.len() as f32) as usize + 1;
-    let around =
-        things(bvh, (&beyond, least), &smooth, &cameras).into_iter().filter_map(|thing| surroundings(bvh, thing));
-    placed.probes.extend(around.take(free));
+    let found = things(bvh, &beyond, &smooth, &cameras);
+    let counts: Vec<usize> = found.iter().map(|(_, count)| *count).collect();
+    let enough = counts.iter().filter(|count| **count as f32 > THING * met.len() as f32).count();
+    let kept = outstanding(&counts, enough.min(MOST_PROBES - placed.probes.len()));
+    placed.probes.extend(found[..kept].iter().filter_map(|(thing, _)| surroundings(bvh, *thing)));
+    placed.crowded = found.len() > kept;
     // The smallest comes first: a niche within a room is its own.
     let volume = |probe: &Probe| (probe.reach().max - probe.reach().min).element_product();
     placed.probes.sort_by(|a, b| volume(a).total_cmp(&volume(b)));

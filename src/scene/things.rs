@@ -17,15 +17,10 @@ const FLAT: f32 = 0.05;
 /// Diagonal of a thing's box, in parts of the scene's, from which on it is what surrounds others.
 const LARGE: f32 = 0.7;
 
-/// Boxes around the things whose triangles were met so often at least, `met` having one entry for each time; those that were met
-/// most come first. Smooth triangles that share a corner hang together. Nothing that a camera is in is a thing.
-pub fn things(
-    bvh: &Bvh,
-    (met, least): (&[usize], usize),
-    smooth: impl Fn(usize) -> bool,
-    cameras: &[Vec3],
-) -> Vec<Bounds> {
-    if met.len() < least {
+/// Boxes around the things whose triangles were met, `met` having one entry for each time, and how often; those that were met most
+/// come first. Smooth triangles that share a corner hang together. Nothing that a camera is in is a thing.
+pub fn things(bvh: &Bvh, met: &[usize], smooth: impl Fn(usize) -> bool, cameras: &[Vec3]) -> Vec<(Bounds, usize)> {
+    if met.is_empty() {
         return Vec::new();
     }
     let parts = Parts::new(bvh, smooth);
@@ -43,16 +38,24 @@ pub fn things(
     }
     let most = 2.0 * LARGE * bvh.bounds().radius();
     let contains = |bounds: &Bounds, p: &Vec3| p.cmpge(bounds.min).all() && p.cmple(bounds.max).all();
-    boxes.retain(|(bounds, count)| {
+    boxes.retain(|(bounds, _)| {
         let side = bounds.max - bounds.min;
-        *count >= least
-            && side.min_element() > FLAT * side.max_element()
+        side.min_element() > FLAT * side.max_element()
             && 2.0 * bounds.radius() < most
             && !cameras.iter().any(|camera| contains(bounds, camera))
     });
     let place = |bounds: &Bounds| bounds.min.to_array().map(f32::to_bits);
     boxes.sort_by_key(|(bounds, count)| (std::cmp::Reverse(*count), place(bounds)));
-    boxes.into_iter().map(|(bounds, _)| bounds).collect()
+    boxes
+}
+
+/// How many of the first things get a probe where there are `free` ones, from how often each was met: all, or those that are met
+/// clearly more often than the others, for of things that are seen alike some must not look better.
+pub fn outstanding(met: &[usize], free: usize) -> usize {
+    if met.len() <= free {
+        return met.len();
+    }
+    (1..=free).rev().find(|kept| 2 * met[kept - 1] >= 3 * met[*kept]).unwrap_or(0)
 }
 
 /// Parts of the smooth surfaces that hang together by their corners.
@@ -143,7 +146,9 @@ mod tests {
             all.filter(move |(_, t)| t.instance == instance).map(|(i, _)| i)
         };
         let met: Vec<usize> = (0..6).flat_map(triangles_of).collect();
-        let found = |met: &[usize], cameras: &[Vec3]| things(&scene, (met, 10), |_| true, cameras);
+        let boxes =
+            |things: Vec<(Bounds, usize)>| -> Vec<Bounds> { things.into_iter().map(|(thing, _)| thing).collect() };
+        let found = |met: &[usize], cameras: &[Vec3]| boxes(things(&scene, met, |_| true, cameras));
         let near = |bounds: &Bounds, min: [f32; 3], max: [f32; 3]| {
             let off = (bounds.min - Vec3::from(min)).abs().max((bounds.max - Vec3::from(max)).abs());
             off.max_element() < 0.03
@@ -157,11 +162,21 @@ mod tests {
         );
         let in_body = found(&met, &[Vec3::new(1.0, 0.5, 0.0)]);
         assert_eq!(in_body.len(), 3, "not what a camera is in: {in_body:?}");
-        let rough = things(&scene, (&met, 10), |i| scene.triangles()[i].instance == 4, &[]);
+        let rough = boxes(things(&scene, &met, |i| scene.triangles()[i].instance == 4, &[]));
         assert!(
             rough.len() == 1 && near(&rough[0], [0.3, 0.0, 0.9], [0.5, 0.2, 1.1]),
             "the smooth ball alone: {rough:?}"
         );
-        assert!(found(&met[met.len() - 9..], &[]).is_empty(), "what is hardly met");
+        assert!(found(&[], &[]).is_empty());
+    }
+
+    #[test]
+    fn things_that_are_seen_alike_get_probes_alike() {
+        assert_eq!(outstanding(&[9, 5, 5], 3), 3);
+        assert_eq!(outstanding(&[9, 9, 8, 7], 3), 0, "a row of balls");
+        assert_eq!(outstanding(&[90, 80, 9, 8, 8], 3), 2);
+        assert_eq!(outstanding(&[90, 80, 70, 8, 8], 3), 3);
+        assert_eq!(outstanding(&[9], 0), 0);
+        assert_eq!(outstanding(&[], 8), 0);
     }
 }

@@ -48,12 +48,15 @@ impl ProbePlan {
             .collect();
         let smooth = |triangle: usize| of_instance[bvh.triangles()[triangle].instance as usize];
         let cameras: Vec<Vec3> = scene.cameras.iter().map(|camera| camera.position).collect();
-        let Placement { probes, sees_smooth, open } = place(bvh, &cameras, smooth);
+        let Placement { probes, sees_smooth, open, crowded } = place(bvh, &cameras, smooth);
         let [count, all] = counted(scene, model);
         let of = format!("{count} of {all} materials are metal or smooth");
         let things = probes.iter().filter(|probe| probe.thing.is_some()).count();
         let why = match [probes.len() - things, things] {
             [0, 0] if !sees_smooth => format!("{of}, but none is seen from the cameras: no probe"),
+            [0, 0] if crowded => {
+                format!("{of}, on more things in the open than the {MOST_PROBES} that there are probes for")
+            }
             [0, 0] if open > 0 => format!("{of}, but around them is mostly sky, the panorama itself: no probe"),
             [0, 0] => format!("{of}, but there is no room around them: no probe"),
             [MOST_PROBES, 0] => format!("{of}; one for each of the first {MOST_PROBES} rooms that they are seen in"),
