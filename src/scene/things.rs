@@ -50,12 +50,17 @@ pub fn things(bvh: &Bvh, met: &[usize], smooth: impl Fn(usize) -> bool, cameras:
 }
 
 /// How many of the first things get a probe where there are `free` ones, from how often each was met: all, or those that are met
-/// clearly more often than the others, for of things that are seen alike some must not look better.
+/// clearly more often than the others, by three standard deviations of their numbers, for of things that are seen alike some must
+/// not look better.
 pub fn outstanding(met: &[usize], free: usize) -> usize {
     if met.len() <= free {
         return met.len();
     }
-    (1..=free).rev().find(|kept| 2 * met[kept - 1] >= 3 * met[*kept]).unwrap_or(0)
+    let stands_out = |kept: &usize| {
+        let [least, next] = [met[kept - 1], met[*kept]].map(|count| count as f32);
+        least > 1.5 * next + 3.0 * next.sqrt()
+    };
+    (1..=free).rev().find(stands_out).unwrap_or(0)
 }
 
 /// Parts of the smooth surfaces that hang together by their corners.
@@ -174,6 +179,7 @@ mod tests {
     fn things_that_are_seen_alike_get_probes_alike() {
         assert_eq!(outstanding(&[9, 5, 5], 3), 3);
         assert_eq!(outstanding(&[9, 9, 8, 7], 3), 0, "a row of balls");
+        assert_eq!(outstanding(&[5, 3, 2, 2], 3), 0, "chance");
         assert_eq!(outstanding(&[90, 80, 9, 8, 8], 3), 2);
         assert_eq!(outstanding(&[90, 80, 70, 8, 8], 3), 3);
         assert_eq!(outstanding(&[9], 0), 0);
