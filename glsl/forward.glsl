@@ -69,7 +69,7 @@ vec3 mirrored(Surface s, SpecularLobe lobe, vec3 even)
     vec3 light = vec3(0.0);
 #ifdef LOCAL_PROBES
     light = local_specular(lobe, s, position_world, even, left);
-    if (PROBES == 0u || left <= 0.0)
+    if (left <= 0.0)
         return light;
 #endif
     return light + left * distant_specular(lobe);

@@ -2,13 +2,9 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #extension GL_ARB_shader_viewport_layer_array : require
+#include "draw.glsl"
 #include "instance.glsl"
 #include "octahedral.glsl"
-
-layout(push_constant, scalar) uniform Draw {
-    uint instance;
-    uint probe; // probes.glsl
-} draw;
 
 layout(location = 0) in vec3 position_local;
 layout(location = 1) in vec4 frame_local; // normal and tangent, packed

@@ -2,15 +2,12 @@
 #ifndef PROBES_GLSL
 #define PROBES_GLSL
 
+#include "draw.glsl"
 #include "environment.glsl"
 #include "probe_box.glsl"
 
 // How many there are; 0 where a draw's mirror images are all of one.
 layout(constant_id = 17) const uint PROBES = 1;
-layout(push_constant, scalar) uniform Draw {
-    uint instance; // forward.vert
-    uint probe;    // where PROBES is 0
-} draw;
 
 const uint MOST_PROBES = 8;
 layout(SCENE_PROBES, scalar) uniform Probes { Probe probes[MOST_PROBES]; }; // uniform: see MAX_COUNTED_LIGHTS
@@ -60,7 +57,7 @@ vec3 local_specular(SpecularLobe lobe, Surface s, vec3 position, vec3 even, out 
     // Looks for the next box around the point before it reads that probe's light: a software renderer computes what a branch
     // skips, too, and would read every probe.
     uint next = 0u;
-    for (bool more = true; more; more = left > 0.0 && next < PROBES) {
+    do {
         float weight = 0.0;
         uint found = 0u;
         for (; next < PROBES && weight <= 0.0; ++next) {
@@ -71,7 +68,7 @@ vec3 local_specular(SpecularLobe lobe, Surface s, vec3 position, vec3 even, out 
             light += left * weight * probe_specular(found, p, lobe, s, even);
             left *= 1.0 - weight;
         }
-    }
+    } while (left > 0.0 && next < PROBES);
     return light;
 }
 

@@ -194,11 +194,6 @@ impl BakedLight {
         self.probes().map_or(&[], |probes| probes.placed())
     }
 
-    /// How many probes there are.
-    pub fn probe_count(&self) -> u32 {
-        self.placed_probes().len() as u32
-    }
-
     /// What the values of the probes' maps are to be multiplied by; 0 before they hold any.
     pub fn probe_scale(&self) -> f32 {
         self.probe_scale

@@ -18,7 +18,7 @@ use crate::reference::energy::Scattering;
 use crate::reference::table::SplitSum;
 use crate::scene::MaterialFeatures;
 
-/// Push constants of `glsl/forward.vert` and `glsl/probes.glsl`.
+/// Push constants of `glsl/draw.glsl`.
 #[repr(C)]
 #[derive(Clone, Copy, Pod, Zeroable)]
 struct Push {

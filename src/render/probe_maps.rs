@@ -54,11 +54,6 @@ impl ProbeMaps {
         Ok(maps)
     }
 
-    /// How many probes there are.
-    pub fn count(&self) -> u32 {
-        self.placed.len() as u32
-    }
-
     /// Where they stand.
     pub fn placed(&self) -> &[Probe] {
         &self.placed

@@ -41,7 +41,7 @@ struct Work {
 impl Work {
     fn new(probe: &Probe, first_row: u32, rows: u32) -> Self {
         let Probe { position, thing, .. } = *probe;
-        let within = thing.unwrap_or(Bounds { min: position, max: position });
+        let within = thing.unwrap_or(Bounds::of([position]));
         Self { position: position.into(), first_row, rows, low: within.min.into(), high: within.max.into() }
     }
 }
@@ -147,10 +147,11 @@ impl ProbeBake {
                     self.probes.all().iter().for_each(|map| commands.prepare(map, ImageAccess::Sampled));
                 });
                 self.has_norms = true;
-                let is_last = probe as u32 + 1 == self.probes.count();
+                let count = self.probes.placed().len();
+                let is_last = probe + 1 == count;
                 self.stage = if is_last { Stage::Done } else { Stage::Capture(probe + 1, 0) };
                 if is_last {
-                    tracing::debug!("probes: all {} captured", self.probes.count());
+                    tracing::debug!("probes: all {count} captured");
                 }
             }
             Stage::Done => {}

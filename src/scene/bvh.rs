@@ -69,6 +69,13 @@ pub struct Hit {
     pub weights: Vec3,
 }
 
+impl BvhTriangle {
+    /// The box around it.
+    pub fn bounds(&self) -> Bounds {
+        Bounds::of(self.corners.map(Vec3::from))
+    }
+}
+
 impl Bvh {
     /// Builds the hierarchy; triangles without area are left out, as no ray can hit them.
     ///

@@ -107,6 +107,31 @@ impl Bounds {
         Self::of((0..8).map(|i| transform.transform_point3(corner(i))))
     }
 
+    /// The smallest box around both.
+    pub fn union(self, other: Self) -> Self {
+        Self { min: self.min.min(other.min), max: self.max.max(other.max) }
+    }
+
+    /// What both have in common; the wrong way round where that is nothing.
+    pub fn common(self, other: Self) -> Self {
+        Self { min: self.min.max(other.min), max: self.max.min(other.max) }
+    }
+
+    /// Whether all of another box is in this one.
+    pub fn contains(self, other: Self) -> bool {
+        other.min.cmpge(self.min).all() && other.max.cmple(self.max).all()
+    }
+
+    /// In m³, in f64 as sides may be very long; 0 when empty.
+    pub fn volume(self) -> f64 {
+        (self.max - self.min).max(Vec3::ZERO).as_dvec3().element_product()
+    }
+
+    /// The box with its sides moved outwards.
+    pub fn grown(self, by: f32) -> Self {
+        Self { min: self.min - by, max: self.max + by }
+    }
+
     /// Its centre.
     pub fn centre(self) -> Vec3 {
         (self.min + self.max) * 0.5

@@ -5,10 +5,11 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use super::Probe;
-use super::bvh::{self, Bvh};
+use super::bvh::{Bvh, Hit};
 use super::lightmap_texels::random_direction;
 use super::mesh::Bounds;
 use super::things::{outstanding, things};
+use crate::reference::probe::box_exit;
 
 /// The most probes of a scene: each takes memory, and every fragment looks at each box.
 pub const MOST_PROBES: usize = 8;
@@ -76,16 +77,15 @@ impl Probe {
 
     /// Whether it gives mirror images of something in a box, at least in part.
     pub fn reaches_into(&self, bounds: Bounds) -> bool {
-        let (reach, border) = (self.reach(), Vec3::splat(self.border()));
-        bounds.min.cmplt(reach.max + border).all() && bounds.max.cmpgt(reach.min - border).all()
+        let reach = self.reach().grown(self.border());
+        bounds.min.cmplt(reach.max).all() && bounds.max.cmpgt(reach.min).all()
     }
 
     /// Whether it gives all mirror images of what is in a box, or hardly less: of a thing's probe, where the thing stands, and of a
     /// room's, where its walls are not quite even, others would give a small part.
     pub fn covers(&self, bounds: Bounds) -> bool {
         let slack = if self.thing.is_some() { 2.0 } else { 0.2 };
-        let (reach, slack) = (self.reach(), Vec3::splat(slack * self.border()));
-        bounds.min.cmpge(reach.min - slack).all() && bounds.max.cmple(reach.max + slack).all()
+        self.reach().grown(slack * self.border()).contains(bounds)
     }
 
     /// Whether it gives the mirror images of a place, at least in part.
@@ -96,10 +96,9 @@ impl Probe {
 
     /// Whether another is of the same room. Places outside of a box, such as a gallery above it, find its room again.
     fn is_same_room(&self, other: &Self) -> bool {
-        let volume = |bounds: Bounds| (bounds.max - bounds.min).max(Vec3::ZERO).as_dvec3().element_product();
         let (a, b) = (self.bounds, other.bounds);
-        let both = volume(Bounds { min: a.min.max(b.min), max: a.max.min(b.max) });
-        both >= f64::from(SAME_ROOM) * (volume(a) + volume(b) - both)
+        let both = a.common(b).volume();
+        both >= f64::from(SAME_ROOM) * (a.volume() + b.volume() - both)
     }
 }
 
@@ -108,11 +107,11 @@ impl Probe {
 pub fn place(bvh: &Bvh, cameras: &[Vec3], smooth: impl Fn(usize) -> bool + Sync) -> Placement {
     let every = cameras.len().div_ceil(MOST_CAMERAS).max(1);
     let cameras: Vec<Vec3> = cameras.iter().copied().step_by(every).collect();
-    let met: Vec<Met> = (0u32..)
+    let met: Vec<SmoothHit> = (0u32..)
         .zip(&cameras)
         .flat_map(|(i, camera)| {
             let walk = |path| smooth_met(bvh, *camera, i * PATHS + path, &smooth);
-            (0..PATHS).into_par_iter().flat_map_iter(walk).collect::<Vec<Met>>()
+            (0..PATHS).into_par_iter().flat_map_iter(walk).collect::<Vec<SmoothHit>>()
         })
         .collect();
     if met.is_empty() {
@@ -137,22 +136,29 @@ pub fn place(bvh: &Bvh, cameras: &[Vec3], smooth: impl Fn(usize) -> bool + Sync)
         }
         others.retain(|p| !placed.reach(*p));
     }
-    let beyond: Vec<usize> = met.iter().filter(|met| !placed.reach(met.place)).map(|met| met.triangle).collect();
-    let found = things(bvh, &beyond, &smooth, &cameras);
-    let counts: Vec<usize> = found.iter().map(|(_, count)| *count).collect();
-    let enough = counts.iter().filter(|count| **count as f32 > THING * met.len() as f32).count();
-    let kept = outstanding(&counts, enough.min(MOST_PROBES - placed.probes.len()));
-    placed.probes.extend(found[..kept].iter().filter_map(|(thing, _)| surroundings(bvh, *thing)));
-    placed.crowded = found.len() > kept;
+    placed.add_things(bvh, &met, things(bvh, &placed.beyond(&met), &smooth, &cameras));
     // The smallest comes first: a niche within a room is its own.
-    let volume = |probe: &Probe| (probe.reach().max - probe.reach().min).element_product();
-    placed.probes.sort_by(|a, b| volume(a).total_cmp(&volume(b)));
+    placed.probes.sort_by(|a, b| a.reach().volume().total_cmp(&b.reach().volume()));
     placed
 }
 
 impl Placement {
     fn reach(&self, p: Vec3) -> bool {
         self.probes.iter().any(|probe| probe.reaches(p))
+    }
+
+    /// The triangles of what was met where no probe reaches.
+    fn beyond(&self, met: &[SmoothHit]) -> Vec<usize> {
+        met.iter().filter(|met| !self.reach(met.place)).map(|met| met.triangle).collect()
+    }
+
+    /// Adds probes around things, boxes with how often each was met, as far as there are any left and none is favoured.
+    fn add_things(&mut self, bvh: &Bvh, met: &[SmoothHit], things: Vec<(Bounds, usize)>) {
+        let counts: Vec<usize> = things.iter().map(|(_, count)| *count).collect();
+        let enough = counts.iter().filter(|count| **count as f32 > THING * met.len() as f32).count();
+        let kept = outstanding(&counts, enough.min(MOST_PROBES - self.probes.len()));
+        self.probes.extend(things[..kept].iter().filter_map(|(thing, _)| surroundings(bvh, *thing)));
+        self.crowded = things.len() > kept;
     }
 
     /// Adds a probe for the room around a place where none reaches it, if it gives so many smooth places their light.
@@ -183,23 +189,21 @@ fn mean_side(bounds: Bounds) -> f32 {
 fn surroundings(bvh: &Bvh, mut thing: Bounds) -> Option<Probe> {
     thing.min.y = ground(bvh, thing) + THING_BORDER * mean_side(thing);
     let position = thing.centre();
-    let view = View::around(bvh, position, Some(thing), RAYS);
+    let view = View::around(bvh, position, thing, RAYS);
+    let floor = (position.y - view.wall(bvh, 1, -1.0)).min(thing.min.y);
     // What stands beside it is no wall: most of what is seen there is beyond.
-    let (floor, far) = (view.bounds(bvh).min.y.min(thing.min.y), Vec3::splat(NO_WALL * bvh.bounds().radius()));
-    let bounds = Bounds { min: (position - far).with_y(floor), max: position + far };
+    let mut bounds = Bounds::of([position]).grown(NO_WALL * bvh.bounds().radius());
+    bounds.min.y = floor;
     (!view.met.is_empty() && view.backs < BEHIND).then_some(Probe { position, bounds, thing: Some(thing) })
 }
 
 /// How high a thing stands: its box's lowest, or higher what it is sunk in.
 fn ground(bvh: &Bvh, thing: Bounds) -> f32 {
     let centre = thing.centre();
-    let is_part = |hit: &bvh::Hit| {
-        let corners = Bounds::of(bvh.triangles()[hit.triangle].corners.map(Vec3::from));
-        corners.min.cmpge(thing.min).all() && corners.max.cmple(thing.max).all()
-    };
+    let is_part = |hit: &Hit| thing.contains(bvh.triangles()[hit.triangle].bounds());
     let down = (0..CANDIDATE_RAYS).map(|i| spiral(i, CANDIDATE_RAYS)).filter(|d| d.y < -FACES);
     let height = |d: Vec3| {
-        let hit = bvh.trace(centre, d, exit(centre, d, thing), |hit| !is_part(hit))?;
+        let hit = bvh.trace(centre, d, exit(centre, d, thing).distance(centre), |hit| !is_part(hit))?;
         (normal(bvh, &hit).y.abs() > FACES).then_some(centre.y + hit.t * d.y)
     };
     let heights: Vec<Option<f32>> = down.map(height).collect();
@@ -222,7 +226,7 @@ fn room(bvh: &Bvh, start: Vec3) -> Option<Probe> {
         let view = View::new(bvh, position, RAYS);
         (bounds, is_open, clearance) = (view.bounds(bvh), view.is_open(), view.clearance);
     }
-    let bounds = Bounds { min: bounds.min.min(position), max: bounds.max.max(position) };
+    let bounds = bounds.union(Bounds::of([position]));
     let far = NO_WALL * bvh.bounds().radius();
     let without = [position - bounds.min, bounds.max - position].map(|reach| reach.cmpge(Vec3::splat(0.99 * far)));
     let walls = 6 - without.map(|sides| sides.bitmask().count_ones()).iter().sum::<u32>();
@@ -254,7 +258,7 @@ fn middle(bvh: &Bvh, start: Vec3, bounds: Bounds, from_start: &View) -> Vec3 {
 }
 
 /// A smooth surface that a path meets.
-struct Met {
+struct SmoothHit {
     /// A little off it, where rays go to all sides.
     place: Vec3,
     /// Of the hierarchy.
@@ -263,7 +267,7 @@ struct Met {
 
 /// What a ray meets.
 #[derive(Clone, Copy)]
-struct Hit {
+struct Met {
     d: Vec3,
     t: f32,
     /// The triangle's normal, towards where the ray came from.
@@ -274,7 +278,7 @@ struct Hit {
 /// What rays to all sides of a place meet.
 struct View {
     from: Vec3,
-    met: Vec<Hit>,
+    met: Vec<Met>,
     rays: u32,
     /// Shares of the rays that meet nothing, and that meet a triangle's back.
     open: f32,
@@ -285,20 +289,20 @@ struct View {
 
 impl View {
     fn new(bvh: &Bvh, from: Vec3, rays: u32) -> Self {
-        Self::around(bvh, from, None, rays)
+        Self::around(bvh, from, Bounds::of([from]), rays)
     }
 
     /// Rays begin where they leave the box that `from` is in.
-    fn around(bvh: &Bvh, from: Vec3, thing: Option<Bounds>, rays: u32) -> Self {
+    fn around(bvh: &Bvh, from: Vec3, within: Bounds, rays: u32) -> Self {
         let trace = |i: u32| {
             let d = spiral(i, rays);
-            let begin = thing.map_or(0.0, |thing| exit(from, d, thing));
-            let hit = bvh.trace(from + begin * d, d, f32::INFINITY, |_| true)?;
+            let begin = exit(from, d, within);
+            let hit = bvh.trace(begin, d, f32::INFINITY, |_| true)?;
             let n = normal(bvh, &hit);
             let back = n.dot(d) > 0.0;
-            Some(Hit { d, t: begin + hit.t, n: if back { -n } else { n }, back })
+            Some(Met { d, t: begin.distance(from) + hit.t, n: if back { -n } else { n }, back })
         };
-        let met: Vec<Hit> = (0..rays).into_par_iter().filter_map(trace).collect();
+        let met: Vec<Met> = (0..rays).into_par_iter().filter_map(trace).collect();
         let share = |count: usize| count as f32 / rays as f32;
         let mut distances: Vec<f32> = met.iter().map(|met| met.t).collect();
         distances.sort_by(f32::total_cmp);
@@ -316,40 +320,40 @@ impl View {
         self.open > OPEN
     }
 
-    /// The box whose sides are where most of what faces the place from each of the six sides ends.
+    /// The box whose sides are the walls.
     fn bounds(&self, bvh: &Bvh) -> Bounds {
-        let far = NO_WALL * bvh.bounds().radius();
-        let wall = |axis: usize, sign: f32| {
-            let towards = |met: &&Hit| met.d[axis] * sign > 0.0;
-            let along = |met: &&Hit| met.d.abs().max_position() == axis;
-            let faces = |met: &&Hit| met.n[axis] * sign < -FACES;
-            // A sixth of all rays go to each side; where half of them meet nothing, there is no wall.
-            if (self.met.iter().filter(towards).filter(along).count() as u32) < self.rays / 12 {
-                return far;
-            }
-            let distance = |met: &Hit| met.d[axis].abs() * met.t;
-            let mut distances: Vec<f32> = self.met.iter().filter(towards).filter(faces).map(distance).collect();
-            if distances.len() < FACING {
-                distances = self.met.iter().filter(towards).filter(along).map(distance).collect();
-            }
-            distances.sort_by(f32::total_cmp);
-            let mut left = WALL * distances.iter().sum::<f32>();
-            let ends = |distance: &&f32| {
-                left -= **distance;
-                left <= 0.0
-            };
-            distances.iter().find(ends).copied().unwrap_or(far)
-        };
-        let reach = |sign| Vec3::from(std::array::from_fn(|axis| wall(axis, sign)));
+        let reach = |sign| Vec3::from(std::array::from_fn(|axis| self.wall(bvh, axis, sign)));
         Bounds { min: self.from - reach(-1.0), max: self.from + reach(1.0) }
+    }
+
+    /// How far it is along an axis to where most of what faces the place from there ends.
+    fn wall(&self, bvh: &Bvh, axis: usize, sign: f32) -> f32 {
+        let far = NO_WALL * bvh.bounds().radius();
+        let towards = |met: &&Met| met.d[axis] * sign > 0.0;
+        let along = |met: &&Met| met.d.abs().max_position() == axis;
+        let faces = |met: &&Met| met.n[axis] * sign < -FACES;
+        // A sixth of all rays go to each side; where half of them meet nothing, there is no wall.
+        if (self.met.iter().filter(towards).filter(along).count() as u32) < self.rays / 12 {
+            return far;
+        }
+        let distance = |met: &Met| met.d[axis].abs() * met.t;
+        let mut distances: Vec<f32> = self.met.iter().filter(towards).filter(faces).map(distance).collect();
+        if distances.len() < FACING {
+            distances = self.met.iter().filter(towards).filter(along).map(distance).collect();
+        }
+        distances.sort_by(f32::total_cmp);
+        let mut left = WALL * distances.iter().sum::<f32>();
+        let ends = |distance: &&f32| {
+            left -= **distance;
+            left <= 0.0
+        };
+        distances.iter().find(ends).copied().unwrap_or(far)
     }
 }
 
-/// How far it is from a place in a box along d to its side.
-fn exit(from: Vec3, d: Vec3, within: Bounds) -> f32 {
-    let sides = Vec3::select(d.cmpge(Vec3::ZERO), within.max, within.min);
-    // A side that d goes along is infinitely far, or where the place lies in it, nowhere.
-    ((sides - from) / d).to_array().into_iter().filter(|t| !t.is_nan()).fold(f32::INFINITY, f32::min).max(0.0)
+/// Where a ray leaves a box that it begins in.
+fn exit(from: Vec3, d: Vec3, within: Bounds) -> Vec3 {
+    box_exit(from.as_dvec3(), d.as_dvec3(), [within.min.as_dvec3(), within.max.as_dvec3()]).as_vec3()
 }
 
 /// Directions along a spiral over the sphere: Roberts, "How to evenly distribute points on a sphere" (2018).
@@ -358,7 +362,7 @@ fn spiral(i: u32, count: u32) -> Vec3 {
     Vec3::new(longitude.cos(), 0.0, longitude.sin()) * (1.0 - up * up).sqrt() + up * Vec3::Y
 }
 
-fn normal(bvh: &Bvh, hit: &bvh::Hit) -> Vec3 {
+fn normal(bvh: &Bvh, hit: &Hit) -> Vec3 {
     let [a, b, c] = bvh.triangles()[hit.triangle].corners.map(Vec3::from);
     (b - a).cross(c - a).normalize_or_zero()
 }
@@ -369,7 +373,7 @@ fn is_clear(bvh: &Bvh, from: Vec3, to: Vec3) -> bool {
 }
 
 /// Places before the smooth surfaces that one random path meets.
-fn smooth_met(bvh: &Bvh, camera: Vec3, path: u32, smooth: &impl Fn(usize) -> bool) -> Vec<Met> {
+fn smooth_met(bvh: &Bvh, camera: Vec3, path: u32, smooth: &impl Fn(usize) -> bool) -> Vec<SmoothHit> {
     let (mut met, mut o, mut axis) = (Vec::new(), camera, None);
     for reflection in 0..=REFLECTIONS {
         let d = random_direction(path * (REFLECTIONS + 1) + reflection);
@@ -380,7 +384,7 @@ fn smooth_met(bvh: &Bvh, camera: Vec3, path: u32, smooth: &impl Fn(usize) -> boo
         let place = o + hit.t * d;
         o = place + 1e-5 * (hit.t + place.abs().max_element()) * side;
         if smooth(hit.triangle) {
-            met.push(Met { place: place + 1e-3 * bvh.bounds().radius() * side, triangle: hit.triangle });
+            met.push(SmoothHit { place: place + 1e-3 * bvh.bounds().radius() * side, triangle: hit.triangle });
         }
         axis = Some(side);
     }

@@ -4,12 +4,13 @@ use std::collections::HashMap;
 
 use glam::Vec3;
 
-use super::bvh::Bvh;
+use super::bvh::{Bvh, BvhTriangle};
+use super::groups::Groups;
 use super::mesh::Bounds;
 
 /// Of the smaller of two parts' boxes, the share that lies in the other's from which on they are one thing, as a teapot and its
 /// handle are.
-const OVERLAP: f32 = 0.05;
+const OVERLAP: f64 = 0.05;
 /// Unless its diagonal is a smaller part of the other's than this: what stands in a shelf is no part of it.
 const PART: f32 = 0.15;
 /// Least side of a thing's box, in parts of its largest: flat things are walls and floors.
@@ -37,12 +38,11 @@ pub fn things(bvh: &Bvh, met: &[usize], smooth: impl Fn(usize) -> bool, cameras:
         }
     }
     let most = 2.0 * LARGE * bvh.bounds().radius();
-    let contains = |bounds: &Bounds, p: &Vec3| p.cmpge(bounds.min).all() && p.cmple(bounds.max).all();
     boxes.retain(|(bounds, _)| {
         let side = bounds.max - bounds.min;
         side.min_element() > FLAT * side.max_element()
             && 2.0 * bounds.radius() < most
-            && !cameras.iter().any(|camera| contains(bounds, camera))
+            && !cameras.iter().any(|camera| bounds.contains(Bounds::of([*camera])))
     });
     let place = |bounds: &Bounds| bounds.min.to_array().map(f32::to_bits);
     boxes.sort_by_key(|(bounds, count)| (std::cmp::Reverse(*count), place(bounds)));
@@ -73,29 +73,26 @@ struct Parts {
 impl Parts {
     fn new(bvh: &Bvh, smooth: impl Fn(usize) -> bool) -> Self {
         let triangles = bvh.triangles();
-        let (mut corner_of, mut parent): (HashMap<[u32; 3], usize>, Vec<usize>) = (HashMap::new(), Vec::new());
-        let mut first_corner = vec![None; triangles.len()];
-        for (triangle, first) in first_corner.iter_mut().enumerate().filter(|(triangle, _)| smooth(*triangle)) {
-            let corners = triangles[triangle].corners.map(|corner| {
-                *corner_of.entry(corner.map(|c| (c + 0.0).to_bits())).or_insert_with(|| {
-                    parent.push(parent.len());
-                    parent.len() - 1
-                })
-            });
-            let roots = corners.map(|corner| root(&mut parent, corner));
-            roots[1..].iter().for_each(|other| {
-                let other = root(&mut parent, *other);
-                parent[other] = root(&mut parent, roots[0]);
-            });
-            *first = Some(corners[0]);
+        let mut corner_of: HashMap<[u32; 3], u32> = HashMap::new();
+        let mut number = |corner: [f32; 3]| {
+            let next = corner_of.len() as u32;
+            // The sum makes −0 and 0 equal.
+            *corner_of.entry(corner.map(|c| (c + 0.0).to_bits())).or_insert(next)
+        };
+        let numbered = |(i, triangle): (usize, &BvhTriangle)| smooth(i).then(|| triangle.corners.map(&mut number));
+        let corners: Vec<Option<[u32; 3]>> = triangles.iter().enumerate().map(numbered).collect();
+        let mut groups = Groups::new(corner_of.len());
+        for [a, b, c] in corners.iter().flatten() {
+            groups.join(*a, *b);
+            groups.join(*b, *c);
         }
-        let (mut part_of, mut bounds): (HashMap<usize, usize>, Vec<Bounds>) = (HashMap::new(), Vec::new());
-        let of_triangle = first_corner.iter().zip(triangles).map(|(corner, triangle)| {
-            let part = *part_of.entry(root(&mut parent, (*corner)?)).or_insert_with(|| {
+        let (mut part_of, mut bounds): (HashMap<u32, usize>, Vec<Bounds>) = (HashMap::new(), Vec::new());
+        let of_triangle = corners.iter().zip(triangles).map(|(corners, triangle)| {
+            let part = *part_of.entry(groups.of((*corners)?[0])).or_insert_with(|| {
                 bounds.push(Bounds::EMPTY);
                 bounds.len() - 1
             });
-            bounds[part] = union(bounds[part], Bounds::of(triangle.corners.map(Vec3::from)));
+            bounds[part] = bounds[part].union(triangle.bounds());
             Some(part)
         });
         Self { of_triangle: of_triangle.collect(), bounds }
@@ -106,7 +103,7 @@ impl Parts {
         let mut bounds = self.bounds[part];
         loop {
             let belongs = |other: &&Bounds| belong_together(bounds, **other);
-            let grown = self.bounds.iter().filter(belongs).fold(bounds, |sum, other| union(sum, *other));
+            let grown = self.bounds.iter().filter(belongs).fold(bounds, |sum, other| sum.union(*other));
             if grown == bounds {
                 return bounds;
             }
@@ -115,23 +112,9 @@ impl Parts {
     }
 }
 
-fn root(parent: &mut [usize], mut corner: usize) -> usize {
-    while parent[corner] != corner {
-        parent[corner] = parent[parent[corner]];
-        corner = parent[corner];
-    }
-    corner
-}
-
-fn union(a: Bounds, b: Bounds) -> Bounds {
-    Bounds { min: a.min.min(b.min), max: a.max.max(b.max) }
-}
-
 fn belong_together(a: Bounds, b: Bounds) -> bool {
-    let volume = |bounds: Bounds| (bounds.max - bounds.min).max(Vec3::ZERO).element_product();
-    let both = volume(Bounds { min: a.min.max(b.min), max: a.max.min(b.max) });
     let (small, large) = (a.radius().min(b.radius()), a.radius().max(b.radius()));
-    both > OVERLAP * volume(a).min(volume(b)) && small >= PART * large
+    a.common(b).volume() > OVERLAP * a.volume().min(b.volume()) && small >= PART * large
 }
 
 #[cfg(test)]

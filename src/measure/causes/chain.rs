@@ -84,9 +84,9 @@ impl Point {
         let mirror = Surface { base_color: f0, metallic: 1.0, ..surface };
         let single = reflected_by(sums.view, &mirror, terms, Scattering::Single).specular;
         let stored = table.look_up(surface.n.dot(surface.v), surface.roughness);
-        let (own, beyond, grazing) =
-            (single / reflectance(&exact.lobe, f0), truth - single, grazing(sums.view, surface.n));
-        Self { surface, truth, own, beyond, grazing, exact, stored }
+        let own = single / reflectance(&exact.lobe, f0);
+        let grazing = grazing(sums.view, surface.n);
+        Self { surface, truth, own, beyond: truth - single, grazing, exact, stored }
     }
 
     /// Share of the irradiance that comes back diffuse or after several bounces.
@@ -141,10 +141,9 @@ pub fn radiance(point: &Point, exact: Exact, variant: Variant, stored: &Stored, 
         let round = maps.mirrored(point, &point.exact, variant, Exact::All);
         mirrored += reflectance(&at.lobe, f0) * (point.own - round / reflectance(&point.exact.lobe, f0));
     }
-    let grazing = if !exact.has(Cause::Texels) { stored.irradiance.look_up(n).w } else { point.grazing };
-    let mut beyond = point.even(at, variant.scattering, grazing) * maps.irradiance(n, exact);
+    let mut beyond = point.even(at, variant.scattering, maps.grazing(point, exact)) * maps.irradiance(n, exact);
     if exact.has(Cause::Diffuse) {
-        let even = point.even(&point.exact, Scattering::Multiple, point.grazing);
+        let even = point.even(&point.exact, Scattering::Multiple, maps.grazing(point, Exact::All));
         beyond += point.beyond - even * maps.irradiance(n, Exact::All);
     }
     mirrored + beyond
@@ -208,6 +207,11 @@ impl Maps<'_, '_> {
         // The texels' error is carried over to whatever else is exact.
         let levels = &self.stored.levels;
         mean + levels[low].look_up(d).lerp(levels[high].look_up(d), share).truncate() - exact_mix
+    }
+
+    /// How much of the light is grazing.
+    fn grazing(&self, point: &Point, exact: Exact) -> f64 {
+        if !exact.has(Cause::Texels) { self.stored.irradiance.look_up(point.surface.n).w } else { point.grazing }
     }
 
     /// Irradiance / π.
