@@ -42,6 +42,9 @@ struct LightmapSurface {
     vec4 unblocked; // sum over rays that met nothing of the models' direction, and their number
     float rays;     // all of them
     vec3 surfaces;  // sum of the irradiance that surfaces give
+    // Irradiance, weighted by how much is given back of what comes from each direction:
+    vec4 steady;    // sum of what no bounce changes over all of them, and its samples
+    vec3 bounced;   // sum of the rest over the samples of `lightmap_sums`
     // For the filter:
     float uneven;   // sum of one half of the samples that `lightmap_sums` has, less the other half, brightness
     vec3 place;     // mean of its places that are seen, metres
@@ -68,7 +71,8 @@ layout(LIGHTMAP_LIGHT_IMAGE, rgba16f) uniform image2DArray light_image;
 layout(push_constant, scalar) uniform Work {
     uint first;        // texel or relay
     uint count;        // of them
-    uint first_sample; // its number in the sequence that all passes take their samples from
+    uint sequence;     // of random numbers; those of different ones are independent
+    uint first_sample; // its number in the sequence
     uint samples;
     uint flags;
     uint relay_count;  // 0: none are used
@@ -112,10 +116,11 @@ vec4 blockers_texel(LightmapSurface s, vec3 irradiance)
     return vec4(min(radiance, HALF_MOST), 1.0);
 }
 
-// Of sums of irradiance and their number.
+// Of sums of irradiance and their number. Noise of control variates may put it below zero: bounces that are cut off there
+// give back too much.
 vec3 mean_irradiance(vec4 sum)
 {
-    return sum.a > 0.0 ? clamp(sum.rgb / sum.a, 0.0, HALF_MOST) : vec3(0.0);
+    return sum.a > 0.0 ? clamp(sum.rgb / sum.a, -HALF_MOST, HALF_MOST) : vec3(0.0);
 }
 
 // What the lightmap shows of a texel beside its irradiance.
@@ -125,7 +130,13 @@ void store_directions(ivec3 at, LightmapSurface s, vec3 irradiance)
     imageStore(light_image, kind_address(LIGHTMAP_BLOCKERS, at), blockers_texel(s, irradiance));
 }
 
-// What a texel gives back of soft light.
+// Irradiance of which a texel gives back its albedo, of so many samples of this bounce.
+vec3 irradiance_to_give(LightmapSurface s, float samples)
+{
+    return mean_irradiance(s.steady) + mean_irradiance(vec4(s.bounced, samples));
+}
+
+// What a texel gives back of that.
 void store_soft(ivec3 at, LightmapSurface s, vec3 irradiance)
 {
     imageStore(soft_image, at, vec4(s.albedo.rgb * irradiance * INV_PI, s.albedo.a));

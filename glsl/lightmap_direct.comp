@@ -3,8 +3,15 @@
 #extension GL_GOOGLE_include_directive : require
 #include "lightmap.glsl"
 
-// Irradiance of a lamp on a point, 0 where something blocks it; `density`: of its relays there.
-vec3 lamp_irradiance(PathPoint p, PointLight lamp, out float density)
+// Of light from l, what is given back as if all of that were matt.
+vec3 given_back_of(Surface s, vec3 l)
+{
+    Energy energy = Energy(table_mean(brdf_table, s.roughness), MULTI_SCATTER);
+    return total_albedo(energy, s.base_color, s.metallic, table_entry(brdf_table, max(dot(s.n, l), 0.0), s.roughness)) * INV_PI;
+}
+
+// Radiance given back of a lamp, 0 where something blocks it; `density`: of its relays there.
+vec3 given_back_of_lamp(PathPoint p, PointLight lamp, out float density)
 {
     vec3 l;
     vec3 irradiance = light_irradiance(lamp, p.position, l) * max(dot(p.s.n, l), 0.0);
@@ -13,17 +20,17 @@ vec3 lamp_irradiance(PathPoint p, PointLight lamp, out float density)
     if (cosine <= 0.0 || trace_ray(ray_origin(p), l, far, true).t >= 0.0)
         return vec3(0.0);
     density = lamp_density(cosine, far);
-    return irradiance;
+    return given_back_of(p.s, l) * irradiance;
 }
 
-// Irradiance of the sun, by one of its disc's points.
-vec3 sun_irradiance(PathPoint p, vec2 u)
+// The same of the sun, by one of its disc's points.
+vec3 given_back_of_sun(PathPoint p, vec2 u)
 {
     vec3 l = sample_disc(u, frame.sun.towards, frame.sun.sine);
     float cosine = dot(p.s.n, l);
     if (cosine <= 0.0 || dot(p.side, l) <= 0.0 || trace_ray(ray_origin(p), l, 1e30, true).t >= 0.0)
         return vec3(0.0);
-    return frame.sun.irradiance * cosine;
+    return given_back_of(p.s, l) * frame.sun.irradiance * cosine;
 }
 
 const uint PROBES = 8;
@@ -71,16 +78,14 @@ void main()
             continue;
         RayHit hit = texel_hit(texel, texel_place(index, i));
         PathPoint p = texel_point(hit, (texel.triangle & LIGHTMAP_BACK) != 0u);
-        vec3 light = vec3(0.0), matt = matt_albedo(p.s);
         for (uint lamp = 0u; lamp < lamps; ++lamp) {
             float of_lamp;
-            light += lamp_irradiance(p, lights[lamp], of_lamp);
+            given += given_back_of_lamp(p, lights[lamp], of_lamp);
             density += of_lamp / float(lamps);
         }
         if (frame.sun.irradiance != vec3(0.0))
-            light += sun_irradiance(p, sobol(i, scramble));
-        given += matt * light * INV_PI;
-        albedo += matt;
+            given += given_back_of_sun(p, sobol(i, scramble));
+        albedo += matt_albedo(p.s);
         place += p.position;
         normal += p.s.n;
         glossy += is_glossy(p.s) ? 1.0 : 0.0;
@@ -88,7 +93,7 @@ void main()
     float scale = 1.0 / float(seen != 0u ? uint(bitCount(seen)) : work.samples);
     imageStore(direct_image, texel_address(texel), vec4(min(given * scale, HALF_MOST), min(density * scale, HALF_MOST)));
     imageStore(soft_image, texel_address(texel), vec4(vec3(0.0), glossy * scale));
-    LightmapSurface s = LightmapSurface(vec4(albedo, glossy) * scale, seen, vec2(0.0), vec4(0.0), vec4(0.0), 0.0, vec3(0.0), 0.0,
-        place * scale, normalize_or(normal, vec3(0.0, 1.0, 0.0)), texel_extent(texel));
+    LightmapSurface s = LightmapSurface(vec4(albedo, glossy) * scale, seen, vec2(0.0), vec4(0.0), vec4(0.0), 0.0, vec3(0.0),
+        vec4(0.0), vec3(0.0), 0.0, place * scale, normalize_or(normal, vec3(0.0, 1.0, 0.0)), texel_extent(texel));
     lightmap_surfaces[index] = s;
 }

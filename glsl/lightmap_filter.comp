@@ -47,7 +47,7 @@ void main()
         return;
     mat3 models = mat3(frame.world_from_models);
     vec4 light = vec4(0.0), unblocked = vec4(0.0);
-    vec3 surfaces = vec3(0.0);
+    vec3 surfaces = vec3(0.0), given = vec3(0.0);
     float rays = 0.0;
     for (int y = -REACH; y <= REACH; ++y) {
         for (int x = -REACH; x <= REACH; ++x) {
@@ -61,6 +61,7 @@ void main()
             if (weight == 0.0)
                 continue;
             light += weight * vec4(sum.rgb / sum.a, 1.0);
+            given += weight * irradiance_to_give(other, sum.a);
             weight *= alike_open(s, other);
             vec3 directions = turned(other.unblocked.xyz, other.normal * models, s.normal * models);
             unblocked += weight * vec4(directions, other.unblocked.w);
@@ -68,11 +69,11 @@ void main()
             rays += weight * other.rays;
         }
     }
-    vec3 irradiance = mean_irradiance(light);
+    vec3 irradiance = max(mean_irradiance(light), 0.0);
     s.unblocked = unblocked;
     s.surfaces = surfaces;
     s.rays = rays;
     imageStore(light_image, at, vec4(irradiance, 1.0));
     store_directions(at, s, irradiance);
-    store_soft(at, s, irradiance);
+    store_soft(at, s, max(mean_irradiance(vec4(given, light.a)), 0.0));
 }

@@ -8,42 +8,57 @@ const float PANORAMA_TEXELS = 256.0;
 // Samples of the cosine for each one of the panorama: divides the samples of every pass.
 const uint PER_DRAWN = 2;
 
-// How a surface takes light from a direction at that cosine, 1 on average over even light: a dielectric's diffuse part takes less of
-// grazing light, of which its specular part has more. Irradiance so weighted is what shading multiplies by the part's share of
-// even light (energy.glsl).
-float taken(Surface s, Energy energy, float cosine)
+// How much light from a direction counts for, 1 on average over even light.
+struct Weights {
+    float diffuse; // for what shading multiplies by the diffuse part's share of even light (energy.glsl)
+    vec3 given;    // for all that is given back
+};
+
+// A dielectric's diffuse part takes less of grazing light, of which its specular part has more.
+Weights weights(Surface s, Energy energy, float cosine)
 {
-    float share = left_by_dielectric(energy, table_entry(brdf_table, max(cosine, 0.0), s.roughness));
-    return mix(share / max(left_by_dielectric(energy, energy.mean), LEAST_LOST), 1.0, s.metallic);
+    vec2 at_l = table_entry(brdf_table, max(cosine, 0.0), s.roughness);
+    float share = left_by_dielectric(energy, at_l) / max(left_by_dielectric(energy, energy.mean), LEAST_LOST);
+    // The share of light from l that goes anywhere is that of even light which goes to l.
+    vec3 given = total_albedo(energy, s.base_color, s.metallic, at_l);
+    return Weights(mix(share, 1.0, s.metallic), given / max(matt_albedo(s), vec3(TINY)));
 }
+
+// Light that no bounce changes, and that of the bounce before.
+struct Light {
+    vec3 steady;
+    vec3 bounced;
+};
 
 // Radiance that a hit gives back to where a ray of direction d came from, of what its texel says of direct and soft light. Where it is
 // glossy, that of lamps and sun and the density of relays are those of the very place.
-vec3 given_towards(RayHit hit, vec3 d, float cosine, vec3 direct, vec3 soft, bool glossy, inout float density)
+Light given_towards(RayHit hit, vec3 d, float cosine, vec3 direct, vec3 soft, bool glossy, inout float density)
 {
     vec3 towards = towards_over_matt(hit, cosine);
     direct *= towards;
     if (glossy)
         direct = glossy_radiance(hit, d, density);
-    return direct + towards * soft;
+    return Light(direct, towards * soft);
 }
 
 // Irradiance by way of a relay, and its direction, for a point that samples its hemisphere by the cosine: see path.glsl's `relayed_light`.
-vec3 relay_light(PathPoint p, vec3 origin, Relay relay, out vec3 l)
+Light relay_light(PathPoint p, vec3 origin, Relay relay, out vec3 l)
 {
     vec3 to_relay = relay.position - origin;
     float squared = max(dot(to_relay, to_relay), TINY), far = sqrt(squared);
     l = to_relay / far;
     float cosine = dot(p.s.n, l), area = -dot(relay.side, l) / squared;
     if (cosine <= 0.0 || area <= 0.0 || dot(p.side, l) <= 0.0 || relay.density <= 0.0)
-        return vec3(0.0);
+        return Light(vec3(0.0), vec3(0.0));
     // Light that comes twice from beside a lamp, as within its shade, is as hard to find.
     vec3 soft = textureLod(given_back_of_soft, relay.address, 0.0).rgb;
     RayHit lit = RayHit(far, relay.triangle & ~RELAY_GLOSSY, relay.weights);
     bool glossy = (relay.triangle & RELAY_GLOSSY) != 0u;
-    vec3 given = given_towards(lit, l, -dot(relay.side, l), relay.radiance, soft, glossy, relay.density);
-    vec3 light = given * (cosine * area / (cosine * INV_PI * area + relay.density));
-    return light == vec3(0.0) || trace_ray(origin, l, far * (1.0 - 1e-5), true).t >= 0.0 ? vec3(0.0) : light;
+    Light given = given_towards(lit, l, -dot(relay.side, l), relay.radiance, soft, glossy, relay.density);
+    if (given.steady + given.bounced == vec3(0.0) || trace_ray(origin, l, far * (1.0 - 1e-5), true).t >= 0.0)
+        return Light(vec3(0.0), vec3(0.0));
+    float scale = cosine * area / (cosine * INV_PI * area + relay.density);
+    return Light(scale * given.steady, scale * given.bounced);
 }
 
 vec3 open_sky_irradiance(vec3 n)
@@ -71,9 +86,9 @@ vec3 drawn_sky_light(PathPoint p, vec3 origin, uvec4 bits, out vec3 d, out vec3 
 }
 
 // Irradiance from one direction, over the density of cosine samples, or `sky`; false where no one sees it.
-bool gathered(PathPoint p, RayHit hit, vec3 d, vec3 sky, out vec3 light)
+bool gathered(PathPoint p, RayHit hit, vec3 d, vec3 sky, out Light light)
 {
-    light = sky;
+    light = Light(sky, vec3(0.0));
     if (hit.t < 0.0)
         return true;
     if (is_never_seen(hit, d))
@@ -81,13 +96,13 @@ bool gathered(PathPoint p, RayHit hit, vec3 d, vec3 sky, out vec3 light)
     vec3 at = lightmap_address(hit, is_back(hit, d));
     vec4 direct = textureLod(given_back_of_direct, at, 0.0), soft = textureLod(given_back_of_soft, at, 0.0);
     float cosine = hit_cosine(hit, d), area = cosine / max(hit.t * hit.t, TINY);
-    vec3 given = given_towards(hit, d, cosine, direct.rgb, soft.rgb, soft.a > 0.5, direct.a);
+    Light given = given_towards(hit, d, cosine, direct.rgb, soft.rgb, soft.a > 0.5, direct.a);
     float here = max(dot(p.s.n, d), 0.0) * INV_PI * area;
     // Relays give the rest, and points that are drawn of what shines.
     float share = work.relay_count > 0u ? here / max(here + direct.a, TINY) : 1.0;
-    light = PI * share * given;
+    light = Light(PI * share * given.steady, PI * share * given.bounced);
     if (emitter_count > 0u)
-        light += PI * emission_of_hit(hit) * (here / max(here + emitter_density(hit.triangle), TINY));
+        light.steady += PI * emission_of_hit(hit) * (here / max(here + emitter_density(hit.triangle), TINY));
     return true;
 }
 
@@ -124,7 +139,7 @@ uint nth_bit(uint bits, uint n)
 PathPoint seen_place(LightmapTexel texel, uint index, uint i)
 {
     uint places = lightmap_surfaces[index].places, count = uint(bitCount(places));
-    float random = unit_from_bits(pcg4d(uvec4(index, i, 2u, 0u)).x);
+    float random = unit_from_bits(pcg4d(uvec4(index, i, 2u, work.sequence)).x);
     uint place = nth_bit(places, min(uint(random * float(count)), count - 1u));
     return texel_point(texel_hit(texel, texel_place(index, place)), (texel.triangle & LIGHTMAP_BACK) != 0u);
 }
@@ -146,44 +161,60 @@ KnownSky known_sky(vec2 seen)
 
 // What one sample of a texel found.
 struct GatheredLight {
-    vec3 all;       // irradiance as it is `taken`, by all ways that light comes
+    vec3 all;       // irradiance by all ways that light comes, weighted for the diffuse part
+    vec3 steady;    // weighted for what is given back: what no bounce changes
+    vec3 bounced;   // and the rest
     vec3 surfaces;  // irradiance from surfaces
     vec4 unblocked; // of a ray that met nothing the models' direction, and 1
     vec2 sky;       // square of the sky's brightness along a ray that met nothing, and along any
 };
 
+void add(inout GatheredLight found, Weights w, Light light)
+{
+    found.all += w.diffuse * (light.steady + light.bounced);
+    found.steady += w.given * light.steady;
+    found.bounced += w.given * light.bounced;
+}
+
+void add_steady(inout GatheredLight found, Weights w, vec3 light)
+{
+    add(found, w, Light(light, vec3(0.0)));
+}
+
 // False where no one sees the place. `bases`: of the texel's random numbers.
 bool gather(PathPoint p, vec3 d, uint index, uint i, uvec4 bases, KnownSky known, out GatheredLight found)
 {
-    vec3 origin = ray_origin(p), sky = sky_light(p.s.n, d, known.is_drawn), light, l;
+    vec3 origin = ray_origin(p), sky = sky_light(p.s.n, d, known.is_drawn), l;
+    Light light;
     RayHit met = trace_ray(origin, d, 1e30, false);
     if (!gathered(p, met, d, sky, light))
         return false;
     Energy energy = Energy(table_mean(brdf_table, p.s.roughness), MULTI_SCATTER);
     float is_sky = met.t < 0.0 ? 1.0 : 0.0, bright = dot(sky_radiance(d, panorama_lod(PANORAMA_TEXELS)), vec3(1.0));
-    found.all = taken(p.s, energy, dot(p.s.n, d)) * light;
-    found.surfaces = (1.0 - is_sky) * light;
+    found.all = found.steady = found.bounced = vec3(0.0);
+    add(found, weights(p.s, energy, dot(p.s.n, d)), light);
+    found.surfaces = (1.0 - is_sky) * (light.steady + light.bounced);
     found.unblocked = is_sky * vec4(d * mat3(frame.world_from_models), 1.0);
     found.sky = bright * bright * vec2(is_sky, 1.0);
     if (known.is_drawn && i % PER_DRAWN == 0u) {
         vec3 seen;
-        uvec4 bits = uvec4(sobol_bits(i / PER_DRAWN, bases.zw), pcg4d(uvec4(index, i, 5u, 0u)).xy);
+        uvec4 bits = uvec4(sobol_bits(i / PER_DRAWN, bases.zw), pcg4d(uvec4(index, i, 5u, work.sequence)).xy);
         sky += drawn_sky_light(p, origin, bits.xzyw, l, seen);
-        found.all += taken(p.s, energy, dot(p.s.n, l)) * seen;
+        add_steady(found, weights(p.s, energy, dot(p.s.n, l)), seen);
     }
     // An open sky's irradiance is known without samples: it stands for as much of `sky`, these samples' estimate of it, as comes
     // through. A control variate: Owen, "Monte Carlo theory, methods and examples" (2013), section 8.9.
     if (known.open > 0.0)
-        found.all += known.open * (open_sky_irradiance(p.s.n) - sky);
+        add_steady(found, Weights(1.0, vec3(1.0)), known.open * (open_sky_irradiance(p.s.n) - sky));
     if (work.relay_count > 0u) {
         light = relay_light(p, origin, relays[(i ^ bases.y) % work.relay_count], l);
-        found.surfaces += light;
-        found.all += taken(p.s, energy, dot(p.s.n, l)) * light;
+        found.surfaces += light.steady + light.bounced;
+        add(found, weights(p.s, energy, dot(p.s.n, l)), light);
     }
     if (emitter_count > 0u) {
-        light = emitter_irradiance(p, sobol(i, pcg4d(uvec4(index, 0u, 6u, 0u)).xy), l);
-        found.surfaces += light;
-        found.all += taken(p.s, energy, dot(p.s.n, l)) * light;
+        vec3 shining = emitter_irradiance(p, sobol(i, pcg4d(uvec4(index, 0u, 6u, work.sequence)).xy), l);
+        found.surfaces += shining;
+        add_steady(found, weights(p.s, energy, dot(p.s.n, l)), shining);
     }
     return true;
 }
@@ -194,12 +225,12 @@ void main()
         return;
     uint index = work.first + gl_GlobalInvocationID.x;
     LightmapTexel texel = lightmap_texels[index];
-    uvec4 bases = pcg4d(uvec4(index, 0u, 1u, 0u));
+    uvec4 bases = pcg4d(uvec4(index, 0u, 1u, work.sequence));
     BvhTriangle triangle = bvh_triangles[texel.triangle & ~LIGHTMAP_BACK];
     vec3 edge = mat3(frame.world_from_models) * (triangle.b - triangle.a);
     bool counts = (work.flags & WORK_COUNTS) != 0u, is_seen = lightmap_surfaces[index].places != 0u;
     KnownSky known = known_sky(counts ? lightmap_surfaces[index].sky : lightmap_surfaces[index].kept.xy);
-    GatheredLight sum = GatheredLight(vec3(0.0), vec3(0.0), vec4(0.0), vec2(0.0)), found;
+    GatheredLight sum = GatheredLight(vec3(0.0), vec3(0.0), vec3(0.0), vec3(0.0), vec4(0.0), vec2(0.0)), found;
     float samples = 0.0, uneven = 0.0;
     for (uint i = work.first_sample; i < work.first_sample + work.samples && is_seen; ++i) {
         PathPoint p = seen_place(texel, index, i);
@@ -207,6 +238,8 @@ void main()
         if (!gather(p, d, index, i, bases, known, found))
             continue;
         sum.all += found.all;
+        sum.steady += found.steady;
+        sum.bounced += found.bounced;
         sum.surfaces += found.surfaces;
         sum.unblocked += found.unblocked;
         sum.sky += found.sky;
@@ -226,5 +259,7 @@ void main()
     bool begins = (work.flags & WORK_BEGINS) != 0u;
     vec4 all = vec4(sum.all, samples);
     lightmap_sums[index] = begins ? all : lightmap_sums[index] + all;
+    lightmap_surfaces[index].steady += vec4(sum.steady, samples);
+    lightmap_surfaces[index].bounced = begins ? sum.bounced : lightmap_surfaces[index].bounced + sum.bounced;
     lightmap_surfaces[index].uneven = begins ? uneven : lightmap_surfaces[index].uneven + uneven;
 }

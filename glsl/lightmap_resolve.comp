@@ -16,9 +16,9 @@ void main()
         lightmap_surfaces[index].kept = known;
     }
     bool is_shown = (work.flags & WORK_IS_SHOWN) != 0u;
-    vec3 shown = is_shown ? mean_irradiance(known) : imageLoad(light_image, at).rgb;
+    vec3 shown = is_shown ? max(mean_irradiance(known), 0.0) : imageLoad(light_image, at).rgb;
     imageStore(light_image, at, vec4(shown, sum.a > 0.0 ? 1.0 : 0.0));
     if (is_shown)
         store_directions(at, lightmap_surfaces[index], shown);
-    store_soft(at, lightmap_surfaces[index], mean_irradiance(sum));
+    store_soft(at, lightmap_surfaces[index], irradiance_to_give(lightmap_surfaces[index], sum.a));
 }

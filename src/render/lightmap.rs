@@ -51,6 +51,7 @@ pub const SHADERS: [&str; 9] = [
 struct Work {
     first: u32,
     count: u32,
+    sequence: u32,
     first_sample: u32,
     samples: u32,
     flags: u32,
@@ -191,7 +192,7 @@ impl LightmapBake {
         let sums = storage("lightmap sums", count.max(weighing) * size_of::<[f32; 4]>() as u64)?;
         let weighed =
             Buffer::new(gpu, "lightmap weighed", BufferKind::Readback, weighing * size_of::<[f32; 4]>() as u64)?;
-        let surfaces = storage("lightmap surfaces", count * size_of::<[f32; 27]>() as u64)?;
+        let surfaces = storage("lightmap surfaces", count * size_of::<[f32; 34]>() as u64)?;
         let indices = Buffer::with_bytes(gpu, "lightmap indices", BufferKind::FromCpu, bytemuck::cast_slice(&indices))?;
         let relays = storage("lightmap relays", u64::from(RELAYS) * size_of::<[f32; 17]>() as u64)?;
         let sampler = Sampler::new(gpu, "lightmap", AddressMode::Clamp, 1)?;
@@ -300,7 +301,8 @@ impl LightmapBake {
         let work = Work {
             first: self.cursor,
             count: most.min(all - self.cursor),
-            first_sample: self.stage.first_sample(self.length),
+            sequence: self.stage.sequence(),
+            first_sample: self.stage.first_sample(),
             samples,
             flags: self.stage.flags(self.length),
             relay_count: self.relays,

@@ -130,13 +130,15 @@ impl Stage {
         }
     }
 
-    /// The first of them in the sequence of all. The last ones begin an aligned run of it, which is spread evenly.
-    pub fn first_sample(self, length: Length) -> u32 {
-        match self {
-            Self::Bounce(bounce) => bounce * BOUNCE_SAMPLES,
-            Self::Last(samples) => (BOUNCES.end() * BOUNCE_SAMPLES).next_multiple_of(length.samples) + samples,
-            Self::Open | Self::Direct | Self::Relays | Self::Sky | Self::Guide | Self::Filter | Self::Done => 0,
-        }
+    /// The sequence they are of. What a bounce goes by is known of those before it, and must say nothing of its own samples: of one
+    /// sequence, which is spread evenly, those that come go where none has been.
+    pub fn sequence(self) -> u32 {
+        if let Self::Bounce(bounce) = self { bounce + 1 } else { 0 }
+    }
+
+    /// The first of them in their sequence.
+    pub fn first_sample(self) -> u32 {
+        if let Self::Last(samples) = self { samples } else { 0 }
     }
 
     /// What its passes do with samples: the constants above.
@@ -230,14 +232,21 @@ mod tests {
     }
 
     #[test]
-    fn the_last_bounce_takes_samples_that_no_other_has_and_shows_them_once_they_are_enough() {
+    fn each_bounce_has_a_sequence_of_its_own_and_the_last_is_shown_once_its_samples_are_enough() {
         for share in [0.3, 0.9] {
             let all = run(share, 64);
-            let before = all.iter().filter(|(stage, _)| matches!(stage, Stage::Bounce(_)));
-            let end = before.map(|(stage, length)| stage.first_sample(*length) + stage.samples()).max().unwrap();
+            let sequences = |is: fn(&Stage) -> bool| -> Vec<u32> {
+                all.iter().map(|(stage, _)| *stage).filter(is).map(Stage::sequence).collect()
+            };
+            let mut before = sequences(|stage| matches!(stage, Stage::Bounce(_)));
+            let (count, of_last) = (before.len(), sequences(|stage| matches!(stage, Stage::Last(_))));
+            before.sort_unstable();
+            before.dedup();
+            assert_eq!(before.len(), count);
+            assert!(of_last.iter().all(|sequence| *sequence == of_last[0]) && !before.contains(&of_last[0]));
             let last: Vec<_> = all.iter().filter(|(stage, _)| matches!(stage, Stage::Last(_))).collect();
-            let first = last[0].0.first_sample(last[0].1);
-            assert!(first >= end && first % 64 == 0, "{first} after {end}");
+            let firsts: Vec<u32> = last.iter().map(|(stage, _)| stage.first_sample()).collect();
+            assert_eq!(firsts, (0..64).step_by(AT_ONCE as usize).collect::<Vec<_>>());
             let shown = |(stage, length): &&(Stage, Length)| stage.flags(*length) & IS_SHOWN != 0;
             let shown: Vec<bool> = last.iter().map(shown).collect();
             assert!(shown.is_sorted() && shown[7] && !shown[0], "{shown:?}");

@@ -137,6 +137,34 @@ fn white_things_are_invisible_in_a_furnace() {
     });
 }
 
+/// A smooth wall gives back less of light that comes along its normal than of even light.
+#[test]
+fn a_smooth_wall_gives_back_less_of_light_along_its_normal() {
+    let wall = grey(0.1, 0.0, 0.2);
+    let matt = Matt::new(&wall);
+    let at_normal = matt.curve.at(1.0);
+    let specular = matt.energy.specular_albedo(DVec3::splat(DIELECTRIC_F0), at_normal);
+    let given = (specular + matt.energy.diffuse_even(matt.base_color, 0.0, at_normal)).x;
+    let lamp_irradiance = 2.0_f64;
+    let want = lamp_irradiance * given / (1.0 - matt.albedo());
+    let things = vec![ball(0, [0.0; 3], 1.0, 24, true), mote(FAR)];
+    let scene = world(things, vec![wall], vec![lamp([0.0; 3], lamp_irradiance as f32)], uniform(0.0));
+    let from = eye([0.0, 0.0, 0.1], [0.0, 0.0, -1.0], 90.0);
+    with_gpu(|gpu| {
+        let taken = take(gpu, &scene, &from, diffuse(32));
+        let pairs: Vec<_> = soft(&scene, &from, &taken, 1).into_iter().flatten().map(|(got, ..)| (got, want)).collect();
+        let (mean, spread) = deviations(&pairs);
+        println!(
+            "{:+.2} %, spread {:.2} %; albedo {:.3}, of the lamp's light {given:.3}",
+            100.0 * mean,
+            100.0 * spread,
+            matt.albedo()
+        );
+        // By the albedo of even light it would be a quarter more.
+        assert!(matt.albedo() > 1.2 * given && mean.abs() < 0.05 && spread < 0.06, "{mean}, spread {spread}");
+    });
+}
+
 /// A smooth floor's specular part has more of grazing light, its diffuse part less, than of light from above.
 #[test]
 fn a_smooth_floors_diffuse_part_takes_less_of_grazing_light() {
@@ -239,20 +267,43 @@ fn a_metal_ball_mirrors_the_colour_of_the_floor() {
     });
 }
 
-/// A floor that gets its light through a small window, beside a partition: closed form but for what little the black walls give
-/// back. Few samples find the window; the filter leaves little of their noise, and the edge of the shadow where it is.
-#[test]
-fn noise_is_taken_out_and_shadows_stay() {
+/// The walls and the ceiling of a room of 2 m, without its floor, and the window in one of them.
+fn walls_with_window() -> (Vec<Quad>, Quad) {
     let window = quad([[-0.3, 1.2, -1.0], [0.3, 1.2, -1.0], [0.3, 1.7, -1.0], [-0.3, 1.7, -1.0]]);
     let wall =
         |[x0, x1]: [f64; 2], [y0, y1]: [f64; 2]| quad([[x0, y0, -1.0], [x1, y0, -1.0], [x1, y1, -1.0], [x0, y1, -1.0]]);
     let mut walls: Vec<Quad> = turned(block([-1.0, 0.0, -1.0], [1.0, 2.0, 1.0])).to_vec();
-    // Without the floor, which is a mesh of its own, and the wall that has the window.
     walls.retain(|corners| corners.iter().any(|c| c.y > 0.0) && corners.iter().any(|c| c.z > -1.0));
     let beside =
         [([-1.0, -0.3], [0.0, 2.0]), ([0.3, 1.0], [0.0, 2.0]), ([-0.3, 0.3], [0.0, 1.2]), ([-0.3, 0.3], [1.7, 2.0])];
     walls.extend(beside.map(|(x, y)| wall(x, y)));
     assert_eq!(walls.len(), 8);
+    (walls, window)
+}
+
+/// White walls that get their light by a bright patch of the sky through a window: few samples of a bounce find that. Those that
+/// do not may put a texel below zero, which must not be lost.
+#[test]
+fn a_room_with_a_window_gets_no_light_from_noise() {
+    let towards = Vec3::new(0.2, 0.4, -1.0).normalize();
+    let sky = Panorama::from_fn(256, 128, |d| Vec3::splat(if d.dot(towards) > 0.98 { 100.0 } else { 1.0 }));
+    let (walls, _) = walls_with_window();
+    let things = vec![flat(0, &[level([-1.0, 1.0], 0.0, [-1.0, 1.0])]), flat(0, &walls), mote(FAR)];
+    let scene = world(things, vec![grey(0.8, 0.0, 1.0)], vec![], sky);
+    let from = eye([0.8, 1.6, -0.8], [-0.4, 0.8, 1.0], 90.0);
+    with_gpu(|gpu| {
+        let baked = take(gpu, &scene, &from, Shot::new(BAKED, 48)).mean();
+        let exact = take(gpu, &scene, &from, Shot::reference(BAKED, 48, 512)).mean();
+        println!("{baked:.4} for {exact:.4}, {:+.2} %", 100.0 * (baked / exact - 1.0));
+        assert!((baked / exact - 1.0).abs() < 0.02, "{baked} for {exact}");
+    });
+}
+
+/// A floor that gets its light through a small window, beside a partition: closed form but for what little the black walls give
+/// back. Few samples find the window; the filter leaves little of their noise, and the edge of the shadow where it is.
+#[test]
+fn noise_is_taken_out_and_shadows_stay() {
+    let (walls, window) = walls_with_window();
     let floor = level([-1.0, 1.0], 0.0, [-1.0, 1.0]);
     let [low, high] = [DVec3::new(-1.0, 0.0, -0.1), DVec3::new(0.2, 0.5, 0.0)];
     let things = vec![flat(0, &[floor]), flat(1, &walls), flat(1, &block(low.into(), high.into())), mote(FAR)];
