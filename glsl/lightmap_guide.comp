@@ -23,10 +23,10 @@ void main()
             float alike = same_surface(s, lightmap_surfaces[beside], off);
             vec4 sum = lightmap_sums[beside];
             // The means of two halves of the samples differ by twice the error of the mean of all.
-            float difference = lightmap_surfaces[beside].uneven / sum.a;
+            float difference = lightmap_found[beside].uneven / sum.a;
             guide += alike * exp2(-dot(off, off)) * vec4(sum.rgb / sum.a, 1.0);
             variance += alike * vec2(difference * difference, 1.0);
         }
     }
-    lightmap_surfaces[index].kept = vec4(guide.rgb / max(guide.a, TINY), variance.x / max(variance.y, TINY));
+    lightmap_found[index].kept = vec4(guide.rgb / max(guide.a, TINY), variance.x / max(variance.y, TINY));
 }

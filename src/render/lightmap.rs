@@ -192,7 +192,8 @@ impl LightmapBake {
         let sums = storage("lightmap sums", count.max(weighing) * size_of::<[f32; 4]>() as u64)?;
         let weighed =
             Buffer::new(gpu, "lightmap weighed", BufferKind::Readback, weighing * size_of::<[f32; 4]>() as u64)?;
-        let surfaces = storage("lightmap surfaces", count * size_of::<[f32; 34]>() as u64)?;
+        let surfaces = storage("lightmap surfaces", count * size_of::<[f32; 12]>() as u64)?;
+        let found = storage("lightmap rays", count * size_of::<[f32; 22]>() as u64)?;
         let indices = Buffer::with_bytes(gpu, "lightmap indices", BufferKind::FromCpu, bytemuck::cast_slice(&indices))?;
         let relays = storage("lightmap relays", u64::from(RELAYS) * size_of::<[f32; 17]>() as u64)?;
         let sampler = Sampler::new(gpu, "lightmap", AddressMode::Clamp, 1)?;
@@ -200,6 +201,7 @@ impl LightmapBake {
             Binding::Storage(&list),
             Binding::Storage(&sums),
             Binding::Storage(&surfaces),
+            Binding::Storage(&found),
             Binding::Storage(&relays),
             Binding::Storage(&indices),
             Binding::Sampled(&direct, &sampler),

@@ -10,13 +10,13 @@ use super::layouts::Layouts;
 use super::lighting::Lighting;
 use super::scene_resources::{SceneResources, SceneTextures};
 use super::settings::{LightModel, RenderSettings};
-use crate::Result;
 use crate::asset::Report;
 use crate::context::Context;
 use crate::gpu::Buffer;
 use crate::scene::atlas::{Flattened, NoAtlas, Work, flatten};
 use crate::scene::needs::lightmap::{LightmapNeed, lightmap_need};
 use crate::scene::{GeometryView, Scene};
+use crate::{Error, Result};
 
 /// What is drawn in place of the resources of a scene without a lightmap.
 pub struct Lightmapped {
@@ -120,8 +120,8 @@ fn as_fine_as_fits<T>(side: u32, report: &Report, make: impl Fn(u32) -> Result<O
     let mut fits = side;
     loop {
         match make(fits) {
-            Err(error) if error.is_out_of_memory() && fits / 2 >= LEAST_SIDE => fits /= 2,
-            Err(error) if error.is_out_of_memory() => {
+            Err(error) if is_too_large(&error) && fits / 2 >= LEAST_SIDE => fits /= 2,
+            Err(error) if is_too_large(&error) => {
                 report.warn(format!("no lightmap: {error}"));
                 return Ok(None);
             }
@@ -135,10 +135,14 @@ fn as_fine_as_fits<T>(side: u32, report: &Report, make: impl Fn(u32) -> Result<O
     }
 }
 
+/// Whether less would fit: memory is missing, or the GPU allows no such size.
+fn is_too_large(error: &Error) -> bool {
+    error.is_out_of_memory() || matches!(error, Error::GpuLimit { .. })
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Error;
 
     fn no_memory() -> Error {
         Error::GpuMemory { what: "lightmap".into(), problem: "none left".into() }
@@ -152,9 +156,16 @@ mod tests {
         assert_eq!(report.warnings(), [""; 0]);
         assert_eq!(as_fine_as_fits(512, &report, fits(200)).unwrap(), Some(128));
         assert_eq!(report.warnings(), ["GPU memory: a lightmap of 128x128 texels instead of 512x512"]);
+        let limit = |side: u32| {
+            let [asked, most] = [side.to_string(), "300".into()];
+            let refused = Error::GpuLimit { what: "lightmap".into(), asked, most, gpu: "a GPU".into() };
+            if side > 300 { Err(refused) } else { Ok(Some(side)) }
+        };
+        assert_eq!(as_fine_as_fits(1024, &report, limit).unwrap(), Some(256));
+        assert_eq!(report.warnings()[1..], ["GPU memory: a lightmap of 256x256 texels instead of 1024x1024"]);
         assert_eq!(as_fine_as_fits(512, &report, fits(10)).unwrap(), None);
         assert!(
-            report.warnings()[1].starts_with("no lightmap: GPU: no memory for lightmap"),
+            report.warnings()[2].starts_with("no lightmap: GPU: no memory for lightmap"),
             "{:?}",
             report.warnings()
         );
