@@ -30,36 +30,35 @@ struct Relay {
     vec3 address;    // in the lightmap
 };
 
-// What a texel is like.
+// What a texel is like, and what is around it.
 struct LightmapSurface {
-    vec4 albedo;  // with the share of places that are glossy
-    uint places;  // bit i: its place i is one that can be seen
-    vec3 place;   // mean of its places that are seen, metres
-    vec3 normal;  // mean of their normals
-    float extent; // metres along a texel
-};
-
-// What its rays have found.
-struct LightmapFound {
-    vec2 sky; // squares of the open sky's luminance over the bounces' samples: of those that met nothing, and of all
-    // Sum of irradiance over bounces that is shown until the last one is there, and its samples. After the bounces `sky` with that of
-    // the texels around. At last what the filter goes by: mean irradiance, and the variance of a texel's brightness.
-    vec4 kept;
+    vec4 albedo;    // with the share of places that are glossy
+    uint places;    // bit i: its place i is one that can be seen
+    vec3 place;     // mean of its places that are seen, metres
+    vec3 normal;    // mean of their normals
+    float extent;   // metres along a texel
     // Once bounces are kept:
     vec4 unblocked; // sum over rays that met nothing of the models' direction, and their number
     float rays;     // all of them
     vec3 surfaces;  // sum of the irradiance that surfaces give
-    // Irradiance, weighted by how much is given back of what comes from each direction:
-    vec4 steady;    // sum of what no bounce changes over all of them, and its samples
-    vec3 bounced;   // sum of the rest over the samples of `lightmap_sums`
-    float uneven;   // sum of one half of the samples that `lightmap_sums` has, less the other half, brightness
+};
+
+// What a texel's samples add up to.
+struct LightmapSums {
+    vec4 all;     // irradiance of this bounce, and its samples
+    float uneven; // brightness of one half of these samples, less that of the other half
+    // The same by how much is given back of what comes from each direction:
+    vec4 steady;  // what no bounce changes over the samples of all of them, and their number
+    vec3 bounced; // the rest, of this bounce
+    vec2 sky;     // squares of the open sky's luminance over the bounces' samples: of those that met nothing, and of all
+    // Irradiance over bounces that is shown until the last one is there, and its samples. After the bounces `sky` with that of
+    // the texels around. At last what the filter goes by: mean irradiance, and the variance of a texel's brightness.
+    vec4 kept;
 };
 
 layout(LIGHTMAP_TEXELS, scalar) readonly buffer LightmapTexels { LightmapTexel lightmap_texels[]; };
-// The sum of a texel's samples of irradiance, and their number.
-layout(LIGHTMAP_SUMS, scalar) buffer LightmapSums { vec4 lightmap_sums[]; };
+layout(LIGHTMAP_SUMS, scalar) buffer SumsOfTexels { LightmapSums lightmap_sums[]; };
 layout(LIGHTMAP_SURFACES, scalar) buffer LightmapSurfaces { LightmapSurface lightmap_surfaces[]; };
-layout(LIGHTMAP_FOUND, scalar) buffer LightmapFoundOfAll { LightmapFound lightmap_found[]; };
 // For each texel of each layer, its index in the list of those above, or all bits.
 layout(LIGHTMAP_INDICES, scalar) readonly buffer LightmapIndices { uint lightmap_indices[]; };
 layout(LIGHTMAP_RELAYS, scalar) buffer LightmapRelays { Relay relays[]; };
@@ -105,18 +104,18 @@ float brightness(vec3 irradiance)
 }
 
 // The mean over rays of directions that met nothing.
-vec4 openness_texel(LightmapFound found)
+vec4 openness_texel(LightmapSurface s)
 {
-    return vec4(found.unblocked.xyz / max(found.rays, 1.0), 1.0);
+    return vec4(s.unblocked.xyz / max(s.rays, 1.0), 1.0);
 }
 
 // Mean radiance of what the other rays met; where these are few, no more than a multiple of the mean of all.
 const float MOST_BLOCKERS = 4.0;
 
-vec4 blockers_texel(LightmapFound found, vec3 irradiance)
+vec4 blockers_texel(LightmapSurface s, vec3 irradiance)
 {
-    float blocked = max(found.rays - found.unblocked.w, 0.02 * found.rays);
-    vec3 radiance = min(found.surfaces / max(blocked, TINY), MOST_BLOCKERS * irradiance) * INV_PI;
+    float blocked = max(s.rays - s.unblocked.w, 0.02 * s.rays);
+    vec3 radiance = min(s.surfaces / max(blocked, TINY), MOST_BLOCKERS * irradiance) * INV_PI;
     return vec4(min(radiance, HALF_MOST), 1.0);
 }
 
@@ -128,16 +127,16 @@ vec3 mean_irradiance(vec4 sum)
 }
 
 // What the lightmap shows of a texel beside its irradiance.
-void store_directions(ivec3 at, LightmapFound found, vec3 irradiance)
+void store_directions(ivec3 at, LightmapSurface s, vec3 irradiance)
 {
-    imageStore(light_image, kind_address(LIGHTMAP_OPENNESS, at), openness_texel(found));
-    imageStore(light_image, kind_address(LIGHTMAP_BLOCKERS, at), blockers_texel(found, irradiance));
+    imageStore(light_image, kind_address(LIGHTMAP_OPENNESS, at), openness_texel(s));
+    imageStore(light_image, kind_address(LIGHTMAP_BLOCKERS, at), blockers_texel(s, irradiance));
 }
 
-// Irradiance of which a texel gives back its albedo, of so many samples of this bounce.
-vec3 irradiance_to_give(LightmapFound found, float samples)
+// Irradiance of which a texel gives back its albedo.
+vec3 irradiance_to_give(LightmapSums sums)
 {
-    return mean_irradiance(found.steady) + mean_irradiance(vec4(found.bounced, samples));
+    return mean_irradiance(sums.steady) + mean_irradiance(vec4(sums.bounced, sums.all.a));
 }
 
 // What a texel gives back of that.

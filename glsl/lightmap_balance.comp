@@ -20,5 +20,5 @@ void main()
             sums[gl_LocalInvocationID.x] += sums[gl_LocalInvocationID.x + half_of];
     }
     if (gl_LocalInvocationID.x == 0u)
-        lightmap_sums[gl_WorkGroupID.x] = vec4(sums[0], 0.0, 0.0);
+        lightmap_sums[gl_WorkGroupID.x].all = vec4(sums[0], 0.0, 0.0);
 }

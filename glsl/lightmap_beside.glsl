@@ -13,7 +13,7 @@ uint texel_at(ivec3 at)
     if (any(lessThan(at.xy, ivec2(0))) || any(greaterThanEqual(at.xy, size)))
         return NO_TEXEL;
     uint index = lightmap_indices[(at.z * size.y + at.y) * size.x + at.x];
-    return index != NO_TEXEL && lightmap_sums[index].a > 0.0 ? index : NO_TEXEL;
+    return index != NO_TEXEL && lightmap_sums[index].all.a > 0.0 ? index : NO_TEXEL;
 }
 
 // How far two texels are on one smooth surface, 0 to 1, with `off` texels from one to the other in the atlas.

@@ -94,6 +94,7 @@ void main()
     imageStore(direct_image, texel_address(texel), vec4(min(given * scale, HALF_MOST), min(density * scale, HALF_MOST)));
     imageStore(soft_image, texel_address(texel), vec4(vec3(0.0), glossy * scale));
     vec3 n = normalize_or(normal, vec3(0.0, 1.0, 0.0));
-    lightmap_surfaces[index] = LightmapSurface(vec4(albedo, glossy) * scale, seen, place * scale, n, texel_extent(texel));
-    lightmap_found[index] = LightmapFound(vec2(0.0), vec4(0.0), vec4(0.0), 0.0, vec3(0.0), vec4(0.0), vec3(0.0), 0.0);
+    lightmap_surfaces[index] = LightmapSurface(vec4(albedo, glossy) * scale, seen, place * scale, n, texel_extent(texel),
+        vec4(0.0), 0.0, vec3(0.0));
+    lightmap_sums[index] = LightmapSums(vec4(0.0), 0.0, vec4(0.0), vec3(0.0), vec2(0.0), vec4(0.0));
 }

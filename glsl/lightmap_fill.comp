@@ -11,7 +11,7 @@ void main()
         return;
     uint index = work.first + gl_GlobalInvocationID.x;
     ivec3 at = texel_address(lightmap_texels[index]);
-    if (lightmap_sums[index].a > 0.0)
+    if (lightmap_sums[index].all.a > 0.0)
         return;
     ivec2 last = imageSize(light_image).xy - 1;
     vec4 sum = vec4(0.0), openness = vec4(0.0), blockers = vec4(0.0);

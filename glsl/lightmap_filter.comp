@@ -19,7 +19,7 @@ float alike(vec4 guide, vec4 other)
 }
 
 // The same of the parts of their rays that met nothing, whose number has a binomial distribution.
-float alike_open(LightmapFound a, LightmapFound b)
+float alike_open(LightmapSurface a, LightmapSurface b)
 {
     vec2 rays = max(vec2(a.rays, b.rays), 1.0), open = vec2(a.unblocked.w, b.unblocked.w) / rays;
     // As if one more ray had met something, and one nothing: few rays do not show that none does.
@@ -43,11 +43,10 @@ void main()
     uint index = work.first + gl_GlobalInvocationID.x;
     ivec3 at = texel_address(lightmap_texels[index]);
     LightmapSurface s = lightmap_surfaces[index];
-    LightmapFound found = lightmap_found[index];
-    if (lightmap_sums[index].a == 0.0)
+    if (lightmap_sums[index].all.a == 0.0)
         return;
     mat3 models = mat3(frame.world_from_models);
-    vec4 light = vec4(0.0), unblocked = vec4(0.0);
+    vec4 guide = lightmap_sums[index].kept, light = vec4(0.0), unblocked = vec4(0.0);
     vec3 surfaces = vec3(0.0), given = vec3(0.0);
     float rays = 0.0;
     for (int y = -REACH; y <= REACH; ++y) {
@@ -57,25 +56,24 @@ void main()
                 continue;
             vec2 off = vec2(x, y);
             LightmapSurface other = lightmap_surfaces[beside];
-            LightmapFound of_other = lightmap_found[beside];
-            vec4 sum = lightmap_sums[beside];
-            float weight = same_surface(s, other, off) * alike(found.kept, of_other.kept) * exp2(-dot(off, off) / 8.0);
+            LightmapSums sums = lightmap_sums[beside];
+            float weight = same_surface(s, other, off) * alike(guide, sums.kept) * exp2(-dot(off, off) / 8.0);
             if (weight == 0.0)
                 continue;
-            light += weight * vec4(sum.rgb / sum.a, 1.0);
-            given += weight * irradiance_to_give(of_other, sum.a);
-            weight *= alike_open(found, of_other);
-            vec3 directions = turned(of_other.unblocked.xyz, other.normal * models, s.normal * models);
-            unblocked += weight * vec4(directions, of_other.unblocked.w);
-            surfaces += weight * of_other.surfaces;
-            rays += weight * of_other.rays;
+            light += weight * vec4(sums.all.rgb / sums.all.a, 1.0);
+            given += weight * irradiance_to_give(sums);
+            weight *= alike_open(s, other);
+            vec3 directions = turned(other.unblocked.xyz, other.normal * models, s.normal * models);
+            unblocked += weight * vec4(directions, other.unblocked.w);
+            surfaces += weight * other.surfaces;
+            rays += weight * other.rays;
         }
     }
     vec3 irradiance = max(mean_irradiance(light), 0.0);
-    found.unblocked = unblocked;
-    found.surfaces = surfaces;
-    found.rays = rays;
+    s.unblocked = unblocked;
+    s.surfaces = surfaces;
+    s.rays = rays;
     imageStore(light_image, at, vec4(irradiance, 1.0));
-    store_directions(at, found, irradiance);
+    store_directions(at, s, irradiance);
     store_soft(at, s, max(mean_irradiance(vec4(given, light.a)), 0.0));
 }

@@ -229,7 +229,7 @@ void main()
     BvhTriangle triangle = bvh_triangles[texel.triangle & ~LIGHTMAP_BACK];
     vec3 edge = mat3(frame.world_from_models) * (triangle.b - triangle.a);
     bool counts = (work.flags & WORK_COUNTS) != 0u, is_seen = lightmap_surfaces[index].places != 0u;
-    KnownSky known = known_sky(counts ? lightmap_found[index].sky : lightmap_found[index].kept.xy);
+    KnownSky known = known_sky(counts ? lightmap_sums[index].sky : lightmap_sums[index].kept.xy);
     GatheredLight sum = GatheredLight(vec3(0.0), vec3(0.0), vec3(0.0), vec3(0.0), vec4(0.0), vec2(0.0)), found;
     float samples = 0.0, uneven = 0.0;
     for (uint i = work.first_sample; i < work.first_sample + work.samples && is_seen; ++i) {
@@ -250,16 +250,16 @@ void main()
     }
     // Not before surfaces give back nearly all they will.
     if (!counts || (work.flags & WORK_KEEPS) != 0u) {
-        lightmap_found[index].unblocked += sum.unblocked;
-        lightmap_found[index].rays += samples;
-        lightmap_found[index].surfaces += sum.surfaces;
+        lightmap_surfaces[index].unblocked += sum.unblocked;
+        lightmap_surfaces[index].rays += samples;
+        lightmap_surfaces[index].surfaces += sum.surfaces;
     }
     if (counts)
-        lightmap_found[index].sky += sum.sky;
+        lightmap_sums[index].sky += sum.sky;
     bool begins = (work.flags & WORK_BEGINS) != 0u;
     vec4 all = vec4(sum.all, samples);
-    lightmap_sums[index] = begins ? all : lightmap_sums[index] + all;
-    lightmap_found[index].steady += vec4(sum.steady, samples);
-    lightmap_found[index].bounced = begins ? sum.bounced : lightmap_found[index].bounced + sum.bounced;
-    lightmap_found[index].uneven = begins ? uneven : lightmap_found[index].uneven + uneven;
+    lightmap_sums[index].all = begins ? all : lightmap_sums[index].all + all;
+    lightmap_sums[index].steady += vec4(sum.steady, samples);
+    lightmap_sums[index].bounced = begins ? sum.bounced : lightmap_sums[index].bounced + sum.bounced;
+    lightmap_sums[index].uneven = begins ? uneven : lightmap_sums[index].uneven + uneven;
 }

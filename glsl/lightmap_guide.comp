@@ -21,12 +21,12 @@ void main()
                 continue;
             vec2 off = vec2(x, y);
             float alike = same_surface(s, lightmap_surfaces[beside], off);
-            vec4 sum = lightmap_sums[beside];
+            LightmapSums sums = lightmap_sums[beside];
             // The means of two halves of the samples differ by twice the error of the mean of all.
-            float difference = lightmap_found[beside].uneven / sum.a;
-            guide += alike * exp2(-dot(off, off)) * vec4(sum.rgb / sum.a, 1.0);
+            float difference = sums.uneven / sums.all.a;
+            guide += alike * exp2(-dot(off, off)) * vec4(sums.all.rgb / sums.all.a, 1.0);
             variance += alike * vec2(difference * difference, 1.0);
         }
     }
-    lightmap_found[index].kept = vec4(guide.rgb / max(guide.a, TINY), variance.x / max(variance.y, TINY));
+    lightmap_sums[index].kept = vec4(guide.rgb / max(guide.a, TINY), variance.x / max(variance.y, TINY));
 }

@@ -10,15 +10,15 @@ void main()
         return;
     uint index = work.first + gl_GlobalInvocationID.x;
     ivec3 at = texel_address(lightmap_texels[index]);
-    vec4 sum = lightmap_sums[index], known = sum;
+    vec4 sum = lightmap_sums[index].all, known = sum;
     if ((work.flags & WORK_KEEPS) != 0u) {
-        known += lightmap_found[index].kept;
-        lightmap_found[index].kept = known;
+        known += lightmap_sums[index].kept;
+        lightmap_sums[index].kept = known;
     }
     bool is_shown = (work.flags & WORK_IS_SHOWN) != 0u;
     vec3 shown = is_shown ? max(mean_irradiance(known), 0.0) : imageLoad(light_image, at).rgb;
     imageStore(light_image, at, vec4(shown, sum.a > 0.0 ? 1.0 : 0.0));
     if (is_shown)
-        store_directions(at, lightmap_found[index], shown);
-    store_soft(at, lightmap_surfaces[index], irradiance_to_give(lightmap_found[index], sum.a));
+        store_directions(at, lightmap_surfaces[index], shown);
+    store_soft(at, lightmap_surfaces[index], irradiance_to_give(lightmap_sums[index]));
 }

@@ -18,9 +18,9 @@ void main()
         for (int x = -REACH; x <= REACH; ++x) {
             uint beside = texel_at(at + ivec3(x, y, 0));
             if (beside != NO_TEXEL)
-                sky += same_surface(s, lightmap_surfaces[beside], vec2(x, y)) * lightmap_found[beside].sky;
+                sky += same_surface(s, lightmap_surfaces[beside], vec2(x, y)) * lightmap_sums[beside].sky;
         }
     }
     // No more bounces are kept.
-    lightmap_found[index].kept = vec4(sky, 0.0, 0.0);
+    lightmap_sums[index].kept = vec4(sky, 0.0, 0.0);
 }

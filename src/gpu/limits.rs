@@ -8,7 +8,7 @@ use crate::{Error, Result};
 /// Images with samplers that one shader stage sees, in all sets of a pipeline; Vulkan requires 16.
 pub const SAMPLED_IN_STAGE: u32 = 21;
 /// Storage buffers that one shader stage sees; Vulkan requires 4.
-pub const STORAGE_IN_STAGE: u32 = 17;
+pub const STORAGE_IN_STAGE: u32 = 16;
 
 /// The needed limits that are too low, with what is needed; empty if there are none.
 pub(super) fn too_low(limits: &vk::PhysicalDeviceLimits) -> Vec<String> {
@@ -78,7 +78,7 @@ mod tests {
         };
         assert_eq!(too_low(&enough), [""; 0]);
         let few = vk::PhysicalDeviceLimits { max_per_stage_descriptor_storage_buffers: 4, ..enough };
-        assert_eq!(too_low(&few), ["maxPerStageDescriptorStorageBuffers of 17 (4)"]);
+        assert_eq!(too_low(&few), ["maxPerStageDescriptorStorageBuffers of 16 (4)"]);
     }
 }
 

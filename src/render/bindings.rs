@@ -82,7 +82,6 @@ pub const LIGHTMAP: SetBindings = SetBindings {
         ("LIGHTMAP_TEXELS", Storage),
         ("LIGHTMAP_SUMS", Storage),
         ("LIGHTMAP_SURFACES", Storage),
-        ("LIGHTMAP_FOUND", Storage),
         ("LIGHTMAP_RELAYS", Storage),
         ("LIGHTMAP_INDICES", Storage),
         ("LIGHTMAP_DIRECT", Sampled),

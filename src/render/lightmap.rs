@@ -25,6 +25,8 @@ const WEIGHING_GROUPS: u32 = 64;
 const RELAYS: u32 = 1 << 14;
 /// Part of the scene's radius nearer than which a lamp makes a spot that few rays find.
 const NEAR_LAMP: f32 = 0.1;
+/// What a texel's samples add up to, as shaders have it; a workgroup's sums are the first of it.
+type Sums = [f32; 18];
 /// Texels of a workgroup.
 const GROUP: u32 = 64;
 /// Texels of a dispatch at most: every GPU allows so many workgroups in a row.
@@ -189,11 +191,9 @@ impl LightmapBake {
         let list = if all.is_empty() { &[LightmapTexel::default()] } else { &all[..] };
         let list = Buffer::with_bytes(gpu, "lightmap texels", BufferKind::FromCpu, bytemuck::cast_slice(list))?;
         let weighing = u64::from((seen as u32).div_ceil(GROUP).clamp(1, WEIGHING_GROUPS));
-        let sums = storage("lightmap sums", count.max(weighing) * size_of::<[f32; 4]>() as u64)?;
-        let weighed =
-            Buffer::new(gpu, "lightmap weighed", BufferKind::Readback, weighing * size_of::<[f32; 4]>() as u64)?;
-        let surfaces = storage("lightmap surfaces", count * size_of::<[f32; 12]>() as u64)?;
-        let found = storage("lightmap rays", count * size_of::<[f32; 22]>() as u64)?;
+        let sums = storage("lightmap sums", count.max(weighing) * size_of::<Sums>() as u64)?;
+        let weighed = Buffer::new(gpu, "lightmap weighed", BufferKind::Readback, weighing * size_of::<Sums>() as u64)?;
+        let surfaces = storage("lightmap surfaces", count * size_of::<[f32; 20]>() as u64)?;
         let indices = Buffer::with_bytes(gpu, "lightmap indices", BufferKind::FromCpu, bytemuck::cast_slice(&indices))?;
         let relays = storage("lightmap relays", u64::from(RELAYS) * size_of::<[f32; 17]>() as u64)?;
         let sampler = Sampler::new(gpu, "lightmap", AddressMode::Clamp, 1)?;
@@ -201,7 +201,6 @@ impl LightmapBake {
             Binding::Storage(&list),
             Binding::Storage(&sums),
             Binding::Storage(&surfaces),
-            Binding::Storage(&found),
             Binding::Storage(&relays),
             Binding::Storage(&indices),
             Binding::Sampled(&direct, &sampler),
@@ -345,7 +344,7 @@ impl LightmapBake {
         commands.prepare(&self.soft, ImageAccess::Storage);
         sets.bind(commands, &self.pipelines.balance, &self.set);
         commands.push(&self.pipelines.balance, bytes_of(&Work { count: self.texels, ..Work::default() }));
-        commands.dispatch([(self.weighed.size() / size_of::<[f32; 4]>() as u64) as u32, 1, 1]);
+        commands.dispatch([(self.weighed.size() / size_of::<Sums>() as u64) as u32, 1, 1]);
         commands.buffers_written();
         commands.copy_buffer(&self.sums, 0, &self.weighed, 0, self.weighed.size());
         commands.copies_to_host();
@@ -355,7 +354,7 @@ impl LightmapBake {
     /// The share of light that surfaces give back of which they have given back already, once that frame has finished: where
     /// much is given back, most light is. NaN where there is none.
     fn given_back_again(&self) -> f64 {
-        let groups: Vec<[f32; 4]> = self.weighed.read(bytemuck::pod_collect_to_vec);
+        let groups: Vec<Sums> = self.weighed.read(bytemuck::pod_collect_to_vec);
         let sum = |i: usize| groups.iter().map(|group| f64::from(group[i])).sum::<f64>();
         sum(1) / sum(0)
     }

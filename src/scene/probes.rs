@@ -22,9 +22,10 @@ const OPEN: f32 = 1.0 / 3.0;
 /// Rays that a place is judged by, and that a candidate for the middle of a room is.
 const RAYS: u32 = 2048;
 const CANDIDATE_RAYS: u32 = 256;
-/// Of the rays that meet surfaces which face a place from one side, each weighted by its distance, the share that ends before or
-/// at the wall: furniture is nearer, what is seen through doors is farther.
-const WALL: f32 = 0.55;
+/// Of the rays that meet surfaces which face a place from one side, each weighted by its length, the share that ends before or at
+/// the wall: furniture is nearer, what is seen through doors is farther. At first, when a far room counts for more than its door
+/// covers; and then, when no ray counts for more than to where the wall was found first.
+const WALL: [f32; 2] = [0.55, 0.7];
 /// Cosine from which on a surface faces a side of the box, and how many rays have to meet such.
 const FACES: f32 = 0.7;
 const FACING: usize = 8;
@@ -342,12 +343,15 @@ impl View {
             distances = self.met.iter().filter(towards).filter(along).map(distance).collect();
         }
         distances.sort_by(f32::total_cmp);
-        let mut left = WALL * distances.iter().sum::<f32>();
-        let ends = |distance: &&f32| {
-            left -= **distance;
-            left <= 0.0
+        let end = |most: f32, share: f32| {
+            let mut left = share * distances.iter().map(|distance| distance.min(most)).sum::<f32>();
+            let ends = |distance: &&f32| {
+                left -= distance.min(most);
+                left <= 0.0
+            };
+            distances.iter().find(ends).copied().unwrap_or(far)
         };
-        distances.iter().find(ends).copied().unwrap_or(far)
+        WALL.into_iter().fold(f32::INFINITY, end)
     }
 }
 
