@@ -20,6 +20,13 @@ vec3 matt_albedo(Surface s)
     return total_albedo(energy, s.base_color, s.metallic, energy.mean);
 }
 
+// Share that is given back over that of even light. As the BRDF is reciprocal, it holds for where light comes from, too.
+vec3 over_matt(Energy energy, vec3 base_color, float metallic, vec2 at)
+{
+    vec3 even = total_albedo(energy, base_color, metallic, energy.mean);
+    return total_albedo(energy, base_color, metallic, at) / max(even, vec3(TINY));
+}
+
 // What a hit gives back at this cosine to its triangle's normal, over what it does as if it were matt: a smooth floor mirrors more
 // light towards walls than to the ceiling.
 vec3 towards_over_matt(RayHit hit, float cosine)
@@ -30,8 +37,7 @@ vec3 towards_over_matt(RayHit hit, float cosine)
     vec2 metallic_roughness = ray_metallic_roughness(hit, material, uv);
     float metallic = metallic_roughness.x, roughness = metallic_roughness.y;
     Energy energy = Energy(table_mean(brdf_table, roughness), MULTI_SCATTER);
-    vec3 here = total_albedo(energy, base_color, metallic, table_entry(brdf_table, cosine, roughness));
-    return here / max(total_albedo(energy, base_color, metallic, energy.mean), vec3(TINY));
+    return over_matt(energy, base_color, metallic, table_entry(brdf_table, cosine, roughness));
 }
 
 #endif

@@ -19,9 +19,7 @@ Weights weights(Surface s, Energy energy, float cosine)
 {
     vec2 at_l = table_entry(brdf_table, max(cosine, 0.0), s.roughness);
     float share = left_by_dielectric(energy, at_l) / max(left_by_dielectric(energy, energy.mean), LEAST_LOST);
-    // The share of light from l that goes anywhere is that of even light which goes to l.
-    vec3 given = total_albedo(energy, s.base_color, s.metallic, at_l);
-    return Weights(mix(share, 1.0, s.metallic), given / max(matt_albedo(s), vec3(TINY)));
+    return Weights(mix(share, 1.0, s.metallic), over_matt(energy, s.base_color, s.metallic, at_l));
 }
 
 // Light that no bounce changes, and that of the bounce before.
