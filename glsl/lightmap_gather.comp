@@ -69,14 +69,14 @@ vec3 open_sky_irradiance(vec3 n)
 vec3 sky_light(vec3 n, vec3 d, bool drawn)
 {
     float cosine = max(dot(n, d), 0.0);
-    float density = cosine * INV_PI + (drawn ? panorama_density(panorama_from_world(d)) / float(PER_DRAWN) : 0.0);
+    float density = cosine * INV_PI + (drawn ? panorama_density(panorama_from_world(d), 0u) / float(PER_DRAWN) : 0.0);
     return sky_radiance(d, panorama_lod(PANORAMA_TEXELS)) * (cosine / max(density, TINY));
 }
 
 // The same from a direction drawn from the panorama, `seen` of it where nothing blocks it.
 vec3 drawn_sky_light(PathPoint p, vec3 origin, uvec4 bits, out vec3 d, out vec3 seen)
 {
-    d = world_from_panorama(sample_panorama(bits));
+    d = world_from_panorama(sample_panorama(bits, 0u));
     vec3 light = sky_light(p.s.n, d, true);
     bool blocked = light == vec3(0.0) || dot(p.side, d) <= 0.0 || trace_ray(origin, d, 1e30, true).t >= 0.0;
     seen = blocked ? vec3(0.0) : light;
@@ -197,7 +197,7 @@ bool gather(PathPoint p, vec3 d, uint index, uint i, uvec4 bases, KnownSky known
     if (known.is_drawn && i % PER_DRAWN == 0u) {
         vec3 seen;
         uvec4 bits = uvec4(sobol_bits(i / PER_DRAWN, bases.zw), pcg4d(uvec4(index, i, 5u, work.sequence)).xy);
-        sky += drawn_sky_light(p, origin, bits.xzyw, l, seen);
+        sky += drawn_sky_light(p, origin, bits, l, seen);
         add_steady(found, weights(p.s, energy, dot(p.s.n, l)), seen);
     }
     // An open sky's irradiance is known without samples: it stands for as much of `sky`, these samples' estimate of it, as comes

@@ -9,6 +9,7 @@
 #include "lamp.glsl"
 #include "ray_surface.glsl"
 #include "scatter.glsl"
+#include "sky_relay.glsl"
 
 // What is traced, the order of render::Transport.
 layout(constant_id = 16) const uint TRANSPORT = 0;
@@ -66,17 +67,26 @@ vec3 lamp_light(PathPoint p, Scatter m, PointLight lamp, out vec3 l, out float f
 
 // One sample of the panorama, weighted against `sample_scatter` by the balance heuristic (Veach (1997), eq. 9.8): with a
 // sample from each of two densities, f / (p1 + p2) whichever it came from.
-vec3 panorama_light(Scatter m, mat3 world_from_surface, uvec4 bits, bool first, out vec3 l)
+vec3 panorama_light(Scatter m, mat3 world_from_surface, uint place, uvec4 bits, bool first, out vec3 l, out float density)
 {
-    vec3 l_panorama = sample_panorama(bits);
+    vec3 l_panorama = sample_panorama(bits, place);
     l = world_from_panorama(l_panorama);
     vec3 l_surface = l * world_from_surface;
+    density = 0.0;
     if (l_surface.z <= 0.0)
         return vec3(0.0);
-    float density = scatter_density(m, l_surface) + panorama_density(l_panorama);
+    density = scatter_density(m, l_surface) + panorama_density(l_panorama, place);
     if (density <= 0.0 || (first && !is_shown(sun_density(l) > 0.0)))
         return vec3(0.0);
     return scattered_part(m, l_surface, first) * panorama_radiance(l_panorama) / density;
+}
+
+// A surface as it is seen along l.
+Surface seen_along(Surface s, vec3 l)
+{
+    s.v = -l;
+    s.nv = clamp(dot(s.n, s.v), MIN_COS, 1.0);
+    return s;
 }
 
 // A lamp at random, and how many there are.
@@ -109,7 +119,7 @@ vec3 relayed_light(PathPoint p, Scatter m, mat3 world_from_surface, bool first, 
     float rounding = p.rounding + lit.rounding;
     if (l_surface.z <= 0.0 || cosine * far <= rounding || dot(p.side, to_lit) <= rounding)
         return vec3(0.0);
-    lit = ray_point(hit, l); // as it is seen from here
+    lit.s = seen_along(lit.s, l);
     Scatter of_lit = make_scatter(lit.s, basis(lit.s.n));
     vec3 l_lamp;
     float lamp_far;
@@ -121,9 +131,49 @@ vec3 relayed_light(PathPoint p, Scatter m, mat3 world_from_surface, bool first, 
     return light;
 }
 
+// The same for the panorama, which shines through windows that paths from the eye find too rarely.
+vec3 relayed_sky(PathPoint p, Scatter m, mat3 world_from_surface, bool first, uvec4 bits)
+{
+    vec3 d, origin = relay_origin(bits, d);
+    RayHit hit = trace_ray(origin, -d, 1e30, false);
+    if (hit.t < 0.0)
+        return vec3(0.0);
+    PathPoint lit = ray_point(hit, -d);
+    vec3 to_lit = lit.position - p.position;
+    float squared = max(dot(to_lit, to_lit), TINY), far = sqrt(squared);
+    vec3 l = to_lit / far, l_surface = l * world_from_surface;
+    float cosine = -dot(lit.side, l), rounding = p.rounding + lit.rounding;
+    if (l_surface.z <= 0.0 || cosine * far <= rounding || dot(p.side, to_lit) <= rounding)
+        return vec3(0.0);
+    float from_sky = relay_density(lit.position, d, dot(lit.side, d));
+    lit.s = seen_along(lit.s, l);
+    mat3 world_from_lit = basis(lit.s.n);
+    Scatter of_lit = make_scatter(lit.s, world_from_lit);
+    vec3 d_lit = d * world_from_lit, d_panorama = panorama_from_world(d);
+    if (d_lit.z <= 0.0 || from_sky <= 0.0)
+        return vec3(0.0);
+    float of_sky = scatter_density(of_lit, d_lit) + panorama_density(d_panorama, sky_place(lit.position, lit.side));
+    float area = cosine / squared; // solid angle per area
+    vec3 light = scattered_part(m, l_surface, first) * scattered(of_lit, d_lit) * panorama_radiance(d_panorama)
+        * (area / (scatter_density(m, l_surface) * area * of_sky + from_sky));
+    if (light == vec3(0.0) || trace_ray(ray_origin(p), l, far - 2.0 * rounding, true).t >= 0.0)
+        return vec3(0.0);
+    return light;
+}
+
+// The weight of light from the panorama along l at a point that a path found with density `arrival` and drew l there with
+// `density`, where it might have been found by `relayed_sky`, too.
+float unrelayed(PathPoint p, vec3 l, float arrival, float density)
+{
+    if (TRANSPORT != TRANSPORT_ALL || arrival < 0.0 || !has_relays())
+        return 1.0;
+    float found = arrival * density;
+    return found / max(found + relay_density(p.position, l, dot(p.side, l)), TINY);
+}
+
 // What lamps and the panorama add directly: every lamp at the first point, one of them at each later one. `arrival`: the
 // density per area with which the path found this point, below 0 where `relayed_light` could not find it.
-vec3 direct_light(PathPoint p, Scatter m, mat3 world_from_surface, bool first, float arrival, inout uvec4 seed)
+vec3 direct_light(PathPoint p, Scatter m, mat3 world_from_surface, uint place, bool first, float arrival, inout uvec4 seed)
 {
     uint lamps = LIGHTS < 0 ? frame.light_count : uint(LIGHTS);
     uint lamp_rays = first ? lamps : min(lamps, 1u);
@@ -143,8 +193,9 @@ vec3 direct_light(PathPoint p, Scatter m, mat3 world_from_surface, bool first, f
             if (arrival >= 0.0)
                 light *= arrival / max(arrival + lamp_density(dot(p.side, l), far), TINY);
         } else {
-            light = panorama_light(m, world_from_surface, bits, first, l);
-            light *= ambient_share(p, l);
+            float density;
+            light = panorama_light(m, world_from_surface, place, bits, first, l, density);
+            light *= ambient_share(p, l) * unrelayed(p, l, arrival, density);
         }
         bool casts = is_lamp || sun_density(l) > 0.0;
         bool is_traced = TRANSPORT == TRANSPORT_ALL || (casts && TRANSPORT == TRANSPORT_DIRECT);
@@ -174,13 +225,17 @@ vec3 transported_light(PathPoint p, uvec4 seed)
     for (uint bounce = 0u; bounce < MOST_BOUNCES; ++bounce) {
         mat3 world_from_surface = basis(p.s.n);
         Scatter m = make_scatter(p.s, world_from_surface);
+        uint place = TRANSPORT == TRANSPORT_ALL ? sky_place(p.position, p.side) : 0u;
         bool first = bounce == 0u;
         if (p.s.emission != vec3(0.0) && (!first || is_shown(true)))
             sum += throughput * p.s.emission * (arrival < 0.0 ? 1.0 : arrival / max(arrival + drawn, TINY));
-        sum += throughput * direct_light(p, m, world_from_surface, first, arrival, seed);
+        sum += throughput * direct_light(p, m, world_from_surface, place, first, arrival, seed);
         seed.w += 1u;
         if (TRANSPORT == TRANSPORT_ALL && has_lamps && !(first && !is_shown(false)))
             sum += throughput * relayed_light(p, m, world_from_surface, first, pcg4d(seed));
+        seed.w += 1u;
+        if (TRANSPORT == TRANSPORT_ALL && has_relays() && !(first && !is_shown(false)))
+            sum += throughput * relayed_sky(p, m, world_from_surface, first, pcg4d(seed));
         seed.w += 1u;
         if (TRANSPORT == TRANSPORT_ALL && emitter_count > 0u && !(first && !is_shown(false))) {
             sum += throughput * emitted_light(p, m, world_from_surface, first, pcg4d(seed));
@@ -204,7 +259,8 @@ vec3 transported_light(PathPoint p, uvec4 seed)
             break;
         if (hit.t < 0.0) {
             vec3 l_panorama = panorama_from_world(l_world);
-            float share = mirrored ? 1.0 : density / (density + panorama_density(l_panorama));
+            float both = density + panorama_density(l_panorama, place), share = mirrored ? 1.0 : density / both;
+            share *= mirrored ? 1.0 : unrelayed(p, l_world, arrival, both);
             sum += throughput * panorama_radiance(l_panorama) * (share * ambient_share(p, l_world));
             break;
         }

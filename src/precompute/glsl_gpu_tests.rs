@@ -1,4 +1,4 @@
-//! glsl/math.glsl, levels.glsl, tone.glsl, cube.glsl, openness.glsl and probe_box.glsl on the GPU against their twins in f64.
+//! glsl/math.glsl, levels.glsl, tone.glsl, cube.glsl, openness.glsl, importance_chances.glsl and probe_box.glsl on the GPU against their twins in f64.
 
 use bytemuck::{Pod, Zeroable};
 use glam::{DVec2, DVec3, Vec3};
@@ -8,6 +8,7 @@ use crate::reference::cube::{
     cube_direction, cube_face, cube_texel_solid_angle, panorama_direction, panorama_texel_solid_angle, panorama_uv,
     rotate_y,
 };
+use crate::reference::importance::{Tried, seen_share};
 use crate::reference::levels::level_from_spread;
 use crate::reference::lobe::{grazing_kernel, grazing_second_derivative, kernel, kernel_second_derivative};
 use crate::reference::math::{normalize_or, round_to_half};
@@ -334,6 +335,33 @@ fn rays_leave_boxes_and_weights_fall_as_in_f64() {
         between += usize::from(weight > 0.0 && weight < 1.0);
     }
     assert!(inside > 200 && between > 200, "{inside} inside, {between} on the border");
+}
+
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+struct ImportanceInput {
+    tried: Tried,
+    chance: f32,
+}
+
+#[test]
+fn chances_of_tiles_are_learned_as_in_f64() {
+    let mut random = Random(31);
+    let mut inputs: Vec<_> = (0..2000)
+        .map(|i| {
+            let rays = (1e6 * random.unit().powi(4)) as u32;
+            let seen = if i % 3 == 0 { 0 } else { (63.0 * random.unit() * f64::from(rays)) as u32 };
+            ImportanceInput { tried: Tried { rays, seen }, chance: random.unit() as f32 }
+        })
+        .collect();
+    inputs.extend([0.0, 1.0, 1.0 + f32::EPSILON].map(|chance| ImportanceInput { tried: Tried::default(), chance }));
+    let outputs: Vec<[f32; 2]> = with_gpu(|gpu| evaluate(gpu, "test_importance.comp", &inputs));
+    let mut judge = Judge::default();
+    for (input, got) in inputs.iter().zip(&outputs) {
+        let want = [seen_share(input.tried), f64::from(input.chance).min(1.0)];
+        judge.near("share and chance", input, got, &want, [1e-6, 1e-6]);
+    }
+    assert_eq!([outputs[2000][1], outputs[2001][1], outputs[2002][1]], [0.0, 1.0, 1.0]);
 }
 
 #[repr(C)]

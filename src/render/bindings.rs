@@ -98,6 +98,12 @@ pub const PROBE: SetBindings = SetBindings {
     bindings: &[("PROBE_DIRECT", Sampled), ("PROBE_SOFT", Sampled), ("PROBE_CAPTURE", StorageImage)],
 };
 
+/// What is learned of the sky that is seen, in compute passes: `SKY_IMPORTANCE` is the table that `RAY_IMPORTANCE` reads.
+pub const SKY: SetBindings = SetBindings {
+    set: 2,
+    bindings: &[("SKY_TRIED", Storage), ("SKY_IMPORTANCE", Storage), ("SKY_COMES", Storage), ("SKY_SHARES", Storage)],
+};
+
 /// The reference's accumulation, a compute pass.
 pub const ACCUMULATE: SetBindings = SetBindings {
     set: 0,
@@ -119,8 +125,8 @@ pub const UI: SetBindings = SetBindings { set: 1, bindings: &[("UI_TEXTURE", Sam
 pub const MIRROR: SetBindings = SetBindings { set: 0, bindings: &[("MIRROR_PICTURE", Sampled)] };
 
 /// All of them.
-pub const ALL: [SetBindings; 11] =
-    [FRAME, SCENE, TEXTURES, RAYS, RAY_TEXTURES, LIGHTMAP, PROBE, ACCUMULATE, SHOW, UI, MIRROR];
+pub const ALL: [SetBindings; 12] =
+    [FRAME, SCENE, TEXTURES, RAYS, RAY_TEXTURES, LIGHTMAP, PROBE, SKY, ACCUMULATE, SHOW, UI, MIRROR];
 
 /// `bindings.glsl`: a macro per binding.
 pub fn glsl() -> String {

@@ -1,18 +1,19 @@
-//! Importance sampling of the panorama: an alias table over the panorama's cells, on the GPU.
+//! Importance sampling of the panorama: a table over its cells, on the GPU, with chances for places in the scene.
 
 use std::collections::HashMap;
 use std::f64::consts::PI;
 use std::sync::Arc;
 
-use bytemuck::bytes_of;
+use bytemuck::{Pod, Zeroable, bytes_of};
 use glam::DVec2;
 
 use crate::Result;
-use crate::gpu::{Buffer, BufferKind, Gpu, Image, Subresource, read_image};
+use crate::gpu::{Buffer, BufferKind, Gpu, Image, Subresource, Upload, read_image};
 use crate::reference::cube::{panorama_direction, panorama_texel_solid_angle, panorama_uv};
 use crate::reference::disc::sample_disc;
-use crate::reference::importance::{Cell, alias_table};
+use crate::reference::importance::{Cell, ImportanceTable, TILES};
 use crate::reference::sun::{Sun, cone_solid_angle};
+use crate::scene::places::Places;
 
 /// The most cells across the table that paths draw from: 2^19 cells take 6 MiB.
 const PATH_CELLS: u32 = 1024;
@@ -21,11 +22,27 @@ const LIGHTMAP_CELLS: u32 = 256;
 /// Share of a panorama's light below which what is brighter than the mean is not worth samples of its own.
 const WORTH: f64 = 0.01;
 
-/// The table of a panorama with its sun, as `glsl/importance.glsl` reads it; waits for a readback from the GPU.
-pub fn importance(gpu: &Arc<Gpu>, panorama: &Image, sun: Option<&Sun>) -> Result<Arc<Buffer>> {
+/// What the buffer begins with.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+struct Head {
+    cells_size: [u32; 2],
+    tile_side: u32,
+    /// In words behind the head.
+    cells_first: u32,
+    chances_first: u32,
+    relays_first: u32,
+    places_size: [u32; 3],
+    places_origin: [f32; 3],
+    places_scale: f32,
+}
+
+/// The table of a panorama with its sun, as `glsl/importance.glsl` reads it, with the panorama's own chances at all places; waits
+/// for a readback from the GPU.
+pub fn importance(gpu: &Arc<Gpu>, panorama: &Image, sun: Option<&Sun>, places: &Places) -> Result<Arc<Buffer>> {
     let (size, mut texels) = texels(gpu, panorama, PATH_CELLS)?;
     sun.iter().for_each(|sun| add_sun(&mut texels, size, sun));
-    table(gpu, size, &texels)
+    table(gpu, size, &texels, places)
 }
 
 /// The table of what a panorama without its sun has above its mean, for samples beside those of the cosine, which find the
@@ -33,7 +50,7 @@ pub fn importance(gpu: &Arc<Gpu>, panorama: &Image, sun: Option<&Sun>) -> Result
 /// Importance Sampling" (2019), section 5.
 pub fn excess_importance(gpu: &Arc<Gpu>, panorama: &Image) -> Result<Option<Arc<Buffer>>> {
     let (size, mut texels) = texels(gpu, panorama, LIGHTMAP_CELLS)?;
-    keep_excess(size, &mut texels).then(|| table(gpu, size, &texels)).transpose()
+    keep_excess(size, &mut texels).then(|| table(gpu, size, &texels, &Places::default())).transpose()
 }
 
 /// Takes the mean away from each texel, or all that it has; returns whether what is left is worth anything.
@@ -62,11 +79,37 @@ fn texels(gpu: &Arc<Gpu>, panorama: &Image, most: u32) -> Result<([u32; 2], Vec<
     Ok((size, bytemuck::pod_collect_to_vec(&texels)))
 }
 
-fn table(gpu: &Arc<Gpu>, size: [u32; 2], texels: &[[f32; 4]]) -> Result<Arc<Buffer>> {
-    let cells: Vec<Cell> = alias_table(size, texels);
-    let bytes = [bytes_of(&size), bytemuck::cast_slice(&cells)].concat();
-    Buffer::with_bytes(gpu, "importance", BufferKind::FromCpu, &bytes)
+fn table(gpu: &Arc<Gpu>, size: [u32; 2], texels: &[[f32; 4]], places: &Places) -> Result<Arc<Buffer>> {
+    const CELL_WORDS: usize = size_of::<Cell>() / size_of::<u32>();
+    let table = ImportanceTable::new(size, texels);
+    let cells_first = places.of_sides.len();
+    let chances_first = cells_first + CELL_WORDS * table.cells.len();
+    let head = Head {
+        cells_size: size,
+        tile_side: table.tile_side,
+        cells_first: cells_first as u32,
+        chances_first: chances_first as u32,
+        relays_first: (chances_first + (places.count as usize + 1) * TILES) as u32,
+        places_size: places.size,
+        places_origin: places.origin.to_array(),
+        places_scale: places.scale,
+    };
+    let mut bytes =
+        [bytes_of(&head), bytemuck::cast_slice(&places.of_sides), bytemuck::cast_slice(&table.cells)].concat();
+    (0..=places.count).for_each(|_| bytes.extend_from_slice(bytemuck::cast_slice(&table.ends)));
+    let relays = 1 + TILES * (1 + RELAY_CELLS);
+    bytes.resize(bytes.len() + relays * size_of::<u32>(), 0);
+    let buffer = Buffer::new(gpu, "importance", BufferKind::Storage, bytes.len() as u64)?;
+    let mut upload = Upload::new(gpu);
+    upload.buffer(&buffer, &bytes)?;
+    upload.finish()?;
+    Ok(buffer)
 }
+
+/// Cells of each tile that light is followed from: `glsl/sky_relay.glsl`.
+pub const RELAY_CELLS: usize = 16 * 16;
+/// Bytes that one place takes here.
+pub const PLACE_BYTES: u64 = (TILES * size_of::<u32>()) as u64;
 
 /// Adds a sun's light to the mean radiance of the cells that its disc covers.
 fn add_sun(texels: &mut [[f32; 4]], size: [u32; 2], sun: &Sun) {

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use super::bindings::{
-    ACCUMULATE, FRAME, LIGHTMAP, MIRROR, PROBE, RAY_TEXTURES, RAYS, SCENE, SHOW, SetBindings, TEXTURES, UI,
+    ACCUMULATE, FRAME, LIGHTMAP, MIRROR, PROBE, RAY_TEXTURES, RAYS, SCENE, SHOW, SKY, SetBindings, TEXTURES, UI,
 };
 use crate::Result;
 use crate::gpu::{BindingType, DescriptorSetLayout, Gpu};
@@ -17,6 +17,7 @@ pub struct Layouts {
     pub ray_textures: DescriptorSetLayout,
     pub lightmap: DescriptorSetLayout,
     pub probe: DescriptorSetLayout,
+    pub sky: DescriptorSetLayout,
     pub accumulate: DescriptorSetLayout,
     pub show: DescriptorSetLayout,
 }
@@ -32,6 +33,7 @@ impl Layouts {
             ray_textures: layout(gpu, "ray textures", &RAY_TEXTURES)?,
             lightmap: layout(gpu, "lightmap", &LIGHTMAP)?,
             probe: layout(gpu, "probe", &PROBE)?,
+            sky: layout(gpu, "sky", &SKY)?,
             accumulate: layout(gpu, "accumulate", &ACCUMULATE)?,
             show: layout(gpu, "show", &SHOW)?,
         })
@@ -45,6 +47,11 @@ impl Layouts {
     /// The layouts of the pass that captures light for a probe: frame, scene, probe, rays.
     pub fn capturing(&self) -> [&DescriptorSetLayout; 4] {
         [&self.frame, &self.scene, &self.probe, &self.rays]
+    }
+
+    /// The layouts of passes that learn what of the sky is seen: frame, scene, sky, rays.
+    pub fn learning_sky(&self) -> [&DescriptorSetLayout; 4] {
+        [&self.frame, &self.scene, &self.sky, &self.rays]
     }
 
     /// The layouts of passes that draw a scene: frame, scene, textures, rays.
@@ -85,7 +92,7 @@ mod tests {
                 let all = [&FRAME, &SCENE, third, &RAYS].map(|set| set.bindings);
                 all.concat().iter().filter(|(_, kind)| kinds.contains(kind)).count() as u32
             };
-            [TEXTURES, LIGHTMAP, PROBE].iter().map(of).max()
+            [TEXTURES, LIGHTMAP, PROBE, SKY].iter().map(of).max()
         };
         assert_eq!(count(&[BindingType::Sampled]), Some(SAMPLED_IN_STAGE));
         assert_eq!(count(&[BindingType::Storage, BindingType::StorageDynamic]), Some(STORAGE_IN_STAGE));

@@ -66,6 +66,7 @@ mod surface_pass;
 mod targets;
 mod texture_request;
 mod ui;
+mod visible_sky;
 
 pub use draws::{CullOptions, DrawCounts, Order};
 pub use edits::{MaterialFactors, SceneEdits};

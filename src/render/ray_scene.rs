@@ -17,6 +17,7 @@ use crate::reference::octahedral::pack_frame;
 use crate::scene::atlas::steps;
 use crate::scene::bvh::{Bvh, BvhTriangle};
 use crate::scene::lightmap_texels::{LightmapTexels, Sides, sides};
+use crate::scene::places::Places;
 use crate::scene::{GeometryView, Instance, Material, Mesh, Scene, Vertex};
 
 /// The upper bits of a triangle's material, the same as in `glsl/bvh.glsl`: it is alpha-tested; its back is never seen.
@@ -215,6 +216,11 @@ fn corner(vertex: &Vertex, place: Mat4) -> CornerBlock {
 }
 
 impl RayScene {
+    /// Places of its surfaces, at most so many.
+    pub fn places(&self, most: u32) -> Places {
+        Places::new(&self.bvh, &self.sides, most)
+    }
+
     /// Whether some point has a surface nearer than `part` of the scene's radius.
     pub fn is_near(&self, points: &[Vec3], part: f32) -> bool {
         let far = part * self.bvh.bounds().radius();
@@ -325,7 +331,7 @@ impl RaySet {
         let importance = match importance {
             Some(table) => Arc::clone(table),
             // No cells.
-            None => Buffer::with_bytes(gpu, "no importance", BufferKind::FromCpu, &[0; size_of::<[u32; 8]>()])?,
+            None => Buffer::with_bytes(gpu, "no importance", BufferKind::FromCpu, &[0; size_of::<[u32; 16]>()])?,
         };
         let bindings = [
             Binding::Storage(&scene.nodes),

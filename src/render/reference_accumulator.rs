@@ -16,12 +16,14 @@ use super::ray_scene::RaySet;
 use super::settings::Transport;
 use super::shared::{FrameBlock, constant};
 use super::targets::ViewTargets;
+use super::visible_sky::{VisibleSky, most_places};
 use crate::Result;
 use crate::gpu::{
     AddressMode, Attachments, Binding, Buffer, BufferKind, ColourAttachment, Commands, DEPTH_FORMAT, DepthAttachment,
     DescriptorSet, FRAMES_IN_FLIGHT, Format, FrameContext, GraphicsDesc, Image, ImageAccess, ImageDesc,
     ImageUsageFlags, Pipeline, Sampler, Shape,
 };
+use crate::scene::places::Places;
 
 /// The format of samples and means: `Output::Linear`'s, which `glsl/reference.frag` writes.
 const FORMAT: Format = Format::R32G32B32A32_SFLOAT;
@@ -78,6 +80,8 @@ pub struct ReferencePasses {
     accumulate: Pipeline,
     show: Pipeline,
     pub rays: RaySet,
+    /// Only where surfaces block light of the panorama.
+    visible_sky: Option<VisibleSky>,
 }
 
 impl ReferencePasses {
@@ -99,9 +103,15 @@ impl ReferencePasses {
             ..GraphicsDesc::default()
         };
         let traced = (settings.transport() != Transport::None).then_some(&**ray_scene);
-        let table = importance(gpu, panorama, sun.as_ref())?;
+        let places = match settings.transport() {
+            Transport::All => ray_scene.get(gpu, layouts)?.places(most_places(gpu)),
+            Transport::None | Transport::Direct => Places::default(),
+        };
+        let table = importance(gpu, panorama, sun.as_ref(), &places)?;
+        let learned_sky = || VisibleSky::new(request, &table, places.count);
+        let visible_sky = (places.count > 0).then(learned_sky).transpose()?;
         let rays = RaySet::new(gpu, layouts, traced, Some(&table))?;
-        Ok(Self { accumulate, show: Pipeline::graphics(gpu, &show)?, rays })
+        Ok(Self { accumulate, show: Pipeline::graphics(gpu, &show)?, rays, visible_sky })
     }
 }
 
@@ -176,18 +186,22 @@ impl ReferenceAccumulator {
     }
 
     /// Records one frame: `draw` draws its samples, which are accumulated; the mean is shown in the picture of `targets`. `block` is the
-    /// offset of the frame's block.
+    /// offset of the frame's block, `scene` set 1.
     pub fn record(
         &mut self,
         frame: &mut FrameContext<'_>,
         block: u32,
         passes: &ReferencePasses,
         targets: &ViewTargets,
+        scene: &DescriptorSet,
         draw: impl FnOnce(&mut Commands<'_>, FrameSet<'_>),
     ) {
         let FrameContext { commands, set, slot, .. } = frame;
         let set = FrameSet { set, block };
         self.frames += 1;
+        if let Some(sky) = &passes.visible_sky {
+            sky.record(commands, set, scene, &passes.rays, (self.frames, targets.area));
+        }
         commands.pass("samples", |commands| {
             commands.prepare_fresh(&self.depth, ImageAccess::Depth);
             commands.prepare_fresh(&self.latest, ImageAccess::Colour);

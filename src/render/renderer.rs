@@ -395,7 +395,7 @@ impl Renderer {
             let eyes = Eye::each(inputs.eyes, |eye| jittered(eye, index, targets.area));
             let jittered = FrameInputs { eyes: &eyes[..inputs.eyes.len()], ..*inputs };
             let block = frame.push(&FrameBlock { sample_index: index, ..jittered.block(scene.constants()) })?;
-            reference.record(frame, block, passes, targets, |commands, set| {
+            reference.record(frame, block, passes, targets, &scene.set, |commands, set| {
                 pipelines.forward.draw_surfaces(commands, set, scene, draws.calls(), Some(&passes.rays));
                 pipelines.forward.draw_sky(commands, set, scene, Some(&passes.rays));
             });

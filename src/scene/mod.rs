@@ -18,6 +18,7 @@ pub mod material;
 pub mod mesh;
 mod model_lights;
 pub mod needs;
+pub mod places;
 pub mod probes;
 mod things;
 pub mod staging;

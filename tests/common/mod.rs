@@ -1,6 +1,7 @@
 //! Small scenes and renders that the end-to-end tests share.
 #![allow(dead_code)]
 
+pub mod brdf;
 pub mod colour;
 #[cfg(target_os = "linux")]
 pub mod failing;

@@ -30,3 +30,4 @@ mod sun;
 mod tangents;
 mod texture_settings;
 mod transport;
+mod windows;

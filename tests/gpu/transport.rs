@@ -6,13 +6,13 @@ use std::f64::consts::{PI, TAU};
 use glam::{DVec3, Mat4, Quat, Vec3};
 use pbr_vr::asset::Panorama;
 use pbr_vr::asset::picture::Picture;
-use pbr_vr::reference::brdf::{Geometry, f0_from_metallic, specular};
-use pbr_vr::reference::energy::{Curve, Energy, Scattering, VISIBLE};
+use pbr_vr::reference::energy::VISIBLE;
 use pbr_vr::reference::quadrature::gauss_legendre;
 use pbr_vr::reference::sun::find_sun;
 use pbr_vr::render::{Eye, LightModel, Shading};
 use pbr_vr::scene::{Material, PointLight};
 
+use crate::common::brdf::{Brdf, slanted};
 use crate::common::solids::{
     Shot, Taken, ball, block, eye, flat, grey, lamp, level, quad, seen, take, take_all, turned, uniform, world,
 };
@@ -27,48 +27,6 @@ fn assert_mean(name: &str, taken: &Taken, want: f64, slack: f64) {
     let mean = taken.mean();
     println!("{name}: {mean:.5} ± {standard:.5}, for {want:.5}: {:+.3} %", 100.0 * (mean / want - 1.0));
     assert!((mean - want).abs() <= 4.0 * standard + slack * want, "{name}: {mean} ± {standard}, not {want}");
-}
-
-/// The BRDF of a grey material in f64.
-struct Brdf {
-    base_color: DVec3,
-    metallic: f64,
-    roughness: f64,
-    energy: Energy,
-    curve: Curve,
-}
-
-impl Brdf {
-    fn new(material: &Material) -> Self {
-        let roughness = f64::from(material.roughness_factor);
-        Self {
-            base_color: material.base_color_factor.as_dvec3(),
-            metallic: material.metallic_factor.into(),
-            roughness,
-            energy: Energy::new(roughness, Geometry::Smith, Scattering::Multiple),
-            curve: Curve::new(roughness, Geometry::Smith),
-        }
-    }
-
-    /// For directions above a surface whose normal is +Z, in 1/sr.
-    fn value(&self, l: DVec3, v: DVec3) -> f64 {
-        let f0 = f0_from_metallic(self.base_color, self.metallic);
-        let single = specular(DVec3::Z, v, l, f0, self.roughness, Geometry::Smith);
-        let [at_l, at_v] = [l, v].map(|d| self.curve.at(d.z));
-        (single + self.energy.beyond_single(self.base_color, self.metallic, at_l, at_v)).x
-    }
-
-    /// The same in world space.
-    fn at(&self, n: DVec3, l: DVec3, v: DVec3) -> f64 {
-        let (t, b) = (n.any_orthonormal_vector(), n.cross(n.any_orthonormal_vector()));
-        let local = |d: DVec3| DVec3::new(d.dot(t), d.dot(b), d.dot(n));
-        self.value(local(l), local(v))
-    }
-}
-
-fn slanted(cosine: f64, longitude: f64) -> DVec3 {
-    let across = (1.0 - cosine * cosine).sqrt();
-    DVec3::new(across * longitude.cos(), across * longitude.sin(), cosine)
 }
 
 /// Radiance inside of a ball of one material around a lamp at its centre, by the cosine to the normal at which it leaves the
