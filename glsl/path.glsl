@@ -271,7 +271,7 @@ vec3 transported_light(PathPoint p, uvec4 seed)
             throughput /= survival;
         }
         p = ray_point(hit, l_world);
-        arrival = mirrored ? -1.0 : density * dot(p.side, p.s.v) / (hit.t * hit.t);
+        arrival = mirrored ? -1.0 : density * dot(p.side, p.s.v) / max(hit.t * hit.t, TINY);
         drawn = emitter_density(hit.triangle);
     }
     return sum;

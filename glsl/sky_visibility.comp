@@ -81,7 +81,7 @@ vec2 learned(uint path)
         from.p = ray_point(hit, d);
         from.origin = ray_origin(from.p);
         from.place = sky_place(from.p.position, from.p.side);
-        from.arrival = density * dot(from.p.side, from.p.s.v) / (hit.t * hit.t);
+        from.arrival = density * dot(from.p.side, from.p.s.v) / max(hit.t * hit.t, TINY);
         uvec4 bits = pcg4d(uvec4(path, frame.sample_index, point, 8u)), more = pcg4d(bits);
         vec3 l = world_from_panorama(sample_panorama(bits, from.place));
         float cosine = dot(from.p.side, l);
