@@ -89,6 +89,28 @@ Surface seen_along(Surface s, vec3 l)
     return s;
 }
 
+// How a path's point sees another one, which light was followed to.
+struct Connection {
+    vec3 l;         // unit vector to it
+    vec3 l_surface; // the same in the local space of the path's point
+    float area;     // solid angle per area
+    float far;      // metres that must be free
+};
+
+// Whether they face each other.
+bool is_connected(PathPoint p, mat3 world_from_surface, PathPoint lit, out Connection c)
+{
+    vec3 to_lit = lit.position - p.position;
+    float squared = max(dot(to_lit, to_lit), TINY), far = sqrt(squared);
+    c.l = to_lit / far;
+    c.l_surface = c.l * world_from_surface;
+    float cosine = -dot(lit.side, c.l), rounding = p.rounding + lit.rounding;
+    c.area = cosine / squared;
+    c.far = far - 2.0 * rounding;
+    // Two points of one plane see each other by rounding only: the far side of a wall would give light to the near one.
+    return c.l_surface.z > 0.0 && cosine * far > rounding && dot(p.side, to_lit) > rounding;
+}
+
 // A lamp at random, and how many there are.
 PointLight any_lamp(uint bits, out float count)
 {
@@ -111,22 +133,18 @@ vec3 relayed_light(PathPoint p, Scatter m, mat3 world_from_surface, bool first, 
     if (hit.t < 0.0)
         return vec3(0.0);
     PathPoint lit = ray_point(hit, d);
-    vec3 to_lit = lit.position - p.position;
-    float squared = max(dot(to_lit, to_lit), TINY), far = sqrt(squared);
-    vec3 l = to_lit / far, l_surface = l * world_from_surface;
-    float cosine = -dot(lit.side, l), from_lamp = lamp_density(-dot(lit.side, d), hit.t);
-    // Two points of one plane see each other by rounding only: the far side of a wall would give light to the near one.
-    float rounding = p.rounding + lit.rounding;
-    if (l_surface.z <= 0.0 || cosine * far <= rounding || dot(p.side, to_lit) <= rounding)
+    Connection c;
+    if (!is_connected(p, world_from_surface, lit, c))
         return vec3(0.0);
-    lit.s = seen_along(lit.s, l);
+    float from_lamp = lamp_density(-dot(lit.side, d), hit.t);
+    lit.s = seen_along(lit.s, c.l);
     Scatter of_lit = make_scatter(lit.s, basis(lit.s.n));
     vec3 l_lamp;
     float lamp_far;
     vec3 radiance = lamp_light(lit, of_lit, lamp, l_lamp, lamp_far) * count;
-    float area = cosine / squared; // solid angle per area
-    vec3 light = scattered_part(m, l_surface, first) * radiance * area / (scatter_density(m, l_surface) * area + from_lamp);
-    if (light == vec3(0.0) || trace_ray(ray_origin(p), l, far - 2.0 * rounding, true).t >= 0.0)
+    vec3 light = scattered_part(m, c.l_surface, first) * radiance * c.area
+        / (scatter_density(m, c.l_surface) * c.area + from_lamp);
+    if (light == vec3(0.0) || trace_ray(ray_origin(p), c.l, c.far, true).t >= 0.0)
         return vec3(0.0);
     return light;
 }
@@ -139,24 +157,20 @@ vec3 relayed_sky(PathPoint p, Scatter m, mat3 world_from_surface, bool first, uv
     if (hit.t < 0.0)
         return vec3(0.0);
     PathPoint lit = ray_point(hit, -d);
-    vec3 to_lit = lit.position - p.position;
-    float squared = max(dot(to_lit, to_lit), TINY), far = sqrt(squared);
-    vec3 l = to_lit / far, l_surface = l * world_from_surface;
-    float cosine = -dot(lit.side, l), rounding = p.rounding + lit.rounding;
-    if (l_surface.z <= 0.0 || cosine * far <= rounding || dot(p.side, to_lit) <= rounding)
+    Connection c;
+    if (!is_connected(p, world_from_surface, lit, c))
         return vec3(0.0);
     float from_sky = relay_density(lit.position, d, dot(lit.side, d));
-    lit.s = seen_along(lit.s, l);
+    lit.s = seen_along(lit.s, c.l);
     mat3 world_from_lit = basis(lit.s.n);
     Scatter of_lit = make_scatter(lit.s, world_from_lit);
     vec3 d_lit = d * world_from_lit, d_panorama = panorama_from_world(d);
     if (d_lit.z <= 0.0 || from_sky <= 0.0)
         return vec3(0.0);
     float of_sky = scatter_density(of_lit, d_lit) + panorama_density(d_panorama, sky_place(lit.position, lit.side));
-    float area = cosine / squared; // solid angle per area
-    vec3 light = scattered_part(m, l_surface, first) * scattered(of_lit, d_lit) * panorama_radiance(d_panorama)
-        * (area / (scatter_density(m, l_surface) * area * of_sky + from_sky));
-    if (light == vec3(0.0) || trace_ray(ray_origin(p), l, far - 2.0 * rounding, true).t >= 0.0)
+    vec3 light = scattered_part(m, c.l_surface, first) * scattered(of_lit, d_lit) * panorama_radiance(d_panorama)
+        * (c.area / (scatter_density(m, c.l_surface) * c.area * of_sky + from_sky));
+    if (light == vec3(0.0) || trace_ray(ray_origin(p), c.l, c.far, true).t >= 0.0)
         return vec3(0.0);
     return light;
 }

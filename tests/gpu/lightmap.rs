@@ -508,7 +508,7 @@ fn feet_and_corners_are_as_the_reference_has_them() {
     let from = eye([-0.2, 1.1, 0.95], [0.1, 0.1, -0.5], 70.0);
     with_gpu(|gpu| {
         let size = 64;
-        let exact = take(gpu, &scene, &from, Shot::reference(BAKED, size, 768));
+        let exact = take(gpu, &scene, &from, Shot::reference(BAKED, size, 512));
         let baked = take(gpu, &scene, &from, Shot::new(BAKED, size));
         let near = |p: DVec3, [x0, x1]: [f64; 2], [z0, z1]: [f64; 2]| {
             let off = DVec3::new((x0 - p.x).max(p.x - x1).max(0.0), 0.0, (z0 - p.z).max(p.z - z1).max(0.0)).length();
