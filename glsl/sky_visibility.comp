@@ -20,17 +20,17 @@ const uint POINTS = 6; // of a path
 
 shared vec2 found[64];
 
-// A position of a path, from which rays are tried.
-struct Tester {
+// A vertex of a path, from which rays are tried.
+struct PathVertex {
     PathPoint p;
     vec3 origin;
     uint place;    // 0 for none
     float arrival; // density per area with which paths that scatter evenly find it, below 0 at the first
 };
 
-// A ray along l met nothing, or something. Light that comes is counted for its tile, and for where it comes in. Returns both `shares` of
-// what a sample of this density adds.
-vec2 tried(Tester from, vec3 l, float density, bool seen)
+// Counts a ray along l, `seen` if nothing blocked it: for its tile, and for where its light comes in. Returns what it adds to both
+// `shares` as a sample of this density, 1/sr.
+vec2 tried(PathVertex from, vec3 l, float density, bool seen)
 {
     if (from.place == 0u)
         return vec2(0.0);
@@ -44,12 +44,13 @@ vec2 tried(Tester from, vec3 l, float density, bool seen)
     atomicAdd(comes[tile * RELAY_CELLS + relay_cell(from.origin, l)], uint(SEEN_STEPS * cosine + 0.5));
     if (from.arrival < 0.0)
         return vec2(0.0);
-    float relayed = relay_density(from.origin, l, cosine), irradiance = dot(panorama_radiance(l_panorama), vec3(1.0)) * cosine / density;
+    float irradiance = dot(panorama_radiance(l_panorama), vec3(1.0)) * cosine / density;
+    float relayed = relay_density(from.origin, l, cosine);
     return irradiance * vec2(relayed / max(relayed + from.arrival * density, TINY), 1.0);
 }
 
-// Irradiance of one of the lamps, for all.
-float lamp_share(Tester from, uint bits)
+// Irradiance of all lamps, estimated by one of them.
+float lamp_share(PathVertex from, uint bits)
 {
     uint lamp = min(uint(unit_from_bits(bits) * float(frame.light_count)), frame.light_count - 1u);
     vec3 l, irradiance = light_irradiance(lights[lamp], from.p.position, l);
@@ -77,7 +78,7 @@ vec2 learned(uint path)
     RayHit hit = trace_ray(origin, d, 1e30, false);
     float density = -1.0; // of d
     for (uint point = 0u; point < POINTS && hit.t >= 0.0; ++point) {
-        Tester from;
+        PathVertex from;
         from.p = ray_point(hit, d);
         from.origin = ray_origin(from.p);
         from.place = sky_place(from.p.position, from.p.side);
