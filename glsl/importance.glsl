@@ -2,6 +2,7 @@
 #ifndef PBR_VR_IMPORTANCE
 #define PBR_VR_IMPORTANCE
 
+#include "importance_chances.glsl"
 #include "panorama.glsl"
 #include "sampling.glsl"
 #include "sun.glsl"
@@ -26,7 +27,6 @@ layout(RAY_IMPORTANCE, scalar) readonly buffer Importance {
     float places_scale; // of the grid's steps per metre
     uint importance_words[]; // the grid's places, cells, ends of tiles' chances for each place, relays
 };
-#include "importance_chances.glsl"
 
 // Words of a cell.
 const uint CELL_WORDS = 3;
@@ -58,11 +58,6 @@ uint tiles_across()
 uint cell_word(uvec2 cell, uint which)
 {
     return importance_words[cells_first + CELL_WORDS * (cell.y * cells_size.x + cell.x) + which];
-}
-
-uint chance_end(uint place, uint tile)
-{
-    return importance_words[chances_first + place * TILES + tile];
 }
 
 // Of the places that share chances, that of a point of a surface, on the side that the unit vector is normal to; 0, where the

@@ -23,7 +23,7 @@ void main()
         return;
     float total = 0.0;
     for (uint tile = 0u, begin = 0u; tile < TILES; ++tile) {
-        uint end = chance_end(0u, tile), i = place * TILES + tile;
+        uint end = importance_words[chances_first + tile], i = place * TILES + tile;
         if (forgets)
             tries[i] = Tried(0u, 0u);
         total += chance_of(begin, end) * seen_share(tries[i]);
@@ -31,7 +31,7 @@ void main()
     }
     float sum = 0.0;
     for (uint tile = 0u, begin = 0u; tile < TILES; ++tile) {
-        uint end = chance_end(0u, tile);
+        uint end = importance_words[chances_first + tile];
         float even = chance_of(begin, end);
         sum += UNLEARNED * even + (1.0 - UNLEARNED) * even * seen_share(tries[place * TILES + tile]) / total;
         // Rounding of the sum must not leave a rest, nor end before the last tile.

@@ -97,7 +97,8 @@ fn table(gpu: &Arc<Gpu>, size: [u32; 2], texels: &[[f32; 4]], places: &Places) -
     let mut bytes =
         [bytes_of(&head), bytemuck::cast_slice(&places.of_sides), bytemuck::cast_slice(&table.cells)].concat();
     (0..=places.count).for_each(|_| bytes.extend_from_slice(bytemuck::cast_slice(&table.ends)));
-    let relays = 1 + TILES * (1 + RELAY_CELLS);
+    // Where nothing is learned, there are none.
+    let relays = if places.count > 0 { 1 + TILES * (1 + RELAY_CELLS) } else { 1 };
     bytes.resize(bytes.len() + relays * size_of::<u32>(), 0);
     let buffer = Buffer::new(gpu, "importance", BufferKind::Storage, bytes.len() as u64)?;
     let mut upload = Upload::new(gpu);

@@ -48,17 +48,28 @@ impl Places {
     }
 
     /// Adds a triangle's places, found by points that are at most half a step apart: a step that it only touches may be left out.
-    fn add(&mut self, [a, b, c]: [Vec3; 3], from_both_sides: bool) {
-        let normal = (b - a).cross(c - a);
-        let longest = (b - a).length().max((c - b).length()).max((a - c).length());
+    fn add(&mut self, corners: [Vec3; 3], from_both_sides: bool) {
+        let edges = [0, 1, 2].map(|i| (corners[(i + 1) % 3] - corners[i]).length());
+        let first = if edges[0] >= edges[1].max(edges[2]) {
+            0
+        } else if edges[1] >= edges[2] {
+            1
+        } else {
+            2
+        };
+        // The longest edge from a to b: slivers have a row of points along it.
+        let [a, b, c] = [0, 1, 2].map(|i| corners[(first + i) % 3]);
+        let (normal, longest) = ((b - a).cross(c - a), edges[first]);
         // No ray meets a triangle without an area, whose normal is rounding.
         if normal.length() <= THIN * longest * longest {
             return;
         }
-        let parts = (2.0 * longest * self.scale).ceil().max(1.0);
-        for i in 0..=parts as u32 {
-            for j in 0..=parts as u32 - i {
-                let point = a + (b - a) * (i as f32 / parts) + (c - a) * (j as f32 / parts);
+        let parts = |length: f32| (2.0 * length * self.scale).ceil().max(1.0) as u32;
+        let [along, across] = [parts(longest), parts(normal.length() / longest)];
+        for i in 0..=along {
+            let foot = a.lerp(b, i as f32 / along as f32);
+            for j in 0..=across {
+                let point = foot.lerp(c, j as f32 / across as f32);
                 self.mark(point, normal);
                 if from_both_sides {
                     self.mark(point, -normal);

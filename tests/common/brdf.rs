@@ -44,16 +44,19 @@ impl Brdf {
         self.value(local(l), local(v))
     }
 
+    /// The sum over all longitudes of light that comes at a cosine, for light that leaves at another.
+    pub fn around(&self, from: f64, to: f64) -> f64 {
+        const AROUND: u32 = 128;
+        let v = slanted(to, 0.0);
+        let at = |k: u32| self.value(slanted(from, (f64::from(k) + 0.5) / f64::from(AROUND) * TAU), v);
+        (0..AROUND).map(at).sum::<f64>() * TAU / f64::from(AROUND)
+    }
+
     /// The part of light from all sides that is given back.
     pub fn even_albedo(&self) -> f64 {
-        const AROUND: u32 = 128;
         let nodes = gauss_legendre(32);
-        let around = |l: f64, v: f64| {
-            let at = |k: u32| self.value(slanted(l, (f64::from(k) + 0.5) / f64::from(AROUND) * TAU), slanted(v, 0.0));
-            (0..AROUND).map(at).sum::<f64>() * TAU / f64::from(AROUND)
-        };
         let from = |[l, of_l]: &[f64; 2]| {
-            nodes.iter().map(|[v, of_v]| 2.0 * l * of_l * v * of_v * around(*l, *v)).sum::<f64>()
+            nodes.iter().map(|[v, of_v]| 2.0 * l * of_l * v * of_v * self.around(*l, *v)).sum::<f64>()
         };
         nodes.iter().map(from).sum()
     }

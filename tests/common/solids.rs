@@ -219,6 +219,14 @@ pub fn take(gpu: &Arc<Gpu>, scene: &Scene, eye: &Eye, shot: Shot) -> Taken {
     take_all(gpu, scene, std::slice::from_ref(eye), shot).remove(0)
 }
 
+/// Bounds on the mean, from the reference's own standard error, and a part of it for tables and shapes in f32.
+pub fn assert_mean(name: &str, taken: &Taken, want: f64, slack: f64) {
+    let standard = taken.error.expect("an error").mean_relative * want / f64::from(taken.size);
+    let mean = taken.mean();
+    println!("{name}: {mean:.5} ± {standard:.5}, for {want:.5}: {:+.3} %", 100.0 * (mean / want - 1.0));
+    assert!((mean - want).abs() <= 4.0 * standard + slack * want, "{name}: {mean} ± {standard}, not {want}");
+}
+
 /// Where a pixel's ray meets a scene's triangles first, with the triangle's normal towards the eye, and the mesh.
 pub fn seen(scene: &Scene, eye: &Eye, size: u32, pixel: usize) -> Option<(DVec3, DVec3, usize)> {
     let at = |i: usize, a: f32, b: f32| f64::from(a) + (i as f64 + 0.5) / f64::from(size) * f64::from(b - a);

@@ -14,20 +14,13 @@ use pbr_vr::scene::{Material, PointLight};
 
 use crate::common::brdf::{Brdf, slanted};
 use crate::common::solids::{
-    Shot, Taken, ball, block, eye, flat, grey, lamp, level, quad, seen, take, take_all, turned, uniform, world,
+    Shot, Taken, assert_mean, ball, block, eye, flat, grey, lamp, level, quad, seen, take, take_all, turned, uniform,
+    world,
 };
 use crate::common::stage::with_gpu;
 use crate::common::{PictureOptions, Workshop, material, mean_at};
 
 const BAKED: LightModel = LightModel::Baked;
-
-/// Bounds on the mean, from the reference's own standard error, and a part of it for tables and shapes in f32.
-fn assert_mean(name: &str, taken: &Taken, want: f64, slack: f64) {
-    let standard = taken.error.expect("an error").mean_relative * want / f64::from(taken.size);
-    let mean = taken.mean();
-    println!("{name}: {mean:.5} ± {standard:.5}, for {want:.5}: {:+.3} %", 100.0 * (mean / want - 1.0));
-    assert!((mean - want).abs() <= 4.0 * standard + slack * want, "{name}: {mean} ± {standard}, not {want}");
-}
 
 /// Radiance inside of a ball of one material around a lamp at its centre, by the cosine to the normal at which it leaves the
 /// surface. What any point sees in a direction leaves another one at the same angle, so that transport is one integral over
@@ -60,13 +53,7 @@ impl InsideOfBall {
 
     /// Weights of the radiance at all nodes for that which leaves at a cosine.
     fn kernel(&self, cosine: f64) -> Vec<f64> {
-        const AROUND: u32 = 128;
-        let v = slanted(cosine, 0.0);
-        let around = |[c, weight]: &[f64; 2]| {
-            let at = |k: u32| self.brdf.value(slanted(*c, (f64::from(k) + 0.5) / f64::from(AROUND) * TAU), v);
-            (0..AROUND).map(at).sum::<f64>() * TAU / f64::from(AROUND) * c * weight
-        };
-        self.nodes.iter().map(around).collect()
+        self.nodes.iter().map(|[c, weight]| self.brdf.around(*c, cosine) * c * weight).collect()
     }
 
     fn radiance(&self, cosine: f64) -> f64 {
