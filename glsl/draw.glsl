@@ -6,7 +6,7 @@
 
 layout(push_constant, scalar) uniform Draw {
     uint instance;
-    uint probe; // that gives all mirror images, where PROBES is 0
+    uint probes; // a bit for each that may give mirror images, the lowest for the first
 } draw;
 
 #endif

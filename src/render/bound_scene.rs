@@ -200,7 +200,6 @@ impl BoundScene {
             variants: self.resources.variants_for(&self.edits),
             constant_lights: self.resources.constant_lights,
             lightmap_layers: self.baked.as_ref().map_or(0, BakedLight::layers),
-            probes: self.baked.as_ref().map_or(0, |baked| baked.placed_probes().len() as u32),
             drawn: self.resources.drawn_kinds(),
             ray_scene: Arc::clone(&self.resources.ray_scene),
             casts: self.resources.shadow_plan.casts,

@@ -36,8 +36,8 @@ pub enum ProbeUse {
     /// None reaches into its box.
     #[default]
     None,
-    /// Several may, or the panorama in their place.
-    Several,
+    /// Several may, or the panorama in their place: a bit for each, the lowest for the first.
+    Several(u32),
     /// One gives all: its index.
     One(u32),
 }
@@ -48,22 +48,36 @@ impl ProbeUse {
 
     /// Of these probes, whose order is that in which shaders ask them, for what is in a box.
     pub fn new(probes: &[Probe], bounds: Bounds) -> Self {
-        let first = (0u32..).zip(probes).find(|(_, probe)| probe.reaches_into(bounds));
-        first.map_or(Self::None, |(index, probe)| if probe.covers(bounds) { Self::One(index) } else { Self::Several })
+        let mut bits = 0;
+        for (index, probe) in (0u32..).zip(probes).filter(|(_, probe)| probe.reaches_into(bounds)) {
+            let covers = probe.covers(bounds);
+            if covers && bits == 0 {
+                return Self::One(index);
+            }
+            bits |= 1 << index;
+            if covers {
+                break;
+            }
+        }
+        if bits == 0 { Self::None } else { Self::Several(bits) }
     }
 
     /// Which pipeline of a variant draws it: below [`ProbeUse::KINDS`].
     pub fn kind(self) -> usize {
         match self {
             Self::None => 0,
-            Self::Several => 1,
+            Self::Several(_) => 1,
             Self::One(_) => 2,
         }
     }
 
-    /// The probe that a shader does not look for.
-    pub fn index(self) -> u32 {
-        if let Self::One(index) = self { index } else { 0 }
+    /// A bit for each probe, the lowest for the first.
+    pub fn bits(self) -> u32 {
+        match self {
+            Self::None => 0,
+            Self::Several(bits) => bits,
+            Self::One(index) => 1 << index,
+        }
     }
 }
 
@@ -307,10 +321,10 @@ mod tests {
         for (bounds, expected) in [
             (around(-0.9, 0.9), ProbeUse::One(0)),
             (around(-1.005, 1.0), ProbeUse::One(0)),
-            (around(0.5, 1.5), ProbeUse::Several),
+            (around(0.5, 1.5), ProbeUse::Several(0b11)),
             (around(1.5, 2.5), ProbeUse::One(1)),
-            (around(-4.05, 4.05), ProbeUse::Several),
-            (around(3.0, 6.0), ProbeUse::Several),
+            (around(-4.05, 4.05), ProbeUse::Several(0b11)),
+            (around(3.0, 6.0), ProbeUse::Several(0b10)),
             (around(6.0, 7.0), ProbeUse::None),
         ] {
             assert_eq!(ProbeUse::new(&probes, bounds), expected, "{bounds:?}");

@@ -23,7 +23,7 @@ use crate::scene::MaterialFeatures;
 #[derive(Clone, Copy, Pod, Zeroable)]
 struct Push {
     instance: u32,
-    probe: u32,
+    probes: u32,
 }
 
 /// The fragment stages and the format and samples of their target.
@@ -111,12 +111,10 @@ impl ForwardPass {
         let surface = |features: &MaterialFeatures, kind: usize| {
             // A path that begins on one material goes on to others.
             let features = if is_reference { features.with_any_factors() } else { *features };
-            // No probe to look for: the draw says which one.
-            let looked_for = [0, request.probes, 0][kind];
             let constants: Vec<Constant> = common
                 .into_iter()
                 .chain(constants(features, multiple))
-                .chain([(constant::PROBES, looked_for)])
+                .chain([(constant::SEVERAL_PROBES, u32::from(kind == ProbeUse::Several(0).kind()))])
                 .collect();
             let stages = stages(kind > 0);
             let fragment = if features.alpha_mask { stages.cutout } else { stages.surface };
@@ -182,8 +180,8 @@ impl ForwardPass {
             if changes(|call| call.textures) {
                 commands.bind_set(pipeline, 2, &resources.textures.sets[call.textures as usize], &[]);
             }
-            if changes(|call| call.instance) || changes(|call| call.probes.index()) {
-                let push = Push { instance: call.instance, probe: call.probes.index() };
+            if changes(|call| call.instance) || changes(|call| call.probes.bits()) {
+                let push = Push { instance: call.instance, probes: call.probes.bits() };
                 commands.push(pipeline, bytemuck::bytes_of(&push));
             }
             if last.is_none_or(|last| last.seen_faces() != call.seen_faces()) {

@@ -21,8 +21,6 @@ pub struct PipelineRequest {
     pub(super) constant_lights: Option<u32>,
     /// Of the scene's lightmap; 0 without one.
     pub(super) lightmap_layers: u32,
-    /// Probes of mirrored light.
-    pub(super) probes: u32,
     /// Of each variant, whether something is drawn with it by each kind of [`ProbeUse`].
     pub(super) drawn: Vec<[bool; ProbeUse::KINDS]>,
     /// What the reference's rays meet.

@@ -205,7 +205,6 @@ impl Renderer {
         let Lightmapped { resources, baked } = lightmapped;
         PipelineRequest {
             lightmap_layers: baked.layers(),
-            probes: baked.placed_probes().len() as u32,
             drawn: resources.drawn_kinds(),
             ray_scene: Arc::clone(&resources.ray_scene),
             ..self.pipeline_request(self.settings().clone(), self.eyes())

@@ -211,7 +211,7 @@ pub mod constant {
     pub const SUN_SHADOW: u32 = 14;
     pub const LIGHTMAP: u32 = 15;
     pub const TRANSPORT: u32 = 16;
-    pub const PROBES: u32 = 17;
+    pub const SEVERAL_PROBES: u32 = 17;
     pub const PART: u32 = 18;
     pub const EMITS: u32 = 19;
     pub const VERTEX_COLOURS: u32 = 20;

@@ -77,7 +77,7 @@ fn errors_name_line_and_key() {
         ("[[probe]]\nposition = [0, 0, 0]\nbox = [[-1, -1, -1], [1, 1, 1e12]]", 3, "box"),
         ("[[probe]]\nposition = [0, 0, 0]\nbox = [[-1, 1, -1], [1, -1, 1]]", 3, "box"),
         ("[[probe]]\nposition = [0, 2, 0]\nbox = [[-1, -1, -1], [1, 1, 1]]", 2, "position"),
-        (&"[[probe]]\nposition = [0, 0, 0]\nbox = [[-1, -1, -1], [1, 1, 1]]\n".repeat(9), 26, "position"),
+        (&"[[probe]]\nposition = [0, 0, 0]\nbox = [[-1, -1, -1], [1, 1, 1]]\n".repeat(17), 50, "position"),
         ("probe = { position = [0, 0, 0], box = [[-1, -1, -1], [1, 1, 1]] }", 1, "probe"),
         (&format!("{camera}target = [0, 0, 1]"), 4, "target"),
         (&format!("{camera}target = [0, 0, 0]\nvertical_fov_degrees = 180"), 5, "vertical_fov_degrees"),

@@ -1,5 +1,5 @@
 //! Places where light is captured for mirror images, each with a box: one for each room that smooth surfaces are seen in, and for
-//! smooth things that stand in the open, found by rays.
+//! smooth things in it or in the open, found by rays.
 
 use glam::Vec3;
 use rayon::prelude::*;
@@ -8,11 +8,11 @@ use super::Probe;
 use super::bvh::{Bvh, Hit};
 use super::lightmap_texels::random_direction;
 use super::mesh::Bounds;
-use super::things::{outstanding, things};
+use super::things::{joined, outstanding, things};
 use crate::reference::probe::box_exit;
 
-/// The most probes of a scene: each takes memory, and every fragment looks at each box.
-pub const MOST_PROBES: usize = 8;
+/// The most probes of a scene: each takes memory and time to capture.
+pub const MOST_PROBES: usize = 16;
 /// Part of a box's mean side over which its influence ends, outside of it.
 const BORDER: f32 = 0.05;
 /// The same of a thing's box, which is raised by it, too: what the thing stands on has its own mirror images.
@@ -49,8 +49,11 @@ const REFLECTIONS: u32 = 3;
 /// Part of the smooth places that a room without a camera needs, and how many of such places are tried.
 const ROOM: f32 = 0.2;
 const TRIES: usize = 32;
-/// Part of the smooth places that a thing in the open needs.
-const THING: f32 = 0.01;
+/// Part of the smooth places that a thing needs.
+const THING: f32 = 0.001;
+/// Of a room's volume, and of the scene's in the open, the most that a thing in it has that gets a probe of its own, or several
+/// that share one: larger ones are fixtures, whose sides lie far apart.
+const SMALL: f64 = 0.05;
 
 /// Where probes go, and what else was found.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -60,7 +63,7 @@ pub struct Placement {
     pub sees_smooth: bool,
     /// Places with smooth surfaces around which most is sky.
     pub open: usize,
-    /// Whether things in the open get no probe because there are too many.
+    /// Whether things get no probe because there are too many.
     pub crowded: bool,
 }
 
@@ -137,7 +140,10 @@ pub fn place(bvh: &Bvh, cameras: &[Vec3], smooth: impl Fn(usize) -> bool + Sync)
         }
         others.retain(|p| !placed.reach(*p));
     }
-    placed.add_things(bvh, &met, things(bvh, &placed.beyond(&met), &smooth, &cameras));
+    let triangles: Vec<usize> = met.iter().map(|met| met.triangle).collect();
+    let enough = |(_, count): &(Bounds, usize)| *count as f32 >= THING * met.len() as f32;
+    let things = things(bvh, &triangles, &smooth, &cameras).into_iter().filter(enough).collect();
+    placed.add_things(bvh, things, &cameras);
     // The smallest comes first: a niche within a room is its own.
     placed.probes.sort_by(|a, b| a.reach().volume().total_cmp(&b.reach().volume()));
     placed
@@ -148,17 +154,24 @@ impl Placement {
         self.probes.iter().any(|probe| probe.reaches(p))
     }
 
-    /// The triangles of what was met where no probe reaches.
-    fn beyond(&self, met: &[SmoothHit]) -> Vec<usize> {
-        met.iter().filter(|met| !self.reach(met.place)).map(|met| met.triangle).collect()
-    }
-
-    /// Adds probes around things, boxes with how often each was met, as far as there are any left and none is favoured.
-    fn add_things(&mut self, bvh: &Bvh, met: &[SmoothHit], things: Vec<(Bounds, usize)>) {
+    /// Adds probes around things, boxes with how often each was met; neighbours share one where there are more than probes are left.
+    fn add_things(&mut self, bvh: &Bvh, things: Vec<(Bounds, usize)>, cameras: &[Vec3]) {
+        let rooms: Vec<Probe> = self.probes.iter().filter(|probe| probe.thing.is_none()).copied().collect();
+        let room_of = |thing: Bounds| rooms.iter().find(|room| room.bounds.contains(thing)).map(|room| room.bounds);
+        let is_open = |thing: Bounds| !rooms.iter().any(|room| room.reaches(thing.centre()));
+        let is_small = |thing: Bounds| thing.volume() <= SMALL * room_of(thing).unwrap_or(bvh.bounds()).volume();
+        let has_own = |thing: Bounds| if room_of(thing).is_some() { is_small(thing) } else { is_open(thing) };
+        let may_share = |a: Bounds, b: Bounds| {
+            let both = a.union(b);
+            let holds_camera = cameras.iter().any(|camera| both.contains(Bounds::of([*camera])));
+            room_of(a) == room_of(b) && room_of(both) == room_of(a) && is_small(both) && !holds_camera
+        };
+        let free = MOST_PROBES - self.probes.len();
+        let things = joined(things.into_iter().filter(|(thing, _)| has_own(*thing)).collect(), free, may_share);
         let counts: Vec<usize> = things.iter().map(|(_, count)| *count).collect();
-        let enough = counts.iter().filter(|count| **count as f32 > THING * met.len() as f32).count();
-        let kept = outstanding(&counts, enough.min(MOST_PROBES - self.probes.len()));
-        self.probes.extend(things[..kept].iter().filter_map(|(thing, _)| surroundings(bvh, *thing)));
+        let kept = outstanding(&counts, free);
+        let probe = |(thing, _): &(Bounds, usize)| surroundings(bvh, *thing, room_of(*thing));
+        self.probes.extend(things[..kept].iter().filter_map(probe));
         self.crowded = things.len() > kept;
     }
 
@@ -186,16 +199,21 @@ fn mean_side(bounds: Bounds) -> f32 {
     (bounds.max - bounds.min).min(Vec3::splat(1e6)).element_sum() / 3.0
 }
 
-/// The probe of what a thing in this box mirrors; `None` where that is the panorama alone, or the inside of another thing.
-fn surroundings(bvh: &Bvh, mut thing: Bounds) -> Option<Probe> {
+/// The probe of what a thing in this box mirrors, in a room with these bounds or in the open; `None` where that is the panorama
+/// alone, or the inside of another thing.
+fn surroundings(bvh: &Bvh, mut thing: Bounds, room: Option<Bounds>) -> Option<Probe> {
     thing.min.y = ground(bvh, thing) + THING_BORDER * mean_side(thing);
     let position = thing.centre();
     let view = View::around(bvh, position, thing, RAYS);
-    let floor = (position.y - view.wall(bvh, 1, -1.0)).min(thing.min.y);
     // What stands beside it is no wall: most of what is seen there is beyond.
-    let mut bounds = Bounds::of([position]).grown(NO_WALL * bvh.bounds().radius());
-    bounds.min.y = floor;
-    (!view.met.is_empty() && view.backs < BEHIND).then_some(Probe { position, bounds, thing: Some(thing) })
+    let bounds = room.unwrap_or_else(|| {
+        let floor = (position.y - view.wall(bvh, 1, -1.0)).min(thing.min.y);
+        let far = Bounds::of([position]).grown(NO_WALL * bvh.bounds().radius());
+        Bounds { min: far.min.with_y(floor), ..far }
+    });
+    // A room may be seen from its walls' backs.
+    let is_outside = room.is_some() || view.backs < BEHIND;
+    (!view.met.is_empty() && is_outside).then_some(Probe { position, bounds, thing: Some(thing) })
 }
 
 /// How high a thing stands: its box's lowest, or higher what it is sunk in.

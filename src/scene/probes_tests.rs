@@ -41,6 +41,12 @@ pub fn ball(centre: Vec3, radius: f32) -> Mesh {
     ball
 }
 
+/// Probes for rooms, and around things.
+fn rooms_and_things(found: &Placement) -> [Vec<Probe>; 2] {
+    let (things, rooms) = found.probes.iter().partition(|probe| probe.thing.is_some());
+    [rooms, things]
+}
+
 const LOW: Vec3 = Vec3::new(-2.0, 0.0, -3.0);
 const HIGH: Vec3 = Vec3::new(2.0, 2.5, 3.0);
 
@@ -50,14 +56,17 @@ fn a_room_gets_one_probe_with_its_walls_as_the_box() {
     let ball = ball(Vec3::new(0.0, 0.9, 0.0), 0.15);
     let cameras = [Vec3::new(1.5, 1.6, 2.5), Vec3::new(-1.5, 1.2, -2.0)];
     let found = placed(&[walls(LOW, HIGH, &[]), table, ball], &cameras);
-    assert_eq!((found.probes.len(), found.open), (1, 0), "{found:?}");
-    let Probe { position, bounds, .. } = found.probes[0];
+    let [rooms, things] = rooms_and_things(&found);
+    assert_eq!((rooms.len(), things.len(), found.open), (1, 1, 0), "{found:?}");
+    let Probe { position, bounds, .. } = rooms[0];
     assert!(
         (bounds.min - LOW).abs().max_element() < 0.02 && (bounds.max - HIGH).abs().max_element() < 0.02,
         "{bounds:?}"
     );
     assert!((position - 0.5 * (LOW + HIGH)).length() < 1.0, "{position}");
     assert!((position - Vec3::new(0.0, 0.9, 0.0)).length() > 0.3, "{position} is clear of the ball");
+    assert_eq!(found.probes[0].bounds, bounds, "around the ball, which comes first, are the room's walls");
+    assert!((found.probes[0].position - Vec3::new(0.0, 0.9, 0.0)).length() < 0.02, "{found:?}");
     let none = placed(&[walls(LOW, HIGH, &[]), self::ball(Vec3::new(9.0, 0.0, 0.0), 0.1)], &cameras);
     assert_eq!((none.sees_smooth, none.probes.len()), (false, 0), "nothing smooth is seen");
 }
@@ -70,8 +79,9 @@ fn a_room_beside_the_cameras_gets_its_own() {
     let parts = [&[walls(LOW, HIGH, &[1]), walls(next[0], next[1], &[0])][..], &wall].concat();
     let ball = ball(Vec3::new(5.0, 1.0, 0.0), 0.6);
     let found = placed(&[&parts[..], &[ball]].concat(), &[Vec3::new(-1.0, 1.5, 0.0)]);
-    assert_eq!(found.probes.len(), 1, "{found:?}");
-    let bounds = found.probes[0].bounds;
+    let [rooms, things] = rooms_and_things(&found);
+    assert_eq!((rooms.len(), things.len()), (1, 1), "{found:?}");
+    let bounds = rooms[0].bounds;
     assert!((bounds.min - next[0]).abs().max_element() < 0.1, "{bounds:?}");
     assert!((bounds.max - next[1]).abs().max_element() < 0.1, "{bounds:?}");
 }
@@ -83,7 +93,7 @@ fn cupboards_are_no_wall() {
     let ball = ball(Vec3::new(0.0, 1.0, 0.0), 0.2);
     let kitchen = [walls(LOW, HIGH, &[]), block([0.0, 0.9], 0.6), block([1.5, 2.1], 0.35), ball];
     let found = placed(&kitchen, &[Vec3::new(1.0, 1.5, 2.0)]);
-    let [Probe { bounds, .. }] = found.probes[..] else { panic!("{found:?}") };
+    let [Probe { bounds, .. }] = rooms_and_things(&found)[0][..] else { panic!("{found:?}") };
     assert!((bounds.min.z - LOW.z).abs() < 0.02, "{bounds:?}");
 }
 
@@ -127,9 +137,41 @@ fn a_thing_in_the_open_gets_its_own_and_a_court_has_no_ceiling() {
     assert!(shiny_floor.probes.is_empty(), "a floor is no thing: {shiny_floor:?}");
     let court = walls(Vec3::new(-3.0, 0.0, -3.0), Vec3::new(3.0, 6.0, 3.0), &[3]);
     let found = placed(&[court, ball(Vec3::new(0.0, 0.5, 0.0), 0.5)], &camera);
-    assert_eq!(found.probes.len(), 1, "{found:?}");
-    let bounds = found.probes[0].bounds;
+    let [Probe { bounds, .. }] = rooms_and_things(&found)[0][..] else { panic!("{found:?}") };
     assert!(bounds.max.y > 30.0 && (bounds.max.x - 3.0).abs() < 0.05 && bounds.min.y.abs() < 0.05, "{bounds:?}");
+}
+
+#[test]
+fn small_things_in_a_room_get_their_own_and_neighbours_share_where_there_are_many() {
+    let room = walls(LOW, HIGH, &[]);
+    let cameras = [[1.5, 2.5], [-1.5, 2.5], [1.5, -2.5], [-1.5, -2.5]].map(|[x, z]| Vec3::new(x, 1.6, z));
+    let chest = walls(Vec3::new(-2.0, 0.01, -3.0), Vec3::new(1.0, 1.2, -2.0), &[]);
+    let [rooms, things] = rooms_and_things(&placed(&[room.clone(), chest], &cameras));
+    assert_eq!((rooms.len(), things.len()), (1, 0), "6 % of the room is no small thing");
+    // Pairs of balls, each as far from the others as the room lets it.
+    let balls: Vec<Mesh> = (0..32)
+        .map(|i| {
+            let (pair, side) = (i / 2, (i % 2) as f32);
+            ball(Vec3::new((pair % 4) as f32 - 1.5 + 0.2 * side, 0.5, (pair / 4) as f32 - 1.5), 0.095)
+        })
+        .collect();
+    let bvh = bvh(&[&[room][..], &balls].concat());
+    let found = place(&bvh, &cameras, |triangle| bvh.triangles()[triangle].instance > 0);
+    let [rooms, things] = rooms_and_things(&found);
+    assert_eq!((rooms.len(), found.crowded), (1, false), "{found:?}");
+    assert_eq!(things.len(), MOST_PROBES - 1);
+    let holds = |probe: &Probe| {
+        balls
+            .iter()
+            .filter(|ball| {
+                let thing = probe.thing.map(|thing| thing.grown(0.01));
+                thing.is_some_and(|thing| thing.contains(Bounds::of(ball.vertices.iter().map(|v| v.position.into()))))
+            })
+            .count()
+    };
+    let mut held: Vec<usize> = things.iter().map(holds).collect();
+    held.sort_unstable();
+    assert_eq!(held, [&[2; 14][..], &[4]].concat(), "pairs, of which two share what is left");
 }
 
 #[test]

@@ -1,6 +1,7 @@
 //! Things with smooth surfaces, as a probe is placed for: parts of the scene that hang together, and the boxes around them.
 
-use std::collections::HashMap;
+use std::cmp::Reverse;
+use std::collections::{BinaryHeap, HashMap};
 
 use glam::Vec3;
 
@@ -19,34 +20,67 @@ const FLAT: f32 = 0.05;
 const LARGE: f32 = 0.7;
 
 /// Boxes around the things whose triangles were met, `met` having one entry for each time, and how often; those that were met most
-/// come first. Smooth triangles that share a corner hang together. Nothing that a camera is in is a thing.
+/// come first. Smooth triangles that share a corner hang together. Nothing that a camera is in is a thing, or part of one.
 pub fn things(bvh: &Bvh, met: &[usize], smooth: impl Fn(usize) -> bool, cameras: &[Vec3]) -> Vec<(Bounds, usize)> {
     if met.is_empty() {
         return Vec::new();
     }
+    let most = 2.0 * LARGE * bvh.bounds().radius();
+    let holds_camera = |bounds: &Bounds| cameras.iter().any(|camera| bounds.contains(Bounds::of([*camera])));
     let parts = Parts::new(bvh, smooth);
+    let apart: Vec<Bounds> = parts.bounds.iter().copied().filter(|part| !holds_camera(part)).collect();
     let mut counts: HashMap<usize, usize> = HashMap::new();
     for part in met.iter().filter_map(|triangle| parts.of_triangle[*triangle]) {
         *counts.entry(part).or_default() += 1;
     }
     let mut boxes: Vec<(Bounds, usize)> = Vec::new();
     for (part, count) in counts {
-        let bounds = parts.grown(part);
+        let bounds = grown(parts.bounds[part], &apart);
         match boxes.iter_mut().find(|(known, _)| *known == bounds) {
             Some((_, known)) => *known += count,
             None => boxes.push((bounds, count)),
         }
     }
-    let most = 2.0 * LARGE * bvh.bounds().radius();
     boxes.retain(|(bounds, _)| {
         let side = bounds.max - bounds.min;
-        side.min_element() > FLAT * side.max_element()
-            && 2.0 * bounds.radius() < most
-            && !cameras.iter().any(|camera| bounds.contains(Bounds::of([*camera])))
+        side.min_element() > FLAT * side.max_element() && 2.0 * bounds.radius() < most && !holds_camera(bounds)
     });
     let place = |bounds: &Bounds| bounds.min.to_array().map(f32::to_bits);
-    boxes.sort_by_key(|(bounds, count)| (std::cmp::Reverse(*count), place(bounds)));
+    boxes.sort_by_key(|(bounds, count)| (Reverse(*count), place(bounds)));
     boxes
+}
+
+/// Makes one of the two boxes that are the nearest to each other and may be joined, again and again, until there are no more than
+/// `most` or none may. Those that were met most come first.
+pub fn joined(
+    things: Vec<(Bounds, usize)>,
+    most: usize,
+    may_join: impl Fn(Bounds, Bounds) -> bool,
+) -> Vec<(Bounds, usize)> {
+    // Joined boxes come last; those that are part of one are gone.
+    let mut boxes: Vec<Option<(Bounds, usize)>> = things.into_iter().map(Some).collect();
+    let mut pairs = BinaryHeap::new();
+    let (mut left, mut paired) = (boxes.len(), 0);
+    while left > most {
+        while let Some(next) = boxes.get(paired) {
+            let sized = |(i, other): (usize, &Option<(Bounds, usize)>)| {
+                let (a, b) = ((*other)?.0, (*next)?.0);
+                // The bits of numbers that are not negative sort as they do.
+                may_join(a, b).then(|| Reverse((a.union(b).radius().to_bits(), i, paired)))
+            };
+            pairs.extend(boxes[..paired].iter().enumerate().filter_map(sized));
+            paired += 1;
+        }
+        let Some(Reverse((_, i, j))) = pairs.pop() else { break };
+        if let (Some(a), Some(b)) = (boxes[i], boxes[j]) {
+            [boxes[i], boxes[j]] = [None, None];
+            boxes.push(Some((a.0.union(b.0), a.1 + b.1)));
+            left -= 1;
+        }
+    }
+    let mut things: Vec<(Bounds, usize)> = boxes.into_iter().flatten().collect();
+    things.sort_by_key(|(_, count)| Reverse(*count));
+    things
 }
 
 /// How many of the first things get a probe where there are `free` ones, from how often each was met: all, or those that are met
@@ -97,18 +131,18 @@ impl Parts {
         });
         Self { of_triangle: of_triangle.collect(), bounds }
     }
+}
 
-    /// The box around a part and all that belong to it.
-    fn grown(&self, part: usize) -> Bounds {
-        let mut bounds = self.bounds[part];
-        loop {
-            let belongs = |other: &&Bounds| belong_together(bounds, **other);
-            let grown = self.bounds.iter().filter(belongs).fold(bounds, |sum, other| sum.union(*other));
-            if grown == bounds {
-                return bounds;
-            }
-            bounds = grown;
+/// The box around a part and all of these that belong to it.
+fn grown(part: Bounds, parts: &[Bounds]) -> Bounds {
+    let mut bounds = part;
+    loop {
+        let belongs = |other: &&Bounds| belong_together(bounds, **other);
+        let grown = parts.iter().filter(belongs).fold(bounds, |sum, other| sum.union(*other));
+        if grown == bounds {
+            return bounds;
         }
+        bounds = grown;
     }
 }
 
@@ -149,13 +183,35 @@ mod tests {
             "in the shelf: {all:?}"
         );
         let in_body = found(&met, &[Vec3::new(1.0, 0.5, 0.0)]);
-        assert_eq!(in_body.len(), 3, "not what a camera is in: {in_body:?}");
+        assert!(
+            in_body.len() == 4 && in_body.iter().any(|thing| near(thing, [1.35, 0.3, -0.2], [1.75, 0.7, 0.2])),
+            "the handle without what a camera is in: {in_body:?}"
+        );
+        let shell = bvh(&[walls(Vec3::splat(-2.0), Vec3::splat(2.0), &[]), ball(Vec3::ZERO, 0.5)]);
+        let met: Vec<usize> = (0..shell.triangles().len()).collect();
+        let in_shell = boxes(things(&shell, &met, |_| true, &[Vec3::Y]));
+        assert!(in_shell.len() == 1 && in_shell[0].max.x < 0.6, "what surrounds it is no part of it: {in_shell:?}");
         let rough = boxes(things(&scene, &met, |i| scene.triangles()[i].instance == 4, &[]));
         assert!(
             rough.len() == 1 && near(&rough[0], [0.3, 0.0, 0.9], [0.5, 0.2, 1.1]),
             "the smooth ball alone: {rough:?}"
         );
         assert!(found(&[], &[]).is_empty());
+    }
+
+    #[test]
+    fn the_nearest_are_joined_until_they_are_few() {
+        let at = |x: f32, count| (Bounds { min: Vec3::splat(x), max: Vec3::splat(x + 1.0) }, count);
+        let all = || vec![at(0.0, 5), at(10.0, 4), at(1.5, 3), at(20.0, 1), at(11.0, 1)];
+        let joins = |most, may: fn(Bounds, Bounds) -> bool| -> Vec<(f32, usize)> {
+            joined(all(), most, may).into_iter().map(|(thing, count)| (thing.min.x, count)).collect()
+        };
+        assert_eq!(joined(all(), 5, |_, _| true), all());
+        assert_eq!(joins(4, |_, _| true), [(0.0, 5), (10.0, 5), (1.5, 3), (20.0, 1)]);
+        assert_eq!(joins(2, |_, _| true), [(0.0, 8), (10.0, 6)]);
+        assert_eq!(joins(1, |a, b| a.union(b).radius() < 3.0), [(0.0, 8), (10.0, 5), (20.0, 1)], "no more may be");
+        assert_eq!(joins(0, |_, _| true), [(0.0, 14)]);
+        assert!(joined(Vec::new(), 3, |_, _| true).is_empty());
     }
 
     #[test]

@@ -55,15 +55,15 @@ impl ProbePlan {
         let why = match [probes.len() - things, things] {
             [0, 0] if !sees_smooth => format!("{of}, but none is seen from the cameras: no probe"),
             [0, 0] if crowded => {
-                format!("{of}, on more things in the open than the {MOST_PROBES} that there are probes for")
+                format!("{of}, on more things than the {MOST_PROBES} that there are probes for")
             }
             [0, 0] if open > 0 => format!("{of}, but around them is mostly sky, the panorama itself: no probe"),
             [0, 0] => format!("{of}, but there is no room around them: no probe"),
             [MOST_PROBES, 0] => format!("{of}; one for each of the first {MOST_PROBES} rooms that they are seen in"),
             [rooms, 0] => format!("{of}; one for each room that they are seen in: {rooms}, found by rays"),
-            [0, things] => format!("{of}; one around each thing that stands in the open: {things}, found by rays"),
+            [0, things] => format!("{of}; {things} around things in the open, found by rays"),
             [rooms, things] => {
-                format!("{of}; {rooms} for rooms, {things} around things in the open, found by rays")
+                format!("{of}; {rooms} for rooms, {things} around things, found by rays")
             }
         };
         Self { probes, why }
