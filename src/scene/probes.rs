@@ -205,12 +205,10 @@ fn surroundings(bvh: &Bvh, mut thing: Bounds, room: Option<Bounds>) -> Option<Pr
     thing.min.y = ground(bvh, thing) + THING_BORDER * mean_side(thing);
     let position = thing.centre();
     let view = View::around(bvh, position, thing, RAYS);
-    // What stands beside it is no wall: most of what is seen there is beyond.
-    let bounds = room.unwrap_or_else(|| {
-        let floor = (position.y - view.wall(bvh, 1, -1.0)).min(thing.min.y);
-        let far = Bounds::of([position]).grown(NO_WALL * bvh.bounds().radius());
-        Bounds { min: far.min.with_y(floor), ..far }
-    });
+    // What it stands on is its floor; what stands beside it is no wall: most of what is seen there is beyond.
+    let floor = (position.y - view.wall(bvh, 1, -1.0)).min(thing.min.y);
+    let around = room.unwrap_or_else(|| Bounds::of([position]).grown(NO_WALL * bvh.bounds().radius()));
+    let bounds = Bounds { min: around.min.with_y(floor), ..around };
     // A room may be seen from its walls' backs.
     let is_outside = room.is_some() || view.backs < BEHIND;
     (!view.met.is_empty() && is_outside).then_some(Probe { position, bounds, thing: Some(thing) })

@@ -14,13 +14,15 @@ use super::mesh::Bounds;
 const OVERLAP: f64 = 0.05;
 /// Unless its diagonal is a smaller part of the other's than this: what stands in a shelf is no part of it.
 const PART: f32 = 0.15;
-/// Least side of a thing's box, in parts of its largest: flat things are walls and floors.
-const FLAT: f32 = 0.05;
+/// Least side of a thing's box, and of its parts', in parts of the next: flat ones are walls, floors, table tops and trays, which
+/// mirror what stands on them; and in parts of the largest: thin ones are skirtings and cables.
+const FLAT: f32 = 0.12;
+const THIN: f32 = 0.05;
 /// Diagonal of a thing's box, in parts of the scene's, from which on it is what surrounds others.
 const LARGE: f32 = 0.7;
 
 /// Boxes around the things whose triangles were met, `met` having one entry for each time, and how often; those that were met most
-/// come first. Smooth triangles that share a corner hang together. Nothing that a camera is in is a thing, or part of one.
+/// come first. Smooth triangles that share an edge hang together. Nothing that a camera is in is a thing, or part of one.
 pub fn things(bvh: &Bvh, met: &[usize], smooth: impl Fn(usize) -> bool, cameras: &[Vec3]) -> Vec<(Bounds, usize)> {
     if met.is_empty() {
         return Vec::new();
@@ -28,23 +30,25 @@ pub fn things(bvh: &Bvh, met: &[usize], smooth: impl Fn(usize) -> bool, cameras:
     let most = 2.0 * LARGE * bvh.bounds().radius();
     let holds_camera = |bounds: &Bounds| cameras.iter().any(|camera| bounds.contains(Bounds::of([*camera])));
     let parts = Parts::new(bvh, smooth);
-    let apart: Vec<Bounds> = parts.bounds.iter().copied().filter(|part| !holds_camera(part)).collect();
+    let is_thing = |bounds: &Bounds| {
+        let mut sides = (bounds.max - bounds.min).to_array();
+        sides.sort_by(f32::total_cmp);
+        sides[0] > (FLAT * sides[1]).max(THIN * sides[2]) && !holds_camera(bounds)
+    };
+    let apart: Vec<Bounds> = parts.bounds.iter().copied().filter(is_thing).collect();
     let mut counts: HashMap<usize, usize> = HashMap::new();
     for part in met.iter().filter_map(|triangle| parts.of_triangle[*triangle]) {
         *counts.entry(part).or_default() += 1;
     }
     let mut boxes: Vec<(Bounds, usize)> = Vec::new();
-    for (part, count) in counts {
+    for (part, count) in counts.into_iter().filter(|(part, _)| is_thing(&parts.bounds[*part])) {
         let bounds = grown(parts.bounds[part], &apart);
         match boxes.iter_mut().find(|(known, _)| *known == bounds) {
             Some((_, known)) => *known += count,
             None => boxes.push((bounds, count)),
         }
     }
-    boxes.retain(|(bounds, _)| {
-        let side = bounds.max - bounds.min;
-        side.min_element() > FLAT * side.max_element() && 2.0 * bounds.radius() < most && !holds_camera(bounds)
-    });
+    boxes.retain(|(bounds, _)| is_thing(bounds) && 2.0 * bounds.radius() < most);
     let place = |bounds: &Bounds| bounds.min.to_array().map(f32::to_bits);
     boxes.sort_by_key(|(bounds, count)| (Reverse(*count), place(bounds)));
     boxes
@@ -97,7 +101,7 @@ pub fn outstanding(met: &[usize], free: usize) -> usize {
     (1..=free).rev().find(stands_out).unwrap_or(0)
 }
 
-/// Parts of the smooth surfaces that hang together by their corners.
+/// Parts of the smooth surfaces that hang together by their edges: things that stand on others may share a corner by chance.
 struct Parts {
     /// By triangle of the hierarchy; `None` for what is not smooth.
     of_triangle: Vec<Option<usize>>,
@@ -107,22 +111,28 @@ struct Parts {
 impl Parts {
     fn new(bvh: &Bvh, smooth: impl Fn(usize) -> bool) -> Self {
         let triangles = bvh.triangles();
-        let mut corner_of: HashMap<[u32; 3], u32> = HashMap::new();
-        let mut number = |corner: [f32; 3]| {
-            let next = corner_of.len() as u32;
+        let mut edge_of: HashMap<[[u32; 3]; 2], u32> = HashMap::new();
+        let mut number = |from: [f32; 3], to: [f32; 3]| {
+            let next = edge_of.len() as u32;
             // The sum makes −0 and 0 equal.
-            *corner_of.entry(corner.map(|c| (c + 0.0).to_bits())).or_insert(next)
+            let mut edge = [from, to].map(|corner| corner.map(|c| (c + 0.0).to_bits()));
+            edge.sort_unstable();
+            *edge_of.entry(edge).or_insert(next)
         };
-        let numbered = |(i, triangle): (usize, &BvhTriangle)| smooth(i).then(|| triangle.corners.map(&mut number));
-        let corners: Vec<Option<[u32; 3]>> = triangles.iter().enumerate().map(numbered).collect();
-        let mut groups = Groups::new(corner_of.len());
-        for [a, b, c] in corners.iter().flatten() {
+        let mut numbered = |triangle: &BvhTriangle| {
+            let [a, b, c] = triangle.corners;
+            [number(a, b), number(b, c), number(c, a)]
+        };
+        let all = triangles.iter().enumerate();
+        let edges: Vec<Option<[u32; 3]>> = all.map(|(i, triangle)| smooth(i).then(|| numbered(triangle))).collect();
+        let mut groups = Groups::new(edge_of.len());
+        for [a, b, c] in edges.iter().flatten() {
             groups.join(*a, *b);
             groups.join(*b, *c);
         }
         let (mut part_of, mut bounds): (HashMap<u32, usize>, Vec<Bounds>) = (HashMap::new(), Vec::new());
-        let of_triangle = corners.iter().zip(triangles).map(|(corners, triangle)| {
-            let part = *part_of.entry(groups.of((*corners)?[0])).or_insert_with(|| {
+        let of_triangle = edges.iter().zip(triangles).map(|(edges, triangle)| {
+            let part = *part_of.entry(groups.of((*edges)?[0])).or_insert_with(|| {
                 bounds.push(Bounds::EMPTY);
                 bounds.len() - 1
             });
@@ -154,6 +164,7 @@ fn belong_together(a: Bounds, b: Bounds) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::scene::bvh::tests::mesh;
     use crate::scene::probes::tests::{ball, bvh, walls};
 
     #[test]
@@ -191,6 +202,14 @@ mod tests {
         let met: Vec<usize> = (0..shell.triangles().len()).collect();
         let in_shell = boxes(things(&shell, &met, |_| true, &[Vec3::Y]));
         assert!(in_shell.len() == 1 && in_shell[0].max.x < 0.6, "what surrounds it is no part of it: {in_shell:?}");
+        let pyramid = |y: [f32; 2]| {
+            let base = [(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)].map(|(x, z)| Vec3::new(x, y[0], z));
+            let corners = [&[Vec3::new(0.0, y[1], 0.0)][..], &base].concat();
+            mesh(&corners, vec![0, 1, 2, 0, 2, 3, 0, 3, 4, 0, 4, 1])
+        };
+        let stacked = bvh(&[pyramid([1.0, 2.0]), pyramid([3.0, 2.0])]);
+        let stacked: Vec<usize> = Parts::new(&stacked, |_| true).of_triangle.into_iter().flatten().collect();
+        assert!(stacked.len() == 8 && stacked.iter().max() == Some(&1), "a corner in common is chance: {stacked:?}");
         let rough = boxes(things(&scene, &met, |i| scene.triangles()[i].instance == 4, &[]));
         assert!(
             rough.len() == 1 && near(&rough[0], [0.3, 0.0, 0.9], [0.5, 0.2, 1.1]),
