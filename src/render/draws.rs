@@ -11,6 +11,7 @@ use crate::scene::cluster::Cluster;
 use crate::scene::{Bounds, Probe};
 
 /// One range of triangles of one instance.
+#[derive(Clone)]
 pub struct Draw {
     /// Of the scene's index buffer.
     pub indices: Range<u32>,
@@ -108,6 +109,16 @@ impl Draw {
             bounds: cluster.bounds_at(world_from_local),
             culling_bounds: culling_bounds.map(|bounds| bounds.placed(world_from_local)),
         }
+    }
+
+    /// A part of it.
+    pub fn part(&self, indices: Range<u32>, bounds: Bounds, probes: ProbeUse) -> Self {
+        Self { indices, bounds, probes, ..self.clone() }
+    }
+
+    /// Whether it may be split in parts that are not drawn one after the other.
+    pub fn is_solid(&self) -> bool {
+        self.layer != Layer::Blended
     }
 
     /// World space, before the common movement of all models.

@@ -86,7 +86,9 @@ impl LightmapRequest {
     ) -> Result<Option<Lightmapped>> {
         let Some(flattened) = flattened(context, scene, side, stop) else { return Ok(None) };
         let geometry = GeometryView { meshes: &flattened.meshes, instances: &flattened.instances };
-        let mut resources = SceneResources::new(context, self.textures.clone(), scene, geometry, &self.settings)?;
+        let textures = self.textures.clone();
+        let (mut resources, clusters) =
+            SceneResources::with_clusters(context, textures, scene, geometry, &self.settings)?;
         let (ray_scene, importance) = (&resources.ray_scene, self.importance.as_ref());
         let source = LightSource { scene, geometry, ray_scene, importance };
         let mut baked = BakedLight::new(context, &self.layouts, source, flattened.atlas.size[0], &self.settings)?;
@@ -96,7 +98,7 @@ impl LightmapRequest {
         if !baked.load(context, state, self.scale)? {
             baked.prepare()?;
         }
-        resources.place_probes(baked.placed_probes());
+        resources.place_probes(&context.gpu, clusters, baked.placed_probes())?;
         Ok(Some(Lightmapped { resources, baked }))
     }
 }

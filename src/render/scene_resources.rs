@@ -1,6 +1,7 @@
 //! A scene's copy on the GPU: geometry, instances, materials with their textures, point lights; and the ranges to draw.
 
 mod geometry;
+mod probe_parts;
 mod textures;
 mod vertex;
 
@@ -81,11 +82,28 @@ impl SceneResources {
         variants
     }
 
-    /// Says of each draw which of these probes give its mirror images.
-    pub fn place_probes(&mut self, probes: &[Probe]) {
-        for draw in &mut self.draws {
-            draw.probes = ProbeUse::new(probes, draw.bounds());
+    /// Says of each draw which of these probes give its mirror images; splits those of `clusters`, which they were made of, that
+    /// several give.
+    ///
+    /// # Errors
+    /// No memory; a failed Vulkan call.
+    pub fn place_probes(&mut self, gpu: &Arc<Gpu>, mut clusters: Vec<Cluster>, probes: &[Probe]) -> Result<()> {
+        let mut draws = std::mem::take(&mut self.draws).into_iter();
+        let mut is_reordered = false;
+        for cluster in &mut clusters {
+            for mut draw in draws.by_ref().take(cluster.placements.len()) {
+                draw.probes = ProbeUse::new(probes, draw.bounds());
+                match (draw.probes, &cluster.placements[..]) {
+                    (ProbeUse::Several(_), [place]) if draw.is_solid() => {
+                        let place = *place;
+                        self.draws.extend(probe_parts::part(&draw, cluster, place, probes));
+                        is_reordered = true;
+                    }
+                    _ => self.draws.push(draw),
+                }
+            }
         }
+        if is_reordered { self.geometry.reorder(gpu, &clusters) } else { Ok(()) }
     }
 
     /// Of each variant, whether something is drawn with it by each kind of [`ProbeUse`].
@@ -124,6 +142,20 @@ impl SceneResources {
         geometry: GeometryView<'_>,
         settings: &RenderSettings,
     ) -> Result<Self> {
+        Self::with_clusters(context, textures, scene, geometry, settings).map(|(resources, _)| resources)
+    }
+
+    /// The same, and the clusters that its draws are of, in their order.
+    ///
+    /// # Errors
+    /// No memory; a failed Vulkan call.
+    pub fn with_clusters(
+        context: &Context,
+        textures: SceneTextures,
+        scene: &Scene,
+        geometry: GeometryView<'_>,
+        settings: &RenderSettings,
+    ) -> Result<(Self, Vec<Cluster>)> {
         let gpu = &context.gpu;
         let features = SceneFeatures::of(scene, settings.model, settings.viewpoint);
         let blends: Vec<bool> = scene.materials.iter().map(|material| material.blends).collect();
@@ -146,7 +178,7 @@ impl SceneResources {
         let block = |(material, drawn): (&Material, &DrawnMaterial)| material_block(material, drawn.textures);
         let blocks: Vec<MaterialBlock> = scene.materials.iter().zip(&drawn).map(block).collect();
         let (draws, instances) = draws(&clusters, &buffers, &drawn);
-        Ok(Self {
+        let resources = Self {
             geometry: buffers,
             instances: storage(gpu, "instances", &instances)?,
             materials: storage(gpu, "materials", &blocks)?,
@@ -161,7 +193,8 @@ impl SceneResources {
             ray_scene: Arc::new(LazyRayScene::new(scene, geometry, &textures.sets)),
             textures,
             draws,
-        })
+        };
+        Ok((resources, clusters))
     }
 }
 

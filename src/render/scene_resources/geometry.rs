@@ -29,17 +29,14 @@ impl Geometry {
     /// Too many vertices or indices for 32 bits or for the GPU's memory.
     pub fn new(gpu: &Arc<Gpu>, clusters: &[Cluster], second_uv: bool) -> Result<Self> {
         let mut ranges = Vec::with_capacity(clusters.len());
-        let (mut first_vertices, mut vertex, mut index) = (Vec::with_capacity(clusters.len()), 0, 0);
+        let (mut vertex, mut index) = (0, 0);
         for cluster in clusters {
-            let end = index + cluster.indices.len();
-            let (Ok(first), Ok(start), Ok(end_index)) = (u32::try_from(vertex), index.try_into(), end.try_into())
-            else {
-                let problem = format!("{vertex} vertices and {end} indices are too many");
+            (vertex, index) = (vertex + cluster.vertices.len(), index + cluster.indices.len());
+            let (Ok(_), Ok(end)) = (u32::try_from(vertex), u32::try_from(index)) else {
+                let problem = format!("{vertex} vertices and {index} indices are too many");
                 return Err(Error::GpuMemory { what: "geometry".into(), problem });
             };
-            ranges.push(start..end_index);
-            first_vertices.push(first);
-            (vertex, index) = (vertex + cluster.vertices.len(), end);
+            ranges.push(end - cluster.indices.len() as u32..end);
         }
         let vertices: Vec<PackedVertex> =
             clusters.par_iter().flat_map_iter(|c| c.vertices.iter().map(PackedVertex::from)).collect();
@@ -50,10 +47,7 @@ impl Geometry {
             true => clusters.par_iter().flat_map_iter(extra).collect(),
             false => vec![VertexExtraBlock::default()],
         };
-        let absolute = |(cluster, first): (&Cluster, u32)| -> Vec<u32> {
-            cluster.indices.iter().map(|index| first + u32::from(*index)).collect()
-        };
-        let indices: Vec<u32> = clusters.iter().zip(first_vertices).flat_map(absolute).collect();
+        let indices = absolute_indices(clusters);
         let (vertices, indices): (&[u8], &[u8]) = (bytemuck::cast_slice(&vertices), bytemuck::cast_slice(&indices));
         let vertex_buffer = Buffer::new(gpu, "vertices", BufferKind::Vertex, vertices.len() as u64)?;
         let index_buffer = Buffer::new(gpu, "indices", BufferKind::Index, indices.len() as u64)?;
@@ -68,4 +62,26 @@ impl Geometry {
         upload.finish()?;
         Ok(Self { vertices: vertex_buffer, indices: index_buffer, extras: extra_buffer, ranges })
     }
+
+    /// Uploads the indices of the same clusters in another order. Nothing may be drawn meanwhile.
+    ///
+    /// # Errors
+    /// No memory; a failed Vulkan call.
+    pub fn reorder(&self, gpu: &Arc<Gpu>, clusters: &[Cluster]) -> Result<()> {
+        let indices = absolute_indices(clusters);
+        let mut upload = Upload::new(gpu);
+        upload.buffer(&self.indices, bytemuck::cast_slice(&indices))?;
+        upload.finish()
+    }
+}
+
+/// Indices into the vertices of all clusters, which are as many as 32 bits can count.
+fn absolute_indices(clusters: &[Cluster]) -> Vec<u32> {
+    let mut indices = Vec::with_capacity(clusters.iter().map(|cluster| cluster.indices.len()).sum());
+    let mut first = 0;
+    for cluster in clusters {
+        indices.extend(cluster.indices.iter().map(|index| first + u32::from(*index)));
+        first += cluster.vertices.len() as u32;
+    }
+    indices
 }
