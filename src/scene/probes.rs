@@ -156,7 +156,8 @@ impl Placement {
 
     /// Adds probes around things, boxes with how often each was met; neighbours share one where there are more than probes are left.
     fn add_things(&mut self, bvh: &Bvh, things: Vec<(Bounds, usize)>, cameras: &[Vec3]) {
-        let rooms: Vec<Probe> = self.probes.iter().filter(|probe| probe.thing.is_none()).copied().collect();
+        let mut rooms: Vec<Probe> = self.probes.iter().filter(|probe| probe.thing.is_none()).copied().collect();
+        rooms.sort_by(|a, b| a.bounds.volume().total_cmp(&b.bounds.volume()));
         let room_of = |thing: Bounds| rooms.iter().find(|room| room.bounds.contains(thing)).map(|room| room.bounds);
         let is_open = |thing: Bounds| !rooms.iter().any(|room| room.reaches(thing.centre()));
         let is_small = |thing: Bounds| thing.volume() <= SMALL * room_of(thing).unwrap_or(bvh.bounds()).volume();
