@@ -15,7 +15,7 @@ use crate::gpu::{
     PassTime, Pipeline, Sampler, submit_and_wait,
 };
 use crate::precompute::HierarchicalConvolution;
-use crate::scene::{Bounds, Probe};
+use crate::scene::Probe;
 
 /// Names of the passes, for their times.
 pub const CAPTURE: &str = "probe capture";
@@ -40,9 +40,8 @@ struct Work {
 
 impl Work {
     fn new(probe: &Probe, first_row: u32, rows: u32) -> Self {
-        let Probe { position, thing, .. } = *probe;
-        let within = thing.unwrap_or(Bounds::of([position]));
-        Self { position: position.into(), first_row, rows, low: within.min.into(), high: within.max.into() }
+        let hidden = probe.hidden();
+        Self { position: probe.position.into(), first_row, rows, low: hidden.min.into(), high: hidden.max.into() }
     }
 }
 

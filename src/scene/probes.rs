@@ -79,6 +79,12 @@ impl Probe {
         part * mean_side(self.reach())
     }
 
+    /// The box that its rays leave before they see anything: a little more than a thing's, whose faces may lie in it, and less than
+    /// down to what the thing stands on.
+    pub fn hidden(&self) -> Bounds {
+        self.thing.map_or(Bounds::of([self.position]), |thing| thing.grown(0.5 * self.border()))
+    }
+
     /// Whether it gives mirror images of something in a box, at least in part.
     pub fn reaches_into(&self, bounds: Bounds) -> bool {
         let reach = self.reach().grown(self.border());
@@ -205,14 +211,14 @@ fn mean_side(bounds: Bounds) -> f32 {
 fn surroundings(bvh: &Bvh, mut thing: Bounds, room: Option<Bounds>) -> Option<Probe> {
     thing.min.y = ground(bvh, thing) + THING_BORDER * mean_side(thing);
     let position = thing.centre();
-    let view = View::around(bvh, position, thing, RAYS);
-    // What it stands on is its floor; what stands beside it is no wall: most of what is seen there is beyond.
-    let floor = (position.y - view.wall(bvh, 1, -1.0)).min(thing.min.y);
     let around = room.unwrap_or_else(|| Bounds::of([position]).grown(NO_WALL * bvh.bounds().radius()));
-    let bounds = Bounds { min: around.min.with_y(floor), ..around };
+    let mut probe = Probe { position, bounds: around, thing: Some(thing) };
+    let view = View::around(bvh, position, probe.hidden(), RAYS);
+    // What it stands on is its floor; what stands beside it is no wall: most of what is seen there is beyond.
+    probe.bounds.min.y = (position.y - view.wall(bvh, 1, -1.0)).min(thing.min.y);
     // A room may be seen from its walls' backs.
     let is_outside = room.is_some() || view.backs < BEHIND;
-    (!view.met.is_empty() && is_outside).then_some(Probe { position, bounds, thing: Some(thing) })
+    (!view.met.is_empty() && is_outside).then_some(probe)
 }
 
 /// How high a thing stands: its box's lowest, or higher what it is sunk in.

@@ -143,6 +143,20 @@ fn a_thing_in_the_open_gets_its_own_and_a_court_has_no_ceiling() {
 }
 
 #[test]
+fn a_box_does_not_see_its_own_sides() {
+    let floor = walls(Vec3::new(-5.0, 0.0, -5.0), Vec3::new(5.0, 9.0, 5.0), &[0, 1, 3, 4, 5]);
+    let parts = [floor, walls(Vec3::new(-0.4, 0.0, -0.3), Vec3::new(0.4, 0.9, 0.3), &[])];
+    let found = placed(&parts, &[Vec3::new(0.0, 1.5, 2.0)]);
+    let [probe] = found.probes[..] else { panic!("{found:?}") };
+    let View { from, met, .. } = View::around(&bvh(&parts), probe.position, probe.hidden(), RAYS);
+    let heights: Vec<f32> = met.iter().map(|met| from.y + met.t * met.d.y).collect();
+    assert!(heights.len() > RAYS as usize / 3, "rays that go down meet the floor: {}", heights.len());
+    // Its sides reach down to the floor, to which rays begin a little above.
+    let highest = heights.iter().copied().fold(0.0, f32::max);
+    assert!(highest < probe.border(), "the box's own sides are met, {highest} m high");
+}
+
+#[test]
 fn small_things_in_a_room_get_their_own_and_neighbours_share_where_there_are_many() {
     let room = walls(LOW, HIGH, &[]);
     let cameras = [[1.5, 2.5], [-1.5, 2.5], [1.5, -2.5], [-1.5, -2.5]].map(|[x, z]| Vec3::new(x, 1.6, z));
