@@ -47,13 +47,6 @@ vec3 probe_specular(int index, vec3 p, SpecularLobe lobe, Surface s, vec3 even)
     return round_reflectance(lobe) * radiance * reach_of_probe(index, s, even);
 }
 
-// Whether a probe's weight at p may be more than 0.
-bool may_reach(Probe probe, vec3 p)
-{
-    vec3 outside = max(probe.reach_low - p, p - probe.reach_high);
-    return max(outside.x, max(outside.y, outside.z)) < probe.border;
-}
-
 // What the probes around a point give of it; `left`: the share that they leave to the panorama.
 vec3 local_specular(SpecularLobe lobe, Surface s, vec3 position, vec3 even, out float left)
 {
@@ -66,7 +59,7 @@ vec3 local_specular(SpecularLobe lobe, Surface s, vec3 position, vec3 even, out 
     uint around = 0u;
     for (uint others = draw.probes; others != 0u; others &= others - 1u) {
         int index = findLSB(others);
-        if (may_reach(probes[index], p))
+        if (probe_weight(p, probes[index]) > 0.0)
             around |= 1u << index;
     }
     do {

@@ -8,6 +8,7 @@ use super::culling::Frusta;
 use super::eye::Eye;
 use crate::gpu::Cull;
 use crate::scene::cluster::Cluster;
+use crate::scene::probes::MOST_PROBES;
 use crate::scene::{Bounds, Probe};
 
 /// One range of triangles of one instance.
@@ -43,9 +44,13 @@ pub enum ProbeUse {
     One(u32),
 }
 
+const _: () = assert!(MOST_PROBES <= u32::BITS as usize);
+
 impl ProbeUse {
     /// How many kinds there are.
     pub const KINDS: usize = 3;
+    /// The kind that several may give.
+    pub const SEVERAL: usize = 1;
 
     /// Of these probes, whose order is that in which shaders ask them, for what is in a box.
     pub fn new(probes: &[Probe], bounds: Bounds) -> Self {
@@ -67,7 +72,7 @@ impl ProbeUse {
     pub fn kind(self) -> usize {
         match self {
             Self::None => 0,
-            Self::Several(_) => 1,
+            Self::Several(_) => Self::SEVERAL,
             Self::One(_) => 2,
         }
     }

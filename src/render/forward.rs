@@ -114,7 +114,7 @@ impl ForwardPass {
             let constants: Vec<Constant> = common
                 .into_iter()
                 .chain(constants(features, multiple))
-                .chain([(constant::SEVERAL_PROBES, u32::from(kind == ProbeUse::Several(0).kind()))])
+                .chain([(constant::SEVERAL_PROBES, u32::from(kind == ProbeUse::SEVERAL))])
                 .collect();
             let stages = stages(kind > 0);
             let fragment = if features.alpha_mask { stages.cutout } else { stages.surface };

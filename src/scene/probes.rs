@@ -8,7 +8,7 @@ use super::Probe;
 use super::bvh::{Bvh, Hit};
 use super::lightmap_texels::random_direction;
 use super::mesh::Bounds;
-use super::things::{joined, outstanding, things};
+use super::things::{holds_any, joined, outstanding, things};
 use crate::reference::probe::box_exit;
 
 /// The most probes of a scene: each takes memory and time to capture.
@@ -170,8 +170,7 @@ impl Placement {
         let has_own = |thing: Bounds| if room_of(thing).is_some() { is_small(thing) } else { is_open(thing) };
         let may_share = |a: Bounds, b: Bounds| {
             let both = a.union(b);
-            let holds_camera = cameras.iter().any(|camera| both.contains(Bounds::of([*camera])));
-            room_of(a) == room_of(b) && room_of(both) == room_of(a) && is_small(both) && !holds_camera
+            room_of(a) == room_of(b) && room_of(both) == room_of(a) && is_small(both) && !holds_any(both, cameras)
         };
         let free = MOST_PROBES - self.probes.len();
         let things = joined(things.into_iter().filter(|(thing, _)| has_own(*thing)).collect(), free, may_share);
