@@ -45,10 +45,11 @@ fn teapot() -> String {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/scenes/teapot.toml").display().to_string()
 }
 
+/// tools/test runs the demo itself, as README.md shows it.
 #[test]
-fn without_a_display_the_demo_becomes_a_picture_and_one_line_says_why() {
+fn without_a_display_a_scene_becomes_a_picture_and_one_line_says_why() {
     let folder = tempfile::tempdir().expect("a folder");
-    let said = succeeds(folder.path(), &[]);
+    let said = succeeds(folder.path(), &["view", &teapot(), "--light", "direct"]);
     assert_eq!(said.lines().count(), 1, "{said}");
     assert!(said.contains("pbr-vr.png") && said.contains("display"), "{said}");
     let picture = image::open(folder.path().join("pbr-vr.png")).expect("a picture").to_rgb8();

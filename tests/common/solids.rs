@@ -9,8 +9,8 @@ use pbr_vr::context::{Context, Setup};
 use pbr_vr::gpu::{FrameRing, Gpu, Subresource, read_image};
 use pbr_vr::reference::shadow::hit;
 use pbr_vr::render::{
-    Eye, FRAME_BYTES, FRAMES_IN_FLIGHT, FrameInputs, LightModel, Output, RenderSettings, Renderer, Shading,
-    StandardError, lightmap_sides,
+    Eye, FRAME_BYTES, FRAMES_IN_FLIGHT, FrameInputs, LightDetail, LightModel, Output, RenderSettings, Renderer,
+    Shading, StandardError, lightmap_sides,
 };
 use pbr_vr::scene::{Bounds, Camera, Environment, Instance, Material, Mesh, PointLight, Scene, Vertex};
 
@@ -129,11 +129,13 @@ pub struct Shot {
     pub size: u32,
     pub frames: u64,
     pub world_from_models: Mat4,
+    /// Texels along the lightmap.
+    pub lightmap: u32,
 }
 
 impl Shot {
     pub fn new(light: LightModel, size: u32) -> Self {
-        Self { light, shading: Shading::Pbr, size, frames: 1, world_from_models: Mat4::IDENTITY }
+        Self { light, shading: Shading::Pbr, size, frames: 1, world_from_models: Mat4::IDENTITY, lightmap: 128 }
     }
 
     /// The reference's mean of so many frames.
@@ -179,9 +181,17 @@ pub fn take_all(gpu: &Arc<Gpu>, scene: &Scene, eyes: &[Eye], shot: Shot) -> Vec<
         vertical_fov_degrees: 45.0,
     });
     scene.cameras = cameras.collect();
-    let Shot { light, shading, size, frames, world_from_models } = shot;
-    let settings =
-        RenderSettings { light, shading, samples: 1, output: Output::Linear, cube_size: 16, ..Default::default() };
+    let Shot { light, shading, size, frames, world_from_models, lightmap } = shot;
+    let light_detail = LightDetail { lightmap_size: Some(lightmap), ..LightDetail::default() };
+    let settings = RenderSettings {
+        light,
+        shading,
+        samples: 1,
+        output: Output::Linear,
+        cube_size: 16,
+        light_detail,
+        ..Default::default()
+    };
     let context = Context { report: Arc::new(Report::silent()), ..Setup::silent(validated()).with(gpu) };
     let mut renderer = Renderer::new(&context, &scene, settings, [size; 2], 1).expect("a renderer");
     let inputs = FrameInputs { world_from_models, ..FrameInputs::of(&scene, &eyes[..1]) };

@@ -17,6 +17,8 @@ use crate::common::solids::{
 use crate::common::stage::with_gpu;
 
 const BAKED: LightModel = LightModel::Baked;
+/// Texels along the lightmap where noise, seams or slopes of light are judged.
+const FINE: u32 = 256;
 /// Far enough for a scene of some 2 m to need no more than the least lightmap.
 const FAR: [f64; 3] = [0.0, 12.0, 0.0];
 
@@ -128,7 +130,8 @@ fn white_things_are_invisible_in_a_furnace() {
     let scene = world(things, vec![grey(1.0, 0.0, 0.8), grey(1.0, 1.0, 0.5)], vec![], uniform(1.0));
     with_gpu(|gpu| {
         for from in [[0.3, 1.6, 2.2], [-2.0, 0.2, 1.0]] {
-            let taken = take(gpu, &scene, &eye(from, [0.0, -0.1, 0.0], 45.0), Shot::new(BAKED, 64));
+            let shot = Shot { lightmap: FINE, ..Shot::new(BAKED, 64) };
+            let taken = take(gpu, &scene, &eye(from, [0.0, -0.1, 0.0], 45.0), shot);
             let (low, mean, high) = (taken.quantile(0.001), taken.mean(), taken.quantile(0.999));
             // In corners between white things light bounces more often than is computed: some is missing, none is added.
             println!("mean {mean:.5}, from {low:.4} to {high:.4}");
@@ -292,8 +295,8 @@ fn a_room_with_a_window_gets_no_light_from_noise() {
     let scene = world(things, vec![grey(0.8, 0.0, 1.0)], vec![], sky);
     let from = eye([0.8, 1.6, -0.8], [-0.4, 0.8, 1.0], 90.0);
     with_gpu(|gpu| {
-        let baked = take(gpu, &scene, &from, Shot::new(BAKED, 48)).mean();
-        let exact = take(gpu, &scene, &from, Shot::reference(BAKED, 48, 512)).mean();
+        let baked = take(gpu, &scene, &from, Shot { lightmap: FINE, ..Shot::new(BAKED, 48) }).mean();
+        let exact = take(gpu, &scene, &from, Shot::reference(BAKED, 48, 256)).mean();
         println!("{baked:.4} for {exact:.4}, {:+.2} %", 100.0 * (baked / exact - 1.0));
         assert!((baked / exact - 1.0).abs() < 0.02, "{baked} for {exact}");
     });
@@ -326,7 +329,7 @@ fn noise_is_taken_out_and_shadows_stay() {
         (0..steps).flat_map(|i| (0..steps).map(move |j| (i, j))).map(cell).sum::<f64>() * area
     };
     with_gpu(|gpu| {
-        let taken = take(gpu, &scene, &from, diffuse(64));
+        let taken = take(gpu, &scene, &from, Shot { lightmap: FINE, ..diffuse(64) });
         let at: Vec<(f64, DVec3)> =
             soft(&scene, &from, &taken, 1).into_iter().flatten().map(|(e, p, _)| (e, p)).collect();
         let pairs = |is_in: &dyn Fn(f64, DVec3) -> bool| -> Vec<(f64, f64)> {
@@ -508,7 +511,7 @@ fn feet_and_corners_are_as_the_reference_has_them() {
     let from = eye([-0.2, 1.1, 0.95], [0.1, 0.1, -0.5], 70.0);
     with_gpu(|gpu| {
         let size = 64;
-        let exact = take(gpu, &scene, &from, Shot::reference(BAKED, size, 512));
+        let exact = take(gpu, &scene, &from, Shot::reference(BAKED, size, 256));
         let baked = take(gpu, &scene, &from, Shot::new(BAKED, size));
         let near = |p: DVec3, [x0, x1]: [f64; 2], [z0, z1]: [f64; 2]| {
             let off = DVec3::new((x0 - p.x).max(p.x - x1).max(0.0), 0.0, (z0 - p.z).max(p.z - z1).max(0.0)).length();
@@ -556,7 +559,8 @@ fn charts_have_no_seams_and_bakes_repeat() {
     let scene = world(things, vec![grey(0.5, 0.0, 1.0)], vec![], sky);
     let eyes = [[0.0, 0.0, 4.0], [3.0, 1.0, -2.0], [-2.0, -3.0, 1.0]].map(|from| eye(from, [0.0; 3], 35.0));
     with_gpu(|gpu| {
-        let taken = take_all(gpu, &scene, &eyes, diffuse(96));
+        let shot = Shot { lightmap: FINE, ..diffuse(96) };
+        let taken = take_all(gpu, &scene, &eyes, shot);
         let matt = Matt::new(&scene.materials[0]);
         let (mut worst, mut pairs) = (0f64, Vec::new());
         for (eye, taken) in eyes.iter().zip(&taken) {
@@ -575,9 +579,9 @@ fn charts_have_no_seams_and_bakes_repeat() {
         let (mean, spread) = deviations(&pairs);
         println!("{:+.3} %, spread {:.3} %, worst {:.2} %", 100.0 * mean, 100.0 * spread, 100.0 * worst);
         assert!(mean.abs() < 0.004 && spread < 0.006 && worst < 0.03, "{mean}, {spread}, {worst}");
-        let again = take(gpu, &scene, &eyes[0], diffuse(96));
+        let again = take(gpu, &scene, &eyes[0], shot);
         assert!(again.lightmap == taken[0].lightmap && again.pixels == taken[0].pixels, "another lightmap");
-        assert!(again.lightmap.len() >= 4 * 256 * 256);
+        assert!(again.lightmap.len() >= 4 * (FINE * FINE) as usize);
     });
 }
 

@@ -7,7 +7,8 @@ use crate::common::{PictureOptions, Workshop, material, mean_at, sphere, square}
 use pbr_vr::asset::picture::Picture;
 use pbr_vr::render::{LightModel, Shading};
 
-const SIZE: [u32; 2] = [96, 96];
+/// Of pictures that a ball fills.
+const SIZE: u32 = 48;
 
 /// A box of six colours, 2 m wide, with a lamp and a thing of polished metal in it.
 fn room(shop: &Workshop, thing: &str, probes: &str) -> PathBuf {
@@ -30,15 +31,19 @@ fn room(shop: &Workshop, thing: &str, probes: &str) -> PathBuf {
     // So small a part of the scene, the room gets a small lightmap.
     text += "[[model]]\nfile = \"0.obj\"\ntranslation = [0, 0, -14]\nscale = 0.01\n";
     text += "[[light]]\npoint = { position = [-0.4, 0.5, 0.4], intensity = [1, 1, 1] }\n";
-    text += "[[camera]]\nname = \"c\"\nposition = [-0.1, 0.1, 0.9]\ntarget = [0.2, -0.1, -0.2]\nvertical_fov_degrees = 30\n";
+    text += "[[camera]]\nname = \"c\"\nposition = [-0.1, 0.1, 0.9]\ntarget = [0.2, -0.1, -0.2]\nvertical_fov_degrees = 15.3\n";
     text += "[[camera]]\nname = \"front\"\nposition = [0.6, 0.1, 0.9]\ntarget = [0, 0.1, -0.6]\nvertical_fov_degrees = 30\n";
     shop.write("scene.toml", &text)
 }
 
-fn picture(shop: &Workshop, scene: &Path, shading: Shading, camera: &str) -> Picture {
+fn picture(shop: &Workshop, scene: &Path, shading: Shading) -> Picture {
+    seen_by("c", SIZE, shop, scene, shading)
+}
+
+fn seen_by(camera: &str, size: u32, shop: &Workshop, scene: &Path, shading: Shading) -> Picture {
     let frames = if shading == Shading::Reference { 96 } else { 1 };
     let options = PictureOptions {
-        size: SIZE,
+        size: [size; 2],
         camera: Some(camera),
         shading,
         frames,
@@ -48,9 +53,9 @@ fn picture(shop: &Workshop, scene: &Path, shading: Shading, camera: &str) -> Pic
     shop.render(scene, &options).remove(0)
 }
 
-/// How far colours are off in blocks of the picture's middle, which a ball fills; the least first.
+/// How far colours are off in blocks of a picture that a ball fills; the least first.
 fn all_off(got: &Picture, want: &Picture) -> Vec<f64> {
-    let middles = || (24..72).step_by(6);
+    let middles = || (3..SIZE).step_by(6);
     let block = |(x, y): (u32, u32)| {
         let [got, want] = [got, want].map(|picture| mean_at(picture, x, y, 2));
         let distance: f64 = got.iter().zip(&want).map(|(a, b)| (a - b).abs()).sum();
@@ -82,10 +87,10 @@ fn a_mirror_ball_shows_each_wall_where_it_is() {
             "[[probe]]\nposition = [-0.5, 0.2, 0.1]\nbox = [[-{side}, -{side}, -{side}], [{side}, {side}, {side}]]\n"
         )
     };
-    let exact = picture(&shop, &room(&shop, ball, ""), Shading::Reference, "c");
-    let right = median_off(&picture(&shop, &room(&shop, ball, &probe(1.0)), Shading::Pbr, "c"), &exact);
-    let by_rays = median_off(&picture(&shop, &room(&shop, ball, ""), Shading::Pbr, "c"), &exact);
-    let too_large = median_off(&picture(&shop, &room(&shop, ball, &probe(6.0)), Shading::Pbr, "c"), &exact);
+    let exact = picture(&shop, &room(&shop, ball, ""), Shading::Reference);
+    let right = median_off(&picture(&shop, &room(&shop, ball, &probe(1.0)), Shading::Pbr), &exact);
+    let by_rays = median_off(&picture(&shop, &room(&shop, ball, ""), Shading::Pbr), &exact);
+    let too_large = median_off(&picture(&shop, &room(&shop, ball, &probe(6.0)), Shading::Pbr), &exact);
     println!("off by {right:.3} with the room's box, {by_rays:.3} found by rays, {too_large:.3} with a larger box");
     assert!(right < 0.08 && by_rays < 0.08, "{right}, {by_rays}");
     assert!(too_large > 2.0 * right, "parallax no longer counts: {right} against {too_large}");
@@ -109,18 +114,19 @@ fn open_place(shop: &Workshop, probes: &str) -> PathBuf {
     ] {
         writeln!(text, "[[model]]\nfile = \"{name}.obj\"\n{at}").expect("a string");
     }
-    text += "[[camera]]\nname = \"c\"\nposition = [-0.2, 0.6, 1.6]\ntarget = [0, 0.3, 0]\nvertical_fov_degrees = 27\n";
+    text +=
+        "[[camera]]\nname = \"c\"\nposition = [-0.2, 0.6, 1.6]\ntarget = [0, 0.3, 0]\nvertical_fov_degrees = 13.7\n";
     shop.write("open.toml", &text)
 }
 
 #[test]
 fn a_mirror_ball_in_the_open_shows_the_floor_and_what_stands_beside_it() {
     let shop = Workshop::new();
-    let exact = picture(&shop, &open_place(&shop, ""), Shading::Reference, "c");
-    let around = mean_off(&picture(&shop, &open_place(&shop, ""), Shading::Pbr, "c"), &exact);
+    let exact = picture(&shop, &open_place(&shop, ""), Shading::Reference);
+    let around = mean_off(&picture(&shop, &open_place(&shop, ""), Shading::Pbr), &exact);
     // A probe by hand that does not reach the ball leaves it what the lightmap knows.
     let elsewhere = "[[probe]]\nposition = [8, 8, 8]\nbox = [[7, 7, 7], [9, 9, 9]]\n";
-    let without = mean_off(&picture(&shop, &open_place(&shop, elsewhere), Shading::Pbr, "c"), &exact);
+    let without = mean_off(&picture(&shop, &open_place(&shop, elsewhere), Shading::Pbr), &exact);
     println!("off by {around:.3} with a probe around the ball, {without:.3} without");
     assert!(around < 0.06 && without > 1.6 * around, "{around} against {without}");
 }
@@ -138,7 +144,7 @@ fn no_seam_shows_where_one_probe_ends() {
         format!("[[probe]]\nposition = [{middle}, 0, 0]\nbox = [[{low}, -1, -1], [{high}, 1, 1]]\n")
     };
     let scene = room(&shop, panel, &(half(-1.0, 0.0) + &half(0.0, 1.0)));
-    let seen = picture(&shop, &scene, Shading::Specular, "front");
+    let seen = seen_by("front", 96, &shop, &scene, Shading::Specular);
     let columns: Vec<f64> = (4..92).map(|x| mean_at(&seen, x, 48, 0).iter().sum()).collect();
     let mean = columns.iter().sum::<f64>() / columns.len() as f64;
     let steps: Vec<f64> = columns.windows(2).map(|pair| (pair[1] - pair[0]).abs() / mean).collect();

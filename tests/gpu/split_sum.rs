@@ -10,7 +10,7 @@ use pbr_vr::context::Context;
 use pbr_vr::precompute::{BrdfTable, TableTexels};
 use pbr_vr::reference::brdf::Geometry;
 use pbr_vr::reference::energy::Scattering;
-use pbr_vr::reference::integrals::{PanoramaView, Surface, reflected};
+use pbr_vr::reference::integrals::{PanoramaView, Surface, Terms, reflected_by};
 use pbr_vr::reference::levels::{alpha_from_level, level_from_spread};
 use pbr_vr::reference::lobe::kernel_spread;
 use pbr_vr::reference::panorama_sums::prefiltered_around;
@@ -183,6 +183,7 @@ fn split_sum_errors(name: &str, panorama: &Panorama) -> [[Errors; 3]; 2] {
     let view = PanoramaView::new(panorama.width, panorama.height, &panorama.texels).expect("a panorama");
     let mut errors: [[Vec<f64>; 3]; 2] = Default::default();
     for roughness in [0.25, 0.5, 0.75, 1.0] {
+        let terms = Terms::new(roughness, Geometry::Smith);
         for nv in [1.0, 0.7, 0.4, 0.1f64] {
             let lobe = table_lobe(nv, roughness, Geometry::Smith);
             for i in 0..6 {
@@ -193,7 +194,7 @@ fn split_sum_errors(name: &str, panorama: &Panorama) -> [[Errors; 3]; 2] {
                 let v = nv * n + (1.0 - nv * nv).sqrt() * n.any_orthonormal_vector();
                 let base_color = DVec3::new(F0[0], F0[1], 0.0);
                 let surface = Surface { n, v, base_color, metallic: 1.0, roughness };
-                let truth = reflected(view, &surface, Geometry::Smith, Scattering::Single).specular;
+                let truth = reflected_by(view, &surface, &terms, Scattering::Single).specular;
                 let r = 2.0 * nv * n - v;
                 let classic = prefiltered_around(
                     &[r],
