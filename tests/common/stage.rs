@@ -25,9 +25,11 @@ pub fn with_gpu<R>(work: impl FnOnce(&Arc<Gpu>) -> R) -> R {
     result
 }
 
-/// What a processor draws fastest: plain texels, one sample along a footprint.
-fn textures() -> TextureOptions {
-    TextureOptions { storage: Storage::Raw, anisotropy: 1, ..TextureOptions::default() }
+/// For what a processor draws fastest: plain texels, one sample along a footprint. Of shaders that read compressed ones, Mesa's
+/// software renderer keeps no machine code.
+pub fn load_options() -> LoadOptions {
+    let textures = TextureOptions { storage: Storage::Raw, anisotropy: 1, ..TextureOptions::default() };
+    LoadOptions { textures, ..LoadOptions::default() }
 }
 
 /// One of assets/scenes.
@@ -37,7 +39,7 @@ pub fn shipped(name: &str) -> PathBuf {
 
 /// Loads a scene.
 pub fn scene(path: &Path) -> Scene {
-    load(path, &LoadOptions { textures: textures(), ..LoadOptions::default() }, &Report::silent()).expect("a scene")
+    load(path, &load_options(), &Report::silent()).expect("a scene")
 }
 
 /// The naive form of a scene's textures: the finest level only, so that what is far away is picked from it at random.

@@ -2,12 +2,12 @@
 
 use pbr_vr::asset::Report;
 use pbr_vr::render::{Eye, LightModel, Shading};
-use pbr_vr::scene::{LoadOptions, load};
+use pbr_vr::scene::load;
 
 use crate::common::Workshop;
 use crate::common::colour::{Look, look};
 use crate::common::gltf::everything;
-use crate::common::stage::with_gpu;
+use crate::common::stage::{load_options, with_gpu};
 
 /// Numbers that look random and are the same in every run (Marsaglia, "Xorshift RNGs", 2003).
 fn next(state: &mut u64, end: usize) -> usize {
@@ -38,7 +38,7 @@ fn what_can_be_loaded_can_be_drawn() {
             let path = shop.path("a.gltf");
             let bytes = if number == 0 { good.clone() } else { changed(&good, &mut state) };
             std::fs::write(&path, bytes).expect("a file");
-            let Ok(scene) = load(&path, &LoadOptions::default(), &Report::silent()) else { continue };
+            let Ok(scene) = load(&path, &load_options(), &Report::silent()) else { continue };
             let eye = Eye::of_camera(&scene.cameras[0], 16.0 / 9.0);
             let shading = if number % 4 == 0 { Shading::Reference } else { Shading::Pbr };
             let light = if number % 8 == 0 { LightModel::Baked } else { LightModel::Direct };

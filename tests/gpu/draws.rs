@@ -1,37 +1,18 @@
 //! Culling and draw order do not change the picture.
 
-use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use crate::common::stage::draw_frame;
-use pbr_vr::asset::Report;
+use crate::common::stage::{draw_frame, scene, shipped, with_gpu};
 use pbr_vr::context::Context;
-use pbr_vr::gpu::{Gpu, GpuOptions, Subresource, read_image};
+use pbr_vr::gpu::{Gpu, Subresource, read_image};
 use pbr_vr::render::{
     CullOptions, DrawCounts, Eye, FrameInputs, IPD_METRES, LightModel, Order, RenderSettings, Renderer,
 };
-use pbr_vr::scene::{self, LoadOptions, Scene};
+use pbr_vr::scene::Scene;
 
 const SIZE: [u32; 2] = [320, 180];
 const ALL: CullOptions = CullOptions { frusta: true, backs: true, order: Order::FrontToBack };
 const NONE: CullOptions = CullOptions { frusta: false, backs: false, order: Order::Listed };
-
-/// Loads a scene of assets/scenes, or one of the large ones where they are.
-fn load(path: &Path) -> Scene {
-    scene::load(path, &LoadOptions::default(), &Report::silent()).expect("a scene")
-}
-
-fn shipped(name: &str) -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/scenes").join(name)
-}
-
-fn with_gpu(work: impl FnOnce(&Arc<Gpu>)) {
-    let gpu = Gpu::open(GpuOptions { validate: true, ..GpuOptions::default() }).expect("a GPU");
-    let messages = gpu.messages();
-    work(&gpu);
-    drop(gpu);
-    messages.check().expect("no validation messages");
-}
 
 fn renderer(gpu: &Arc<Gpu>, scene: &Scene, eyes: usize, samples: u32) -> Renderer {
     let settings = RenderSettings { samples, light: LightModel::Direct, ..RenderSettings::default() };
@@ -80,7 +61,7 @@ fn the_picture_does_not_depend_on_the_order_of_draws() {
     ];
     with_gpu(|gpu| {
         for (name, light, samples, allowed) in cases {
-            let scene = load(&shipped(name));
+            let scene = scene(&shipped(name));
             let settings = RenderSettings { light, samples, ..RenderSettings::default() };
             let mut renderer = Renderer::new(&Context::silent(gpu), &scene, settings, SIZE, 2).expect("a renderer");
             for eyes in views(&scene) {
@@ -104,7 +85,7 @@ fn the_picture_does_not_depend_on_the_order_of_draws() {
 #[test]
 fn frusta_that_leave_out_draws_leave_the_picture_as_it_is() {
     with_gpu(|gpu| {
-        let scene = load(&shipped("tearoom.toml"));
+        let scene = scene(&shipped("tearoom.toml"));
         let mut renderer = renderer(gpu, &scene, 2, 4);
         let mut fewest = usize::MAX;
         for turn in 0..12 {
@@ -131,7 +112,7 @@ fn frusta_that_leave_out_draws_leave_the_picture_as_it_is() {
 #[test]
 fn backs_of_closed_surfaces_are_seen_from_inside_only() {
     with_gpu(|gpu| {
-        let scene = load(&shipped("sphere.toml"));
+        let scene = scene(&shipped("sphere.toml"));
         let mut renderer = renderer(gpu, &scene, 2, 4);
         let without = CullOptions { backs: false, ..ALL };
         let pixels = (2 * SIZE[0] * SIZE[1]) as usize;

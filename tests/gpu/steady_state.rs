@@ -1,19 +1,16 @@
 //! After the first frames, recording and submitting takes no memory from the heap.
 
-use std::path::Path;
-
-use pbr_vr::asset::Report;
 use pbr_vr::context::Context;
 use pbr_vr::gpu::{FrameRing, Gpu, GpuOptions};
 use pbr_vr::render::{
     ControllerGizmos, Eye, FRAME_BYTES, FrameInputs, IPD_METRES, LightModel, RenderSettings, Renderer,
 };
-use pbr_vr::scene::{self, LoadOptions};
+
+use crate::common::stage::{scene, shipped};
 
 #[test]
 fn fifty_frames_are_recorded_and_submitted_without_an_allocation() {
-    let scene = Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/scenes/demo.toml");
-    let scene = scene::load(&scene, &LoadOptions::default(), &Report::silent()).expect("the demo scene");
+    let scene = scene(&shipped("demo.toml"));
     // The layer's own messages are not ours to count.
     let gpu = Gpu::open(GpuOptions::default()).expect("a GPU");
     let settings = RenderSettings { samples: 1, light: LightModel::Direct, ..RenderSettings::default() };
