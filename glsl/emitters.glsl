@@ -22,6 +22,7 @@ struct EmitterLight {
     float area;    // solid angle per area
     float density; // of such points per area
     vec3 radiance;
+    float side;    // share of what leaves the point that leaves to this side
 };
 
 // Density per area with which points of a triangle are drawn.
@@ -29,6 +30,13 @@ float emitter_density(uint triangle)
 {
     Material material = materials[bvh_triangles[triangle].material_and_flags & BVH_MATERIAL];
     return emitter_scale * dot(material.emission, vec3(1.0));
+}
+
+// Share of the light of a triangle's points that leaves to one side: what encloses something sends none inwards.
+float emitted_to_side(uint triangle, bool back)
+{
+    bool one_sided = (bvh_triangles[triangle].material_and_flags & BVH_ONE_SIDED) != 0u;
+    return one_sided ? (back ? 0.0 : 1.0) : 0.5;
 }
 
 // A point of all that shines.
@@ -61,6 +69,7 @@ bool emitter_light(PathPoint p, vec2 u, out EmitterLight light)
     light.area = cosine / max(hit.t * hit.t, TINY);
     light.density = emitter_density(hit.triangle);
     light.radiance = there.s.emission;
+    light.side = emitted_to_side(hit.triangle, is_back(hit, light.l));
     // Points of one plane do not light each other, whatever rounding makes of them.
     if (dot(p.s.n, light.l) <= 0.0 || dot(p.side, to) <= rounding || cosine * hit.t <= rounding || light.radiance == vec3(0.0))
         return false;

@@ -19,10 +19,10 @@ const uint LIGHTMAP_BACK = 0x80000000u;
 
 const uint RELAY_GLOSSY = 0x80000000u;
 
-// A place that light from a lamp met.
+// A place that light from a lamp or from something that shines met.
 struct Relay {
     vec3 position;
-    vec3 side;       // unit normal, towards the lamp
+    vec3 side;       // unit normal, towards that
     vec3 radiance;   // that it gives back of lamps and sun, W/(m^2 sr)
     float density;   // of such places per area
     uint triangle;   // the upper bit: it is not matt
@@ -62,7 +62,7 @@ layout(LIGHTMAP_SURFACES, scalar) buffer LightmapSurfaces { LightmapSurface ligh
 // For each texel of each layer, its index in the list of those above, or all bits.
 layout(LIGHTMAP_INDICES, scalar) readonly buffer LightmapIndices { uint lightmap_indices[]; };
 layout(LIGHTMAP_RELAYS, scalar) buffer LightmapRelays { Relay relays[]; };
-// Layer 0: fronts, layer 1: backs. Given back of the light that comes straight from lamps and sun, with the density of
+// Layer 0: fronts, layer 1: backs. Given back of direct light, from lamps, sun and has_direct_shining, with the density of
 // relays; of soft light, with the share that is glossy; and soft light itself as irradiance, with 1 where it is known, in
 // as many layers more its openness, and in as many again the radiance of what blocks.
 layout(LIGHTMAP_DIRECT) uniform sampler2DArray given_back_of_direct;
@@ -79,6 +79,7 @@ layout(push_constant, scalar) uniform Work {
     uint samples;
     uint flags;
     uint relay_count;  // 0: none are used
+    float spot_density; // of relays per area from which a place is near what shines
 } work;
 
 // `flags`: sums begin with these samples; what is known is shown from now on; their sky is counted; their sums are kept.
@@ -143,6 +144,18 @@ vec3 irradiance_to_give(LightmapSums sums)
 void store_soft(ivec3 at, LightmapSurface s, vec3 irradiance)
 {
     imageStore(soft_image, at, vec4(s.albedo.rgb * irradiance * INV_PI, s.albedo.a));
+}
+
+// The part of all relays that begin at what shines; the others begin at lamps.
+float relays_of_emitters()
+{
+    return emitter_count == 0u ? 0.0 : frame.light_count == 0u ? 1.0 : 0.5;
+}
+
+// Whether what a texel gives back of light straight from what shines is part of its direct light, of the soft one else.
+bool has_direct_shining(float glossy)
+{
+    return work.relay_count > 0u && emitter_count > 0u && glossy <= 0.5;
 }
 
 ivec3 texel_address(LightmapTexel texel)

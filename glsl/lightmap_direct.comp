@@ -1,4 +1,4 @@
-// What each texel gives back of the light that comes straight from lamps and the sun.
+// What each texel gives back of the light that comes straight from lamps and the sun, and from what shines where that has relays.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "lightmap.glsl"
@@ -62,6 +62,53 @@ uint seen_places(LightmapTexel texel, uint index)
     return seen;
 }
 
+// What comes straight from all that shines.
+struct Shining {
+    vec3 given;    // radiance given back of it
+    float density; // of its relays
+};
+
+// Adds one point of it or one direction, seen along l: `density` of such points and `here` of such directions per area, `area`: solid
+// angle per area, `side`: see emitted_to_side. The balance heuristic, as in importance.glsl.
+void add(inout Shining sum, PathPoint p, vec3 l, vec3 radiance, float density, float area, float side)
+{
+    float here = max(dot(p.side, l), 0.0) * INV_PI * area, weight = 1.0 / max(density + here, TINY);
+    sum.given += given_back_of(p.s, l) * radiance * (max(dot(p.s.n, l), 0.0) * area * weight);
+    sum.density += side * density * here * weight;
+}
+
+// Samples of it at a spot, where more than a part of relays lie.
+const uint SPOT_SAMPLES = 128;
+
+// Means over a texel's places, both by the same samples: relays give the one divided by the other.
+Shining shining(LightmapTexel texel, uint index, uint seen)
+{
+    uvec4 scrambles = pcg4d(uvec4(index, 0u, 7u, 0u));
+    Shining sum = Shining(vec3(0.0), 0.0);
+    float count = 0.0;
+    bool is_spot = true;
+    for (uint i = 0u; i < SPOT_SAMPLES && is_spot; ++i) {
+        uint place = i % work.samples;
+        is_spot = place + 1u < work.samples || sum.density > work.spot_density * count;
+        if ((seen >> place & 1u) == 0u && seen != 0u)
+            continue;
+        PathPoint p = texel_point(texel_hit(texel, texel_place(index, place)), (texel.triangle & LIGHTMAP_BACK) != 0u);
+        EmitterLight light;
+        if (emitter_light(p, sobol(i, scrambles.xy), light))
+            add(sum, p, light.l, light.radiance, light.density, light.area, light.side);
+        vec3 d = basis(p.side) * cosine_direction(sobol(i, scrambles.zw));
+        RayHit hit = trace_ray(ray_origin(p), d, 1e30, false);
+        if (hit.t >= 0.0) {
+            float area = hit_cosine(hit, d) / max(hit.t * hit.t, TINY), side = emitted_to_side(hit.triangle, is_back(hit, d));
+            vec3 radiance = emission_of_hit(hit);
+            add(sum, p, d, radiance, radiance != vec3(0.0) ? emitter_density(hit.triangle) : 0.0, area, side);
+        }
+        count += 1.0;
+    }
+    float scale = 1.0 / max(count, 1.0);
+    return Shining(scale * sum.given, scale * sum.density);
+}
+
 void main()
 {
     if (gl_GlobalInvocationID.x >= work.count)
@@ -91,10 +138,18 @@ void main()
         glossy += is_glossy(p.s) ? 1.0 : 0.0;
     }
     float scale = 1.0 / float(seen != 0u ? uint(bitCount(seen)) : work.samples);
-    imageStore(direct_image, texel_address(texel), vec4(min(given * scale, HALF_MOST), min(density * scale, HALF_MOST)));
-    imageStore(soft_image, texel_address(texel), vec4(vec3(0.0), glossy * scale));
+    glossy *= scale;
+    given *= scale;
+    density *= scale;
+    if (has_direct_shining(glossy)) {
+        Shining light = shining(texel, index, seen);
+        given += light.given;
+        density = mix(density, light.density, relays_of_emitters());
+    }
+    imageStore(direct_image, texel_address(texel), vec4(min(given, HALF_MOST), min(density, HALF_MOST)));
+    imageStore(soft_image, texel_address(texel), vec4(vec3(0.0), glossy));
     vec3 n = normalize_or(normal, vec3(0.0, 1.0, 0.0));
-    lightmap_surfaces[index] = LightmapSurface(vec4(albedo, glossy) * scale, seen, place * scale, n, texel_extent(texel),
+    lightmap_surfaces[index] = LightmapSurface(vec4(albedo * scale, glossy), seen, place * scale, n, texel_extent(texel),
         vec4(0.0), 0.0, vec3(0.0));
     lightmap_sums[index] = LightmapSums(vec4(0.0), 0.0, vec4(0.0), vec3(0.0), vec2(0.0), vec4(0.0));
 }

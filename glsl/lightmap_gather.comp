@@ -29,13 +29,16 @@ struct Light {
 };
 
 // Radiance that a hit gives back to where a ray of direction d came from, of what its texel says of direct and soft light. Where it is
-// glossy, that of lamps and sun and the density of relays are those of the very place.
+// glossy, that of lamps and sun and the density of their relays are those of the very place.
 Light given_towards(RayHit hit, vec3 d, float cosine, vec3 direct, vec3 soft, bool glossy, inout float density)
 {
     vec3 towards = towards_over_matt(hit, cosine);
     direct *= towards;
-    if (glossy)
-        direct = glossy_radiance(hit, d, density);
+    if (glossy) {
+        float of_lamps;
+        direct = glossy_radiance(hit, d, of_lamps);
+        density = emitter_count > 0u ? density : of_lamps;
+    }
     return Light(direct, towards * soft);
 }
 
@@ -83,10 +86,12 @@ vec3 drawn_sky_light(PathPoint p, vec3 origin, uvec4 bits, out vec3 d, out vec3 
     return light;
 }
 
-// Irradiance from one direction, over the density of cosine samples, or `sky`; false where no one sees it.
-bool gathered(PathPoint p, RayHit hit, vec3 d, vec3 sky, out Light light)
+// Irradiance from one direction, over the density of cosine samples, or `sky`; `shining`: of what is emitted there. False where no
+// one sees it.
+bool gathered(PathPoint p, RayHit hit, vec3 d, vec3 sky, out Light light, out vec3 shining)
 {
     light = Light(sky, vec3(0.0));
+    shining = vec3(0.0);
     if (hit.t < 0.0)
         return true;
     if (is_never_seen(hit, d))
@@ -100,7 +105,7 @@ bool gathered(PathPoint p, RayHit hit, vec3 d, vec3 sky, out Light light)
     float share = work.relay_count > 0u ? here / max(here + direct.a, TINY) : 1.0;
     light = Light(PI * share * given.steady, PI * share * given.bounced);
     if (emitter_count > 0u)
-        light.steady += PI * emission_of_hit(hit) * (here / max(here + emitter_density(hit.triangle), TINY));
+        shining = PI * emission_of_hit(hit) * (here / max(here + emitter_density(hit.triangle), TINY));
     return true;
 }
 
@@ -174,6 +179,14 @@ void add(inout GatheredLight found, Weights w, Light light)
     found.bounced += w.given * light.bounced;
 }
 
+// Of what is emitted: given back with direct light already, where texels have it there.
+void add_shining(inout GatheredLight found, Weights w, vec3 light, bool is_direct)
+{
+    found.surfaces += light;
+    found.all += w.diffuse * light;
+    found.steady += is_direct ? vec3(0.0) : w.given * light;
+}
+
 void add_steady(inout GatheredLight found, Weights w, vec3 light)
 {
     add(found, w, Light(light, vec3(0.0)));
@@ -184,14 +197,17 @@ bool gather(PathPoint p, vec3 d, uint index, uint i, uvec4 bases, KnownSky known
 {
     vec3 origin = ray_origin(p), sky = sky_light(p.s.n, d, known.is_drawn), l;
     Light light;
+    vec3 shining;
+    bool is_direct = has_direct_shining(lightmap_surfaces[index].albedo.a);
     RayHit met = trace_ray(origin, d, 1e30, false);
-    if (!gathered(p, met, d, sky, light))
+    if (!gathered(p, met, d, sky, light, shining))
         return false;
     Energy energy = Energy(table_mean(brdf_table, p.s.roughness), MULTI_SCATTER);
     float is_sky = met.t < 0.0 ? 1.0 : 0.0, bright = dot(sky_radiance(d, panorama_lod(PANORAMA_TEXELS)), vec3(1.0));
     found.all = found.steady = found.bounced = vec3(0.0);
     add(found, weights(p.s, energy, dot(p.s.n, d)), light);
     found.surfaces = (1.0 - is_sky) * (light.steady + light.bounced);
+    add_shining(found, weights(p.s, energy, dot(p.s.n, d)), shining, is_direct);
     found.unblocked = is_sky * vec4(d * mat3(frame.world_from_models), 1.0);
     found.sky = bright * bright * vec2(is_sky, 1.0);
     if (known.is_drawn && i % PER_DRAWN == 0u) {
@@ -210,9 +226,8 @@ bool gather(PathPoint p, vec3 d, uint index, uint i, uvec4 bases, KnownSky known
         add(found, weights(p.s, energy, dot(p.s.n, l)), light);
     }
     if (emitter_count > 0u) {
-        vec3 shining = emitter_irradiance(p, sobol(i, pcg4d(uvec4(index, 0u, 6u, work.sequence)).xy), l);
-        found.surfaces += shining;
-        add_steady(found, weights(p.s, energy, dot(p.s.n, l)), shining);
+        shining = emitter_irradiance(p, sobol(i, pcg4d(uvec4(index, 0u, 6u, work.sequence)).xy), l);
+        add_shining(found, weights(p.s, energy, dot(p.s.n, l)), shining, is_direct);
     }
     return true;
 }

@@ -21,9 +21,9 @@ use bytemuck::{Pod, Zeroable, bytes_of};
 
 /// Workgroups that sum up what surfaces give back, at most.
 const WEIGHING_GROUPS: u32 = 64;
-/// Places that light from lamps is followed to, where a lamp is near a surface; a power of two.
+/// Places that light from lamps and from what shines is followed to, where some is near a surface; a power of two.
 const RELAYS: u32 = 1 << 14;
-/// Part of the scene's radius nearer than which a lamp makes a spot that few rays find.
+/// Part of the scene's radius nearer than which they make a spot that few rays find.
 const NEAR_LAMP: f32 = 0.1;
 /// What a texel's samples add up to, as shaders have it; a workgroup's sums are the first of it.
 type Sums = [f32; 18];
@@ -58,6 +58,7 @@ struct Work {
     samples: u32,
     flags: u32,
     relay_count: u32,
+    spot_density: f32,
 }
 
 /// A lightmap that is being computed.
@@ -72,6 +73,8 @@ pub struct LightmapBake {
     all_texels: u32,
     texels: u32,
     relays: u32,
+    /// Relays per square metre from which a place is near what they begin at.
+    spot_density: f32,
     /// The most bounces, until it is known how many it takes.
     length: Length,
     /// Sums that tell; the second copy for the CPU.
@@ -217,7 +220,8 @@ impl LightmapBake {
             direct,
             all_texels: all.len() as u32,
             texels: seen as u32,
-            relays: if scene.is_near(ray_scene.lamps(), NEAR_LAMP) { RELAYS } else { 0 },
+            relays: if scene.is_light_near(ray_scene, NEAR_LAMP) { RELAYS } else { 0 },
+            spot_density: scene.radius().powi(-2),
             length: Length::default(),
             sums,
             weighed,
@@ -307,6 +311,7 @@ impl LightmapBake {
             samples,
             flags: self.stage.flags(self.length),
             relay_count: self.relays,
+            spot_density: self.spot_density,
         };
         (work, all)
     }

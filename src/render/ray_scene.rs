@@ -15,7 +15,7 @@ use crate::gpu::{
 };
 use crate::reference::octahedral::pack_frame;
 use crate::scene::atlas::steps;
-use crate::scene::bvh::{Bvh, BvhTriangle};
+use crate::scene::bvh::{Bvh, BvhTriangle, Hit};
 use crate::scene::lightmap_texels::{LightmapTexels, Sides, sides};
 use crate::scene::places::Places;
 use crate::scene::{GeometryView, Instance, Material, Mesh, Scene, Vertex};
@@ -27,6 +27,8 @@ const ONE_SIDED: u32 = 1 << 30;
 const TEXTURE_BYTES: u64 = 192 << 20;
 const MEMORY_PART: u64 = 8;
 const TEXEL_BYTES: u64 = 24;
+/// Triangles that shine and are looked at one by one, at most.
+const MOST_EMITTERS: usize = 256;
 /// Sides of the reduced textures, in texels.
 const SIDES: [u32; 6] = [1024, 512, 256, 128, 64, 32];
 /// Texels along a side of `glsl/ray_textures.comp`'s workgroups.
@@ -151,11 +153,6 @@ impl LazyRayScene {
         locked(&self.built).is_some()
     }
 
-    /// Places of the scene's lamps.
-    pub fn lamps(&self) -> &[Vec3] {
-        &self.lamps
-    }
-
     /// The texels of a lightmap of this side.
     pub fn lightmap_texels(&self, scene: &RayScene, side: u32) -> LightmapTexels {
         LightmapTexels::new(&scene.bvh, &self.meshes, &self.instances, side, &scene.sides)
@@ -221,15 +218,37 @@ impl RayScene {
         Places::new(&self.bvh, &self.sides, most)
     }
 
-    /// Whether some point has a surface nearer than `part` of the scene's radius.
-    pub fn is_near(&self, points: &[Vec3], part: f32) -> bool {
-        let far = part * self.bvh.bounds().radius();
+    /// Of all that rays meet, metres.
+    pub fn radius(&self) -> f32 {
+        self.bvh.bounds().radius()
+    }
+
+    /// Whether a lamp or something that shines has another surface nearer than `part` of the scene's radius.
+    pub fn is_light_near(&self, source: &LazyRayScene, part: f32) -> bool {
+        let triangles = self.bvh.triangles();
+        let shines = |i: usize| source.emission[source.mesh(&triangles[i]).material] > 0.0;
+        let emitters: Vec<usize> = (0..triangles.len()).filter(|i| shines(*i)).collect();
+        let sides = |i: &usize| {
+            let [a, b, c] = triangles[*i].corners.map(Vec3::from);
+            let (middle, n) = ((a + b + c) / 3.0, (b - a).cross(c - a).normalize_or_zero());
+            let off = 1e-4 * (self.radius() + middle.abs().max_element());
+            [middle + off * n, middle - off * n]
+        };
+        let step = emitters.len().div_ceil(MOST_EMITTERS).max(1);
+        let points: Vec<Vec3> =
+            emitters.iter().step_by(step).flat_map(sides).chain(source.lamps.iter().copied()).collect();
+        self.is_near(&points, part, |hit| !shines(hit.triangle))
+    }
+
+    /// Whether some point has one of these surfaces nearer than `part` of the scene's radius.
+    fn is_near(&self, points: &[Vec3], part: f32, counts: impl Fn(&Hit) -> bool) -> bool {
+        let far = part * self.radius();
         // Along a spiral over the sphere: Roberts, "How to evenly distribute points on a sphere" (2018).
         let direction = |i: u16| {
             let (up, longitude) = (1.0 - (2.0 * f32::from(i) + 1.0) / 256.0, f32::from(i) * 2.399_963_2);
             Vec3::new(longitude.cos(), 0.0, longitude.sin()) * (1.0 - up * up).sqrt() + up * Vec3::Y
         };
-        points.iter().any(|p| (0..256).any(|i| self.bvh.trace(*p, direction(i), far, |_| true).is_some()))
+        points.iter().any(|p| (0..256).any(|i| self.bvh.trace(*p, direction(i), far, &counts).is_some()))
     }
 
     fn new(

@@ -354,6 +354,29 @@ fn noise_is_taken_out_and_shadows_stay() {
     });
 }
 
+/// A panel that shines two centimetres below the ceiling lights that so brightly that few rays, which find it, would make specks.
+#[test]
+fn a_panel_below_the_ceiling_makes_no_specks() {
+    let panel = Material { emissive_factor: Vec3::splat(5.0), ..grey(0.5, 0.0, 1.0) };
+    let room = turned(block([-3.0, 0.0, -3.0], [3.0, 3.0, 3.0]));
+    let things = vec![flat(0, &room), flat(1, &block([-0.2, 2.95, -0.2], [0.2, 2.98, 0.2])), mote(FAR)];
+    let scene = world(things, vec![grey(0.7, 0.0, 1.0), panel], vec![], uniform(0.0));
+    let from = eye([0.0, 1.6, 2.7], [0.0, 0.8, -0.8], 70.0);
+    with_gpu(|gpu| {
+        let size = 48;
+        let baked = take(gpu, &scene, &from, Shot { lightmap: FINE, ..Shot::new(BAKED, size) });
+        let exact = take(gpu, &scene, &from, Shot::reference(BAKED, size, 256)).mean();
+        let at = |x: usize, y: usize| baked.pixels[y * size as usize + x];
+        // By how much a pixel is brighter than those two beside it on both sides, which light that changes evenly is not.
+        let inside = || 2..size as usize - 2;
+        let speck = |(x, y): (usize, usize)| at(x, y) / (at(x - 2, y) + at(x + 2, y)) * 2.0 - 1.0;
+        let worst = inside().flat_map(|y| inside().map(move |x| (x, y))).map(speck).fold(0.0, f64::max);
+        let off = baked.mean() / exact - 1.0;
+        println!("{:+.2} %, worst speck {:.1} %", 100.0 * off, 100.0 * worst);
+        assert!(off.abs() < 0.03 && worst < 0.1, "{off}, {worst}");
+    });
+}
+
 /// A single sheet, lit on one side; and one that parts a room.
 #[test]
 fn a_sheets_sides_have_their_own_light() {
