@@ -32,11 +32,23 @@ float emitter_density(uint triangle)
     return emitter_scale * dot(material.emission, vec3(1.0));
 }
 
-// Share of the light of a triangle's points that leaves to one side: what encloses something sends none inwards.
+// Whether a triangle's back is never seen.
+bool is_one_sided(uint triangle)
+{
+    return (bvh_triangles[triangle].material_and_flags & BVH_ONE_SIDED) != 0u;
+}
+
+// Share of the light of a triangle's points that leaves to one side.
 float emitted_to_side(uint triangle, bool back)
 {
-    bool one_sided = (bvh_triangles[triangle].material_and_flags & BVH_ONE_SIDED) != 0u;
-    return one_sided ? (back ? 0.0 : 1.0) : 0.5;
+    return is_one_sided(triangle) ? (back ? 0.0 : 1.0) : 0.5;
+}
+
+// Whether light leaves a point with this emission: holes have none.
+bool is_shining(RayHit hit, vec3 emission)
+{
+    bool masked = (bvh_triangles[hit.triangle].material_and_flags & BVH_MASKED) != 0u;
+    return emission != vec3(0.0) && !(masked && is_hole(hit));
 }
 
 // A point of all that shines.
@@ -71,9 +83,9 @@ bool emitter_light(PathPoint p, vec2 u, out EmitterLight light)
     light.radiance = there.s.emission;
     light.side = emitted_to_side(hit.triangle, is_back(hit, light.l));
     // Points of one plane do not light each other, whatever rounding makes of them.
-    if (dot(p.s.n, light.l) <= 0.0 || dot(p.side, to) <= rounding || cosine * hit.t <= rounding || light.radiance == vec3(0.0))
+    if (dot(p.s.n, light.l) <= 0.0 || dot(p.side, to) <= rounding || cosine * hit.t <= rounding)
         return false;
-    if ((triangle.material_and_flags & BVH_MASKED) != 0u && is_hole(hit))
+    if (!is_shining(hit, light.radiance))
         return false;
     return trace_ray(ray_origin(p), light.l, hit.t - 2.0 * rounding, true).t < 0.0;
 }

@@ -152,7 +152,8 @@ float relays_of_emitters()
     return emitter_count == 0u ? 0.0 : frame.light_count == 0u ? 1.0 : 0.5;
 }
 
-// Whether what a texel gives back of light straight from what shines is part of its direct light, of the soft one else.
+// Whether what a texel gives back of light straight from what shines is part of its direct light, of the soft one else; `glossy`:
+// share of its places.
 bool has_direct_shining(float glossy)
 {
     return work.relay_count > 0u && emitter_count > 0u && glossy <= 0.5;
@@ -207,7 +208,7 @@ PathPoint texel_point(RayHit hit, bool back)
 // lies at such a ray's beginning is not seen either, such as the foot of a wall that reaches below the floor.
 bool is_never_seen(RayHit hit, vec3 d)
 {
-    return (bvh_triangles[hit.triangle].material_and_flags & BVH_ONE_SIDED) != 0u && is_back(hit, d);
+    return is_one_sided(hit.triangle) && is_back(hit, d);
 }
 
 // Whether a metal is so smooth that it does not give lamps' light back as if it were matt.

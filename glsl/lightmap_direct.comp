@@ -77,7 +77,7 @@ void add(inout Shining sum, PathPoint p, vec3 l, vec3 radiance, float density, f
     sum.density += side * density * here * weight;
 }
 
-// Samples of it at a spot, where more than a part of relays lie.
+// Samples of it for a texel that has more relays than work.spot_density: their density must be known well there.
 const uint SPOT_SAMPLES = 128;
 
 // Means over a texel's places, both by the same samples: relays give the one divided by the other.
@@ -141,9 +141,9 @@ void main()
     glossy *= scale;
     given *= scale;
     density *= scale;
-    if (has_direct_shining(glossy)) {
+    if (work.relay_count > 0u && emitter_count > 0u) {
         Shining light = shining(texel, index, seen);
-        given += light.given;
+        given += has_direct_shining(glossy) ? light.given : vec3(0.0);
         density = mix(density, light.density, relays_of_emitters());
     }
     imageStore(direct_image, texel_address(texel), vec4(min(given, HALF_MOST), min(density, HALF_MOST)));

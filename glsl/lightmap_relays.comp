@@ -3,19 +3,25 @@
 #extension GL_GOOGLE_include_directive : require
 #include "lightmap.glsl"
 
-// The origin and the direction of light number `i` from all that shines; false where none leaves.
+// Where and how light number `i` leaves all that shines; false where none does.
 bool from_emitter(uint i, out vec3 origin, out vec3 d)
 {
-    vec4 random = vec4(sobol(i, pcg4d(uvec4(1u)).xy), units_from_bits(pcg4d(uvec4(i, 0u, 8u, 0u)).xy));
-    RayHit hit = sample_emitter(random.xy);
+    RayHit hit = sample_emitter(sobol(i, pcg4d(uvec4(1u)).xy));
+    uvec4 bits = pcg4d(uvec4(i, 0u, 8u, 0u));
     vec3 front = mat3(frame.world_from_models) * normalize_or(bvh_normal(hit.triangle), vec3(0.0, 1.0, 0.0));
-    bool back = unit_from_bits(pcg4d(uvec4(i, 0u, 9u, 0u)).x) >= emitted_to_side(hit.triangle, false);
-    vec3 side = back ? -front : front;
-    PathPoint p = ray_point(hit, -side);
-    d = basis(side) * cosine_direction(random.zw);
+    bool back = unit_from_bits(bits.z) >= emitted_to_side(hit.triangle, false);
+    PathPoint p = ray_point(hit, back ? front : -front);
+    d = basis(p.side) * cosine_direction(units_from_bits(bits.xy));
     origin = ray_origin(p);
-    bool is_masked = (bvh_triangles[hit.triangle].material_and_flags & BVH_MASKED) != 0u;
-    return p.s.emission != vec3(0.0) && !(is_masked && is_hole(hit));
+    return is_shining(hit, p.s.emission);
+}
+
+// The same of light from the lamps, evenly to all sides.
+bool from_lamp(uint i, out vec3 origin, out vec3 d)
+{
+    origin = lights[i % frame.light_count].position;
+    d = sphere_direction(sobol(i / frame.light_count, pcg4d(uvec4(0u)).xy));
+    return true;
 }
 
 void main()
@@ -23,16 +29,11 @@ void main()
     if (gl_GlobalInvocationID.x >= work.count)
         return;
     uint index = work.first + gl_GlobalInvocationID.x;
-    float of_emitters = relays_of_emitters();
-    bool leaves = true;
+    // Where there are both, they take turns.
+    uint turns = emitter_count > 0u && frame.light_count > 0u ? 2u : 1u, i = index / turns;
+    bool is_of_emitter = emitter_count > 0u && index % turns == 0u;
     vec3 origin, d;
-    if (of_emitters == 1.0 || (of_emitters > 0.0 && index % 2u == 1u))
-        leaves = from_emitter(of_emitters == 1.0 ? index : index / 2u, origin, d);
-    else {
-        uint i = of_emitters > 0.0 ? index / 2u : index;
-        origin = lights[i % frame.light_count].position;
-        d = sphere_direction(sobol(i / frame.light_count, pcg4d(uvec4(0u)).xy));
-    }
+    bool leaves = is_of_emitter ? from_emitter(i, origin, d) : from_lamp(i, origin, d);
     relays[index] = Relay(vec3(0.0), d, vec3(0.0), 0.0, 0u, vec3(0.0), vec3(0.0));
     if (!leaves)
         return;

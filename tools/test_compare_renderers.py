@@ -99,10 +99,10 @@ class FakeBrowser:
     asked = []
 
     def __init__(self, library, job):
-        self.library, self.job = library, json.loads(job.read_text())
+        self.name, self.job = library, json.loads(job.read_text())
 
     def ask(self, command, key, *rest):
-        self.asked.append((self.library, command, key, *rest))
+        self.asked.append((self.name, command, key, *rest))
         if command == "picture":
             rest[0].write_bytes(bytes(8))
         return {"version": "1", "browser": "b", "driver": "llvmpipe"}
@@ -130,8 +130,8 @@ class Libraries(unittest.TestCase):
         self.assertEqual(loaded, [("three", "load", 0, 1, "open"), ("three", "load", 1, 4, "open"), ("three", "load", 2, 4, "shadows"),
                                   ("filament", "load", 0, 1, "open"), ("filament", "load", 1, 4, "open")])
         for name, (browser, key) in opened.items():
-            samples, shadows = tool.LIBRARIES[browser.library][name]
-            self.assertIn((browser.library, "load", key, samples, shadows), loaded)
+            samples, shadows = tool.LIBRARIES[browser.name][name]
+            self.assertIn((browser.name, "load", key, samples, shadows), loaded)
 
     def test_without_lamps_there_are_no_shadows_of_them(self):
         opened, _ = self.open(lights=False)

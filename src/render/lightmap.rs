@@ -23,8 +23,8 @@ use bytemuck::{Pod, Zeroable, bytes_of};
 const WEIGHING_GROUPS: u32 = 64;
 /// Places that light from lamps and from what shines is followed to, where some is near a surface; a power of two.
 const RELAYS: u32 = 1 << 14;
-/// Part of the scene's radius nearer than which they make a spot that few rays find.
-const NEAR_LAMP: f32 = 0.1;
+/// Part of the scene's radius: light that begins nearer to a surface makes a spot on it that few rays find.
+const NEAR_LIGHT: f32 = 0.1;
 /// What a texel's samples add up to, as shaders have it; a workgroup's sums are the first of it.
 type Sums = [f32; 18];
 /// Texels of a workgroup.
@@ -220,7 +220,7 @@ impl LightmapBake {
             direct,
             all_texels: all.len() as u32,
             texels: seen as u32,
-            relays: if scene.is_light_near(ray_scene, NEAR_LAMP) { RELAYS } else { 0 },
+            relays: if scene.is_light_near(ray_scene, NEAR_LIGHT) { RELAYS } else { 0 },
             spot_density: scene.radius().powi(-2),
             length: Length::default(),
             sums,

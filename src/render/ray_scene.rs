@@ -223,7 +223,7 @@ impl RayScene {
         self.bvh.bounds().radius()
     }
 
-    /// Whether a lamp or something that shines has another surface nearer than `part` of the scene's radius.
+    /// Whether a lamp, or something that shines, is nearer to a surface, or to one that does not, than `part` of the scene's radius.
     pub fn is_light_near(&self, source: &LazyRayScene, part: f32) -> bool {
         let triangles = self.bvh.triangles();
         let shines = |i: usize| source.emission[source.mesh(&triangles[i]).material] > 0.0;
@@ -235,9 +235,8 @@ impl RayScene {
             [middle + off * n, middle - off * n]
         };
         let step = emitters.len().div_ceil(MOST_EMITTERS).max(1);
-        let points: Vec<Vec3> =
-            emitters.iter().step_by(step).flat_map(sides).chain(source.lamps.iter().copied()).collect();
-        self.is_near(&points, part, |hit| !shines(hit.triangle))
+        let points: Vec<Vec3> = emitters.iter().step_by(step).flat_map(sides).collect();
+        self.is_near(&source.lamps, part, |_| true) || self.is_near(&points, part, |hit| !shines(hit.triangle))
     }
 
     /// Whether some point has one of these surfaces nearer than `part` of the scene's radius.

@@ -354,13 +354,15 @@ fn noise_is_taken_out_and_shadows_stay() {
     });
 }
 
-/// A panel that shines two centimetres below the ceiling lights that so brightly that few rays, which find it, would make specks.
+/// A panel that shines two centimetres below the ceiling lights that so brightly that few rays, which find it, would make specks. So
+/// does a lamp before the wall behind the eye.
 #[test]
 fn a_panel_below_the_ceiling_makes_no_specks() {
     let panel = Material { emissive_factor: Vec3::splat(5.0), ..grey(0.5, 0.0, 1.0) };
     let room = turned(block([-3.0, 0.0, -3.0], [3.0, 3.0, 3.0]));
     let things = vec![flat(0, &room), flat(1, &block([-0.2, 2.95, -0.2], [0.2, 2.98, 0.2])), mote(FAR)];
-    let scene = world(things, vec![grey(0.7, 0.0, 1.0), panel], vec![], uniform(0.0));
+    let lights = vec![lamp([0.3, 1.5, 2.9], 0.2)];
+    let scene = world(things, vec![grey(0.7, 0.0, 1.0), panel], lights, uniform(0.0));
     let from = eye([0.0, 1.6, 2.7], [0.0, 0.8, -0.8], 70.0);
     with_gpu(|gpu| {
         let size = 48;
