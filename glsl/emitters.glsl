@@ -19,6 +19,7 @@ layout(RAY_EMITTERS, scalar) readonly buffer Emitters {
 // Light of one point for another one.
 struct EmitterLight {
     vec3 l;        // unit vector to it
+    float far;     // metres
     float area;    // solid angle per area
     float density; // of such points per area
     vec3 radiance;
@@ -74,7 +75,7 @@ bool emitter_light(PathPoint p, vec2 u, out EmitterLight light)
     BvhTriangle triangle = bvh_triangles[hit.triangle];
     vec3 place = hit.weights.x * triangle.a + hit.weights.y * triangle.b + hit.weights.z * triangle.c;
     vec3 to = (frame.world_from_models * vec4(place, 1.0)).xyz - p.position;
-    hit.t = length(to);
+    hit.t = light.far = length(to);
     light.l = to / max(hit.t, TINY);
     PathPoint there = ray_point(hit, light.l);
     float cosine = -dot(there.side, light.l), rounding = p.rounding + there.rounding;

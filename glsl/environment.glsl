@@ -56,13 +56,13 @@ vec3 round_reflectance(SpecularLobe lobe)
     return lobe.reflectance * (1.0 - lobe.even);
 }
 
-// What the round lobe reflects of the panorama.
-vec3 environment_specular(SpecularLobe lobe)
+// Radiance of the panorama from around a lobe's direction.
+vec3 environment_image(SpecularLobe lobe)
 {
     vec3 d = panorama_from_world(lobe.towards);
     LevelMix levels = level_mix(lobe.level);
     vec3 even = textureLod(specular_even, d, levels.even_mip).rgb, odd = textureLod(specular_odd, d, levels.odd_mip).rgb;
-    return round_reflectance(lobe) * mix(even, odd, levels.odd_share) * frame.environment_scale;
+    return mix(even, odd, levels.odd_share) * frame.environment_scale;
 }
 
 #endif

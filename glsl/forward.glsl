@@ -50,29 +50,31 @@ SpecularLobe lobe_of(Surface s)
     return specular_lobe(s.n, s.v, s.nv, f0_from_metallic(s.base_color, s.metallic), s.roughness);
 }
 
-// What is mirrored where no probe reaches: the panorama's image as far as the lightmap knows the lobe's direction to be open; in
-// the rest what surfaces give, as if it came from all of them evenly.
-vec3 distant_specular(SpecularLobe lobe)
+// The share of a lobe's light that comes from as far away as its image shows it: see share_in_image in lightmap_gather.comp.
+float image_share(SpecularLobe lobe)
 {
     vec3 n = normalize_or(normal_world, vec3(0.0, 1.0, 0.0)) * (gl_FrontFacing ? 1.0 : -1.0);
     Openness open = openness_from_mean(n, mat3(frame.world_from_models) * lightmap_texel(LIGHTMAP_OPENNESS));
-    vec3 blocked = round_reflectance(lobe) * lightmap_texel(LIGHTMAP_BLOCKERS);
-    return mix(blocked, environment_specular(lobe), visibility(open, normalize(lobe.towards)));
+    return visibility(open, normalize(lobe.towards));
 }
 
-// What the round lobe of single scattering takes from all around; `even`: irradiance over pi.
-vec3 mirrored(Surface s, SpecularLobe lobe, vec3 even)
+// What the round lobe of single scattering takes from all around: of the image of probes and panorama as far as the lightmap knows
+// the lobe's direction to be open; in the rest what surfaces before it give, as if it came from all of them evenly.
+vec3 mirrored(Surface s, SpecularLobe lobe)
 {
     if (LIGHTMAP == LIGHTMAP_NONE)
-        return environment_specular(lobe) * s.occlusion;
+        return round_reflectance(lobe) * environment_image(lobe) * s.occlusion;
     float left = 1.0; // the share that no probe gives
-    vec3 light = vec3(0.0);
+    vec3 image = vec3(0.0);
 #ifdef LOCAL_PROBES
-    light = local_specular(lobe, s, position_world, even, left);
-    if (left <= 0.0)
-        return light;
+    image = probes_image(lobe, position_world, left);
+    if (left > 0.0)
 #endif
-    return light + left * distant_specular(lobe);
+        image += left * environment_image(lobe);
+    vec3 blockers = lightmap_texel(LIGHTMAP_BLOCKERS);
+    // Of a room's image no light is known to come from what stands before it: it only dims that.
+    blockers = mix(min(blockers, image), blockers, left);
+    return round_reflectance(lobe) * mix(blockers, image, image_share(lobe));
 }
 
 // What the environment gives: the split sum, and with the irradiance what is diffuse or scattered more than once. That is
@@ -81,7 +83,7 @@ Split environment(Surface s, SpecularLobe lobe)
 {
     EvenLight light = even_light(s);
     vec3 even = light.over_pi;
-    Split split = Split(vec3(0.0), mirrored(s, lobe, even) + lobe.reflectance * lobe.even * even);
+    Split split = Split(vec3(0.0), mirrored(s, lobe) + lobe.reflectance * lobe.even * even);
     bool multiple = MULTI_SCATTER && GEOMETRY == GEOMETRY_SMITH;
     if (METALNESS == METALNESS_METAL && !multiple)
         return split;

@@ -38,9 +38,9 @@ struct LightmapSurface {
     vec3 normal;    // mean of their normals
     float extent;   // metres along a texel
     // Once bounces are kept:
-    vec4 unblocked; // sum over rays that met nothing of the models' direction, and their number
+    vec4 unblocked; // sum over rays that nothing blocks of the models' direction, and their number
     float rays;     // all of them
-    vec3 surfaces;  // sum of the irradiance that surfaces give
+    vec3 surfaces;  // sum of the irradiance of surfaces that block the others
 };
 
 // What a texel's samples add up to.
@@ -80,6 +80,7 @@ layout(push_constant, scalar) uniform Work {
     uint flags;
     uint relay_count;  // 0: none are used
     float spot_density; // of relays per area from which a place is near what shines
+    uint probe_count;
 } work;
 
 // `flags`: sums begin with these samples; what is known is shown from now on; their sky is counted; their sums are kept.
@@ -104,7 +105,7 @@ float brightness(vec3 irradiance)
     return dot(irradiance, vec3(1.0 / 3.0));
 }
 
-// The mean over rays of directions that met nothing.
+// The mean over rays of directions that nothing blocks.
 vec4 openness_texel(LightmapSurface s)
 {
     return vec4(s.unblocked.xyz / max(s.rays, 1.0), 1.0);

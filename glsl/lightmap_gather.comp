@@ -2,6 +2,7 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "lightmap.glsl"
+#include "placed_probes.glsl"
 
 // Texels across the panorama for light that samples of a hemisphere miss each other by.
 const float PANORAMA_TEXELS = 256.0;
@@ -42,11 +43,12 @@ Light given_towards(RayHit hit, vec3 d, float cosine, vec3 direct, vec3 soft, bo
     return Light(direct, towards * soft);
 }
 
-// Irradiance by way of a relay, and its direction, for a point that samples its hemisphere by the cosine: see path.glsl's `relayed_light`.
-Light relay_light(PathPoint p, vec3 origin, Relay relay, out vec3 l)
+// Irradiance by way of a relay, its direction and how far it is, for a point that samples its hemisphere by the cosine: see path.glsl's `relayed_light`.
+Light relay_light(PathPoint p, vec3 origin, Relay relay, out vec3 l, out float far)
 {
     vec3 to_relay = relay.position - origin;
-    float squared = max(dot(to_relay, to_relay), TINY), far = sqrt(squared);
+    float squared = max(dot(to_relay, to_relay), TINY);
+    far = sqrt(squared);
     l = to_relay / far;
     float cosine = dot(p.s.n, l), area = -dot(relay.side, l) / squared;
     if (cosine <= 0.0 || area <= 0.0 || dot(p.side, l) <= 0.0 || relay.density <= 0.0)
@@ -109,16 +111,38 @@ bool gathered(PathPoint p, RayHit hit, vec3 d, vec3 sky, out Light light, out ve
     return true;
 }
 
-// Irradiance of a point of what shines, and its direction, for a point that samples its hemisphere by the cosine.
-vec3 emitter_irradiance(PathPoint p, vec2 u, out vec3 l)
+// Irradiance of a point of what shines, its direction and how far it is, for a point that samples its hemisphere by the cosine.
+vec3 emitter_irradiance(PathPoint p, vec2 u, out vec3 l, out float far)
 {
     EmitterLight light;
     l = p.s.n;
+    far = 0.0;
     if (!emitter_light(p, u, light))
         return vec3(0.0);
     l = light.l;
+    far = light.far;
     float cosine = dot(p.s.n, l);
     return light.radiance * (cosine * light.area / max(cosine * INV_PI * light.area + light.density, TINY));
+}
+
+// What lies nearer than this part of the way to a wall is no part of the room's image that a probe shows.
+const float BEFORE_WALL = 0.75;
+
+// The share of what a ray from p meets after t metres, or nothing (< 0), that mirror images of probes or panorama show there. Less
+// where it meets something before the walls: that blocks it, and where no probe reaches, all does that is met.
+float share_in_image(vec3 position, vec3 d, float t)
+{
+    if (t < 0.0)
+        return 1.0;
+    vec3 p = position_in_models(position), along = models_from_world(d);
+    float left = 1.0, shown = 0.0;
+    for (uint i = 0u; i < work.probe_count && left > 0.0; ++i) {
+        float weight = left * probe_weight(p, probes[i]);
+        vec3 wall = box_exit(p, along, probes[i].low, probes[i].high);
+        shown += t > BEFORE_WALL * distance(p, wall) ? weight : 0.0;
+        left -= weight;
+    }
+    return shown;
 }
 
 // A basis around n whose first axis lies along an edge: samples of one texel stay spread evenly only if the bases of all its
@@ -167,8 +191,8 @@ struct GatheredLight {
     vec3 all;       // irradiance by all ways that light comes, weighted for the diffuse part
     vec3 steady;    // weighted for what is given back: what no bounce changes
     vec3 bounced;   // and the rest
-    vec3 surfaces;  // irradiance from surfaces
-    vec4 unblocked; // of a ray that met nothing the models' direction, and 1
+    vec3 surfaces;  // irradiance from surfaces that no mirror image shows
+    vec4 unblocked; // of a ray that meets what they show the models' direction, and 1
     vec2 sky;       // square of the sky's brightness along a ray that met nothing, and along any
 };
 
@@ -180,9 +204,9 @@ void add(inout GatheredLight found, Weights w, Light light)
 }
 
 // Of what is emitted: given back with direct light already, where texels have it there.
-void add_shining(inout GatheredLight found, Weights w, vec3 light, bool is_direct)
+void add_shining(inout GatheredLight found, Weights w, vec3 light, float blocks, bool is_direct)
 {
-    found.surfaces += light;
+    found.surfaces += blocks * light;
     found.all += w.diffuse * light;
     found.steady += is_direct ? vec3(0.0) : w.given * light;
 }
@@ -206,9 +230,10 @@ bool gather(PathPoint p, vec3 d, uint index, uint i, uvec4 bases, KnownSky known
     float is_sky = met.t < 0.0 ? 1.0 : 0.0, bright = dot(sky_radiance(d, panorama_lod(PANORAMA_TEXELS)), vec3(1.0));
     found.all = found.steady = found.bounced = vec3(0.0);
     add(found, weights(p.s, energy, dot(p.s.n, d)), light);
-    found.surfaces = (1.0 - is_sky) * (light.steady + light.bounced);
-    add_shining(found, weights(p.s, energy, dot(p.s.n, d)), shining, is_direct);
-    found.unblocked = is_sky * vec4(d * mat3(frame.world_from_models), 1.0);
+    float in_image = share_in_image(p.position, d, met.t), far;
+    found.surfaces = (1.0 - in_image) * (light.steady + light.bounced);
+    add_shining(found, weights(p.s, energy, dot(p.s.n, d)), shining, 1.0 - in_image, is_direct);
+    found.unblocked = in_image * vec4(models_from_world(d), 1.0);
     found.sky = bright * bright * vec2(is_sky, 1.0);
     if (known.is_drawn && i % PER_DRAWN == 0u) {
         vec3 seen;
@@ -221,13 +246,13 @@ bool gather(PathPoint p, vec3 d, uint index, uint i, uvec4 bases, KnownSky known
     if (known.open > 0.0)
         add_steady(found, Weights(1.0, vec3(1.0)), known.open * (open_sky_irradiance(p.s.n) - sky));
     if (work.relay_count > 0u) {
-        light = relay_light(p, origin, relays[(i ^ bases.y) % work.relay_count], l);
-        found.surfaces += light.steady + light.bounced;
+        light = relay_light(p, origin, relays[(i ^ bases.y) % work.relay_count], l, far);
+        found.surfaces += (1.0 - share_in_image(p.position, l, far)) * (light.steady + light.bounced);
         add(found, weights(p.s, energy, dot(p.s.n, l)), light);
     }
     if (emitter_count > 0u) {
-        shining = emitter_irradiance(p, sobol(i, pcg4d(uvec4(index, 0u, 6u, work.sequence)).xy), l);
-        add_shining(found, weights(p.s, energy, dot(p.s.n, l)), shining, is_direct);
+        shining = emitter_irradiance(p, sobol(i, pcg4d(uvec4(index, 0u, 6u, work.sequence)).xy), l, far);
+        add_shining(found, weights(p.s, energy, dot(p.s.n, l)), shining, 1.0 - share_in_image(p.position, l, far), is_direct);
     }
     return true;
 }

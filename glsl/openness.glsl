@@ -1,4 +1,5 @@
-// How much of the sky a surface sees in a direction: a linear fit to its visibility from what a lightmap keeps of it.
+// How much of its mirror image, of the sky or of the walls that a probe shows, a surface sees in a direction: a linear fit to the
+// image's visibility from what a lightmap keeps of it.
 #ifndef OPENNESS_GLSL
 #define OPENNESS_GLSL
 
@@ -8,7 +9,7 @@ struct Openness {
     float even;
 };
 
-// `mean`: of directions drawn by the cosine around n, those that met nothing, with 0 for all others. Across n this is the
+// `mean`: of directions drawn by the cosine around n, those that nothing blocks, with 0 for all others. Across n this is the
 // least-squares fit; along n the mean leaves one number open, and what blocks is taken to stand at the horizon first.
 Openness openness_from_mean(vec3 n, vec3 mean)
 {

@@ -45,11 +45,11 @@ impl SumBlock {
     }
 }
 
-/// Specular levels 1.., then irradiance, for these numbers of texels along a face.
-fn targets(face_size: u32, irradiance_size: u32) -> Vec<Target> {
+/// Specular levels 1.., then irradiance if there is any, for these numbers of texels along a face.
+fn targets(face_size: u32, irradiance_size: Option<u32>) -> Vec<Target> {
     (1..LEVELS)
         .map(|level| Target { size: face_size >> (level / 2), alpha: alpha_from_level(level) })
-        .chain([Target { size: irradiance_size, alpha: 1.0 }])
+        .chain(irradiance_size.map(|size| Target { size, alpha: 1.0 }))
         .collect()
 }
 
@@ -79,13 +79,13 @@ struct Sum {
 /// and for uniform white light, whose sums are the norms by which the light's sums are divided.
 pub struct HierarchicalConvolution {
     specular: [Arc<Image>; 2],
-    irradiance: Arc<Image>,
+    irradiance: Option<Arc<Image>>,
     to_cube: [Pipeline; 2],
     to_cube_set: DescriptorSet,
     merge: Pipeline,
     merge_set: DescriptorSet,
     sum: [Pipeline; 2],
-    /// Specular levels 1.., then irradiance.
+    /// Specular levels 1.., then irradiance if there is any.
     sums: Vec<Sum>,
 }
 
@@ -95,7 +95,7 @@ const WHITE: usize = 1;
 
 impl HierarchicalConvolution {
     /// Creates pipelines and lists; the faces of all levels are a power of two, at least 2, texels wide. The maps are
-    /// cubes, or arrays of as many cubes each.
+    /// cubes, or arrays of as many cubes each; irradiance is left out where there is no map for it.
     ///
     /// # Errors
     /// No memory, or a failed Vulkan call.
@@ -103,10 +103,10 @@ impl HierarchicalConvolution {
         gpu: &Arc<Gpu>,
         panorama: &Arc<Image>,
         specular: &[Arc<Image>; 2],
-        irradiance: &Arc<Image>,
+        irradiance: Option<&Arc<Image>>,
     ) -> Result<Self> {
         let size = specular[0].desc().size[0];
-        let targets = targets(size, irradiance.desc().size[0]);
+        let targets = targets(size, irradiance.map(|map| map.desc().size[0]));
         let lists = InteractionLists::new(size / 2, &targets);
         // Irradiance has two.
         let norms: u32 = targets.iter().chain(targets.last()).map(|target| target.size * target.size).sum();
@@ -156,7 +156,7 @@ impl HierarchicalConvolution {
         ];
         let layout = DescriptorSetLayout::new(gpu, "hierarchical convolution", &binding_types)?;
         let sum = variants(sum_shader, 0, None, &layout, size_of::<SumBlock>() + size_of::<u32>())?;
-        let outputs = (1..LEVELS).map(|level| (&specular[level % 2], level / 2)).chain([(irradiance, 0)]);
+        let outputs = (1..LEVELS).map(|level| (&specular[level % 2], level / 2)).chain(irradiance.map(|map| (map, 0)));
         let mut first_norm = 0;
         let mut sums = Vec::new();
         for ((image, mip), (target, first_tile)) in outputs.zip(targets.iter().zip(&lists.first_tile)) {
@@ -168,7 +168,7 @@ impl HierarchicalConvolution {
             });
             first_norm += target.size * target.size;
         }
-        let (specular, irradiance) = (specular.clone(), Arc::clone(irradiance));
+        let (specular, irradiance) = (specular.clone(), irradiance.cloned());
         Ok(Self { specular, irradiance, to_cube, to_cube_set, merge, merge_set, sum, sums })
     }
 
@@ -178,21 +178,21 @@ impl HierarchicalConvolution {
     /// A failed Vulkan call.
     pub fn run(&self, gpu: &Arc<Gpu>, scale: f32) -> Result<Vec<PassTime>> {
         submit_and_wait(gpu, |commands| {
-            self.maps().iter().for_each(|map| commands.prepare(map, ImageAccess::Storage));
+            self.maps().for_each(|map| commands.prepare(map, ImageAccess::Storage));
             commands.pass("norms", |commands| self.record_norms(commands));
             commands.pass("panorama to cube and nodes", |commands| self.nodes(commands, LIGHT, scale.recip(), 0));
-            let (irradiance, levels) = self.sums.split_last().unzip();
-            let (irradiance, levels) = (irradiance.into_iter(), levels.into_iter().flatten());
-            commands.pass("specular levels", |commands| levels.for_each(|sum| self.sum(commands, LIGHT, sum, 0)));
-            commands.pass("irradiance", |commands| irradiance.for_each(|sum| self.sum(commands, LIGHT, sum, 0)));
-            self.maps().iter().for_each(|map| commands.prepare(map, ImageAccess::Sampled));
+            let (levels, irradiance) = self.sums.split_at(LEVELS - 1);
+            for (name, sums) in [("specular levels", levels), ("irradiance", irradiance)] {
+                commands.pass(name, |commands| sums.iter().for_each(|sum| self.sum(commands, LIGHT, sum, 0)));
+            }
+            self.maps().for_each(|map| commands.prepare(map, ImageAccess::Sampled));
             Ok(())
         })
     }
 
     /// Specular levels and irradiance.
-    pub fn maps(&self) -> [&Arc<Image>; 3] {
-        [&self.specular[0], &self.specular[1], &self.irradiance]
+    fn maps(&self) -> impl Iterator<Item = &Arc<Image>> {
+        self.specular.iter().chain(&self.irradiance)
     }
 
     /// Records the sums for white light, which [`HierarchicalConvolution::record_light`] divides by; once is enough. The maps are
@@ -248,7 +248,7 @@ fn filled(gpu: &Arc<Gpu>, name: &str, bytes: &[u8]) -> Result<Arc<Buffer>> {
 #[cfg(test)]
 pub(super) fn input_hash(panorama: [u32; 2], face_size: u32, irradiance_size: u32) -> String {
     let mut key = crate::asset::cache::Key::default();
-    let targets = targets(face_size, irradiance_size);
+    let targets = targets(face_size, Some(irradiance_size));
     let lists = InteractionLists::new(face_size / 2, &targets);
     key.add(bytemuck::cast_slice(&lists.entries));
     key.add(bytemuck::cast_slice(&lists.tiles));

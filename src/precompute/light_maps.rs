@@ -51,7 +51,8 @@ impl LightMaps {
         let irradiance_over_pi = cube(gpu, "irradiance", options.irradiance_size, 1)?;
         let mips = (LEVELS / 2) as u32;
         let specular = [cube(gpu, "even specular levels", size, mips)?, cube(gpu, "odd specular levels", size, mips)?];
-        let compute = || HierarchicalConvolution::new(gpu, &image, &specular, &irradiance_over_pi)?.run(gpu, scale);
+        let compute =
+            || HierarchicalConvolution::new(gpu, &image, &specular, Some(&irradiance_over_pi))?.run(gpu, scale);
         // The irradiance map depends on the face size too, though its own size does not.
         let sides = [panorama.width, panorama.height, size];
         let source = [bytemuck::cast_slice(&sides), bytemuck::cast_slice(&panorama.texels)];

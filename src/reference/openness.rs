@@ -1,4 +1,4 @@
-//! A linear fit to how much of the sky a surface sees, in f64; twin of `glsl/openness.glsl`.
+//! A linear fit to how much of its mirror image a surface sees, in f64; twin of `glsl/openness.glsl`.
 
 use glam::DVec3;
 

@@ -28,7 +28,7 @@ use crate::{Error, Result};
 /// In the cache: raise the version when samples, seeds, or the list of texels change.
 const CACHE_KIND: CacheKind = CacheKind {
     copying: "baked light from the cache",
-    version: 5,
+    version: 6,
     shaders: &[&lightmap::SHADERS, &[probes::SHADER], &CONVOLUTION_SHADERS],
 };
 

@@ -76,7 +76,7 @@ fn bound(context: &Context, scene: &Scene) -> (BoundScene, bool) {
 /// All bytes of lightmap and probes.
 fn light(gpu: &Arc<Gpu>, bound: &BoundScene) -> Vec<Vec<Vec<u8>>> {
     let baked = bound.baked.as_ref().unwrap();
-    let probes = baked.probes().expect("a probe for the ball").all();
+    let probes = &baked.probes().expect("a probe for the ball").specular;
     let images = [baked.lightmap()].into_iter().chain(probes);
     images.map(|image| read_texture(gpu, &[image]).unwrap().levels).collect()
 }

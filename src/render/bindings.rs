@@ -34,7 +34,6 @@ pub const SCENE: SetBindings = SetBindings {
         ("SCENE_PROBES", Uniform),
         ("SCENE_PROBE_EVEN", Sampled),
         ("SCENE_PROBE_ODD", Sampled),
-        ("SCENE_PROBE_IRRADIANCE", Sampled),
         ("SCENE_VERTEX_EXTRAS", Storage),
         ("SCENE_COUNTED_LIGHTS", Uniform),
     ],

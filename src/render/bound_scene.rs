@@ -232,7 +232,7 @@ fn scene_set(
     let probes = baked.and_then(BakedLight::probes);
     // Shaders without probes read none of these.
     let blocks = probes.map_or(&resources.lights, |probes| &probes.blocks);
-    let [even, odd, irradiance] = probes.map_or([&lightmap; 3], |probes| probes.all());
+    let [even, odd] = probes.map_or([&lightmap; 2], |probes| probes.specular.each_ref());
     let panorama = Sampler::new(gpu, "panorama", AddressMode::Panorama, 1)?;
     let clamped = Sampler::new(gpu, "clamped", AddressMode::Clamp, 1)?;
     // A receiver passes where nothing nearer to the light, of greater depth, is stored.
@@ -255,7 +255,6 @@ fn scene_set(
         Binding::Uniform(blocks, PROBES_BYTES),
         Binding::Sampled(even, &clamped),
         Binding::Sampled(odd, &clamped),
-        Binding::Sampled(irradiance, &clamped),
         Binding::Storage(&resources.geometry.extras),
         Binding::Uniform(&resources.lights, COUNTED_LIGHTS_BYTES),
     ];

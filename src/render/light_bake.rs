@@ -47,7 +47,9 @@ impl LightBake {
         let lightmap = LightmapBake::new(gpu, layouts, ray_scene, (lightmap, listed), constants)?;
         let probe_bake = |probes| ProbeBake::new(gpu, layouts, probes, lightmap.given_back());
         let probes = source.probes.as_ref().map(probe_bake).transpose()?;
-        Ok(Self { lightmap: lightmap.with_samples(source.samples), probes, rays: rays(source)? })
+        let count = source.probes.as_ref().map_or(0, |probes| probes.placed().len());
+        let lightmap = lightmap.with_samples(source.samples).with_probes(count as u32);
+        Ok(Self { lightmap, probes, rays: rays(source)? })
     }
 
     /// Draws samples from the source's panorama from now on.

@@ -59,6 +59,7 @@ struct Work {
     flags: u32,
     relay_count: u32,
     spot_density: f32,
+    probe_count: u32,
 }
 
 /// A lightmap that is being computed.
@@ -75,6 +76,7 @@ pub struct LightmapBake {
     relays: u32,
     /// Relays per square metre from which a place is near what they begin at.
     spot_density: f32,
+    probes: u32,
     /// The most bounces, until it is known how many it takes.
     length: Length,
     /// Sums that tell; the second copy for the CPU.
@@ -146,7 +148,8 @@ fn cleared(gpu: &Arc<Gpu>, name: &str, side: u32, layers: u32) -> Result<Arc<Ima
 }
 
 /// Kinds of a lightmap's layers, each for fronts, and for backs where some can be seen: irradiance of soft light; openness, the mean
-/// of directions drawn by the cosine that meet nothing, with 0 for all others; and the mean radiance of what those others meet.
+/// of directions drawn by the cosine that nothing blocks (`share_in_image` in `glsl/lightmap_gather.comp`), with 0 for all others; and
+/// the mean radiance of what those others meet.
 pub const KINDS: u32 = 3;
 
 /// A lightmap's layers of each kind: 1 for fronts, or 2 for both sides.
@@ -222,6 +225,7 @@ impl LightmapBake {
             texels: seen as u32,
             relays: if scene.is_light_near(ray_scene, NEAR_LIGHT) { RELAYS } else { 0 },
             spot_density: scene.radius().powi(-2),
+            probes: 0,
             length: Length::default(),
             sums,
             weighed,
@@ -235,6 +239,11 @@ impl LightmapBake {
     /// With this many samples of a texel at last, a power of two and at least [`AT_ONCE`].
     pub fn with_samples(self, samples: u32) -> Self {
         Self { length: Length { samples, ..self.length }, ..self }
+    }
+
+    /// For mirror images of so many probes, which the scene's descriptor set holds.
+    pub fn with_probes(self, probes: u32) -> Self {
+        Self { probes, ..self }
     }
 
     /// Computes it again, for other light; until it is better, the old one stays.
@@ -312,6 +321,7 @@ impl LightmapBake {
             flags: self.stage.flags(self.length),
             relay_count: self.relays,
             spot_density: self.spot_density,
+            probe_count: self.probes,
         };
         (work, all)
     }

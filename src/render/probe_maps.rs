@@ -11,9 +11,6 @@ use crate::reference::levels::LEVELS;
 use crate::scene::Probe;
 use crate::scene::probes::MOST_PROBES;
 
-/// Texels along a face of the irradiance.
-const IRRADIANCE_FACE: u32 = 16;
-
 /// Probes, at least one, and their maps: radiance over a scale.
 pub struct ProbeMaps {
     /// [`ProbeBlock`]s.
@@ -21,8 +18,6 @@ pub struct ProbeMaps {
     placed: Vec<Probe>,
     /// Even and odd levels.
     pub specular: [Arc<Image>; 2],
-    /// Over pi.
-    pub irradiance: Arc<Image>,
 }
 
 impl ProbeMaps {
@@ -34,21 +29,20 @@ impl ProbeMaps {
         let usage = ImageUsageFlags::SAMPLED | ImageUsageFlags::STORAGE;
         let usage = usage | ImageUsageFlags::TRANSFER_SRC | ImageUsageFlags::TRANSFER_DST;
         let count = probes.len() as u32;
-        let cubes = |name, size, mips| {
-            let flat = ImageDesc::flat(Format::R16G16B16A16_SFLOAT, [size; 2], usage);
+        let cubes = |name| {
+            let flat = ImageDesc::flat(Format::R16G16B16A16_SFLOAT, [face; 2], usage);
+            let mips = (LEVELS / 2) as u32;
             Image::new(gpu, name, ImageDesc { shape: Shape::CubeArray(count), mips, ..flat })
         };
-        let mips = (LEVELS / 2) as u32;
         let mut all = [ProbeBlock::default(); MOST_PROBES];
         all.iter_mut().zip(probes).for_each(|(to, probe)| *to = block(probe));
         let maps = Self {
             blocks: Buffer::with_bytes(gpu, "probes", BufferKind::FromCpu, bytemuck::cast_slice(&all))?,
             placed: probes.to_vec(),
-            specular: [cubes("even levels of probes", face, mips)?, cubes("odd levels of probes", face, mips)?],
-            irradiance: cubes("irradiance of probes", IRRADIANCE_FACE, 1)?,
+            specular: [cubes("even levels of probes")?, cubes("odd levels of probes")?],
         };
         submit_and_wait(gpu, |commands| {
-            maps.all().iter().for_each(|map| commands.prepare_fresh(map, ImageAccess::Sampled)); // bound, not read
+            maps.specular.iter().for_each(|map| commands.prepare_fresh(map, ImageAccess::Sampled)); // bound, not read
             Ok(())
         })?;
         Ok(maps)
@@ -59,16 +53,10 @@ impl ProbeMaps {
         &self.placed
     }
 
-    /// Even and odd specular levels and irradiance.
-    pub fn all(&self) -> [&Arc<Image>; 3] {
+    /// Their maps with names.
+    pub fn named(&self) -> [(&'static str, &Image); 2] {
         let [even, odd] = &self.specular;
-        [even, odd, &self.irradiance]
-    }
-
-    /// [`ProbeMaps::all`] with names.
-    pub fn named(&self) -> [(&'static str, &Image); 3] {
-        let [even, odd, irradiance] = self.all();
-        [("even", even), ("odd", odd), ("irradiance", irradiance)]
+        [("even", even), ("odd", odd)]
     }
 }
 

@@ -87,7 +87,7 @@ impl ProbeBake {
         let face = probes.specular[0].desc().size[0];
         let size = [4 * face, 2 * face];
         let captured = Image::new(gpu, "captured", ImageDesc::flat(Format::R32G32B32A32_SFLOAT, size, usage))?;
-        let filter = HierarchicalConvolution::new(gpu, &captured, &probes.specular, &probes.irradiance)?;
+        let filter = HierarchicalConvolution::new(gpu, &captured, &probes.specular, None)?;
         submit_and_wait(gpu, |commands| {
             commands.prepare_fresh(&captured, ImageAccess::Sampled); // bound, not read
             Ok(())
@@ -137,13 +137,13 @@ impl ProbeBake {
             }
             Stage::Filter(probe) => {
                 commands.pass(FILTER, |commands| {
-                    self.probes.all().iter().for_each(|map| commands.prepare(map, ImageAccess::Storage));
+                    self.probes.specular.iter().for_each(|map| commands.prepare(map, ImageAccess::Storage));
                     commands.prepare(&self.captured, ImageAccess::Sampled);
                     if !self.has_norms {
                         self.filter.record_norms(commands);
                     }
                     self.filter.record_light(commands, scale, probe as u32);
-                    self.probes.all().iter().for_each(|map| commands.prepare(map, ImageAccess::Sampled));
+                    self.probes.specular.iter().for_each(|map| commands.prepare(map, ImageAccess::Sampled));
                 });
                 self.has_norms = true;
                 let count = self.probes.placed().len();

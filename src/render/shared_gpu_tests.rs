@@ -17,7 +17,7 @@ use crate::scene::needs::MAX_COUNTED_LIGHTS;
 use crate::scene::probes::MOST_PROBES;
 
 const SHARED: &str = include_str!("../../glsl/shared.glsl");
-const PROBES: &str = include_str!("../../glsl/probes.glsl");
+const PROBES: &str = include_str!("../../glsl/placed_probes.glsl");
 const BRDF: &str = include_str!("../../glsl/brdf.glsl");
 
 /// Numbers 1, 2, 3 …

@@ -30,7 +30,7 @@ pub struct BakeRequest {
     /// A Radiance (.hdr) or OpenEXR (.exr) panorama; or a scene (.toml, .gltf, .glb, .obj).
     pub input: PathBuf,
     /// The folder for irradiance.ktx2, specular.ktx2 and brdf.ktx2; or a scene's lightmap.ktx2, light.json and, if it needs
-    /// probes, probe-specular.ktx2 and probe-irradiance.ktx2. Made if it is not there.
+    /// probes, probe-specular.ktx2. Made if it is not there.
     #[arg(short, long, value_name = "DIR")]
     pub output: PathBuf,
     /// Texels along a face of the largest specular levels: a power of two from 16 to 1024.

@@ -20,10 +20,9 @@ use crate::scene::needs::lightmap::{LightmapNeed, lightmap_need};
 use crate::{Error, Result};
 
 /// The files that `bake` writes for a scene; those of probes only where it needs any.
-pub const SCENE_FILES: [&str; 4] = [LIGHTMAP, SPECULAR, IRRADIANCE, MEANING];
+pub const SCENE_FILES: [&str; 3] = [LIGHTMAP, SPECULAR, MEANING];
 const LIGHTMAP: &str = "lightmap.ktx2";
 const SPECULAR: &str = "probe-specular.ktx2";
-const IRRADIANCE: &str = "probe-irradiance.ktx2";
 /// And what they hold.
 pub const MEANING: &str = "light.json";
 
@@ -94,10 +93,10 @@ impl ProbePlace {
 ///
 /// - `lightmap.ktx2`: irradiance of soft light, W/m², as diffuse parts take it (`taken` in `glsl/lightmap_gather.comp`), by the
 ///   coordinates of the program's own atlas; layer 0 for fronts, layer 1 for backs where some can be seen; then as many layers
-///   of openness: the mean of directions that meet nothing, in the models' space, with 0 for all others; and as many of the
-///   mean radiance, W/(m² sr), of what these others meet.
-/// - `probe-specular.ktx2` and `probe-irradiance.ktx2`, where the scene needs probes: arrays of cubes of radiance,
-///   W/(m² sr), as for a panorama. Level i of probe p of n is mip i / 2 of cube p + n (i % 2).
+///   of openness: the mean of directions that meet nothing before the sky or the walls that probes show, in the models' space,
+///   with 0 for all others; and as many of the mean radiance, W/(m² sr), of what these others meet.
+/// - `probe-specular.ktx2`, where the scene needs probes: an array of cubes of radiance, W/(m² sr), as for a panorama. Level i of
+///   probe p of n is mip i / 2 of cube p + n (i % 2).
 /// - `light.json`: sizes, and where probes stand.
 ///
 /// # Errors
@@ -150,8 +149,7 @@ fn write(gpu: &Arc<Gpu>, renderer: &Renderer, scene: &Path, folder: &Path) -> Re
     let mut textures = vec![(LIGHTMAP, texture)];
     let mut meaning = Meaning { scene, lightmap, probes: Vec::new(), roughness: Vec::new() };
     if let Some((probes, scale)) = renderer.probes() {
-        let [specular, irradiance] = probe_textures(gpu, probes, scale)?;
-        textures.extend([(SPECULAR, specular), (IRRADIANCE, irradiance)]);
+        textures.push((SPECULAR, specular_levels(gpu, probes, scale)?));
         meaning.probes = places(probes);
         meaning.roughness = LightMaps::specular_roughness().into();
     }
@@ -161,19 +159,17 @@ fn write(gpu: &Arc<Gpu>, renderer: &Renderer, scene: &Path, folder: &Path) -> Re
     Ok(files)
 }
 
-/// Specular levels, the even ones of all probes first, and irradiance.
-fn probe_textures(gpu: &Arc<Gpu>, probes: &ProbeMaps, scale: f32) -> Result<[Ktx2; 2]> {
-    let [even, odd, irradiance] = probes.all();
+/// The even levels of all probes, then the odd ones.
+fn specular_levels(gpu: &Arc<Gpu>, probes: &ProbeMaps, scale: f32) -> Result<Ktx2> {
+    let [even, odd] = &probes.specular;
     let (mut specular, odd) = (read_texture(gpu, &[even])?, read_texture(gpu, &[odd])?);
     specular.levels.iter_mut().zip(&odd.levels).for_each(|(level, odd)| level.extend(odd));
     specular.layers += odd.layers;
     let mut specular = radiance(specular, scale);
-    let mut irradiance = radiance(read_texture(gpu, &[irradiance])?, scale);
     let content = "radiance filtered by GGX lobes; level i of probe p of n: mip i / 2 of cube p + n (i % 2)";
     specular.set_text("pbrvrContent", content);
     specular.set_text("pbrvrRoughness", &roughness_text());
-    irradiance.set_text("pbrvrContent", "irradiance / pi; a cube for each probe");
-    Ok([specular, irradiance])
+    Ok(specular)
 }
 
 fn places(probes: &ProbeMaps) -> Vec<ProbePlace> {
