@@ -1,5 +1,6 @@
 // Panorama to cube map, and the finest nodes: an invocation reads TAPS^2 points in each of 2x2 texels of the cube, stores
-// their means weighted by solid angle, and the light of all four as one node. WHITE: the nodes alone, of radiance 1.
+// their means weighted by solid angle, and the light of all four as one node. WHITE: the nodes alone, of radiance 1. The alpha of
+// the panorama is averaged as its light is.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "cube.glsl"
@@ -18,15 +19,15 @@ layout(push_constant) uniform Push {
 
 // Mean radiance along the parallel through d, over an arc as long as the taps lie apart. Close to the poles, where such an
 // arc spans many texels, no texel is missed; elsewhere it is one look-up.
-vec3 arc_mean(vec3 d, float arc_radians)
+vec4 arc_mean(vec3 d, float arc_radians)
 {
     vec2 uv = panorama_uv(d);
     float arc = min(arc_radians / (2.0 * PI * max(length(d.xz), MIN_COS)), 1.0); // of the whole parallel
     float width = float(textureSize(panorama, 0).x);
     float points = arc * width > 1.0 ? ceil(2.0 * arc * width) : 1.0;
-    vec3 sum = vec3(0.0);
+    vec4 sum = vec4(0.0);
     for (float i = 0.5; i < points; ++i)
-        sum += textureLod(panorama, vec2(uv.x + arc * (i / points - 0.5), uv.y), 0.0).rgb;
+        sum += textureLod(panorama, vec2(uv.x + arc * (i / points - 0.5), uv.y), 0.0);
     return sum / points;
 }
 
@@ -36,12 +37,13 @@ void main()
     uint size = uint(imageSize(cube).x);
     if (2u * id.x >= size || 2u * id.y >= size)
         return;
-    vec3 flux = vec3(0.0);
-    mat3 moment = mat3(0.0);
+    vec4 flux = vec4(0.0);
+    mat4x3 moment = mat4x3(0.0);
     for (uint i = 0u; i < 4u; ++i) {
         uvec2 texel = 2u * id.xy + uvec2(i & 1u, i >> 1);
         vec4 sum = vec4(0.0);
-        mat3 moments = mat3(0.0);
+        float weight = 0.0;
+        mat4x3 moments = mat4x3(0.0);
         for (uint tap = 0u; tap < TAPS * TAPS; ++tap) {
             vec2 st = (vec2(texel) + (vec2(tap % TAPS, tap / TAPS) + 0.5) / float(TAPS)) / float(size);
             vec2 p = 2.0 * st - 1.0;
@@ -49,18 +51,19 @@ void main()
             float w = inversesqrt(1.0 + dot(p, p));
             w = w * w * w;
             vec3 direction = cube_direction(id.z, st);
-            vec3 light = vec3(w);
+            vec4 light = vec4(w);
             if (!WHITE)
-                light *= push.inverse_scale * arc_mean(direction, 2.0 * sqrt(w) / float(size * TAPS));
-            sum += vec4(light, w);
+                light *= vec4(vec3(push.inverse_scale), 1.0) * arc_mean(direction, 2.0 * sqrt(w) / float(size * TAPS));
+            sum += light;
+            weight += w;
             moments += outerProduct(direction, light);
         }
         if (!WHITE)
-            imageStore(cube, ivec3(texel, push.first_layer + id.z), vec4(round_to_half(sum.rgb / sum.a), 1.0));
+            imageStore(cube, ivec3(texel, push.first_layer + id.z), vec4(round_to_half(sum.rgb / weight), sum.a / weight));
         // The taps' weights add up to the texel's solid angle only nearly.
-        float exact = cube_texel_solid_angle(texel, size) / sum.a;
-        flux += exact * sum.rgb;
+        float exact = cube_texel_solid_angle(texel, size) / weight;
+        flux += exact * sum;
         moment += exact * moments;
     }
-    nodes[(id.z * (size / 2u) + id.y) * (size / 2u) + id.x] = make_node(flux, moment);
+    nodes[(id.z * (size / 2u) + id.y) * (size / 2u) + id.x] = make_node(flux, moment, cube_direction(id.z, (vec2(id.xy) + 0.5) * 2.0 / float(size)));
 }

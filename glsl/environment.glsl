@@ -56,11 +56,10 @@ vec3 round_reflectance(SpecularLobe lobe)
     return lobe.reflectance * (1.0 - lobe.even);
 }
 
-// Radiance of the panorama from around a lobe's direction.
-vec3 environment_image(SpecularLobe lobe)
+// Radiance of the panorama from around a direction of any length.
+vec3 environment_image(vec3 towards, LevelMix levels)
 {
-    vec3 d = panorama_from_world(lobe.towards);
-    LevelMix levels = level_mix(lobe.level);
+    vec3 d = panorama_from_world(towards);
     vec3 even = textureLod(specular_even, d, levels.even_mip).rgb, odd = textureLod(specular_odd, d, levels.odd_mip).rgb;
     return mix(even, odd, levels.odd_share) * frame.environment_scale;
 }

@@ -63,14 +63,15 @@ float image_share(SpecularLobe lobe)
 vec3 mirrored(Surface s, SpecularLobe lobe)
 {
     if (LIGHTMAP == LIGHTMAP_NONE)
-        return round_reflectance(lobe) * environment_image(lobe) * s.occlusion;
+        return round_reflectance(lobe) * environment_image(lobe.towards, level_mix(lobe.level)) * s.occlusion;
     float left = 1.0; // the share that no probe gives
+    LevelMix levels = level_mix(lobe.level);
     vec3 image = vec3(0.0);
 #ifdef LOCAL_PROBES
-    image = probes_image(lobe, position_world, left);
+    image = probes_image(lobe.towards, levels, position_world, left);
     if (left > 0.0)
 #endif
-        image += left * environment_image(lobe);
+        image += left * environment_image(lobe.towards, levels);
     vec3 blockers = lightmap_texel(LIGHTMAP_BLOCKERS);
     // Of a room's image no light is known to come from what stands before it: it only dims that.
     blockers = mix(min(blockers, image), blockers, left);

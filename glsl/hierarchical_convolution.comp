@@ -4,7 +4,8 @@
 // for each tile of 8x8 texels: smaller than the lobe is where they lie, so K hardly bends over one, and the bend that is
 // left enters by the light's second moment in the node. No sample and no random number: the same light gives the same
 // bits. The sums for radiance 1 (NORMS) are the same on every face, and divide out most of what is left of the error.
-// Alpha is 1, but beside irradiance it is how much of the light is grazing (energy.glsl, diffuse_taken).
+// Alpha is 1, or (ALPHA) the panorama's averaged by the same lobe; but beside irradiance it is how much of the light is grazing
+// (energy.glsl, diffuse_taken).
 // Twins: reference::integrals::prefiltered; at alpha = 1 reference::integrals::irradiance over pi and grazing.
 #version 460
 #extension GL_GOOGLE_include_directive : require
@@ -18,6 +19,7 @@ const uint ROWS = 8;
 
 layout(local_size_x = 8) in;
 layout(constant_id = 0) const bool NORMS = false;
+layout(constant_id = 1) const bool ALPHA = false;
 layout(set = 0, binding = 0, scalar) readonly buffer Nodes { Node nodes[]; };
 layout(set = 0, binding = 1, scalar) readonly buffer Lists { uint lists[]; };
 layout(set = 0, binding = 2, scalar) readonly buffer Tiles { uvec2 tiles[]; }; // first entry of a list, their number
@@ -38,11 +40,12 @@ void main()
     uvec3 group = gl_WorkGroupID;
     uint across = gl_NumWorkGroups.x;
     uvec2 corner = 8u * group.xy + uvec2(gl_LocalInvocationID.x, 0u);
-    vec3 r[ROWS], sum[ROWS];
+    vec3 r[ROWS];
+    vec4 sum[ROWS];
     float grazing[ROWS];
     for (uint j = 0u; j < ROWS; ++j) {
         r[j] = cube_direction(group.z, (vec2(corner + uvec2(0u, j)) + 0.5) / float(size));
-        sum[j] = vec3(0.0);
+        sum[j] = vec4(0.0);
         grazing[j] = 0.0;
     }
     Lobe lobe = Lobe(push.alpha2, push.k);
@@ -58,7 +61,7 @@ void main()
     bool irradiance = push.alpha2 == 1.0;
     for (uint i = list.x; irradiance && i < list.x + list.y; ++i) {
         Node node = nodes[lists[i]];
-        float flux = dot(node.flux, BRIGHTNESS);
+        float flux = dot(node.flux.rgb, BRIGHTNESS);
         for (uint j = 0u; j < ROWS; ++j)
             grazing[j] += flux * grazing_mean(dot(r[j], node.mean), node.spread);
     }
@@ -73,9 +76,10 @@ void main()
                 norms[grazing_norm] = grazing[j];
             continue;
         }
-        vec3 mean = sum[j] / norms[norm];
-        float bright = dot(mean, BRIGHTNESS);
-        float alpha = irradiance && bright > 0.0 ? grazing[j] / norms[grazing_norm] / bright : 1.0;
-        imageStore(level, ivec3(texel, push.first_layer + group.z), vec4(round_to_half(mean), alpha));
+        vec4 mean = sum[j] / norms[norm];
+        float bright = dot(mean.rgb, BRIGHTNESS), alpha = ALPHA ? clamp(mean.a, 0.0, 1.0) : 1.0;
+        if (irradiance && bright > 0.0)
+            alpha = grazing[j] / norms[grazing_norm] / bright;
+        imageStore(level, ivec3(texel, push.first_layer + group.z), vec4(round_to_half(mean.rgb), alpha));
     }
 }

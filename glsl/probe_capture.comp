@@ -1,5 +1,5 @@
 // Light that comes to a probe from all sides, as a panorama in the models' space: what the lightmap's texels give back, and
-// the panorama between them.
+// the panorama between them, whose share is in alpha.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "given_back.glsl"
@@ -20,16 +20,16 @@ layout(push_constant, scalar) uniform Work {
 // Rays along each side of a texel.
 const uint RAYS = 2;
 
-vec3 radiance_along(vec3 d, float rays_across)
+vec4 radiance_along(vec3 d, float rays_across)
 {
     vec3 begin = box_exit(work.position, d, work.low, work.high);
     vec3 position = (frame.world_from_models * vec4(begin, 1.0)).xyz, d_world = mat3(frame.world_from_models) * d;
     RayHit hit = trace_ray(position, d_world, 1e30, false);
     if (hit.t < 0.0)
-        return sky_radiance(d_world, panorama_lod(rays_across));
+        return vec4(sky_radiance(d_world, panorama_lod(rays_across)), 1.0);
     vec3 at = lightmap_address(hit, is_back(hit, d_world));
     vec3 given_back = textureLod(given_back_of_direct, at, 0.0).rgb + textureLod(given_back_of_soft, at, 0.0).rgb;
-    return given_back * towards_over_matt(hit, hit_cosine(hit, d_world)) + emission_of_hit(hit);
+    return vec4(given_back * towards_over_matt(hit, hit_cosine(hit, d_world)) + emission_of_hit(hit), 0.0);
 }
 
 void main()
@@ -37,10 +37,10 @@ void main()
     uvec2 size = uvec2(imageSize(capture).xy), texel = gl_GlobalInvocationID.xy + uvec2(0u, work.first_row);
     if (texel.x >= size.x || texel.y >= min(size.y, work.first_row + work.rows))
         return;
-    vec3 sum = vec3(0.0);
+    vec4 sum = vec4(0.0);
     for (uint i = 0u; i < RAYS * RAYS; ++i) {
         vec2 part = (vec2(i % RAYS, i / RAYS) + 0.5) / float(RAYS);
         sum += radiance_along(panorama_direction((vec2(texel) + part) / vec2(size)), float(RAYS * size.x));
     }
-    imageStore(capture, ivec3(texel, 0), vec4(sum / float(RAYS * RAYS), 1.0));
+    imageStore(capture, ivec3(texel, 0), sum / float(RAYS * RAYS));
 }

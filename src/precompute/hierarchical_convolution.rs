@@ -17,7 +17,7 @@ use crate::reference::levels::{LEVELS, alpha_from_level};
 /// The shaders of the passes, in their order.
 pub const SHADERS: [&str; 3] = ["cube_and_nodes.comp", "node_merge.comp", "hierarchical_convolution.comp"];
 /// Bytes of `Node` in `glsl/nodes.glsl`.
-const NODE_BYTES: u64 = 64;
+const NODE_BYTES: u64 = 80;
 
 /// Push constants of `glsl/node_merge.comp`.
 #[repr(C)]
@@ -75,6 +75,15 @@ struct Sum {
     across: u32,
 }
 
+/// What a panorama's alpha is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Alpha {
+    /// 1 everywhere.
+    One,
+    /// A share between 0 and 1 that specular levels average with the light.
+    Share,
+}
+
 /// Pipelines and descriptor sets for one panorama and its maps. Pipelines have two variants: for the panorama's light,
 /// and for uniform white light, whose sums are the norms by which the light's sums are divided.
 pub struct HierarchicalConvolution {
@@ -101,7 +110,7 @@ impl HierarchicalConvolution {
     /// No memory, or a failed Vulkan call.
     pub fn new(
         gpu: &Arc<Gpu>,
-        panorama: &Arc<Image>,
+        (panorama, alpha): (&Arc<Image>, Alpha),
         specular: &[Arc<Image>; 2],
         irradiance: Option<&Arc<Image>>,
     ) -> Result<Self> {
@@ -121,14 +130,12 @@ impl HierarchicalConvolution {
         let set = |layout: &DescriptorSetLayout, bindings: &[Binding<'_>]| {
             DescriptorSet::new(gpu, "hierarchical convolution", layout, bindings)
         };
-        let variants = |shader, constant, taps: Option<u32>, layout: &DescriptorSetLayout, push_bytes: usize| {
-            let variant = |white: usize| {
-                // White light needs few samples: it is constant over a texel.
-                let taps = taps.map(|taps| (0, if white == WHITE { 2 } else { taps }));
-                let constants: Vec<_> = taps.into_iter().chain([(constant, white as u32)]).collect();
+        let variants = |shader, constants: [[u32; 2]; 2], layout: &DescriptorSetLayout, push_bytes: usize| {
+            let variant = |constants: [u32; 2]| {
+                let constants = [0, 1].map(|id| (id as u32, constants[id]));
                 Pipeline::compute(gpu, shader, &constants, &[layout], push_bytes as u32)
             };
-            Ok::<_, crate::Error>([variant(LIGHT)?, variant(WHITE)?])
+            Ok::<_, crate::Error>([variant(constants[LIGHT])?, variant(constants[WHITE])?])
         };
 
         let layout = DescriptorSetLayout::new(
@@ -140,7 +147,8 @@ impl HierarchicalConvolution {
             [Binding::Sampled(panorama, &sampler), Binding::StorageImage(&specular[0], 0), Binding::Storage(nodes)];
         let taps = taps(panorama.desc().size, size);
         let [to_cube_shader, merge_shader, sum_shader] = SHADERS;
-        let to_cube = variants(to_cube_shader, 1, Some(taps), &layout, size_of::<NodesBlock>())?;
+        // White light needs few samples: it is constant over a texel.
+        let to_cube = variants(to_cube_shader, [[taps, 0], [2, 1]], &layout, size_of::<NodesBlock>())?;
         let to_cube_set = set(&layout, &bindings)?;
 
         let layout = DescriptorSetLayout::new(gpu, "node merge", &[BindingType::Storage])?;
@@ -155,7 +163,8 @@ impl HierarchicalConvolution {
             BindingType::StorageImage,
         ];
         let layout = DescriptorSetLayout::new(gpu, "hierarchical convolution", &binding_types)?;
-        let sum = variants(sum_shader, 0, None, &layout, size_of::<SumBlock>() + size_of::<u32>())?;
+        let has_alpha = u32::from(alpha == Alpha::Share);
+        let sum = variants(sum_shader, [[0, has_alpha], [1, 0]], &layout, size_of::<SumBlock>() + size_of::<u32>())?;
         let outputs = (1..LEVELS).map(|level| (&specular[level % 2], level / 2)).chain(irradiance.map(|map| (map, 0)));
         let mut first_norm = 0;
         let mut sums = Vec::new();

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use super::Options;
 use super::cache::{CacheKind, cached};
-use super::hierarchical_convolution::{self, HierarchicalConvolution};
+use super::hierarchical_convolution::{self, Alpha, HierarchicalConvolution};
 use crate::asset::Panorama;
 use crate::context::Context;
 use crate::gpu::{Format, Gpu, Image, ImageDesc, ImageUsageFlags, PassTime, Shape, upload_rows};
@@ -51,8 +51,10 @@ impl LightMaps {
         let irradiance_over_pi = cube(gpu, "irradiance", options.irradiance_size, 1)?;
         let mips = (LEVELS / 2) as u32;
         let specular = [cube(gpu, "even specular levels", size, mips)?, cube(gpu, "odd specular levels", size, mips)?];
-        let compute =
-            || HierarchicalConvolution::new(gpu, &image, &specular, Some(&irradiance_over_pi))?.run(gpu, scale);
+        let compute = || {
+            HierarchicalConvolution::new(gpu, (&image, Alpha::One), &specular, Some(&irradiance_over_pi))?
+                .run(gpu, scale)
+        };
         // The irradiance map depends on the face size too, though its own size does not.
         let sides = [panorama.width, panorama.height, size];
         let source = [bytemuck::cast_slice(&sides), bytemuck::cast_slice(&panorama.texels)];

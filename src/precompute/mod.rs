@@ -15,7 +15,7 @@ pub use crate::asset::cache::Cache;
 pub use brdf_table::BrdfTable;
 pub use cache::{CacheKind, keep_cached, load_cached};
 pub use cube_texels::CubeTexels;
-pub use hierarchical_convolution::{HierarchicalConvolution, SHADERS as CONVOLUTION_SHADERS};
+pub use hierarchical_convolution::{Alpha, HierarchicalConvolution, SHADERS as CONVOLUTION_SHADERS};
 pub use light_maps::{LightMaps, check_face_size, check_irradiance_size};
 pub use table_texels::{TableAt, TableTexels};
 pub use texture::read_texture;

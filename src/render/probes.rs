@@ -14,7 +14,7 @@ use crate::gpu::{
     AddressMode, Binding, Commands, DescriptorSet, Format, Gpu, Image, ImageAccess, ImageDesc, ImageUsageFlags,
     PassTime, Pipeline, Sampler, submit_and_wait,
 };
-use crate::precompute::HierarchicalConvolution;
+use crate::precompute::{Alpha, HierarchicalConvolution};
 use crate::scene::Probe;
 
 /// Names of the passes, for their times.
@@ -87,7 +87,7 @@ impl ProbeBake {
         let face = probes.specular[0].desc().size[0];
         let size = [4 * face, 2 * face];
         let captured = Image::new(gpu, "captured", ImageDesc::flat(Format::R32G32B32A32_SFLOAT, size, usage))?;
-        let filter = HierarchicalConvolution::new(gpu, &captured, &probes.specular, None)?;
+        let filter = HierarchicalConvolution::new(gpu, (&captured, Alpha::Share), &probes.specular, None)?;
         submit_and_wait(gpu, |commands| {
             commands.prepare_fresh(&captured, ImageAccess::Sampled); // bound, not read
             Ok(())

@@ -131,6 +131,46 @@ fn a_mirror_ball_in_the_open_shows_the_floor_and_what_stands_beside_it() {
     assert!(around < 0.06 && without > 1.6 * around, "{around} against {without}");
 }
 
+/// A room of 2 m that is open to the back but for the lower half, with a floor of dull metal, under a sky that is bright near the
+/// horizon.
+fn open_to_the_back(shop: &Workshop) -> PathBuf {
+    let sky = |[_, y, _]: [f64; 3]| if y < 0.6 { [4.0, 2.0, 1.0] } else { [0.1, 0.2, 0.5] };
+    shop.panorama("bands.exr", 128, sky);
+    shop.write("wall.mtl", &material([0.3; 3], 0.0, 1.0));
+    shop.write("floor.mtl", &material([0.9; 3], 1.0, 0.15));
+    ["wall", "floor"].iter().for_each(|name| drop(shop.write(&format!("{name}.obj"), &square(&format!("{name}.mtl")))));
+    let mut text = "environment = { panorama = \"bands.exr\" }\n".to_owned();
+    text += "[[probe]]\nposition = [0, 0, 0]\nbox = [[-1, -1, -1], [1, 1, 1]]\n";
+    for (name, turned, place) in [
+        ("floor", [-90, 0, 0], [0, -1, 0]),
+        ("wall", [90, 0, 0], [0, 1, 0]),
+        ("wall", [0, 90, 0], [-1, 0, 0]),
+        ("wall", [0, -90, 0], [1, 0, 0]),
+        ("wall", [0, 180, 0], [0, 0, 1]),
+        ("wall", [0, 0, 0], [0, -1, -1]),
+    ] {
+        let at = format!("translation = {place:?}\nrotation_degrees = {turned:?}\nscale = 2");
+        writeln!(text, "[[model]]\nfile = \"{name}.obj\"\n{at}").expect("a string");
+    }
+    text +=
+        "[[camera]]\nname = \"down\"\nposition = [0, 0.9, 0.7]\ntarget = [0, -1, -0.3]\nvertical_fov_degrees = 20\n";
+    shop.write("bands.toml", &text)
+}
+
+#[test]
+fn a_mirrored_opening_shows_the_sky_that_lies_behind_it_from_there() {
+    // From the probe in the middle the opening shows the horizon, from the floor the sky high above it.
+    let shop = Workshop::new();
+    let scene = open_to_the_back(&shop);
+    let [exact, baked] =
+        [Shading::Reference, Shading::Pbr].map(|shading| seen_by("down", SIZE, &shop, &scene, shading));
+    let off = mean_off(&baked, &exact);
+    let [want, got] = [&exact, &baked].map(|picture| mean_at(picture, SIZE / 2, SIZE / 2, 4));
+    println!("off by {off:.3}; in the middle {got:.3?}, exactly {want:.3?}");
+    // Off by 10 times and more where the opening is taken for a picture on the wall.
+    assert!(off < 0.15, "{off}");
+}
+
 #[test]
 fn no_seam_shows_where_one_probe_ends() {
     let shop = Workshop::new();
