@@ -125,9 +125,6 @@ vec3 emitter_irradiance(PathPoint p, vec2 u, out vec3 l, out float far)
     return light.radiance * (cosine * light.area / max(cosine * INV_PI * light.area + light.density, TINY));
 }
 
-// What lies nearer than this part of the way to a wall is no part of the room's image that a probe shows.
-const float BEFORE_WALL = 0.75;
-
 // The share of what a ray from p meets after t metres, or nothing (< 0), that mirror images of probes or panorama show there. Less
 // where it meets something before the walls: that blocks it, and where no probe reaches, all does that is met.
 float share_in_image(vec3 position, vec3 d, float t)

@@ -20,6 +20,9 @@ vec3 box_exit(vec3 p, vec3 d, vec3 low, vec3 high)
     return start + min(t.x, min(t.y, t.z)) * d;
 }
 
+// What lies nearer than this part of the way to the box is no part of the image that is taken to lie on it.
+const float BEFORE_WALL = 0.75;
+
 // 1 where mirror images show it, 0 from the border on, with an even slope at both ends.
 float probe_weight(vec3 p, Probe probe)
 {

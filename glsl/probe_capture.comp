@@ -15,21 +15,48 @@ layout(push_constant, scalar) uniform Work {
     uint first_row;
     uint rows;
     vec3 low, high; // rays begin where they leave this box
+    vec3 walls_low, walls_high; // what was captured is taken to lie on this box
 } work;
+
+// As far as where a box has no wall.
+const float NO_WALL = 1e9;
 
 // Rays along each side of a texel.
 const uint RAYS = 2;
 
+// Things before the walls that rays see through at most.
+const uint MOST_THINGS = 8;
+
+vec3 given_back(RayHit hit, vec3 d_world)
+{
+    vec3 at = lightmap_address(hit, is_back(hit, d_world));
+    vec3 light = textureLod(given_back_of_direct, at, 0.0).rgb + textureLod(given_back_of_soft, at, 0.0).rgb;
+    return light * towards_over_matt(hit, hit_cosine(hit, d_world)) + emission_of_hit(hit);
+}
+
+// On the walls a thing before them is shown larger than it is, and in a wrong place: it is as much fainter there, and the rest is
+// what lies behind it. Alpha: the share of the panorama.
 vec4 radiance_along(vec3 d, float rays_across)
 {
     vec3 begin = box_exit(work.position, d, work.low, work.high);
-    vec3 position = (frame.world_from_models * vec4(begin, 1.0)).xyz, d_world = mat3(frame.world_from_models) * d;
-    RayHit hit = trace_ray(position, d_world, 1e30, false);
-    if (hit.t < 0.0)
-        return vec4(sky_radiance(d_world, panorama_lod(rays_across)), 1.0);
-    vec3 at = lightmap_address(hit, is_back(hit, d_world));
-    vec3 given_back = textureLod(given_back_of_direct, at, 0.0).rgb + textureLod(given_back_of_soft, at, 0.0).rgb;
-    return vec4(given_back * towards_over_matt(hit, hit_cosine(hit, d_world)) + emission_of_hit(hit), 0.0);
+    vec3 origin = (frame.world_from_models * vec4(begin, 1.0)).xyz, d_world = mat3(frame.world_from_models) * d;
+    float wall = distance(work.position, box_exit(work.position, d, work.walls_low, work.walls_high)), left = 1.0, from = 0.0;
+    vec3 sum = vec3(0.0);
+    for (uint i = 0u; i < MOST_THINGS; ++i) {
+        RayHit hit = trace_ray(origin + from * d_world, d_world, 1e30, false);
+        if (hit.t < 0.0)
+            return vec4(sum + left * sky_radiance(d_world, panorama_lod(rays_across)), left);
+        float t = from + hit.t, share = i + 1u < MOST_THINGS && wall < NO_WALL && t < BEFORE_WALL * wall ? t * t / (wall * wall) : 1.0;
+        if (share < 1.0 && is_back(hit, d_world))
+            share = 0.0;
+        if (share > 0.0)
+            sum += left * share * given_back(hit, d_world);
+        left *= 1.0 - share;
+        if (left <= 0.0)
+            break;
+        from = t * (1.0 + 1e-4) + 1e-5 * wall;
+    }
+    return vec4(sum, 0.0);
 }
 
 void main()

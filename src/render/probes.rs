@@ -15,7 +15,7 @@ use crate::gpu::{
     PassTime, Pipeline, Sampler, submit_and_wait,
 };
 use crate::precompute::{Alpha, HierarchicalConvolution};
-use crate::scene::Probe;
+use crate::scene::{Bounds, Probe};
 
 /// Names of the passes, for their times.
 pub const CAPTURE: &str = "probe capture";
@@ -36,12 +36,18 @@ struct Work {
     /// Rays begin where they leave this box.
     low: [f32; 3],
     high: [f32; 3],
+    /// What they see is taken to lie on this box.
+    walls_low: [f32; 3],
+    walls_high: [f32; 3],
 }
 
 impl Work {
     fn new(probe: &Probe, first_row: u32, rows: u32) -> Self {
-        let hidden = probe.hidden();
-        Self { position: probe.position.into(), first_row, rows, low: hidden.min.into(), high: hidden.max.into() }
+        // Around a thing all is seen from near its probe, and nothing is in a wrong place.
+        let walls = if probe.thing.is_some() { Bounds::of([probe.position]) } else { probe.bounds };
+        let [hidden, walls] = [probe.hidden(), walls].map(|b| [b.min.into(), b.max.into()]);
+        let ([low, high], [walls_low, walls_high]) = (hidden, walls);
+        Self { position: probe.position.into(), first_row, rows, low, high, walls_low, walls_high }
     }
 }
 
