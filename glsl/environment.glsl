@@ -24,7 +24,8 @@ struct SpecularLobe {
     vec3 reflectance; // its integral over the light's directions, F0 A + B: Karis (2013), eq. 8
     float even;       // the share of the irradiance in it; the rest comes
     vec3 towards;     // from this direction, of any length,
-    float level;      // and from so far around
+    float spread;     // 1 - length of the mean of all directions that it comes from
+    float level;      // of the maps for that
     vec2 entry;       // A and B
     vec2 mean_entry;  // and averaged over directions
 };
@@ -44,6 +45,7 @@ SpecularLobe specular_lobe(vec3 n, vec3 v, float nv, vec3 f0, float roughness)
     lobe.reflectance = f0 * parts.x + parts.y;
     lobe.even = even;
     lobe.towards = found.towards.x * r + found.towards.y * t;
+    lobe.spread = found.spread;
     lobe.level = level_from_spread(found.spread);
     lobe.entry = parts.xy;
     lobe.mean_entry = means.zw;

@@ -50,17 +50,26 @@ SpecularLobe lobe_of(Surface s)
     return specular_lobe(s.n, s.v, s.nv, f0_from_metallic(s.base_color, s.metallic), s.roughness);
 }
 
-// The share of a lobe's light that comes from as far away as its image shows it: see share_in_image in lightmap_gather.comp.
+// The share of a lobe's light that comes from as far away as its image shows it: see share_in_image in lightmap_gather.comp. What is
+// linear in the direction has its mean over the lobe at the lobe's mean vector.
 float image_share(SpecularLobe lobe)
 {
     vec3 n = normalize_or(normal_world, vec3(0.0, 1.0, 0.0)) * (gl_FrontFacing ? 1.0 : -1.0);
     Openness open = openness_from_mean(n, mat3(frame.world_from_models) * lightmap_texel(LIGHTMAP_OPENNESS));
-    return visibility(open, normalize(lobe.towards));
+    return visibility(open, (1.0 - lobe.spread) * normalize(lobe.towards));
+}
+
+// The most radiance that a lobe can come to where all irradiance is known: as if it were even over a cap with the lobe's mean
+// vector, of 4 pi spread, and nothing came from elsewhere. `over_pi`: irradiance over pi.
+vec3 most_radiance(SpecularLobe lobe, vec3 n, vec3 over_pi)
+{
+    float cosine = (1.0 - lobe.spread) * dot(n, normalize(lobe.towards));
+    return over_pi / max(4.0 * lobe.spread * cosine, TINY);
 }
 
 // What the round lobe of single scattering takes from all around: of the image of probes and panorama as far as the lightmap knows
 // the lobe's direction to be open; in the rest what surfaces before it give, as if it came from all of them evenly.
-vec3 mirrored(Surface s, SpecularLobe lobe)
+vec3 mirrored(Surface s, SpecularLobe lobe, vec3 over_pi)
 {
     if (LIGHTMAP == LIGHTMAP_NONE)
         return round_reflectance(lobe) * environment_image(lobe.towards, level_mix(lobe.level)) * s.occlusion;
@@ -75,7 +84,8 @@ vec3 mirrored(Surface s, SpecularLobe lobe)
     vec3 blockers = lightmap_texel(LIGHTMAP_BLOCKERS);
     // Of a room's image no light is known to come from what stands before it: it only dims that.
     blockers = mix(min(blockers, image), blockers, left);
-    return round_reflectance(lobe) * mix(blockers, image, image_share(lobe));
+    vec3 radiance = mix(blockers, image, image_share(lobe));
+    return round_reflectance(lobe) * min(radiance, most_radiance(lobe, s.n, over_pi));
 }
 
 // What the environment gives: the split sum, and with the irradiance what is diffuse or scattered more than once. That is
@@ -84,7 +94,7 @@ Split environment(Surface s, SpecularLobe lobe)
 {
     EvenLight light = even_light(s);
     vec3 even = light.over_pi;
-    Split split = Split(vec3(0.0), mirrored(s, lobe) + lobe.reflectance * lobe.even * even);
+    Split split = Split(vec3(0.0), mirrored(s, lobe, even) + lobe.reflectance * lobe.even * even);
     bool multiple = MULTI_SCATTER && GEOMETRY == GEOMETRY_SMITH;
     if (METALNESS == METALNESS_METAL && !multiple)
         return split;

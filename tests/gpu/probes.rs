@@ -33,6 +33,7 @@ fn room(shop: &Workshop, thing: &str, probes: &str) -> PathBuf {
     text += "[[light]]\npoint = { position = [-0.4, 0.5, 0.4], intensity = [1, 1, 1] }\n";
     text += "[[camera]]\nname = \"c\"\nposition = [-0.1, 0.1, 0.9]\ntarget = [0.2, -0.1, -0.2]\nvertical_fov_degrees = 15.3\n";
     text += "[[camera]]\nname = \"front\"\nposition = [0.6, 0.1, 0.9]\ntarget = [0, 0.1, -0.6]\nvertical_fov_degrees = 30\n";
+    text += "[[camera]]\nname = \"down\"\nposition = [0.0, 0.2, 0.95]\ntarget = [0, -0.95, 0.2]\nvertical_fov_degrees = 60\n";
     shop.write("scene.toml", &text)
 }
 
@@ -129,6 +130,26 @@ fn a_mirror_ball_in_the_open_shows_the_floor_and_what_stands_beside_it() {
     let without = mean_off(&picture(&shop, &open_place(&shop, elsewhere), Shading::Pbr), &exact);
     println!("off by {around:.3} with a probe around the ball, {without:.3} without");
     assert!(around < 0.06 && without > 1.6 * around, "{around} against {without}");
+}
+
+#[test]
+fn what_hangs_in_a_room_is_no_larger_in_mirrors_than_it_is() {
+    // A bulb close to the probe: seen from there, it covers a large part of the walls.
+    let shop = Workshop::new();
+    shop.write("bulb.mtl", &format!("{}Ke 60 50 40\n", material([0.5; 3], 0.0, 1.0)));
+    shop.write("bulb.obj", &sphere("bulb.mtl"));
+    shop.write("panel.mtl", &material([1.0; 3], 1.0, 0.3));
+    shop.write("panel.obj", &square("panel.mtl"));
+    let things = "[[model]]\nfile = \"bulb.obj\"\ntranslation = [0.0, 0.3, 0.0]\nscale = 0.05\n\
+        [[model]]\nfile = \"panel.obj\"\ntranslation = [0.0, -0.95, 0.0]\nrotation_degrees = [-90, 0, 0]\nscale = 1.8\n";
+    let probe = "[[probe]]\nposition = [0, 0.1, 0.1]\nbox = [[-1, -1, -1], [1, 1, 1]]\n";
+    let scene = room(&shop, things, probe);
+    let [exact, baked] =
+        [Shading::Reference, Shading::Pbr].map(|shading| seen_by("down", SIZE, &shop, &scene, shading));
+    let mean = |picture: &Picture| mean_at(picture, SIZE / 2, SIZE / 2, SIZE / 2 - 1).iter().sum::<f64>();
+    let ratio = mean(&baked) / mean(&exact);
+    println!("mean {ratio:.3} of the exact one; off by {:.3}", mean_off(&baked, &exact));
+    assert!((0.9..1.1).contains(&ratio), "{ratio}");
 }
 
 /// A room of 2 m that is open to the back but for the lower half, with a floor of dull metal, under a sky that is bright near the
