@@ -65,5 +65,6 @@ void main()
         flux += exact * sum;
         moment += exact * moments;
     }
-    nodes[(id.z * (size / 2u) + id.y) * (size / 2u) + id.x] = make_node(flux, moment, cube_direction(id.z, (vec2(id.xy) + 0.5) * 2.0 / float(size)));
+    vec3 middle = cube_direction(id.z, (vec2(id.xy) + 0.5) * 2.0 / float(size));
+    nodes[(id.z * (size / 2u) + id.y) * (size / 2u) + id.x] = make_node(flux, moment, middle);
 }

@@ -43,7 +43,8 @@ Light given_towards(RayHit hit, vec3 d, float cosine, vec3 direct, vec3 soft, bo
     return Light(direct, towards * soft);
 }
 
-// Irradiance by way of a relay, its direction and how far it is, for a point that samples its hemisphere by the cosine: see path.glsl's `relayed_light`.
+// Irradiance by way of a relay, its direction and how far it is, for a point that samples its hemisphere by the cosine: see
+// path.glsl's `relayed_light`.
 Light relay_light(PathPoint p, vec3 origin, Relay relay, out vec3 l, out float far)
 {
     vec3 to_relay = relay.position - origin;

@@ -7,9 +7,9 @@
 
 // Scalar layout: 80 bytes.
 struct Node {
-    vec3 mean;    // of the directions, weighted by brightness; shorter than 1 by as much as the light is spread
-    float spread; // (1 - |mean|^2) / 4
-    vec4 flux;    // integral of radiance over the part, and of alpha
+    vec3 mean;     // of the directions, weighted by brightness; shorter than 1 by as much as the light is spread
+    float spread;  // (1 - |mean|^2) / 4
+    vec4 flux;     // integral of radiance over the part, and of alpha
     mat4x3 moment; // integral of radiance and alpha times direction; a column for each channel
 };
 

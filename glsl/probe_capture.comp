@@ -24,8 +24,11 @@ const float NO_WALL = 1e9;
 // Rays along each side of a texel.
 const uint RAYS = 2;
 
-// Things before the walls that rays see through at most.
-const uint MOST_THINGS = 8;
+// The walls lie nearer than this part of the way to their box.
+const float BEYOND_WALL = 1.1;
+
+// What rays see through before they meet a wall, at most.
+const uint MOST_HITS = 8;
 
 vec3 given_back(RayHit hit, vec3 d_world)
 {
@@ -34,29 +37,29 @@ vec3 given_back(RayHit hit, vec3 d_world)
     return light * towards_over_matt(hit, hit_cosine(hit, d_world)) + emission_of_hit(hit);
 }
 
-// On the walls a thing before them is shown larger than it is, and in a wrong place: it is as much fainter there, and the rest is
-// what lies behind it. Alpha: the share of the panorama.
+// A thing before a wall is shown on it larger than it is, and in a wrong place: it is as much fainter there, and the rest is the
+// wall. Alpha: the share of the panorama.
 vec4 radiance_along(vec3 d, float rays_across)
 {
     vec3 begin = box_exit(work.position, d, work.low, work.high);
     vec3 origin = (frame.world_from_models * vec4(begin, 1.0)).xyz, d_world = mat3(frame.world_from_models) * d;
-    float wall = distance(work.position, box_exit(work.position, d, work.walls_low, work.walls_high)), left = 1.0, from = 0.0;
-    vec3 sum = vec3(0.0);
-    for (uint i = 0u; i < MOST_THINGS; ++i) {
-        RayHit hit = trace_ray(origin + from * d_world, d_world, 1e30, false);
-        if (hit.t < 0.0)
-            return vec4(sum + left * sky_radiance(d_world, panorama_lod(rays_across)), left);
-        float t = from + hit.t, share = i + 1u < MOST_THINGS && wall < NO_WALL && t < BEFORE_WALL * wall ? t * t / (wall * wall) : 1.0;
-        if (share < 1.0 && is_back(hit, d_world))
-            share = 0.0;
-        if (share > 0.0)
-            sum += left * share * given_back(hit, d_world);
-        left *= 1.0 - share;
-        if (left <= 0.0)
-            break;
-        from = t * (1.0 + 1e-4) + 1e-5 * wall;
+    RayHit hit = trace_ray(origin, d_world, 1e30, false);
+    if (hit.t < 0.0)
+        return vec4(sky_radiance(d_world, panorama_lod(rays_across)), 1.0);
+    vec3 light = given_back(hit, d_world);
+    float wall = distance(work.position, box_exit(work.position, d, work.walls_low, work.walls_high)), t = hit.t;
+    if (wall > NO_WALL)
+        return vec4(light, 0.0);
+    float share = min(t * t / (wall * wall), 1.0);
+    for (uint i = 0u; i < MOST_HITS && t < BEFORE_WALL * wall; ++i) {
+        float from = t * (1.0 + 1e-4) + 1e-5 * wall;
+        hit = trace_ray(origin + from * d_world, d_world, 1e30, false);
+        t = hit.t < 0.0 ? 1e30 : from + hit.t;
+        // Otherwise what was met first may be the wall of a room that is no box.
+        if (t >= BEFORE_WALL * wall && t < BEYOND_WALL * wall && !is_back(hit, d_world))
+            light = mix(given_back(hit, d_world), light, share);
     }
-    return vec4(sum, 0.0);
+    return vec4(light, 0.0);
 }
 
 void main()
