@@ -72,15 +72,14 @@ vec3 most_radiance(SpecularLobe lobe, vec3 n, vec3 over_pi)
 vec3 mirrored(Surface s, SpecularLobe lobe, vec3 over_pi)
 {
     if (LIGHTMAP == LIGHTMAP_NONE)
-        return round_reflectance(lobe) * environment_image(lobe.towards, level_mix(lobe.level)) * s.occlusion;
+        return round_reflectance(lobe) * environment_image(lobe.towards, lobe.level) * s.occlusion;
     float left = 1.0; // the share that no probe gives
-    LevelMix levels = level_mix(lobe.level);
     vec3 image = vec3(0.0);
 #ifdef LOCAL_PROBES
-    image = probes_image(lobe.towards, levels, position_world, left);
+    image = probes_image(lobe.towards, lobe.level, position_world, left);
     if (left > 0.0)
 #endif
-        image += left * environment_image(lobe.towards, levels);
+        image += left * environment_image(lobe.towards, lobe.level);
     vec3 blockers = lightmap_texel(LIGHTMAP_BLOCKERS);
     // Of a room's image no light is known to come from what stands before it: it only dims that.
     blockers = mix(min(blockers, image), blockers, left);

@@ -14,28 +14,24 @@ layout(SCENE_PROBE_ODD) uniform samplerCubeArray probe_odd;
 
 // Radiance from around a world direction that a probe shows at p in the models' space. The panorama, its alpha, does not lie on the
 // box: there it shows what the panorama has in that direction instead.
-vec3 probe_radiance(int index, vec3 p, vec3 towards, LevelMix levels)
+vec3 probe_radiance(int index, vec3 p, vec3 towards, float level)
 {
     Probe probe = probes[index];
     vec3 d = box_exit(p, models_from_world(towards), probe.low, probe.high) - probe.position;
+    LevelMix levels = level_mix(level);
     vec4 even = textureLod(probe_even, vec4(d, index), levels.even_mip), odd = textureLod(probe_odd, vec4(d, index), levels.odd_mip);
     vec4 seen = mix(even, odd, levels.odd_share);
-    vec3 radiance = seen.rgb * frame.probe_scale;
-    // A loop: a software renderer computes what a branch skips, too.
-    for (bool is_open = seen.a > 0.0; is_open; is_open = false) {
-        vec3 other = environment_image(towards, levels) - environment_image(mat3(frame.world_from_models) * d, levels);
-        radiance = max(radiance + seen.a * other, vec3(0.0));
-    }
-    return radiance;
+    vec3 other = environment_difference(towards, mat3(frame.world_from_models) * d, level);
+    return max(seen.rgb * frame.probe_scale + seen.a * other, vec3(0.0));
 }
 
 // What the probes around a point show around a direction, radiance; `left`: the share that they leave to the panorama.
-vec3 probes_image(vec3 towards, LevelMix levels, vec3 position, out float left)
+vec3 probes_image(vec3 towards, float level, vec3 position, out float left)
 {
     vec3 p = position_in_models(position), image = vec3(0.0);
     left = SEVERAL_PROBES ? 1.0 : 0.0;
     if (!SEVERAL_PROBES)
-        return probe_radiance(findLSB(draw.probes), p, towards, levels);
+        return probe_radiance(findLSB(draw.probes), p, towards, level);
     // Finds the boxes around the point before it reads any probe's light: a software renderer computes what a branch skips, too,
     // and would read every probe.
     uint around = 0u;
@@ -49,7 +45,7 @@ vec3 probes_image(vec3 towards, LevelMix levels, vec3 position, out float left)
         around &= around - 1u;
         float weight = probe_weight(p, probes[index]);
         if (weight > 0.0) {
-            image += left * weight * probe_radiance(index, p, towards, levels);
+            image += left * weight * probe_radiance(index, p, towards, level);
             left *= 1.0 - weight;
         }
     } while (left > 0.0 && around != 0u);
