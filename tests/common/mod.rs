@@ -34,7 +34,7 @@ use pbr_vr::gpu::GpuOptions;
 use pbr_vr::reference::brdf::Geometry;
 use pbr_vr::reference::energy::Scattering;
 use pbr_vr::reference::table::SplitSum;
-use pbr_vr::render::{LightModel, RenderSettings, Shading};
+use pbr_vr::render::{LightDetail, LightModel, RenderSettings, Shading};
 use pbr_vr::scene::Model;
 use pbr_vr::scene::staging::{Stage, Staging};
 use pbr_vr::view::{RenderRequest, render};
@@ -97,6 +97,7 @@ impl Workshop {
                 scattering: options.scattering,
                 split_sum: options.split_sum,
                 light: options.light,
+                light_detail: LightDetail { lightmap_size: options.lightmap, ..LightDetail::default() },
                 model: options.model,
                 ..Default::default()
             },
@@ -120,6 +121,8 @@ pub struct PictureOptions<'a> {
     pub scattering: Scattering,
     pub split_sum: SplitSum,
     pub light: LightModel,
+    /// Texels along the side of the lightmap, unless it is as large as the scene asks for.
+    pub lightmap: Option<u32>,
     pub model: Model,
 }
 
@@ -136,6 +139,7 @@ impl Default for PictureOptions<'_> {
             scattering: Scattering::Multiple,
             split_sum: SplitSum::Moment,
             light: LightModel::Direct,
+            lightmap: None,
             model: Model::Needed,
         }
     }

@@ -140,7 +140,7 @@ fn a_lamp_near_the_wall_of_a_ball_gives_as_much_as_one_in_the_middle() {
                 uniform(0.0),
             );
             let brdf = Brdf::new(&scene.materials[0]);
-            let taken = take(gpu, &scene, &from, Shot::reference(BAKED, 16, 160));
+            let taken = take(gpu, &scene, &from, Shot::reference(BAKED, 16, 96));
             // Less what comes straight from the lamp.
             let direct = |pixel: usize| {
                 let (p, ..) = seen(&scene, &from, 16, pixel).unwrap();
