@@ -9,9 +9,11 @@
 layout(local_size_x = 8, local_size_y = 8) in;
 layout(constant_id = 0) const uint TAPS = 4;
 layout(constant_id = 1) const bool WHITE = false;
+layout(constant_id = 2) const bool ALPHA = false;
 layout(set = 0, binding = 0) uniform sampler2D panorama;
 layout(set = 0, binding = 1, rgba16f) uniform writeonly image2DArray cube;
 layout(set = 0, binding = 2, scalar) writeonly buffer Nodes { Node nodes[]; };
+layout(set = 0, binding = 3, scalar) writeonly buffer Alphas { vec4 alphas[]; };
 layout(push_constant) uniform Push {
     float inverse_scale;
     uint first_layer; // of the image
@@ -37,13 +39,15 @@ void main()
     uint size = uint(imageSize(cube).x);
     if (2u * id.x >= size || 2u * id.y >= size)
         return;
-    vec4 flux = vec4(0.0);
-    mat4x3 moment = mat4x3(0.0);
+    vec3 flux = vec3(0.0);
+    mat3 moment = mat3(0.0);
+    vec4 alpha = vec4(0.0);
     for (uint i = 0u; i < 4u; ++i) {
         uvec2 texel = 2u * id.xy + uvec2(i & 1u, i >> 1);
         vec4 sum = vec4(0.0);
         float weight = 0.0;
-        mat4x3 moments = mat4x3(0.0);
+        mat3 moments = mat3(0.0);
+        vec3 alpha_moment = vec3(0.0);
         for (uint tap = 0u; tap < TAPS * TAPS; ++tap) {
             vec2 st = (vec2(texel) + (vec2(tap % TAPS, tap / TAPS) + 0.5) / float(TAPS)) / float(size);
             vec2 p = 2.0 * st - 1.0;
@@ -56,15 +60,20 @@ void main()
                 light *= vec4(vec3(push.inverse_scale), 1.0) * arc_mean(direction, 2.0 * sqrt(w) / float(size * TAPS));
             sum += light;
             weight += w;
-            moments += outerProduct(direction, light);
+            moments += outerProduct(direction, light.rgb);
+            alpha_moment += direction * light.a;
         }
         if (!WHITE)
             imageStore(cube, ivec3(texel, push.first_layer + id.z), vec4(round_to_half(sum.rgb / weight), sum.a / weight));
         // The taps' weights add up to the texel's solid angle only nearly.
         float exact = cube_texel_solid_angle(texel, size) / weight;
-        flux += exact * sum;
+        flux += exact * sum.rgb;
         moment += exact * moments;
+        alpha += exact * vec4(alpha_moment, sum.a);
     }
     vec3 middle = cube_direction(id.z, (vec2(id.xy) + 0.5) * 2.0 / float(size));
-    nodes[(id.z * (size / 2u) + id.y) * (size / 2u) + id.x] = make_node(flux, moment, middle);
+    uint index = (id.z * (size / 2u) + id.y) * (size / 2u) + id.x;
+    nodes[index] = make_node(flux, moment, middle);
+    if (ALPHA)
+        alphas[index] = alpha;
 }

@@ -26,6 +26,7 @@ layout(set = 0, binding = 2, scalar) readonly buffer Tiles { uvec2 tiles[]; }; /
 // Rows of one face, level after level; after irradiance, which is last, those of its grazing light.
 layout(set = 0, binding = 3, scalar) buffer Norms { float norms[]; };
 layout(set = 0, binding = 4, rgba16f) uniform writeonly image2DArray level;
+layout(set = 0, binding = 5, scalar) readonly buffer Alphas { vec4 alphas[]; };
 layout(push_constant, scalar) uniform Push {
     float alpha2;
     float k;
@@ -40,13 +41,12 @@ void main()
     uvec3 group = gl_WorkGroupID;
     uint across = gl_NumWorkGroups.x;
     uvec2 corner = 8u * group.xy + uvec2(gl_LocalInvocationID.x, 0u);
-    vec3 r[ROWS];
-    vec4 sum[ROWS];
-    float grazing[ROWS];
+    vec3 r[ROWS], sum[ROWS];
+    float alpha[ROWS], grazing[ROWS];
     for (uint j = 0u; j < ROWS; ++j) {
         r[j] = cube_direction(group.z, (vec2(corner + uvec2(0u, j)) + 0.5) / float(size));
-        sum[j] = vec4(0.0);
-        grazing[j] = 0.0;
+        sum[j] = vec3(0.0);
+        alpha[j] = grazing[j] = 0.0;
     }
     Lobe lobe = Lobe(push.alpha2, push.k);
     uvec2 list = tiles[push.first_tile + (group.z * across + group.y) * across + group.x];
@@ -55,13 +55,15 @@ void main()
         for (uint j = 0u; j < ROWS; ++j) {
             vec2 weights = lobe_mean(lobe, dot(r[j], node.mean), node.spread);
             sum[j] += weights.x * node.flux + weights.y * (r[j] * node.moment);
+            if (ALPHA)
+                alpha[j] += dot(vec4(weights.y * r[j], weights.x), alphas[lists[i]]);
         }
     }
     // A loop of its own: specular levels, which are most of the time, must not pay for it.
     bool irradiance = push.alpha2 == 1.0;
     for (uint i = list.x; irradiance && i < list.x + list.y; ++i) {
         Node node = nodes[lists[i]];
-        float flux = dot(node.flux.rgb, BRIGHTNESS);
+        float flux = dot(node.flux, BRIGHTNESS);
         for (uint j = 0u; j < ROWS; ++j)
             grazing[j] += flux * grazing_mean(dot(r[j], node.mean), node.spread);
     }
@@ -76,10 +78,10 @@ void main()
                 norms[grazing_norm] = grazing[j];
             continue;
         }
-        vec4 mean = sum[j] / norms[norm];
-        float bright = dot(mean.rgb, BRIGHTNESS), alpha = ALPHA ? clamp(mean.a, 0.0, 1.0) : 1.0;
+        vec3 mean = sum[j] / norms[norm];
+        float bright = dot(mean, BRIGHTNESS), shown = ALPHA ? clamp(alpha[j] / norms[norm], 0.0, 1.0) : 1.0;
         if (irradiance && bright > 0.0)
-            alpha = grazing[j] / norms[grazing_norm] / bright;
-        imageStore(level, ivec3(texel, push.first_layer + group.z), vec4(round_to_half(mean.rgb), alpha));
+            shown = grazing[j] / norms[grazing_norm] / bright;
+        imageStore(level, ivec3(texel, push.first_layer + group.z), vec4(round_to_half(mean), shown));
     }
 }

@@ -4,7 +4,9 @@
 #include "nodes.glsl"
 
 layout(local_size_x = 8, local_size_y = 8) in;
+layout(constant_id = 0) const bool ALPHA = false;
 layout(set = 0, binding = 0, scalar) buffer Nodes { Node nodes[]; };
+layout(set = 0, binding = 1, scalar) buffer Alphas { vec4 alphas[]; };
 // Nodes are stored as index = first + (face * size + y) * size + x.
 layout(push_constant) uniform Push {
     uint first_fine;
@@ -17,15 +19,21 @@ void main()
     uvec3 id = gl_GlobalInvocationID;
     if (id.x >= push.size || id.y >= push.size)
         return;
-    vec4 flux = vec4(0.0);
-    vec3 middle = vec3(0.0);
-    mat4x3 moment = mat4x3(0.0);
+    vec3 flux = vec3(0.0), middle = vec3(0.0);
+    vec4 alpha = vec4(0.0);
+    mat3 moment = mat3(0.0);
     for (uint i = 0u; i < 4u; ++i) {
         uvec2 at = 2u * id.xy + uvec2(i & 1u, i >> 1);
-        Node node = nodes[push.first_fine + (id.z * 2u * push.size + at.y) * 2u * push.size + at.x];
+        uint fine = push.first_fine + (id.z * 2u * push.size + at.y) * 2u * push.size + at.x;
+        Node node = nodes[fine];
         flux += node.flux;
-        middle += 0.25 * node.mean;
         moment += node.moment;
+        middle += 0.25 * node.mean;
+        if (ALPHA)
+            alpha += alphas[fine];
     }
-    nodes[push.first_coarse + (id.z * push.size + id.y) * push.size + id.x] = make_node(flux, moment, middle);
+    uint coarse = push.first_coarse + (id.z * push.size + id.y) * push.size + id.x;
+    nodes[coarse] = make_node(flux, moment, middle);
+    if (ALPHA)
+        alphas[coarse] = alpha;
 }

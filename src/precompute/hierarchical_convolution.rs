@@ -17,7 +17,9 @@ use crate::reference::levels::{LEVELS, alpha_from_level};
 /// The shaders of the passes, in their order.
 pub const SHADERS: [&str; 3] = ["cube_and_nodes.comp", "node_merge.comp", "hierarchical_convolution.comp"];
 /// Bytes of `Node` in `glsl/nodes.glsl`.
-const NODE_BYTES: u64 = 80;
+const NODE_BYTES: u64 = 64;
+/// And of what is kept of alpha beside it.
+const ALPHA_BYTES: u64 = 16;
 
 /// Push constants of `glsl/node_merge.comp`.
 #[repr(C)]
@@ -119,20 +121,23 @@ impl HierarchicalConvolution {
         let lists = InteractionLists::new(size / 2, &targets);
         // Irradiance has two.
         let norms: u32 = targets.iter().chain(targets.last()).map(|target| target.size * target.size).sum();
+        let (count, has_alpha) = (u64::from(node_count(size / 2)), u32::from(alpha == Alpha::Share));
         let buffers = [
-            Buffer::new(gpu, "nodes", BufferKind::Storage, u64::from(node_count(size / 2)) * NODE_BYTES)?,
+            Buffer::new(gpu, "nodes", BufferKind::Storage, count * NODE_BYTES)?,
+            // Bound even where it is not read.
+            Buffer::new(gpu, "alphas", BufferKind::Storage, if has_alpha == 1 { count } else { 1 } * ALPHA_BYTES)?,
             filled(gpu, "node lists", bytemuck::cast_slice(&lists.entries))?,
             filled(gpu, "tiles", bytemuck::cast_slice(&lists.tiles))?,
             Buffer::new(gpu, "norms", BufferKind::Storage, u64::from(norms) * size_of::<f32>() as u64)?,
         ];
-        let [nodes, entries, tiles, norms] = &buffers;
+        let [nodes, alphas, entries, tiles, norms] = &buffers;
         let sampler = Sampler::new(gpu, "panorama", AddressMode::Panorama, 1)?;
         let set = |layout: &DescriptorSetLayout, bindings: &[Binding<'_>]| {
             DescriptorSet::new(gpu, "hierarchical convolution", layout, bindings)
         };
-        let variants = |shader, constants: [[u32; 2]; 2], layout: &DescriptorSetLayout, push_bytes: usize| {
-            let variant = |constants: [u32; 2]| {
-                let constants = [0, 1].map(|id| (id as u32, constants[id]));
+        let variants = |shader, constants: [&[u32]; 2], layout: &DescriptorSetLayout, push_bytes: usize| {
+            let variant = |constants: &[u32]| {
+                let constants: Vec<_> = (0..).zip(constants.iter().copied()).collect();
                 Pipeline::compute(gpu, shader, &constants, &[layout], push_bytes as u32)
             };
             Ok::<_, crate::Error>([variant(constants[LIGHT])?, variant(constants[WHITE])?])
@@ -141,19 +146,25 @@ impl HierarchicalConvolution {
         let layout = DescriptorSetLayout::new(
             gpu,
             "panorama to cube",
-            &[BindingType::Sampled, BindingType::StorageImage, BindingType::Storage],
+            &[BindingType::Sampled, BindingType::StorageImage, BindingType::Storage, BindingType::Storage],
         )?;
-        let bindings =
-            [Binding::Sampled(panorama, &sampler), Binding::StorageImage(&specular[0], 0), Binding::Storage(nodes)];
+        let bindings = [
+            Binding::Sampled(panorama, &sampler),
+            Binding::StorageImage(&specular[0], 0),
+            Binding::Storage(nodes),
+            Binding::Storage(alphas),
+        ];
         let taps = taps(panorama.desc().size, size);
         let [to_cube_shader, merge_shader, sum_shader] = SHADERS;
         // White light needs few samples: it is constant over a texel.
-        let to_cube = variants(to_cube_shader, [[taps, 0], [2, 1]], &layout, size_of::<NodesBlock>())?;
+        let constants: [&[u32]; 2] = [&[taps, 0, has_alpha], &[2, 1, has_alpha]];
+        let to_cube = variants(to_cube_shader, constants, &layout, size_of::<NodesBlock>())?;
         let to_cube_set = set(&layout, &bindings)?;
 
-        let layout = DescriptorSetLayout::new(gpu, "node merge", &[BindingType::Storage])?;
-        let merge = Pipeline::compute(gpu, merge_shader, &[], &[&layout], size_of::<MergeBlock>() as u32)?;
-        let merge_set = set(&layout, &[Binding::Storage(nodes)])?;
+        let layout = DescriptorSetLayout::new(gpu, "node merge", &[BindingType::Storage; 2])?;
+        let constants = [(0, has_alpha)];
+        let merge = Pipeline::compute(gpu, merge_shader, &constants, &[&layout], size_of::<MergeBlock>() as u32)?;
+        let merge_set = set(&layout, &[Binding::Storage(nodes), Binding::Storage(alphas)])?;
 
         let binding_types = [
             BindingType::Storage,
@@ -161,17 +172,18 @@ impl HierarchicalConvolution {
             BindingType::Storage,
             BindingType::Storage,
             BindingType::StorageImage,
+            BindingType::Storage,
         ];
         let layout = DescriptorSetLayout::new(gpu, "hierarchical convolution", &binding_types)?;
-        let has_alpha = u32::from(alpha == Alpha::Share);
-        let sum = variants(sum_shader, [[0, has_alpha], [1, 0]], &layout, size_of::<SumBlock>() + size_of::<u32>())?;
+        let constants: [&[u32]; 2] = [&[0, has_alpha], &[1, 0]];
+        let sum = variants(sum_shader, constants, &layout, size_of::<SumBlock>() + size_of::<u32>())?;
         let outputs = (1..LEVELS).map(|level| (&specular[level % 2], level / 2)).chain(irradiance.map(|map| (map, 0)));
         let mut first_norm = 0;
         let mut sums = Vec::new();
         for ((image, mip), (target, first_tile)) in outputs.zip(targets.iter().zip(&lists.first_tile)) {
-            let [nodes, entries, tiles, norms] = [nodes, entries, tiles, norms].map(Binding::Storage);
+            let [nodes, alphas, entries, tiles, norms] = [nodes, alphas, entries, tiles, norms].map(Binding::Storage);
             sums.push(Sum {
-                set: set(&layout, &[nodes, entries, tiles, norms, Binding::StorageImage(image, mip)])?,
+                set: set(&layout, &[nodes, entries, tiles, norms, Binding::StorageImage(image, mip), alphas])?,
                 block: SumBlock::new(target.alpha, *first_tile, first_norm),
                 across: tiles_across(target.size),
             });
