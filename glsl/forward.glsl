@@ -50,21 +50,26 @@ SpecularLobe lobe_of(Surface s)
     return specular_lobe(s.n, s.v, s.nv, f0_from_metallic(s.base_color, s.metallic), s.roughness);
 }
 
+// The mean of all directions that its light comes from.
+vec3 mean_direction(SpecularLobe lobe)
+{
+    return (1.0 - lobe.spread) * normalize(lobe.towards);
+}
+
 // The share of a lobe's light that comes from as far away as its image shows it: see share_in_image in lightmap_gather.comp. What is
 // linear in the direction has its mean over the lobe at the lobe's mean vector.
 float image_share(SpecularLobe lobe)
 {
     vec3 n = normalize_or(normal_world, vec3(0.0, 1.0, 0.0)) * (gl_FrontFacing ? 1.0 : -1.0);
     Openness open = openness_from_mean(n, mat3(frame.world_from_models) * lightmap_texel(LIGHTMAP_OPENNESS));
-    return visibility(open, (1.0 - lobe.spread) * normalize(lobe.towards));
+    return visibility(open, mean_direction(lobe));
 }
 
 // The most radiance that a lobe can come to where all irradiance is known: as if it were even over a cap with the lobe's mean
 // vector, of 4 pi spread, and nothing came from elsewhere. `over_pi`: irradiance over pi.
 vec3 most_radiance(SpecularLobe lobe, vec3 n, vec3 over_pi)
 {
-    float cosine = (1.0 - lobe.spread) * dot(n, normalize(lobe.towards));
-    return over_pi / max(4.0 * lobe.spread * cosine, TINY);
+    return over_pi / max(4.0 * lobe.spread * dot(n, mean_direction(lobe)), TINY);
 }
 
 // What the round lobe of single scattering takes from all around: of the image of probes and panorama as far as the lightmap knows

@@ -52,11 +52,11 @@ void main()
     uvec2 list = tiles[push.first_tile + (group.z * across + group.y) * across + group.x];
     for (uint i = list.x; i < list.x + list.y; ++i) {
         Node node = nodes[lists[i]];
+        vec4 of_alpha = ALPHA ? alphas[lists[i]] : vec4(0.0);
         for (uint j = 0u; j < ROWS; ++j) {
             vec2 weights = lobe_mean(lobe, dot(r[j], node.mean), node.spread);
             sum[j] += weights.x * node.flux + weights.y * (r[j] * node.moment);
-            if (ALPHA)
-                alpha[j] += dot(vec4(weights.y * r[j], weights.x), alphas[lists[i]]);
+            alpha[j] += dot(vec4(weights.y * r[j], weights.x), of_alpha);
         }
     }
     // A loop of its own: specular levels, which are most of the time, must not pay for it.

@@ -10,6 +10,11 @@ use pbr_vr::render::{LightModel, Shading};
 /// Of pictures that a ball fills.
 const SIZE: u32 = 48;
 
+/// A square of 2 m in a scene file.
+fn wall(name: &str, turned: [i32; 3], place: [i32; 3]) -> String {
+    format!("[[model]]\nfile = \"{name}.obj\"\ntranslation = {place:?}\nrotation_degrees = {turned:?}\nscale = 2\n")
+}
+
 /// A box of six colours, 2 m wide, with a lamp and a thing of polished metal in it.
 fn room(shop: &Workshop, thing: &str, probes: &str) -> PathBuf {
     shop.panorama("sky.exr", 16, |_| [9.0, 0.0, 9.0]);
@@ -25,8 +30,7 @@ fn room(shop: &Workshop, thing: &str, probes: &str) -> PathBuf {
     for (i, (colour, turned, place)) in walls.iter().enumerate() {
         shop.write(&format!("{i}.mtl"), &material(*colour, 0.0, 1.0));
         shop.write(&format!("{i}.obj"), &square(&format!("{i}.mtl")));
-        let at = format!("translation = {place:?}\nrotation_degrees = {turned:?}\nscale = 2");
-        writeln!(text, "[[model]]\nfile = \"{i}.obj\"\n{at}").expect("a string");
+        text += &wall(&i.to_string(), *turned, *place);
     }
     text += "[[light]]\npoint = { position = [-0.4, 0.5, 0.4], intensity = [1, 1, 1] }\n";
     text += "[[camera]]\nname = \"c\"\nposition = [-0.1, 0.1, 0.9]\ntarget = [0.2, -0.1, -0.2]\nvertical_fov_degrees = 15.3\n";
@@ -158,7 +162,8 @@ fn open_to_the_back(shop: &Workshop) -> PathBuf {
     shop.panorama("bands.exr", 128, sky);
     shop.write("wall.mtl", &material([0.3; 3], 0.0, 1.0));
     shop.write("floor.mtl", &material([0.9; 3], 1.0, 0.15));
-    ["wall", "floor"].iter().for_each(|name| drop(shop.write(&format!("{name}.obj"), &square(&format!("{name}.mtl")))));
+    shop.write("wall.obj", &square("wall.mtl"));
+    shop.write("floor.obj", &square("floor.mtl"));
     let mut text = "environment = { panorama = \"bands.exr\" }\n".to_owned();
     text += "[[probe]]\nposition = [0, 0, 0]\nbox = [[-1, -1, -1], [1, 1, 1]]\n";
     for (name, turned, place) in [
@@ -169,8 +174,7 @@ fn open_to_the_back(shop: &Workshop) -> PathBuf {
         ("wall", [0, 180, 0], [0, 0, 1]),
         ("wall", [0, 0, 0], [0, -1, -1]),
     ] {
-        let at = format!("translation = {place:?}\nrotation_degrees = {turned:?}\nscale = 2");
-        writeln!(text, "[[model]]\nfile = \"{name}.obj\"\n{at}").expect("a string");
+        text += &wall(name, turned, place);
     }
     text +=
         "[[camera]]\nname = \"down\"\nposition = [0, 0.9, 0.7]\ntarget = [0, -1, -0.3]\nvertical_fov_degrees = 20\n";
@@ -212,6 +216,6 @@ fn no_seam_shows_where_one_probe_ends() {
     let apart = columns.iter().copied().fold(0.0, f64::max) / columns.iter().copied().fold(f64::MAX, f64::min);
     println!("largest step {largest:.3} of the mean; brightest over darkest {apart:.2}");
     assert!(apart > 1.1, "both probes show the same: {apart}");
-    // The border is ten columns wide and what both show differs by about the mean: 0.23 by a smooth step, 0.5 by a hard one.
-    assert!(largest < 0.3, "a step of {largest}");
+    // The border is ten columns wide and what both show differs by about the mean: 0.23 by a smooth step, more by a hard one.
+    assert!(largest < 0.25, "a step of {largest}");
 }
