@@ -67,11 +67,4 @@ vec3 environment_image(vec3 towards, float level)
     return mix(even, odd, levels.odd_share) * frame.environment_scale;
 }
 
-// How much more of it comes from around one direction than from around another, by even levels alone: half the fetches.
-vec3 environment_difference(vec3 towards, vec3 other, float level)
-{
-    vec3 radiance = textureLod(specular_even, panorama_from_world(towards), 0.5 * level).rgb;
-    return (radiance - textureLod(specular_even, panorama_from_world(other), 0.5 * level).rgb) * frame.environment_scale;
-}
-
 #endif

@@ -50,46 +50,32 @@ SpecularLobe lobe_of(Surface s)
     return specular_lobe(s.n, s.v, s.nv, f0_from_metallic(s.base_color, s.metallic), s.roughness);
 }
 
-// The mean of all directions that its light comes from.
-vec3 mean_direction(SpecularLobe lobe)
-{
-    return (1.0 - lobe.spread) * normalize(lobe.towards);
-}
-
 // The share of a lobe's light that comes from as far away as its image shows it: see share_in_image in lightmap_gather.comp. What is
 // linear in the direction has its mean over the lobe at the lobe's mean vector.
 float image_share(SpecularLobe lobe)
 {
     vec3 n = normalize_or(normal_world, vec3(0.0, 1.0, 0.0)) * (gl_FrontFacing ? 1.0 : -1.0);
     Openness open = openness_from_mean(n, mat3(frame.world_from_models) * lightmap_texel(LIGHTMAP_OPENNESS));
-    return visibility(open, mean_direction(lobe));
-}
-
-// The most radiance that a lobe can come to where all irradiance is known: as if it were even over a cap with the lobe's mean
-// vector, of 4 pi spread, and nothing came from elsewhere. `over_pi`: irradiance over pi.
-vec3 most_radiance(SpecularLobe lobe, vec3 n, vec3 over_pi)
-{
-    return over_pi / max(4.0 * lobe.spread * dot(n, mean_direction(lobe)), TINY);
+    return visibility(open, (1.0 - lobe.spread) * normalize(lobe.towards));
 }
 
 // What the round lobe of single scattering takes from all around: of the image of probes and panorama as far as the lightmap knows
-// the lobe's direction to be open; in the rest what surfaces before it give, as if it came from all of them evenly.
+// the lobe's direction to be open; in the rest what surfaces before it give, as if it came from all of them evenly. `over_pi`: all
+// irradiance over pi.
 vec3 mirrored(Surface s, SpecularLobe lobe, vec3 over_pi)
 {
     if (LIGHTMAP == LIGHTMAP_NONE)
         return round_reflectance(lobe) * environment_image(lobe.towards, lobe.level) * s.occlusion;
     float left = 1.0; // the share that no probe gives
-    vec3 image = vec3(0.0);
+    vec4 room = vec4(vec3(0.0), 1.0);
 #ifdef LOCAL_PROBES
-    image = probes_image(lobe.towards, lobe.level, position_world, left);
-    if (left > 0.0)
+    room = probes_image(lobe.towards, lobe.level, position_world, left);
 #endif
-        image += left * environment_image(lobe.towards, lobe.level);
-    vec3 blockers = lightmap_texel(LIGHTMAP_BLOCKERS);
+    vec3 image = room.rgb + room.a * environment_image(lobe.towards, lobe.level), blockers = lightmap_texel(LIGHTMAP_BLOCKERS);
     // Of a room's image no light is known to come from what stands before it: it only dims that.
     blockers = mix(min(blockers, image), blockers, left);
     vec3 radiance = mix(blockers, image, image_share(lobe));
-    return round_reflectance(lobe) * min(radiance, most_radiance(lobe, s.n, over_pi));
+    return round_reflectance(lobe) * min(radiance, over_pi * most_radiance(lobe.spread, dot(s.n, normalize(lobe.towards))));
 }
 
 // What the environment gives: the split sum, and with the irradiance what is diffuse or scattered more than once. That is

@@ -136,8 +136,7 @@ float share_in_image(vec3 position, vec3 d, float t)
     float left = 1.0, shown = 0.0;
     for (uint i = 0u; i < work.probe_count && left > 0.0; ++i) {
         float weight = left * probe_weight(p, probes[i]);
-        vec3 wall = box_exit(p, along, probes[i].low, probes[i].high);
-        shown += t > BEFORE_WALL * distance(p, wall) ? weight : 0.0;
+        shown += is_in_image(p, along, t, probes[i]) ? weight : 0.0;
         left -= weight;
     }
     return shown;

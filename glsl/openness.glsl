@@ -1,5 +1,5 @@
-// How much of its mirror image, of the sky or of the walls that a probe shows, a surface sees in a direction: a linear fit to the
-// image's visibility from what a lightmap keeps of it.
+// What a lightmap knows of mirror images, of the sky or of the walls that a probe shows: how much of one a surface sees in a
+// direction, by a linear fit, and the most light it can be. Twin of src/reference/openness.rs; no bindings.
 #ifndef OPENNESS_GLSL
 #define OPENNESS_GLSL
 
@@ -23,6 +23,13 @@ float visibility(Openness open, vec3 d)
 {
     float steeper = 1.0 + 2.0 * smoothstep(0.4, 0.85, length(open.slope));
     return clamp(0.5 + steeper * (open.even + dot(open.slope, d) - 0.5), 0.0, 1.0);
+}
+
+// The most radiance that a lobe can come to where all irradiance is known, in units of that over pi: as if it were even over a cap
+// with the lobe's mean vector, 1 - spread long and at this cosine to the normal, and nothing came from elsewhere.
+float most_radiance(float spread, float cosine)
+{
+    return 1.0 / max(4.0 * spread * (1.0 - spread) * cosine, 1e-6);
 }
 
 #endif

@@ -31,4 +31,10 @@ float probe_weight(vec3 p, Probe probe)
     return 1.0 - part * part * (3.0 - 2.0 * part);
 }
 
+// Whether what a ray along a unit direction meets after t metres is part of the image that is taken to lie on the probe's box.
+bool is_in_image(vec3 p, vec3 d, float t, Probe probe)
+{
+    return t > BEFORE_WALL * distance(p, box_exit(p, d, probe.low, probe.high));
+}
+
 #endif

@@ -1,5 +1,5 @@
-// Light that comes to a probe from all sides, as a panorama in the models' space: what the lightmap's texels give back, and
-// the panorama between them, whose share is in alpha.
+// Light that comes to a probe from all sides, in the models' space: what the lightmap's texels give back. Between them nothing
+// comes, and alpha has the share of that: the panorama lies behind.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "given_back.glsl"
@@ -38,14 +38,14 @@ vec3 given_back(RayHit hit, vec3 d_world)
 }
 
 // A thing before a wall is shown on it larger than it is, and in a wrong place: it is as much fainter there, and the rest is the
-// wall. Alpha: the share of the panorama.
-vec4 radiance_along(vec3 d, float rays_across)
+// wall.
+vec4 radiance_along(vec3 d)
 {
     vec3 begin = box_exit(work.position, d, work.low, work.high);
     vec3 origin = (frame.world_from_models * vec4(begin, 1.0)).xyz, d_world = mat3(frame.world_from_models) * d;
     RayHit hit = trace_ray(origin, d_world, 1e30, false);
     if (hit.t < 0.0)
-        return vec4(sky_radiance(d_world, panorama_lod(rays_across)), 1.0);
+        return vec4(0.0, 0.0, 0.0, 1.0);
     vec3 light = given_back(hit, d_world);
     float wall = distance(work.position, box_exit(work.position, d, work.walls_low, work.walls_high)), t = hit.t;
     if (wall > NO_WALL)
@@ -70,7 +70,7 @@ void main()
     vec4 sum = vec4(0.0);
     for (uint i = 0u; i < RAYS * RAYS; ++i) {
         vec2 part = (vec2(i % RAYS, i / RAYS) + 0.5) / float(RAYS);
-        sum += radiance_along(panorama_direction((vec2(texel) + part) / vec2(size)), float(RAYS * size.x));
+        sum += radiance_along(panorama_direction((vec2(texel) + part) / vec2(size)));
     }
     imageStore(capture, ivec3(texel, 0), sum / float(RAYS * RAYS));
 }

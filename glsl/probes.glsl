@@ -12,26 +12,24 @@ layout(constant_id = 17) const bool SEVERAL_PROBES = true;
 layout(SCENE_PROBE_EVEN) uniform samplerCubeArray probe_even;
 layout(SCENE_PROBE_ODD) uniform samplerCubeArray probe_odd;
 
-// Radiance from around a world direction that a probe shows at p in the models' space. The panorama, its alpha, does not lie on the
-// box: there it shows what the panorama has in that direction instead.
-vec3 probe_radiance(int index, vec3 p, vec3 towards, float level)
+// What a probe shows at p, in the models' space, around a world direction: the light that surfaces give back, radiance, and the
+// share of the panorama, which lies behind them.
+vec4 probe_image(int index, vec3 p, vec3 towards, float level)
 {
     Probe probe = probes[index];
     vec3 d = box_exit(p, models_from_world(towards), probe.low, probe.high) - probe.position;
     LevelMix levels = level_mix(level);
     vec4 even = textureLod(probe_even, vec4(d, index), levels.even_mip), odd = textureLod(probe_odd, vec4(d, index), levels.odd_mip);
-    vec4 seen = mix(even, odd, levels.odd_share);
-    vec3 other = environment_difference(towards, mat3(frame.world_from_models) * d, level);
-    return max(seen.rgb * frame.probe_scale + seen.a * other, vec3(0.0));
+    return mix(even, odd, levels.odd_share) * vec4(vec3(frame.probe_scale), 1.0);
 }
 
-// What the probes around a point show around a direction, radiance; `left`: the share that they leave to the panorama.
-vec3 probes_image(vec3 towards, float level, vec3 position, out float left)
+// The same of all probes around a point; `left`: the share that none of them reaches, all of it the panorama's.
+vec4 probes_image(vec3 towards, float level, vec3 position, out float left)
 {
-    vec3 p = position_in_models(position), image = vec3(0.0);
+    vec3 p = position_in_models(position);
     left = SEVERAL_PROBES ? 1.0 : 0.0;
     if (!SEVERAL_PROBES)
-        return probe_radiance(findLSB(draw.probes), p, towards, level);
+        return probe_image(findLSB(draw.probes), p, towards, level);
     // Finds the boxes around the point before it reads any probe's light: a software renderer computes what a branch skips, too,
     // and would read every probe.
     uint around = 0u;
@@ -40,16 +38,17 @@ vec3 probes_image(vec3 towards, float level, vec3 position, out float left)
         if (probe_weight(p, probes[index]) > 0.0)
             around |= 1u << index;
     }
+    vec4 image = vec4(0.0);
     do {
         int index = max(findLSB(around), 0);
         around &= around - 1u;
         float weight = probe_weight(p, probes[index]);
         if (weight > 0.0) {
-            image += left * weight * probe_radiance(index, p, towards, level);
+            image += left * weight * probe_image(index, p, towards, level);
             left *= 1.0 - weight;
         }
     } while (left > 0.0 && around != 0u);
-    return image;
+    return image + vec4(vec3(0.0), left);
 }
 
 #endif

@@ -12,8 +12,8 @@ use crate::reference::importance::{Tried, seen_share};
 use crate::reference::levels::level_from_spread;
 use crate::reference::lobe::{grazing_kernel, grazing_second_derivative, kernel, kernel_second_derivative};
 use crate::reference::math::{normalize_or, round_to_half};
-use crate::reference::openness::{openness_from_mean, visibility};
-use crate::reference::probe::{box_exit, probe_weight};
+use crate::reference::openness::{most_radiance, openness_from_mean, visibility};
+use crate::reference::probe::{box_exit, is_in_image, probe_weight};
 use crate::reference::table::{table_arguments, table_place};
 use crate::reference::tone::{exposure_scale, luminance, srgb_decode, srgb_encode, tone_neutral};
 
@@ -291,6 +291,7 @@ struct ProbeInput {
     low: [f32; 3],
     high: [f32; 3],
     border: f32,
+    t: f32,
 }
 
 #[repr(C)]
@@ -298,6 +299,7 @@ struct ProbeInput {
 struct ProbeOutput {
     exit: [f32; 3],
     weight: f32,
+    is_in_image: u32,
 }
 
 #[test]
@@ -310,6 +312,7 @@ fn rays_leave_boxes_and_weights_fall_as_in_f64() {
         low: low.as_vec3().into(),
         high: high.as_vec3().into(),
         border: 0.5,
+        t: 1.5,
     };
     let mut inputs: Vec<_> = (0..2000)
         .map(|i| {
@@ -322,7 +325,7 @@ fn rays_leave_boxes_and_weights_fall_as_in_f64() {
     inputs.extend([DVec3::X, -DVec3::Y, DVec3::Z].map(|d| input(low, d)));
     let outputs: Vec<ProbeOutput> = with_gpu(|gpu| evaluate(gpu, "test_probe.comp", &inputs));
     let mut judge = Judge::default();
-    let (mut inside, mut between) = (0, 0);
+    let (mut inside, mut between, mut in_image) = (0, 0, 0);
     for (input, got) in inputs.iter().zip(&outputs) {
         let [p, d, low, high] = [input.p, input.d, input.low, input.high].map(dvec3);
         let want = box_exit(p, d, [low, high]);
@@ -331,10 +334,17 @@ fn rays_leave_boxes_and_weights_fall_as_in_f64() {
         assert!(on_a_side < 1e-6 && (want.clamp(low, high) - want).length() < 1e-6, "{input:?}: {want}");
         let weight = probe_weight(p, [low, high], input.border.into());
         judge.near("probe_weight", input, &[got.weight], &[weight], [5e-6, 0.0]);
+        let shown = is_in_image(p, d.normalize(), input.t.into(), [low, high]);
+        // Far enough from where it changes for digits to tell.
+        if (0.75 * p.distance(want) - 1.5).abs() > 1e-4 {
+            assert_eq!(got.is_in_image, u32::from(shown), "{input:?}");
+        }
+        in_image += usize::from(shown);
         inside += usize::from(weight == 1.0);
         between += usize::from(weight > 0.0 && weight < 1.0);
     }
     assert!(inside > 200 && between > 200, "{inside} inside, {between} on the border");
+    assert!(in_image > 200 && in_image < inputs.len() - 200, "{in_image} in the image");
 }
 
 #[repr(C)]
@@ -370,27 +380,34 @@ struct OpennessInput {
     n: [f32; 3],
     mean: [f32; 3],
     d: [f32; 3],
+    spread: f32,
+    cosine: f32,
 }
 
 #[test]
-fn the_sky_is_seen_as_in_f64() {
+fn openness_is_as_in_f64() {
     let mut random = Random(22);
     let mut inputs: Vec<_> = (0..4000)
         .map(|i| {
             let (n, tilt) = (random.direction(), random.direction());
             // No mean is longer than an open sky's.
             let mean = (n * random.unit() + 0.5 * tilt * f64::from(i % 2)).clamp_length_max(2.0 / 3.0);
-            OpennessInput { n: n.as_vec3().into(), mean: mean.as_vec3().into(), d: random.direction().as_vec3().into() }
+            let [n, mean, d] = [n, mean, random.direction()].map(|v| v.as_vec3().into());
+            OpennessInput { n, mean, d, spread: random.unit() as f32, cosine: (2.0 * random.unit() - 1.0) as f32 }
         })
         .collect();
-    inputs.push(OpennessInput { n: [0.0, 1.0, 0.0], mean: [0.0; 3], d: [1.0, 0.0, 0.0] });
-    let outputs: Vec<f32> = with_gpu(|gpu| evaluate(gpu, "test_openness.comp", &inputs));
+    // Closed; a mirror; all from one side.
+    let closed = OpennessInput { n: [0.0, 1.0, 0.0], mean: [0.0; 3], d: [1.0, 0.0, 0.0], spread: 0.0, cosine: 1.0 };
+    inputs.extend([closed, OpennessInput { spread: 1.0, ..closed }]);
+    let outputs: Vec<[f32; 2]> = with_gpu(|gpu| evaluate(gpu, "test_openness.comp", &inputs));
     let mut judge = Judge::default();
     let mut between = 0;
     for (input, got) in inputs.iter().zip(&outputs) {
         let [n, mean, d] = [input.n, input.mean, input.d].map(dvec3);
         let want = visibility(openness_from_mean(n, mean), d);
-        judge.near("visibility", input, &[*got], &[want], [2e-5, 0.0]);
+        let most = most_radiance(input.spread.into(), input.cosine.into());
+        judge.near("visibility", input, &got[..1], &[want], [2e-5, 0.0]);
+        judge.near("most radiance", input, &got[1..], &[most], [0.0, 2e-5]);
         between += usize::from(want > 0.0 && want < 1.0);
     }
     assert!(between > 1000, "{between} between 0 and 1");

@@ -1,4 +1,5 @@
-//! A linear fit to how much of its mirror image a surface sees, in f64; twin of `glsl/openness.glsl`.
+//! What a lightmap knows of mirror images, in f64: how much of one a surface sees, by a linear fit, and the most light it can be; twin
+//! of `glsl/openness.glsl`.
 
 use glam::DVec3;
 
@@ -25,6 +26,15 @@ pub fn openness_from_mean(n: DVec3, mean: DVec3) -> Openness {
 pub fn visibility(open: Openness, d: DVec3) -> f64 {
     let steeper = 1.0 + 2.0 * smoothstep(0.4, 0.85, open.slope.length());
     (0.5 + steeper * (open.even + open.slope.dot(d) - 0.5)).clamp(0.0, 1.0)
+}
+
+/// The most radiance that a lobe can come to, in units of all irradiance over π: as if it were even over a cap with the lobe's mean
+/// vector, 1 − spread long and at this cosine to the normal, and nothing came from elsewhere.
+///
+/// A cap of half angle φ has a mean vector of length (1 + cos φ) / 2, hence spread (1 − cos φ) / 2, and above the horizon brings
+/// the irradiance π sin² φ · cosine = 4π spread (1 − spread) cosine for unit radiance.
+pub fn most_radiance(spread: f64, cosine: f64) -> f64 {
+    1.0 / (4.0 * spread * (1.0 - spread) * cosine).max(1e-6)
 }
 
 fn smoothstep(low: f64, high: f64, x: f64) -> f64 {
@@ -60,6 +70,16 @@ mod tests {
             assert!((visibility(openness_from_mean(n, mean_of(n, |_| 1.0)), d) - 1.0).abs() < 1e-4, "{d}");
             assert_eq!(visibility(openness_from_mean(n, DVec3::ZERO), d), 0.0, "{d}");
         }
+    }
+
+    #[test]
+    fn a_cap_brings_as_much_light_as_its_most_radiance_allows() {
+        let (n, towards, cos_edge) = (DVec3::Z, DVec3::new(0.6, 0.0, 0.8), 0.85);
+        // Of directions drawn by the cosine around n those in the cap, over the share that is in it.
+        let in_cap = |d: DVec3| f64::from(u8::from(d.dot(towards) > cos_edge));
+        let over_pi = mean_of(n, |d| in_cap(d) / d.z).z;
+        let most = over_pi * most_radiance(0.5 * (1.0 - cos_edge), towards.dot(n));
+        assert!((most - 1.0).abs() < 1e-3, "{most}");
     }
 
     /// A wall above a floor that reaches to the horizon.

@@ -14,6 +14,12 @@ pub fn box_exit(p: DVec3, d: DVec3, [low, high]: [DVec3; 2]) -> DVec3 {
     start + (0..3).map(along).fold(f64::INFINITY, f64::min) * d
 }
 
+/// Whether what a ray from p along a unit direction meets after t metres is part of the image that is taken to lie on a box: nothing
+/// is that lies nearer than three quarters of the way.
+pub fn is_in_image(p: DVec3, d: DVec3, t: f64, bounds: [DVec3; 2]) -> bool {
+    t > 0.75 * p.distance(box_exit(p, d, bounds))
+}
+
 /// Share of a point's mirror image that a probe gives: 1 in its box, 0 from `border` metres outside of it on.
 pub fn probe_weight(p: DVec3, [low, high]: [DVec3; 2], border: f64) -> f64 {
     let part = ((low - p).max(p - high).max(DVec3::ZERO).length() / border).min(1.0);

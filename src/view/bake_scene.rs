@@ -95,8 +95,8 @@ impl ProbePlace {
 ///   coordinates of the program's own atlas; layer 0 for fronts, layer 1 for backs where some can be seen; then as many layers
 ///   of openness: the mean of directions that meet nothing before the sky or the walls that probes show, in the models' space,
 ///   with 0 for all others; and as many of the mean radiance, W/(m² sr), of what these others meet.
-/// - `probe-specular.ktx2`, where the scene needs probes: an array of cubes of radiance, W/(m² sr), as for a panorama; alpha is
-///   the share of directions in which the panorama is seen. Level i of probe p of n is mip i / 2 of cube p + n (i % 2).
+/// - `probe-specular.ktx2`, where the scene needs probes: an array of cubes of radiance, W/(m² sr), of surfaces, filtered as a
+///   panorama is; alpha is the share of the panorama, whose own levels lie behind. Level i of probe p of n is mip i / 2 of cube p + n (i % 2).
 /// - `light.json`: sizes, and where probes stand.
 ///
 /// # Errors
@@ -166,7 +166,7 @@ fn specular_levels(gpu: &Arc<Gpu>, probes: &ProbeMaps, scale: f32) -> Result<Ktx
     specular.levels.iter_mut().zip(&odd.levels).for_each(|(level, odd)| level.extend(odd));
     specular.layers += odd.layers;
     let mut specular = radiance(specular, scale);
-    let content = "radiance filtered by GGX lobes; level i of probe p of n: mip i / 2 of cube p + n (i % 2); alpha: share of the panorama";
+    let content = "radiance of surfaces filtered by GGX lobes; level i of probe p of n: mip i / 2 of cube p + n (i % 2); alpha: share of the panorama behind them";
     specular.set_text("pbrvrContent", content);
     specular.set_text("pbrvrRoughness", &roughness_text());
     Ok(specular)

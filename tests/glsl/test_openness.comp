@@ -6,10 +6,14 @@
 
 struct Input {
     vec3 n, mean, d;
+    float spread, cosine;
+};
+struct Output {
+    float visibility, most_radiance;
 };
 layout(local_size_x = 64) in;
 layout(set = 0, binding = 0, scalar) readonly buffer Inputs { Input inputs[]; };
-layout(set = 0, binding = 1, scalar) writeonly buffer Outputs { float outputs[]; };
+layout(set = 0, binding = 1, scalar) writeonly buffer Outputs { Output outputs[]; };
 
 void main()
 {
@@ -17,5 +21,5 @@ void main()
     if (id >= inputs.length())
         return;
     Input i = inputs[id];
-    outputs[id] = visibility(openness_from_mean(i.n, i.mean), i.d);
+    outputs[id] = Output(visibility(openness_from_mean(i.n, i.mean), i.d), most_radiance(i.spread, i.cosine));
 }

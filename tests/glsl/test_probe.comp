@@ -7,10 +7,12 @@
 struct Input {
     vec3 p, d, low, high;
     float border;
+    float t;
 };
 struct Output {
     vec3 exit;
     float weight;
+    uint is_in_image;
 };
 layout(local_size_x = 64) in;
 layout(set = 0, binding = 0, scalar) readonly buffer Inputs { Input inputs[]; };
@@ -22,6 +24,7 @@ void main()
     if (id >= inputs.length())
         return;
     Input i = inputs[id];
-    Probe probe = Probe(vec3(0.0), vec3(0.0), vec3(0.0), i.low, i.high, i.border);
-    outputs[id] = Output(box_exit(i.p, i.d, i.low, i.high), probe_weight(i.p, probe));
+    Probe probe = Probe(vec3(0.0), i.low, i.high, i.low, i.high, i.border);
+    bool is_in_image = is_in_image(i.p, normalize(i.d), i.t, probe);
+    outputs[id] = Output(box_exit(i.p, i.d, i.low, i.high), probe_weight(i.p, probe), uint(is_in_image));
 }
