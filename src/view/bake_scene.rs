@@ -96,7 +96,8 @@ impl ProbePlace {
 ///   of openness: the mean of directions that meet nothing before the sky or the walls that probes show, in the models' space,
 ///   with 0 for all others; and as many of the mean radiance, W/(m² sr), of what these others meet.
 /// - `probe-specular.ktx2`, where the scene needs probes: an array of cubes of radiance, W/(m² sr), of surfaces, filtered as a
-///   panorama is; alpha is the share of the panorama, whose own levels lie behind. Level i of probe p of n is mip i / 2 of cube p + n (i % 2).
+///   panorama is; alpha is the share of the panorama, whose own levels lie behind. Level i of probe p of n is mip i / 2 of cube
+///   p + n (i % 2).
 /// - `light.json`: sizes, and where probes stand.
 ///
 /// # Errors
