@@ -89,7 +89,6 @@ const uint WORK_IS_SHOWN = 2;
 const uint WORK_COUNTS = 4;
 const uint WORK_KEEPS = 8;
 
-const float HALF_MOST = 60000.0;
 // How far places are kept from edges, in roundings of a position.
 const float OFF_EDGE = 16.0;
 

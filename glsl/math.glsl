@@ -21,6 +21,9 @@ vec3 normalize_or(vec3 v, vec3 otherwise)
     return size > TINY && size < 1e30 ? normalize(v / size) : otherwise; // both comparisons are false for NaN
 }
 
+// Near the largest half.
+const float HALF_MOST = 60000.0;
+
 // The nearest number of a half float's ten binary digits, for x >= 0 from 6e-5 on: what a driver then stores as a half is
 // this, whichever way it rounds. Some cut off, which would darken every map.
 vec3 round_to_half(vec3 x)

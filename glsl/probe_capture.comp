@@ -72,5 +72,6 @@ void main()
         vec2 part = (vec2(i % RAYS, i / RAYS) + 0.5) / float(RAYS);
         sum += radiance_along(panorama_direction((vec2(texel) + part) / vec2(size)));
     }
-    imageStore(capture, ivec3(texel, 0), sum / float(RAYS * RAYS));
+    vec4 seen = sum / float(RAYS * RAYS);
+    imageStore(capture, ivec3(texel, 0), vec4(min(seen.rgb, HALF_MOST), seen.a));
 }

@@ -20,7 +20,7 @@ vec4 probe_image(int index, vec3 p, vec3 towards, float level)
     vec3 d = box_exit(p, models_from_world(towards), probe.low, probe.high) - probe.position;
     LevelMix levels = level_mix(level);
     vec4 even = textureLod(probe_even, vec4(d, index), levels.even_mip), odd = textureLod(probe_odd, vec4(d, index), levels.odd_mip);
-    return mix(even, odd, levels.odd_share) * vec4(vec3(frame.probe_scale), 1.0);
+    return mix(even, odd, levels.odd_share);
 }
 
 // The same of all probes around a point; `left`: the share that none of them reaches, all of it the panorama's.

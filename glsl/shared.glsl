@@ -112,7 +112,6 @@ layout(FRAME_UNIFORMS, scalar) uniform Frame {
     mat4 world_from_models; // rigid
     SunDisc sun;
     SunShadow sun_shadow;
-    float probe_scale; // of the probes' maps; 0 while they hold nothing
 } frame;
 
 layout(SCENE_LIGHTS, scalar) readonly buffer Lights {

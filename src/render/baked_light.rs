@@ -64,8 +64,8 @@ pub struct BakedLight {
     bake: Bake,
     /// The lightmap's texels, until a bake takes them.
     listed: Option<LightmapTexels>,
-    /// What the probes' maps are multiplied by; 0 before they hold any light.
-    probe_scale: f32,
+    /// Whether the probes' maps hold any light.
+    probes_hold_light: bool,
     /// A hash of what else it depends on but for the panorama: geometry, materials with their textures, lamps, the BRDF that
     /// light is given back by, sizes and samples.
     made_by: blake3::Hash,
@@ -151,7 +151,7 @@ impl BakedLight {
             },
             bake: Bake::Idle,
             listed: None,
-            probe_scale: 0.0,
+            probes_hold_light: false,
             made_by,
             computed_for: None,
             is_done: false,
@@ -194,9 +194,9 @@ impl BakedLight {
         self.probes().map_or(&[], |probes| probes.placed())
     }
 
-    /// What the values of the probes' maps are to be multiplied by; 0 before they hold any.
-    pub fn probe_scale(&self) -> f32 {
-        self.probe_scale
+    /// Whether their maps hold any light.
+    pub fn probes_hold_light(&self) -> bool {
+        self.probes_hold_light
     }
 
     /// Whether nothing is left to be computed, nor will be while frames stay as the last one.
@@ -214,13 +214,9 @@ impl BakedLight {
         }
     }
 
-    /// Computes it again, for other light: until it is better, the old lightmap stays, and so do the old probes if maps keep
-    /// their scale.
-    fn restart(&mut self, scale: f32) {
+    /// Computes it again, for other light: until it is better, the old lightmap and the old probes stay.
+    fn restart(&mut self) {
         (self.is_done, self.kept) = (false, false);
-        if scale != self.probe_scale {
-            self.probe_scale = 0.0;
-        }
         if let Bake::There(bake) = &mut self.bake {
             bake.restart();
         }
@@ -231,11 +227,11 @@ impl BakedLight {
     ///
     /// # Errors
     /// A lost GPU.
-    pub fn follow(&mut self, now: LightState, scale: f32, report: &Report) -> Result<bool> {
+    pub fn follow(&mut self, now: LightState, report: &Report) -> Result<bool> {
         let rested = self.rest.follow(now) >= REST;
         if *self.computed_for.get_or_insert(now) != now && rested {
             self.computed_for = Some(now);
-            self.restart(scale);
+            self.restart();
         }
         self.is_behind = self.computed_for != Some(now);
         if self.is_behind || self.is_done() {
@@ -297,9 +293,9 @@ impl BakedLight {
     ///
     /// # Errors
     /// Those of [`BakedLight::prepare`].
-    pub fn demand(&mut self, now: LightState, scale: f32) -> Result<bool> {
+    pub fn demand(&mut self, now: LightState) -> Result<bool> {
         if self.computed_for.replace(now).is_some_and(|before| before != now) {
-            self.restart(scale);
+            self.restart();
         }
         self.is_behind = false;
         if !self.is_done() {
@@ -315,26 +311,25 @@ impl BakedLight {
         }
     }
 
-    /// Records the next piece of work, if it is prepared. Probes' maps hold radiance / `scale`.
-    pub fn record(&mut self, commands: &mut Commands<'_>, frame: FrameSet<'_>, scene: &DescriptorSet, scale: f32) {
+    /// Records the next piece of work, if it is prepared.
+    pub fn record(&mut self, commands: &mut Commands<'_>, frame: FrameSet<'_>, scene: &DescriptorSet) {
         let Bake::There(bake) = &mut self.bake else { return };
-        bake.record(commands, frame, scene, scale);
+        bake.record(commands, frame, scene);
         if bake.is_done() {
-            (self.is_done, self.probe_scale) = (true, scale);
+            (self.is_done, self.probes_hold_light) = (true, true);
         }
     }
 
-    /// Takes it from the cache, if it was computed for this state; probes' maps then hold radiance / `scale`. Returns whether it
-    /// was.
+    /// Takes it from the cache, if it was computed for this state. Returns whether it was.
     ///
     /// # Errors
     /// A failed Vulkan call.
-    pub fn load(&mut self, context: &Context, state: LightState, scale: f32) -> Result<bool> {
+    pub fn load(&mut self, context: &Context, state: LightState) -> Result<bool> {
         let source = self.source(state);
         let is_there = load_cached(context, &CACHE_KIND, &[source.as_bytes()], &self.images())?.is_some();
         if is_there {
             (self.is_done, self.has_light, self.kept) = (true, true, true);
-            (self.computed_for, self.probe_scale) = (Some(state), scale);
+            (self.computed_for, self.probes_hold_light) = (Some(state), true);
         }
         Ok(is_there)
     }

@@ -114,8 +114,8 @@ impl BoundScene {
     /// # Errors
     /// A lost GPU.
     pub fn follow_light(&mut self, inputs: &FrameInputs<'_>, report: &Report) -> Result<bool> {
-        let (maps, state) = (&self.lighting.maps, self.light_state(inputs));
-        self.baked.as_mut().map_or(Ok(false), |baked| baked.follow(state, maps.scale, report))
+        let state = self.light_state(inputs);
+        self.baked.as_mut().map_or(Ok(false), |baked| baked.follow(state, report))
     }
 
     /// Records the next piece of light, of about `target_ms`.
@@ -123,15 +123,15 @@ impl BoundScene {
         let Some(baked) = &mut self.baked else { return Ok(()) };
         let set = FrameSet { set: frame.set, block: frame.push(block)? };
         baked.pace(&frame.finished, target_ms);
-        baked.record(&mut frame.commands, set, &self.set, self.lighting.maps.scale);
+        baked.record(&mut frame.commands, set, &self.set);
         Ok(())
     }
 
     /// Computes light to its end, and keeps it in the cache; returns the GPU time that it took, milliseconds, 0 where there
     /// is nothing to do.
     pub fn finish_light(&mut self, context: &Context, inputs: &FrameInputs<'_>) -> Result<f64> {
-        let (maps, state) = (&self.lighting.maps, self.light_state(inputs));
-        if !self.baked.as_mut().map_or(Ok(false), |baked| baked.demand(state, maps.scale))? {
+        let state = self.light_state(inputs);
+        if !self.baked.as_mut().map_or(Ok(false), |baked| baked.demand(state))? {
             return Ok(0.0);
         }
         let mut gpu_ms = 0.0;
@@ -182,7 +182,6 @@ impl BoundScene {
             light_count: self.resources.light_count,
             sun: *sun,
             sun_shadow: self.shadows.sun_block(sun.as_ref()),
-            probe_scale: self.baked.as_ref().map_or(0.0, BakedLight::probe_scale),
         }
     }
 

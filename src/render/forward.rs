@@ -3,6 +3,7 @@
 
 use bytemuck::{Pod, Zeroable};
 
+use super::baked_light::BakedLight;
 use super::bound_scene::BoundScene;
 use super::draws::{DrawCall, ProbeUse};
 use super::frame_set::FrameSet;
@@ -163,7 +164,7 @@ impl ForwardPass {
         rays: Option<&RaySet>,
     ) {
         let resources = &scene.resources;
-        let probes_hold_light = scene.baked.as_ref().is_some_and(|baked| baked.probe_scale() > 0.0);
+        let probes_hold_light = scene.baked.as_ref().is_some_and(BakedLight::probes_hold_light);
         commands.bind_mesh(&resources.geometry.vertices, &resources.geometry.indices);
         let mut last: Option<&DrawCall> = None;
         for call in calls {

@@ -56,7 +56,6 @@ impl<'a> FrameInputs<'a> {
             world_from_models: self.world_from_models.to_cols_array_2d(),
             sun: scene.sun.map_or_else(SunBlock::default, |sun| sun_block(&sun, self.environment_rotation)),
             sun_shadow: scene.sun_shadow,
-            probe_scale: scene.probe_scale,
             ..FrameBlock::default()
         };
         for (block, eye) in block.eyes.iter_mut().zip(self.eyes) {
@@ -79,8 +78,6 @@ pub struct SceneConstants {
     pub sun: Option<Sun>,
     /// All 0 without a shadow map of it.
     pub sun_shadow: SunShadowBlock,
-    /// 0 while probes hold nothing.
-    pub probe_scale: f32,
 }
 
 /// A sun in world space, for a panorama turned by so many radians.

@@ -83,14 +83,13 @@ impl LightBake {
         self.probes.iter_mut().for_each(|probes| probes.pace(times, target_ms));
     }
 
-    /// Records the next piece of work: probes once the lightmap has all light that surfaces give back. Probes' maps hold
-    /// radiance / `scale`.
-    pub fn record(&mut self, commands: &mut Commands<'_>, frame: FrameSet<'_>, scene: &DescriptorSet, scale: f32) {
+    /// Records the next piece of work: probes once the lightmap has all light that surfaces give back.
+    pub fn record(&mut self, commands: &mut Commands<'_>, frame: FrameSet<'_>, scene: &DescriptorSet) {
         let sets = BakeSets { frame, scene, rays: &self.rays.set };
         if !self.lightmap.is_done() {
             self.lightmap.record(commands, &sets);
         } else if let Some(probes) = &mut self.probes {
-            probes.record(commands, &sets, scale);
+            probes.record(commands, &sets);
         }
     }
 }

@@ -30,9 +30,8 @@ pub struct LightmapRequest {
     layouts: Arc<Layouts>,
     textures: SceneTextures,
     settings: RenderSettings,
-    /// Digest of the panorama, the scale of its maps, and what samples are drawn from.
+    /// Digest of the panorama, and what samples are drawn from.
     panorama: blake3::Hash,
-    scale: f32,
     importance: Option<Arc<Buffer>>,
 }
 
@@ -62,8 +61,8 @@ impl LightmapRequest {
         settings: &RenderSettings,
     ) -> Self {
         let (layouts, textures, settings) = (Arc::clone(layouts), textures.clone(), settings.clone());
-        let Lighting { digest, importance, maps, .. } = lighting;
-        Self { layouts, textures, settings, panorama: *digest, scale: maps.scale, importance: importance.clone() }
+        let Lighting { digest, importance, .. } = lighting;
+        Self { layouts, textures, settings, panorama: *digest, importance: importance.clone() }
     }
 
     /// Makes the atlas, and takes light from the cache if it is there for the scene as its file has it; else prepares whatever
@@ -95,7 +94,7 @@ impl LightmapRequest {
         let rotation = scene.environment.rotation_degrees.to_radians();
         let world_from_models = Mat4::IDENTITY;
         let state = LightState { panorama: self.panorama, rotation, world_from_models, edits: None };
-        if !baked.load(context, state, self.scale)? {
+        if !baked.load(context, state)? {
             baked.prepare()?;
         }
         resources.place_probes(&context.gpu, clusters, baked.placed_probes())?;

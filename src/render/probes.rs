@@ -129,8 +129,8 @@ impl ProbeBake {
         self.pace.follow(times, target_ms);
     }
 
-    /// Records the next piece of work; maps hold radiance / `scale`.
-    pub fn record(&mut self, commands: &mut Commands<'_>, sets: &BakeSets<'_>, scale: f32) {
+    /// Records the next piece of work.
+    pub fn record(&mut self, commands: &mut Commands<'_>, sets: &BakeSets<'_>) {
         match self.stage {
             Stage::Capture(probe, first_row) => {
                 let [_, height] = self.captured.desc().size;
@@ -148,7 +148,7 @@ impl ProbeBake {
                     if !self.has_norms {
                         self.filter.record_norms(commands);
                     }
-                    self.filter.record_light(commands, scale, probe as u32);
+                    self.filter.record_light(commands, 1.0, probe as u32);
                     self.probes.specular.iter().for_each(|map| commands.prepare(map, ImageAccess::Sampled));
                 });
                 self.has_norms = true;

@@ -425,11 +425,9 @@ impl Renderer {
         self.scene.baked.as_ref().map(BakedLight::lightmap)
     }
 
-    /// What smooth surfaces mirror of the rooms around them, where there are probes, and what their maps' values are to be
-    /// multiplied by, 0 before they hold any.
-    pub fn probes(&self) -> Option<(&ProbeMaps, f32)> {
-        let baked = self.scene.baked.as_ref()?;
-        Some((baked.probes()?, baked.probe_scale()))
+    /// What smooth surfaces mirror of the rooms around them, where there are probes.
+    pub fn probes(&self) -> Option<&ProbeMaps> {
+        self.scene.baked.as_ref()?.probes().map(|probes| &**probes)
     }
 
     /// The part of the lightmap that is computed, while it is; 0 to 1.

@@ -68,8 +68,6 @@ pub struct FrameBlock {
     pub world_from_models: [[f32; 4]; 4],
     pub sun: SunBlock,
     pub sun_shadow: SunShadowBlock,
-    /// Multiplies values of the probes' maps; 0 while they hold nothing.
-    pub probe_scale: f32,
 }
 
 /// One placed mesh of one material: an element of `SCENE_INSTANCES`.
@@ -181,8 +179,7 @@ const _: () = {
     assert!(offset_of!(SunBlock, irradiance) == 12 && offset_of!(SunBlock, sine) == 24);
     assert!(offset_of!(FrameBlock, sun_shadow) == 144 * MAX_EYES + 116);
     assert!(offset_of!(SunShadowBlock, spread) == 64);
-    assert!(offset_of!(FrameBlock, probe_scale) == 144 * MAX_EYES + 188);
-    assert!(size_of::<FrameBlock>() == 144 * MAX_EYES + 192);
+    assert!(size_of::<FrameBlock>() == 144 * MAX_EYES + 188);
     assert!(offset_of!(InstanceBlock, material) == 64 && size_of::<InstanceBlock>() == 68);
     assert!(offset_of!(MaterialBlock, metallic) == 12 && offset_of!(MaterialBlock, emission) == 32);
     assert!(size_of::<MaterialBlock>() == 48 && size_of::<VertexExtraBlock>() == 16);

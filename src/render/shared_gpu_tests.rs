@@ -61,7 +61,6 @@ impl Blocks {
             world_from_models: matrix(&mut counter),
             sun: SunBlock { towards: counter.list(), irradiance: counter.list(), sine: counter.next() },
             sun_shadow: SunShadowBlock { place_from_world: matrix(&mut counter), spread: counter.list() },
-            probe_scale: counter.next(),
         };
         let instances = std::array::from_fn(|_| InstanceBlock {
             world_from_local: matrix(&mut counter),
@@ -103,7 +102,6 @@ impl Blocks {
         numbers.extend(frame.world_from_models.as_flattened());
         numbers.extend(frame.sun.towards.iter().chain(&[0.0]).chain(&frame.sun.irradiance).chain(&[frame.sun.sine]));
         numbers.extend(frame.sun_shadow.place_from_world.as_flattened().iter().chain(&frame.sun_shadow.spread));
-        numbers.push(frame.probe_scale);
         for light in &self.lights {
             numbers.extend(light.position.iter().chain(&[light.radius]).chain(&light.intensity));
             numbers.extend([light.shadow_near, light.shadow_layer as f32]);

@@ -6,7 +6,7 @@ use std::time::Instant;
 
 use serde::Serialize;
 
-use super::baked_file::{BakedFile, radiance, roughness_text, write_file};
+use super::baked_file::{BakedFile, roughness_text, write_file};
 use super::frame_clock::ms_since;
 use super::loader::load_scene;
 use crate::args::write_json;
@@ -149,8 +149,8 @@ fn write(gpu: &Arc<Gpu>, renderer: &Renderer, scene: &Path, folder: &Path) -> Re
     // All is read before the first file is written: they belong together.
     let mut textures = vec![(LIGHTMAP, texture)];
     let mut meaning = Meaning { scene, lightmap, probes: Vec::new(), roughness: Vec::new() };
-    if let Some((probes, scale)) = renderer.probes() {
-        textures.push((SPECULAR, specular_levels(gpu, probes, scale)?));
+    if let Some(probes) = renderer.probes() {
+        textures.push((SPECULAR, specular_levels(gpu, probes)?));
         meaning.probes = places(probes);
         meaning.roughness = LightMaps::specular_roughness().into();
     }
@@ -161,12 +161,11 @@ fn write(gpu: &Arc<Gpu>, renderer: &Renderer, scene: &Path, folder: &Path) -> Re
 }
 
 /// The even levels of all probes, then the odd ones.
-fn specular_levels(gpu: &Arc<Gpu>, probes: &ProbeMaps, scale: f32) -> Result<Ktx2> {
+fn specular_levels(gpu: &Arc<Gpu>, probes: &ProbeMaps) -> Result<Ktx2> {
     let [even, odd] = &probes.specular;
     let (mut specular, odd) = (read_texture(gpu, &[even])?, read_texture(gpu, &[odd])?);
     specular.levels.iter_mut().zip(&odd.levels).for_each(|(level, odd)| level.extend(odd));
     specular.layers += odd.layers;
-    let mut specular = radiance(specular, scale);
     let content = "radiance of surfaces filtered by GGX lobes; level i of probe p of n: mip i / 2 of cube p + n (i % 2); alpha: share of the panorama behind them";
     specular.set_text("pbrvrContent", content);
     specular.set_text("pbrvrRoughness", &roughness_text());

@@ -30,7 +30,6 @@ void main()
     put(frame.sun_shadow.place_from_world);
     put(frame.sun_shadow.spread.x);
     put(frame.sun_shadow.spread.y);
-    put(frame.probe_scale);
     for (uint i = 0; i < lights.length(); ++i) {
         put(vec4(lights[i].position, lights[i].radius));
         put(vec4(lights[i].intensity, lights[i].shadow_near));
