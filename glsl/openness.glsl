@@ -3,6 +3,8 @@
 #ifndef OPENNESS_GLSL
 #define OPENNESS_GLSL
 
+#include "math.glsl"
+
 // Visibility along a unit direction d before it is made steeper: even + dot(slope, d).
 struct Openness {
     vec3 slope;
@@ -29,7 +31,7 @@ float visibility(Openness open, vec3 d)
 // with the lobe's mean vector, 1 - spread long and at this cosine to the normal, and nothing came from elsewhere.
 float most_radiance(float spread, float cosine)
 {
-    return 1.0 / max(4.0 * spread * (1.0 - spread) * cosine, 1e-6);
+    return 1.0 / max(4.0 * spread * (1.0 - spread) * cosine, TINY);
 }
 
 #endif

@@ -2,8 +2,8 @@
 // comes, and alpha has the share of that: the panorama lies behind.
 #version 460
 #extension GL_GOOGLE_include_directive : require
+#include "cube.glsl"
 #include "given_back.glsl"
-#include "panorama.glsl"
 #include "probe_box.glsl"
 
 layout(local_size_x = 8, local_size_y = 8) in;

@@ -34,7 +34,7 @@ pub fn visibility(open: Openness, d: DVec3) -> f64 {
 /// A cap of half angle φ has a mean vector of length (1 + cos φ) / 2, hence spread (1 − cos φ) / 2, and above the horizon brings
 /// the irradiance π sin² φ · cosine = 4π spread (1 − spread) cosine for unit radiance.
 pub fn most_radiance(spread: f64, cosine: f64) -> f64 {
-    1.0 / (4.0 * spread * (1.0 - spread) * cosine).max(1e-6)
+    1.0 / (4.0 * spread * (1.0 - spread) * cosine).max(1e-30)
 }
 
 fn smoothstep(low: f64, high: f64, x: f64) -> f64 {

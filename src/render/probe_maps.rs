@@ -11,8 +11,8 @@ use crate::reference::levels::LEVELS;
 use crate::scene::Probe;
 use crate::scene::probes::MOST_PROBES;
 
-/// Probes, at least one, and their maps: radiance of surfaces, W/(m² sr), no more than
-/// halves hold, and the share of the panorama behind them.
+/// Probes, at least one, and their maps: radiance of surfaces, W/(m² sr), no more than halves hold, and
+/// the share of the panorama behind them.
 pub struct ProbeMaps {
     /// [`ProbeBlock`]s.
     pub blocks: Arc<Buffer>,
