@@ -277,6 +277,9 @@ impl Canvas<'_> {
         }
         for (label, at) in labels.into_iter().filter(|(label, _)| !label.is_empty()) {
             let place = free_place(at, &taken);
+            if distance(place, at) > BESIDE_MARK {
+                self.line(vec![at, place], BLACK.mix(0.15))?;
+            }
             taken.push(place);
             self.text(label, place, 11, BLACK, HPos::Center)?;
         }
@@ -346,14 +349,29 @@ impl Canvas<'_> {
     }
 }
 
-/// The nearest place around a mark that is far enough from all that is taken; above it if there is none.
+/// Pixels from a mark to a label that plainly belongs to it; one that is farther away has a line to it.
+const BESIDE_MARK: f64 = 16.0;
+
+fn distance(a: Pixel, b: Pixel) -> f64 {
+    f64::from(a.0 - b.0).hypot(f64::from(a.1 - b.1))
+}
+
+/// Whether labels of two digits at these places, or a label and a mark, keep clear of each other.
+fn are_clear(a: Pixel, b: Pixel) -> bool {
+    (a.0 - b.0).abs() >= 15 || (a.1 - b.1).abs() >= 12
+}
+
+/// The nearest place around a mark that is clear of all that is taken; above it if there is none.
 fn free_place((x, y): Pixel, taken: &[Pixel]) -> Pixel {
-    const FAR_ENOUGH: i32 = 13;
-    let ring = [(0, -1), (1, -1), (1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1)];
-    let is_free =
-        |at: &Pixel| taken.iter().all(|other| (at.0 - other.0).abs().max((at.1 - other.1).abs()) >= FAR_ENOUGH);
-    let mut places = [13, 20, 28, 38].into_iter().flat_map(|away| ring.map(|(u, v)| (x + u * away, y + v * away)));
-    places.find(is_free).unwrap_or((x, y - FAR_ENOUGH))
+    const DIRECTIONS: u32 = 24;
+    let ring = |away: f64| {
+        // From above, clockwise.
+        let angle = |i| std::f64::consts::TAU * f64::from(i) / f64::from(DIRECTIONS);
+        let along = move |part: f64| (away * part).round() as i32;
+        (0..DIRECTIONS).map(move |i| (x + along(angle(i).sin()), y - along(angle(i).cos())))
+    };
+    let mut places = [13.0, 16.0, 22.0, 30.0, 40.0, 52.0, 66.0, 82.0].into_iter().flat_map(ring);
+    places.find(|at| taken.iter().all(|other| are_clear(*at, *other))).unwrap_or((x, y - 13))
 }
 
 /// 1, 2 and 5 of each decade from `low` to `high`.
@@ -432,9 +450,10 @@ mod tests {
     #[test]
     fn labels_keep_clear_of_each_other() {
         let mut taken = vec![(100, 100)];
-        for _ in 0..8 {
+        // As many settings as a ladder has at one time and error.
+        for _ in 0..40 {
             let at = free_place((100, 100), &taken);
-            assert!(taken.iter().all(|o| (at.0 - o.0).abs().max((at.1 - o.1).abs()) >= 13), "{at:?} in {taken:?}");
+            assert!(taken.iter().all(|other| are_clear(at, *other)), "{at:?} in {taken:?}");
             taken.push(at);
         }
     }

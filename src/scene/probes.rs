@@ -29,11 +29,16 @@ const WALL: [f32; 2] = [0.55, 0.7];
 /// Cosine from which on a surface faces a side of the box, and how many rays have to meet such.
 const FACES: f32 = 0.7;
 const FACING: usize = 8;
+/// Of the rays that come as far as a wall, the share that goes on beyond this multiple of its distance from which on it is none: cars
+/// in a street, and pillars before a wall, face a place, too.
+const OPENING: f32 = 0.7;
+const BEYOND: f32 = 1.1;
 /// Radii of the scene that a side without a wall is away.
 const NO_WALL: f32 = 10.0;
-/// Walls of a room, floor and ceiling counted, at least; its least mean side, in radii of the scene: a gap between things is none.
+/// Walls of a room, floor and ceiling counted, at least, or one less if two are opposite, as in a street.
 const WALLS: u32 = 4;
-const NOOK: f32 = 0.2;
+/// Least mean side of a room in radii of the scene: a gap between things is none.
+const NOOK: f32 = 0.05;
 /// Of that side, how far a probe is from what is nearest to it, at least, where an axis has no wall to find its middle by: it
 /// may lie at the very surface that it was found by, and see little else.
 const CLEAR: f32 = 0.05;
@@ -47,7 +52,7 @@ const MOST_CAMERAS: usize = 64;
 const PATHS: u32 = 1024;
 const REFLECTIONS: u32 = 3;
 /// Part of the smooth places that a room without a camera needs, and how many of such places are tried.
-const ROOM: f32 = 0.2;
+const ROOM: f32 = 0.02;
 const TRIES: usize = 32;
 /// Part of the smooth places that a thing needs.
 const THING: f32 = 0.001;
@@ -258,7 +263,8 @@ fn room(bvh: &Bvh, start: Vec3) -> Option<Probe> {
     let axes = walled.bitmask().count_ones().max(1);
     let side = Vec3::select(walled, bounds.max - bounds.min, Vec3::ZERO).element_sum() / axes as f32;
     let is_nook = side < NOOK * bvh.bounds().radius() || (axes < 3 && clearance < CLEAR * side);
-    (!is_open && !is_nook && walls >= WALLS).then_some(Probe { position, bounds, thing: None })
+    let is_street = walls + 1 == WALLS && (walled.x || walled.z);
+    (!is_open && !is_nook && (walls >= WALLS || is_street)).then_some(Probe { position, bounds, thing: None })
 }
 
 /// The freest place near a room's centre; `start` if nothing else is inside of the room.
@@ -303,8 +309,9 @@ struct View {
     from: Vec3,
     met: Vec<Met>,
     rays: u32,
-    /// Shares of the rays that meet nothing, and that meet a triangle's back.
-    open: f32,
+    /// Directions in which rays meet nothing.
+    open: Vec<Vec3>,
+    /// Share of the rays that meet a triangle's back.
     backs: f32,
     /// The distance that one ray in twenty does not reach.
     clearance: f32,
@@ -320,27 +327,27 @@ impl View {
         let trace = |i: u32| {
             let d = spiral(i, rays);
             let begin = exit(from, d, within);
-            let hit = bvh.trace(begin, d, f32::INFINITY, |_| true)?;
+            let hit = bvh.trace(begin, d, f32::INFINITY, |_| true).ok_or(d)?;
             let n = normal(bvh, &hit);
             let back = n.dot(d) > 0.0;
-            Some(Met { d, t: begin.distance(from) + hit.t, n: if back { -n } else { n }, back })
+            Ok(Met { d, t: begin.distance(from) + hit.t, n: if back { -n } else { n }, back })
         };
-        let met: Vec<Met> = (0..rays).into_par_iter().filter_map(trace).collect();
-        let share = |count: usize| count as f32 / rays as f32;
+        let all: Vec<Result<Met, Vec3>> = (0..rays).into_par_iter().map(trace).collect();
+        let met: Vec<Met> = all.iter().filter_map(|met| met.ok()).collect();
         let mut distances: Vec<f32> = met.iter().map(|met| met.t).collect();
         distances.sort_by(f32::total_cmp);
         Self {
             from,
             rays,
-            open: 1.0 - share(met.len()),
-            backs: share(met.iter().filter(|met| met.back).count()),
+            open: all.iter().filter_map(|met| met.err()).collect(),
+            backs: met.iter().filter(|met| met.back).count() as f32 / rays as f32,
             clearance: distances.get(distances.len() / 20).copied().unwrap_or(0.0),
             met,
         }
     }
 
     fn is_open(&self) -> bool {
-        self.open > OPEN
+        self.open.len() as f32 > OPEN * self.rays as f32
     }
 
     /// The box whose sides are the walls.
@@ -365,16 +372,38 @@ impl View {
             distances = self.met.iter().filter(towards).filter(along).map(distance).collect();
         }
         distances.sort_by(f32::total_cmp);
-        let end = |most: f32, share: f32| {
-            let mut left = share * distances.iter().map(|distance| distance.min(most)).sum::<f32>();
-            let ends = |distance: &&f32| {
-                left -= distance.min(most);
-                left <= 0.0
-            };
-            distances.iter().find(ends).copied().unwrap_or(far)
-        };
-        WALL.into_iter().fold(f32::INFINITY, end)
+        while let Some(wall) = most_end(&distances) {
+            if !self.goes_on(axis, sign, wall) {
+                return wall;
+            }
+            distances.retain(|distance| *distance > BEYOND * wall);
+            if distances.len() < FACING {
+                break;
+            }
+        }
+        far
     }
+
+    /// Whether most rays that come so far along an axis as a wall is go on.
+    fn goes_on(&self, axis: usize, sign: f32, wall: f32) -> bool {
+        let ends = |share: f32| self.met.iter().filter(|met| met.d[axis] * sign * met.t > share * wall).count();
+        let open = self.open.iter().filter(|d| d[axis] * sign > 0.0).count();
+        let [beyond, reaching] = [BEYOND, 1.0 / BEYOND].map(|share| (ends(share) + open) as f32);
+        beyond > OPENING * reaching
+    }
+}
+
+/// The wall by what faces a place at these ascending distances: see [`WALL`].
+fn most_end(distances: &[f32]) -> Option<f32> {
+    let end = |most: f32, share: f32| {
+        let mut left = share * distances.iter().map(|distance| distance.min(most)).sum::<f32>();
+        let ends = |distance: &&f32| {
+            left -= distance.min(most);
+            left <= 0.0
+        };
+        distances.iter().find(ends).or(distances.last()).copied()
+    };
+    WALL.into_iter().try_fold(f32::INFINITY, end)
 }
 
 /// Where a ray leaves a box that it begins in.

@@ -1,6 +1,6 @@
 //! Tests of the placement of probes: rooms, furniture, open places, scenes without cameras in them.
 
-use glam::Mat4;
+use glam::{Mat4, Vec3Swizzles};
 
 use super::*;
 use crate::scene::bvh::tests::mesh;
@@ -14,6 +14,13 @@ pub fn walls(min: Vec3, max: Vec3, without: &[usize]) -> Mesh {
     let kept = sides.iter().enumerate().filter(|(side, _)| !without.contains(side));
     let indices = kept.flat_map(|(_, [a, b, c, d])| [*a, *b, *c, *a, *c, *d].map(|i| i as u32)).collect();
     mesh(&corners, indices)
+}
+
+/// The same whose fronts are seen from within.
+fn room_of_walls(min: Vec3, max: Vec3, without: &[usize]) -> Mesh {
+    let mut room = walls(min, max, without);
+    room.indices.reverse();
+    room
 }
 
 pub fn bvh(meshes: &[Mesh]) -> Bvh {
@@ -85,6 +92,63 @@ fn a_room_beside_the_cameras_gets_its_own() {
     let bounds = rooms[0].bounds;
     assert!((bounds.min - next[0]).abs().max_element() < 0.1, "{bounds:?}");
     assert!((bounds.max - next[1]).abs().max_element() < 0.1, "{bounds:?}");
+}
+
+#[test]
+fn a_room_of_which_little_is_seen_gets_its_own() {
+    // A smooth floor goes on through a door into the next room.
+    let next = [Vec3::new(2.0, 0.0, -3.0), Vec3::new(8.0, 2.5, 3.0)];
+    let rooms = [
+        room_of_walls(LOW, HIGH, &[1, 2]),
+        room_of_walls(next[0], next[1], &[0, 2]),
+        wall_at_2([-3.0, 1.2]),
+        wall_at_2([2.2, 3.0]),
+    ];
+    let floor = room_of_walls(LOW, next[1], &[0, 1, 3, 4, 5]);
+    let found = placed(&[&rooms[..], &[floor]].concat(), &[Vec3::new(-1.0, 1.5, 1.0)]);
+    let bounds: Vec<Bounds> = found.probes.iter().map(|probe| probe.bounds).collect();
+    let is_room = |min: Vec3, max: Vec3| {
+        bounds.iter().any(|room| (room.min - min).abs().max((room.max - max).abs()).max_element() < 0.1)
+    };
+    assert!(bounds.len() == 2 && is_room(LOW, HIGH) && is_room(next[0], next[1]), "{found:?}");
+}
+
+#[test]
+fn what_stands_in_a_street_is_no_wall_of_it() {
+    let [low, high] = [Vec3::new(-5.0, 0.0, -40.0), Vec3::new(5.0, 8.0, 40.0)];
+    let van = |z: f32| walls(Vec3::new(-2.4, 0.0, z), Vec3::new(-0.4, 2.2, z + 5.0), &[]);
+    let ball = ball(Vec3::new(1.0, 1.0, 0.0), 0.3);
+    let found = placed(&[walls(low, high, &[3, 4, 5]), van(-9.0), van(6.0), ball], &[Vec3::new(0.5, 1.6, 2.0)]);
+    let [Probe { bounds, .. }] = rooms_and_things(&found)[0][..] else { panic!("{found:?}") };
+    assert!(
+        (bounds.min.xy() - low.xy()).abs().max_element() < 0.05 && (bounds.max.x - high.x).abs() < 0.05,
+        "{bounds:?}"
+    );
+    assert!(bounds.max.y > 100.0 && bounds.min.z < -100.0 && bounds.max.z > 100.0, "no roof, and no ends: {bounds:?}");
+}
+
+#[test]
+fn arches_of_which_most_light_passes_are_no_wall_but_what_is_behind_them_is() {
+    // Pillars along z, 1 m inside of the walls where x is 2 and -2.
+    let pillar = |x: f32, z: f32| walls(Vec3::new(x - 0.1, 0.0, z), Vec3::new(x + 0.1, 2.5, z + 0.2), &[]);
+    let pillars = [-2.5, -1.5, -0.5, 0.5, 1.5].map(|z| [pillar(-1.0, z), pillar(1.0, z)]).concat();
+    let parts = [&[walls(LOW, HIGH, &[])], &pillars[..], &[ball(Vec3::new(0.0, 1.0, 0.0), 0.2)]].concat();
+    let found = placed(&parts, &[Vec3::new(0.0, 1.5, 2.0)]);
+    let [Probe { bounds, .. }] = rooms_and_things(&found)[0][..] else { panic!("{found:?}") };
+    assert!(
+        (bounds.max - HIGH).abs().max_element() < 0.05 && (bounds.min - LOW).abs().max_element() < 0.05,
+        "{bounds:?}"
+    );
+}
+
+#[test]
+fn a_porch_in_a_wide_meadow_is_a_room() {
+    let meadow = room_of_walls(Vec3::new(-30.0, 0.0, -30.0), Vec3::new(30.0, 9.0, 30.0), &[0, 1, 3, 4, 5]);
+    let floor = room_of_walls(LOW + 0.1 * Vec3::Y, HIGH, &[0, 1, 3, 4, 5]);
+    let found = placed(&[meadow, room_of_walls(LOW, HIGH, &[2, 5]), floor], &[Vec3::new(4.0, 1.6, 6.0)]);
+    let [Probe { bounds, .. }] = rooms_and_things(&found)[0][..] else { panic!("{found:?}") };
+    assert!((bounds.min - LOW - 0.1 * Vec3::Y).abs().max_element() < 0.05, "{bounds:?}");
+    assert!((bounds.max.xy() - HIGH.xy()).abs().max_element() < 0.05 && bounds.max.z > 100.0, "{bounds:?}");
 }
 
 #[test]
