@@ -15,7 +15,7 @@ use crate::reference::probe::box_exit;
 pub const MOST_PROBES: usize = 16;
 /// Part of a box's mean side over which its influence ends, outside of it.
 const BORDER: f32 = 0.05;
-/// The same of a thing's box, which is raised by it, too: what the thing stands on has its own mirror images.
+/// The same of a thing's box, which is raised by it, too, where it stands on something: that has its own mirror images.
 const THING_BORDER: f32 = 0.005;
 /// Share of rays to the sky from which on a place is open: what it mirrors is mostly the panorama.
 const OPEN: f32 = 1.0 / 3.0;
@@ -213,7 +213,9 @@ fn mean_side(bounds: Bounds) -> f32 {
 /// The probe of what a thing in this box mirrors, in a room with these bounds or in the open; `None` where that is the panorama
 /// alone, or the inside of another thing.
 fn surroundings(bvh: &Bvh, mut thing: Bounds, room: Option<Bounds>) -> Option<Probe> {
-    thing.min.y = ground(bvh, thing) + THING_BORDER * mean_side(thing);
+    let border = THING_BORDER * mean_side(thing);
+    // The underside of what hangs, or stands on wheels, is its own.
+    thing.min.y = ground(bvh, thing, 2.0 * border).map_or(thing.min.y - border, |height| height + border);
     let position = thing.centre();
     let around = room.unwrap_or_else(|| Bounds::of([position]).grown(NO_WALL * bvh.bounds().radius()));
     let mut probe = Probe { position, bounds: around, thing: Some(thing) };
@@ -225,19 +227,19 @@ fn surroundings(bvh: &Bvh, mut thing: Bounds, room: Option<Bounds>) -> Option<Pr
     (!view.met.is_empty() && is_outside).then_some(probe)
 }
 
-/// How high a thing stands: its box's lowest, or higher what it is sunk in.
-fn ground(bvh: &Bvh, thing: Bounds) -> f32 {
-    let centre = thing.centre();
+/// How high the ground is that a thing stands on, up to some metres below its box, or is sunk in; `None` where it does not.
+fn ground(bvh: &Bvh, thing: Bounds, below: f32) -> Option<f32> {
+    let (centre, within) = (thing.centre(), Bounds { min: thing.min - below * Vec3::Y, ..thing });
     let is_part = |hit: &Hit| thing.contains(bvh.triangles()[hit.triangle].bounds());
     let down = (0..CANDIDATE_RAYS).map(|i| spiral(i, CANDIDATE_RAYS)).filter(|d| d.y < -FACES);
     let height = |d: Vec3| {
-        let hit = bvh.trace(centre, d, exit(centre, d, thing).distance(centre), |hit| !is_part(hit))?;
+        let hit = bvh.trace(centre, d, exit(centre, d, within).distance(centre), |hit| !is_part(hit))?;
         (normal(bvh, &hit).y.abs() > FACES).then_some(centre.y + hit.t * d.y)
     };
     let heights: Vec<Option<f32>> = down.map(height).collect();
     let mut met: Vec<f32> = heights.iter().flatten().copied().collect();
     met.sort_by(f32::total_cmp);
-    if 2 * met.len() > heights.len() { met[met.len() / 2] } else { thing.min.y }
+    (2 * met.len() > heights.len()).then(|| met[met.len() / 2])
 }
 
 /// The probe of the room around a place; `None` in the open.

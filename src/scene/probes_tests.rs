@@ -221,6 +221,17 @@ fn a_box_does_not_see_its_own_sides() {
 }
 
 #[test]
+fn what_hangs_shows_what_is_below_it_and_not_its_own_underside() {
+    let floor = walls(Vec3::new(-5.0, 0.0, -5.0), Vec3::new(5.0, 9.0, 5.0), &[0, 1, 3, 4, 5]);
+    let [low, high] = [Vec3::new(-0.4, 0.3, -0.8), Vec3::new(0.4, 0.9, 0.8)];
+    let found = placed(&[floor, walls(low, high, &[])], &[Vec3::new(0.0, 1.5, 2.5)]);
+    let [Probe { bounds, thing: Some(thing), .. }] = found.probes[..] else { panic!("{found:?}") };
+    assert!(bounds.min.y.abs() < 1e-3, "the floor is where it is: {bounds:?}");
+    assert!(thing.min.y < 0.3 && thing.min.y > 0.28, "the underside mirrors it, too: {thing:?}");
+    assert!(found.probes[0].hidden().contains(Bounds { min: low, max: high }), "rays begin outside of it");
+}
+
+#[test]
 fn small_things_in_a_room_get_their_own_and_neighbours_share_where_there_are_many() {
     let room = walls(LOW, HIGH, &[]);
     let cameras = [[1.5, 2.5], [-1.5, 2.5], [1.5, -2.5], [-1.5, -2.5]].map(|[x, z]| Vec3::new(x, 1.6, z));
