@@ -128,7 +128,7 @@ fn what_stands_in_a_street_is_no_wall_of_it() {
 }
 
 #[test]
-fn arches_of_which_most_light_passes_are_no_wall_but_what_is_behind_them_is() {
+fn pillars_that_most_rays_pass_are_no_wall_but_what_is_behind_them_is() {
     // Pillars along z, 1 m inside of the walls where x is 2 and -2.
     let pillar = |x: f32, z: f32| walls(Vec3::new(x - 0.1, 0.0, z), Vec3::new(x + 0.1, 2.5, z + 0.2), &[]);
     let pillars = [-2.5, -1.5, -0.5, 0.5, 1.5].map(|z| [pillar(-1.0, z), pillar(1.0, z)]).concat();
