@@ -310,7 +310,6 @@ struct Met {
 struct View {
     from: Vec3,
     met: Vec<Met>,
-    rays: u32,
     /// Directions in which rays meet nothing.
     open: Vec<Vec3>,
     /// Share of the rays that meet a triangle's back.
@@ -340,7 +339,6 @@ impl View {
         distances.sort_by(f32::total_cmp);
         Self {
             from,
-            rays,
             open: all.iter().filter_map(|met| met.err()).collect(),
             backs: met.iter().filter(|met| met.back).count() as f32 / rays as f32,
             clearance: distances.get(distances.len() / 20).copied().unwrap_or(0.0),
@@ -348,8 +346,12 @@ impl View {
         }
     }
 
+    fn rays(&self) -> usize {
+        self.met.len() + self.open.len()
+    }
+
     fn is_open(&self) -> bool {
-        self.open.len() as f32 > OPEN * self.rays as f32
+        self.open.len() as f32 > OPEN * self.rays() as f32
     }
 
     /// The box whose sides are the walls.
@@ -365,7 +367,7 @@ impl View {
         let along = |met: &&Met| met.d.abs().max_position() == axis;
         let faces = |met: &&Met| met.n[axis] * sign < -FACES;
         // A sixth of all rays go to each side; where half of them meet nothing, there is no wall.
-        if (self.met.iter().filter(towards).filter(along).count() as u32) < self.rays / 12 {
+        if self.met.iter().filter(towards).filter(along).count() < self.rays() / 12 {
             return far;
         }
         let distance = |met: &Met| met.d[axis].abs() * met.t;
