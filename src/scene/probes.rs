@@ -221,7 +221,7 @@ fn surroundings(bvh: &Bvh, mut thing: Bounds, room: Option<Bounds>) -> Option<Pr
     let mut probe = Probe { position, bounds: around, thing: Some(thing) };
     let view = View::around(bvh, position, probe.hidden(), RAYS);
     // What it stands on is its floor; what stands beside it is no wall: most of what is seen there is beyond.
-    probe.bounds.min.y = (position.y - view.wall(bvh, 1, -1.0)).min(thing.min.y);
+    probe.bounds.min.y = (position.y - view.wall(bvh, 1, -1.0, false)).min(thing.min.y);
     // A room may be seen from its walls' backs.
     let is_outside = room.is_some() || view.backs < BEHIND;
     (!view.met.is_empty() && is_outside).then_some(probe)
@@ -356,28 +356,37 @@ impl View {
 
     /// The box whose sides are the walls.
     fn bounds(&self, bvh: &Bvh) -> Bounds {
-        let reach = |sign| Vec3::from(std::array::from_fn(|axis| self.wall(bvh, axis, sign)));
-        Bounds { min: self.from - reach(-1.0), max: self.from + reach(1.0) }
+        let far = NO_WALL * bvh.bounds().radius();
+        let mut reach =
+            [-1.0, 1.0].map(|sign| Vec3::from(std::array::from_fn(|axis| self.wall(bvh, axis, sign, false))));
+        for [across, along] in [[0, 2], [2, 0]] {
+            let is_street = reach.iter().all(|reach| reach[across] < far);
+            for (reach, sign) in reach.iter_mut().zip([-1.0, 1.0]) {
+                if is_street && reach[along] == far {
+                    reach[along] = self.wall(bvh, along, sign, true);
+                }
+            }
+        }
+        Bounds { min: self.from - reach[0], max: self.from + reach[1] }
     }
 
-    /// How far it is along an axis to where most of what faces the place from there ends.
-    fn wall(&self, bvh: &Bvh, axis: usize, sign: f32) -> f32 {
+    /// How far it is along an axis to where most of what faces the place from there ends. `below_sky`: at a street's end, which a
+    /// house closes though rays go on above it.
+    fn wall(&self, bvh: &Bvh, axis: usize, sign: f32, below_sky: bool) -> f32 {
         let far = NO_WALL * bvh.bounds().radius();
-        let towards = |met: &&Met| met.d[axis] * sign > 0.0;
-        let along = |met: &&Met| met.d.abs().max_position() == axis;
-        let faces = |met: &&Met| met.n[axis] * sign < -FACES;
+        let distance = |met: &Met| met.d[axis] * sign * met.t;
+        let along = |met: &&Met| distance(met) > 0.0 && met.d.abs().max_position() == axis;
+        let faces = |met: &&Met| distance(met) > 0.0 && met.n[axis] * sign < -FACES;
         // A sixth of all rays go to each side; where half of them meet nothing, there is no wall.
-        if self.met.iter().filter(towards).filter(along).count() < self.rays() / 12 {
+        if self.met.iter().filter(along).count() < self.rays() / 12 {
             return far;
         }
-        let distance = |met: &Met| met.d[axis].abs() * met.t;
-        let mut distances: Vec<f32> = self.met.iter().filter(towards).filter(faces).map(distance).collect();
-        if distances.len() < FACING {
-            distances = self.met.iter().filter(towards).filter(along).map(distance).collect();
-        }
+        let is_faced = self.met.iter().filter(faces).count() >= FACING;
+        let mut distances: Vec<f32> =
+            self.met.iter().filter(|met| if is_faced { faces(met) } else { along(met) }).map(distance).collect();
         distances.sort_by(f32::total_cmp);
         while let Some(wall) = most_end(&distances) {
-            if !self.goes_on(axis, sign, wall) {
+            if !self.goes_on(axis, sign, wall, below_sky) {
                 return wall;
             }
             distances.retain(|distance| *distance > BEYOND * wall);
@@ -388,12 +397,17 @@ impl View {
         far
     }
 
-    /// Whether most rays that come so far along an axis as a wall is go on.
-    fn goes_on(&self, axis: usize, sign: f32, wall: f32) -> bool {
-        let ends = |share: f32| self.met.iter().filter(|met| met.d[axis] * sign * met.t > share * wall).count();
-        let open = self.open.iter().filter(|d| d[axis] * sign > 0.0).count();
-        let [beyond, reaching] = [BEYOND, 1.0 / BEYOND].map(|share| (ends(share) + open) as f32);
-        beyond > OPENING * reaching
+    /// Whether most rays that come so far along an axis as a wall is go on; `below_sky`: of those to the sky such as pass between
+    /// what is met there.
+    fn goes_on(&self, axis: usize, sign: f32, wall: f32, below_sky: bool) -> bool {
+        let distance = |met: &&Met| met.d[axis] * sign * met.t;
+        let reaching = self.met.iter().filter(|met| distance(met) > wall / BEYOND);
+        let (beyond, ended): (Vec<&Met>, Vec<&Met>) = reaching.partition(|met| distance(met) > BEYOND * wall);
+        let slopes = |d: &Vec3| *d / d[axis].abs();
+        let span = Bounds::of(ended.iter().map(|met| slopes(&met.d)));
+        let counts = |d: &&Vec3| d[axis] * sign > 0.0 && (!below_sky || span.contains(Bounds::of([slopes(d)])));
+        let went = (beyond.len() + self.open.iter().filter(counts).count()) as f32;
+        went > OPENING * (went + ended.len() as f32)
     }
 }
 

@@ -128,6 +128,17 @@ fn what_stands_in_a_street_is_no_wall_of_it() {
 }
 
 #[test]
+fn a_house_at_the_end_of_a_street_is_its_wall() {
+    let [low, high] = [Vec3::new(-5.0, 0.0, -40.0), Vec3::new(5.0, 8.0, 25.0)];
+    let ball = ball(Vec3::new(1.0, 1.0, 0.0), 0.3);
+    let found = placed(&[walls(low, high, &[3, 4]), ball], &[Vec3::new(0.5, 1.6, 2.0)]);
+    let [Probe { bounds, .. }] = rooms_and_things(&found)[0][..] else { panic!("{found:?}") };
+    assert!((bounds.min.xy() - low.xy()).abs().max_element() < 0.05, "{bounds:?}");
+    assert!((bounds.max.xz() - high.xz()).abs().max_element() < 0.05, "{bounds:?}");
+    assert!(bounds.max.y > 100.0 && bounds.min.z < -100.0, "no roof, and no other end: {bounds:?}");
+}
+
+#[test]
 fn a_porch_in_a_wide_meadow_is_a_room() {
     let meadow = room_of_walls(Vec3::new(-30.0, 0.0, -30.0), Vec3::new(30.0, 9.0, 30.0), &[0, 1, 3, 4, 5]);
     let floor = room_of_walls(LOW + 0.1 * Vec3::Y, HIGH, &[0, 1, 3, 4, 5]);
