@@ -75,7 +75,9 @@ vec3 mirrored(Surface s, SpecularLobe lobe, vec3 over_pi)
     // Of a room's image no light is known to come from what stands before it: it only dims that.
     blockers = mix(min(blockers, image), blockers, left);
     vec3 radiance = mix(blockers, image, image_share(lobe));
-    return round_reflectance(lobe) * min(radiance, over_pi * most_radiance(lobe.spread, dot(s.n, normalize(lobe.towards))));
+    float most = most_radiance(lobe.spread, dot(s.n, normalize(lobe.towards)));
+    vec3 bound = image_bound(image, over_pi, environment_even(s.n).over_pi, most);
+    return round_reflectance(lobe) * min(radiance, bound);
 }
 
 // What the environment gives: the split sum, and with the irradiance what is diffuse or scattered more than once. That is

@@ -12,7 +12,7 @@ use crate::reference::importance::{Tried, seen_share};
 use crate::reference::levels::level_from_spread;
 use crate::reference::lobe::{grazing_kernel, grazing_second_derivative, kernel, kernel_second_derivative};
 use crate::reference::math::{normalize_or, round_to_half};
-use crate::reference::openness::{most_radiance, openness_from_mean, visibility};
+use crate::reference::openness::{image_bound, most_radiance, openness_from_mean, visibility};
 use crate::reference::probe::{box_exit, is_in_image, probe_weight};
 use crate::reference::table::{table_arguments, table_place};
 use crate::reference::tone::{exposure_scale, luminance, srgb_decode, srgb_encode, tone_neutral};
@@ -382,6 +382,8 @@ struct OpennessInput {
     d: [f32; 3],
     spread: f32,
     cosine: f32,
+    over_pi: f32,
+    open_over_pi: f32,
 }
 
 #[test]
@@ -393,13 +395,23 @@ fn openness_is_as_in_f64() {
             // No mean is longer than an open sky's.
             let mean = (n * random.unit() + 0.5 * tilt * f64::from(i % 2)).clamp_length_max(2.0 / 3.0);
             let [n, mean, d] = [n, mean, random.direction()].map(|v| v.as_vec3().into());
-            OpennessInput { n, mean, d, spread: random.unit() as f32, cosine: (2.0 * random.unit() - 1.0) as f32 }
+            let (spread, cosine) = (random.unit() as f32, (2.0 * random.unit() - 1.0) as f32);
+            let [over_pi, open_over_pi] = [random.unit() as f32, random.unit() as f32];
+            OpennessInput { n, mean, d, spread, cosine, over_pi, open_over_pi }
         })
         .collect();
     // Closed; a mirror; all from one side.
-    let closed = OpennessInput { n: [0.0, 1.0, 0.0], mean: [0.0; 3], d: [1.0, 0.0, 0.0], spread: 0.0, cosine: 1.0 };
+    let closed = OpennessInput {
+        n: [0.0, 1.0, 0.0],
+        mean: [0.0; 3],
+        d: [1.0, 0.0, 0.0],
+        spread: 0.0,
+        cosine: 1.0,
+        over_pi: 0.0,
+        open_over_pi: 1.0,
+    };
     inputs.extend([closed, OpennessInput { spread: 1.0, ..closed }]);
-    let outputs: Vec<[f32; 2]> = with_gpu(|gpu| evaluate(gpu, "test_openness.comp", &inputs));
+    let outputs: Vec<[f32; 3]> = with_gpu(|gpu| evaluate(gpu, "test_openness.comp", &inputs));
     let mut judge = Judge::default();
     let mut between = 0;
     for (input, got) in inputs.iter().zip(&outputs) {
@@ -407,7 +419,9 @@ fn openness_is_as_in_f64() {
         let want = visibility(openness_from_mean(n, mean), d);
         let most = most_radiance(input.spread.into(), input.cosine.into());
         judge.near("visibility", input, &got[..1], &[want], [2e-5, 0.0]);
-        judge.near("most radiance", input, &got[1..], &[most], [0.0, 2e-5]);
+        judge.near("most radiance", input, &got[1..2], &[most], [0.0, 2e-5]);
+        let bound = image_bound(1.0, input.over_pi.into(), input.open_over_pi.into(), 1.0);
+        judge.near("image's bound", input, &got[2..], &[bound], [1e-6, 0.0]);
         between += usize::from(want > 0.0 && want < 1.0);
     }
     assert!(between > 1000, "{between} between 0 and 1");

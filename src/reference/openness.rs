@@ -37,6 +37,16 @@ pub fn most_radiance(spread: f64, cosine: f64) -> f64 {
     1.0 / (4.0 * spread * (1.0 - spread) * cosine).max(1e-30)
 }
 
+/// A GGX lobe's peak over the mean of a cap with the same mean vector: 4 at a roughness of 0.4, and more for smoother ones.
+const LOBE_PEAK: f64 = 4.0;
+
+/// What bounds the image around a lobe, in units of radiance, by the irradiance that there is and by what it would be if nothing
+/// blocked the panorama, both over π. With no irradiance but `over_pi`, all of it comes from the cap of [`most_radiance`], `most`;
+/// or else what is blocked was at the lobe's peak, and the rest of the image is there.
+pub fn image_bound(image: f64, over_pi: f64, open_over_pi: f64, most: f64) -> f64 {
+    (over_pi * most).max(image - (open_over_pi - over_pi).max(0.0) * (LOBE_PEAK * most))
+}
+
 fn smoothstep(low: f64, high: f64, x: f64) -> f64 {
     let part = ((x - low) / (high - low)).clamp(0.0, 1.0);
     part * part * (3.0 - 2.0 * part)
@@ -80,6 +90,23 @@ mod tests {
         let over_pi = mean_of(n, |d| in_cap(d) / d.z).z;
         let most = over_pi * most_radiance(0.5 * (1.0 - cos_edge), towards.dot(n));
         assert!((most - 1.0).abs() < 1e-3, "{most}");
+    }
+
+    #[test]
+    fn a_small_light_is_mirrored_where_it_is_seen_and_bound_where_it_is_not() {
+        // A lobe of GGX at a normal's own direction: h by D cos θ, light at 2 θ, the peak 1 / (4 π α²).
+        let alpha2 = 0.4_f64.powi(4);
+        const STEPS: u32 = 100_000;
+        let slope2 = |u: f64| alpha2 * u / (1.0 - u);
+        let cosines = (0..STEPS).map(|i| 2.0 / (1.0 + slope2((f64::from(i) + 0.5) / f64::from(STEPS))) - 1.0);
+        let above: Vec<f64> = cosines.filter(|cos| *cos > 0.0).collect();
+        let most = most_radiance(1.0 - above.iter().sum::<f64>() / above.len() as f64, 1.0);
+        let peak = 1.0 / (4.0 * alpha2);
+        assert!((peak / (LOBE_PEAK * most) - 1.0).abs() < 0.03, "{peak} {most}");
+        // The light brings 1, of which half is blocked, or all; other light 0.1.
+        assert!(image_bound(peak, 1.1, 1.1, most) >= peak);
+        let [half, none] = [0.6, 0.1].map(|over_pi| image_bound(peak, over_pi, 1.1, most));
+        assert!((half / peak - 0.5).abs() < 0.03 && (none - 0.1 * most).abs() < 1e-9, "{half} {none}");
     }
 
     /// A wall above a floor that reaches to the horizon.

@@ -6,10 +6,10 @@
 
 struct Input {
     vec3 n, mean, d;
-    float spread, cosine;
+    float spread, cosine, over_pi, open_over_pi;
 };
 struct Output {
-    float visibility, most_radiance;
+    float visibility, most_radiance, image_bound;
 };
 layout(local_size_x = 64) in;
 layout(set = 0, binding = 0, scalar) readonly buffer Inputs { Input inputs[]; };
@@ -21,5 +21,7 @@ void main()
     if (id >= inputs.length())
         return;
     Input i = inputs[id];
-    outputs[id] = Output(visibility(openness_from_mean(i.n, i.mean), i.d), most_radiance(i.spread, i.cosine));
+    // Of an image of 1.
+    vec3 bound = image_bound(vec3(1.0), vec3(i.over_pi), vec3(i.open_over_pi), 1.0);
+    outputs[id] = Output(visibility(openness_from_mean(i.n, i.mean), i.d), most_radiance(i.spread, i.cosine), bound.x);
 }

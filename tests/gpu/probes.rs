@@ -196,6 +196,29 @@ fn a_mirrored_opening_shows_the_sky_that_lies_behind_it_from_there() {
 }
 
 #[test]
+fn a_table_shows_a_light_of_the_panorama_where_it_is_seen_and_not_where_a_thing_hides_it() {
+    let shop = Workshop::new();
+    let lights =
+        |[x, y, z]: [f64; 3]| if x.abs() < 0.25 && (0.25..0.6).contains(&y) && z < 0.0 { [60.0; 3] } else { [0.3; 3] };
+    shop.panorama("studio.exr", 128, lights);
+    shop.write("table.mtl", &material([0.3, 0.2, 0.1], 0.0, 0.4));
+    shop.write("table.obj", &square("table.mtl"));
+    let mut text = "environment = { panorama = \"studio.exr\" }\n".to_owned();
+    text += &wall("table", [-90, 0, 0], [0, 0, 0]);
+    text += "[[model]]\nfile = \"table.obj\"\ntranslation = [0.4, 0.15, -0.3]\nscale = 0.3\n";
+    text += "[[camera]]\nname = \"c\"\nposition = [0, 0.8, 1.6]\ntarget = [0, 0, -0.1]\nvertical_fov_degrees = 40\n";
+    let scene = shop.write("studio.toml", &text);
+    let [exact, baked] = [Shading::Reference, Shading::Pbr].map(|shading| seen_by("c", SIZE, &shop, &scene, shading));
+    let off = |x: u32, y: u32| mean_at(&baked, x, y, 2)[1] / mean_at(&exact, x, y, 2)[1];
+    let (seen, hidden) =
+        ([18, 24, 30].map(|y| off(22, y)), mean_at(&baked, 36, 24, 2)[1] / mean_at(&baked, 22, 24, 2)[1]);
+    println!("where the light is seen {seen:.3?} of the exact picture, where it is hidden {hidden:.3} of that");
+    // Bounded by all irradiance from one cap alone, 0.6 to 0.8; not bounded, hidden 0.3.
+    assert!(seen.iter().all(|off| (0.8..1.15).contains(off)), "{seen:?}");
+    assert!(hidden < 0.12, "{hidden}");
+}
+
+#[test]
 fn no_seam_shows_where_one_probe_ends() {
     let shop = Workshop::new();
     shop.write("panel.mtl", &material([1.0; 3], 1.0, 0.3));
