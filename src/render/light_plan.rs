@@ -18,7 +18,7 @@ use crate::scene::needs::mirrors::ProbePlan;
 use crate::scene::{Bounds, Probe, Scene};
 
 /// Raise it whenever rays find other sides or other places.
-const VERSION: u32 = 6;
+const VERSION: u32 = 7;
 /// Limit of an entry, in bytes.
 const ENTRY_BYTES: u64 = 1 << 20;
 

@@ -1,7 +1,7 @@
 //! Places where light is captured for mirror images, each with a box: one for each room that smooth surfaces are seen in, and for
 //! smooth things in it or in the open, found by rays.
 
-use glam::Vec3;
+use glam::{BVec3, Vec3};
 use rayon::prelude::*;
 
 use super::Probe;
@@ -48,8 +48,9 @@ const BEHIND: f32 = 0.7;
 const SAME_ROOM: f32 = 0.75;
 /// Cameras that paths begin at, spread evenly over all.
 const MOST_CAMERAS: usize = 64;
-/// Paths that look for smooth surfaces from each camera, and how often each is reflected.
+/// Paths that look for smooth surfaces from each camera, from all of them at least, and how often each is reflected.
 const PATHS: u32 = 1024;
+const ALL_PATHS: u32 = 8192;
 const REFLECTIONS: u32 = 3;
 /// Part of the smooth places that a room without a camera needs, and how many of such places are tried.
 const ROOM: f32 = 0.02;
@@ -122,11 +123,12 @@ impl Probe {
 pub fn place(bvh: &Bvh, cameras: &[Vec3], smooth: impl Fn(usize) -> bool + Sync) -> Placement {
     let every = cameras.len().div_ceil(MOST_CAMERAS).max(1);
     let cameras: Vec<Vec3> = cameras.iter().copied().step_by(every).collect();
+    let paths = (ALL_PATHS / cameras.len().max(1) as u32).max(PATHS);
     let met: Vec<SmoothHit> = (0u32..)
         .zip(&cameras)
         .flat_map(|(i, camera)| {
-            let walk = |path| smooth_met(bvh, *camera, i * PATHS + path, &smooth);
-            (0..PATHS).into_par_iter().flat_map_iter(walk).collect::<Vec<SmoothHit>>()
+            let walk = |path| smooth_met(bvh, *camera, i * paths + path, &smooth);
+            (0..paths).into_par_iter().flat_map_iter(walk).collect::<Vec<SmoothHit>>()
         })
         .collect();
     if met.is_empty() {
@@ -217,10 +219,10 @@ fn surroundings(bvh: &Bvh, mut thing: Bounds, room: Option<Bounds>) -> Option<Pr
     // The underside of what hangs, or stands on wheels, is its own.
     thing.min.y = ground(bvh, thing, 2.0 * border).map_or(thing.min.y - border, |height| height + border);
     let position = thing.centre();
-    let around = room.unwrap_or_else(|| Bounds::of([position]).grown(NO_WALL * bvh.bounds().radius()));
-    let mut probe = Probe { position, bounds: around, thing: Some(thing) };
+    let mut probe = Probe { position, bounds: thing, thing: Some(thing) };
     let view = View::around(bvh, position, probe.hidden(), RAYS);
-    // What it stands on is its floor; what stands beside it is no wall: most of what is seen there is beyond.
+    probe.bounds = room.unwrap_or_else(|| view.bounds(bvh).union(thing));
+    // What it stands on is its floor.
     probe.bounds.min.y = (position.y - view.wall(bvh, 1, -1.0, false)).min(thing.min.y);
     // A room may be seen from its walls' backs.
     let is_outside = room.is_some() || view.backs < BEHIND;
@@ -245,28 +247,47 @@ fn ground(bvh: &Bvh, thing: Bounds, below: f32) -> Option<f32> {
 /// The probe of the room around a place; `None` in the open.
 fn room(bvh: &Bvh, start: Vec3) -> Option<Probe> {
     let from_start = View::new(bvh, start, RAYS);
-    let (mut position, mut bounds, mut is_open) = (start, from_start.bounds(bvh), from_start.is_open());
-    let mut clearance = from_start.clearance;
+    let seen_from = |position: Vec3, view: &View| {
+        let bounds = view.bounds(bvh).union(Bounds::of([position]));
+        Probe { position, bounds, thing: None }
+    };
+    let (mut probe, mut clearance) = (seen_from(start, &from_start), from_start.clearance);
+    let mut is_open = from_start.is_open();
     // From the middle more of the walls is seen than from a corner, and less of the surface that the start lies at.
     for _ in 0..2 {
         if is_open {
             return None;
         }
-        position = middle(bvh, start, bounds, &from_start);
+        let position = middle(bvh, start, probe.bounds, &from_start);
         let view = View::new(bvh, position, RAYS);
-        (bounds, is_open, clearance) = (view.bounds(bvh), view.is_open(), view.clearance);
+        let next = seen_from(position, &view);
+        is_open = view.is_open();
+        // Unless a thing hides one there.
+        if !is_open && wall_count(bvh, &next) < wall_count(bvh, &probe) {
+            break;
+        }
+        (probe, clearance) = (next, view.clearance);
     }
-    let bounds = bounds.union(Bounds::of([position]));
-    let far = NO_WALL * bvh.bounds().radius();
-    let without = [position - bounds.min, bounds.max - position].map(|reach| reach.cmpge(Vec3::splat(0.99 * far)));
-    let walls = 6 - without.map(|sides| sides.bitmask().count_ones()).iter().sum::<u32>();
+    let without = sides_without_wall(bvh, &probe);
     // An axis without a wall says nothing of a room's size.
     let walled = !(without[0] | without[1]);
     let axes = walled.bitmask().count_ones().max(1);
-    let side = Vec3::select(walled, bounds.max - bounds.min, Vec3::ZERO).element_sum() / axes as f32;
+    let side = Vec3::select(walled, probe.bounds.max - probe.bounds.min, Vec3::ZERO).element_sum() / axes as f32;
     let is_nook = side < NOOK * bvh.bounds().radius() || (axes < 3 && clearance < CLEAR * side);
+    let walls = wall_count(bvh, &probe);
     let is_street = walls + 1 == WALLS && (walled.x || walled.z);
-    (!is_open && !is_nook && (walls >= WALLS || is_street)).then_some(Probe { position, bounds, thing: None })
+    (!is_open && !is_nook && (walls >= WALLS || is_street)).then_some(probe)
+}
+
+/// Of a room's sides, towards less and more of each axis, those where no wall was found.
+fn sides_without_wall(bvh: &Bvh, room: &Probe) -> [BVec3; 2] {
+    let far = Vec3::splat(0.99 * NO_WALL * bvh.bounds().radius());
+    [room.position - room.bounds.min, room.bounds.max - room.position].map(|reach| reach.cmpge(far))
+}
+
+/// How many walls a room has, floor and ceiling counted.
+fn wall_count(bvh: &Bvh, room: &Probe) -> u32 {
+    6 - sides_without_wall(bvh, room).map(|sides| sides.bitmask().count_ones()).iter().sum::<u32>()
 }
 
 /// The freest place near a room's centre; `start` if nothing else is inside of the room.

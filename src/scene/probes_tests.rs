@@ -204,6 +204,16 @@ fn a_thing_in_the_open_gets_its_own_and_a_court_has_no_ceiling() {
 }
 
 #[test]
+fn a_small_thing_far_from_the_camera_gets_its_own_with_the_wall_behind_it() {
+    let floor = walls(Vec3::new(-8.0, 0.0, -8.0), Vec3::new(8.0, 9.0, 8.0), &[0, 1, 3, 4, 5]);
+    let wall = walls(Vec3::new(-8.0, 0.0, -0.5), Vec3::new(8.0, 3.0, 8.0), &[0, 1, 2, 3, 5]);
+    let found = placed(&[floor, wall, ball(Vec3::new(-3.6, 0.4, 0.8), 0.4)], &[Vec3::new(1.5, 1.7, 5.5)]);
+    let [Probe { bounds, thing: Some(_), .. }] = found.probes[..] else { panic!("{found:?}") };
+    assert!((bounds.min.z + 0.5).abs() < 0.05 && bounds.min.y.abs() < 1e-3, "{bounds:?}");
+    assert!(bounds.max.min_element() > 30.0 && bounds.min.x < -30.0, "no other walls: {bounds:?}");
+}
+
+#[test]
 fn a_box_does_not_see_its_own_sides() {
     let floor = walls(Vec3::new(-5.0, 0.0, -5.0), Vec3::new(5.0, 9.0, 5.0), &[0, 1, 3, 4, 5]);
     let parts = [floor, walls(Vec3::new(-0.4, 0.0, -0.3), Vec3::new(0.4, 0.9, 0.3), &[])];
