@@ -8,8 +8,8 @@ use super::Probe;
 use super::bvh::{Bvh, Hit};
 use super::lightmap_texels::random_direction;
 use super::mesh::Bounds;
+use super::surroundings::{FACES, Surroundings, exit, far, normal, spiral};
 use super::things::{holds_any, joined, outstanding, things};
-use crate::reference::probe::box_exit;
 
 /// The most probes of a scene: each takes memory and time to capture.
 pub const MOST_PROBES: usize = 16;
@@ -17,24 +17,9 @@ pub const MOST_PROBES: usize = 16;
 const BORDER: f32 = 0.05;
 /// The same of a thing's box, which is raised by it, too, where it stands on something: that has its own mirror images.
 const THING_BORDER: f32 = 0.005;
-/// Share of rays to the sky from which on a place is open: what it mirrors is mostly the panorama.
-const OPEN: f32 = 1.0 / 3.0;
 /// Rays that a place is judged by, and that a candidate for the middle of a room is.
 const RAYS: u32 = 2048;
 const CANDIDATE_RAYS: u32 = 256;
-/// Of the rays that meet surfaces which face a place from one side, each weighted by its length, the share that ends before or at
-/// the wall: furniture is nearer, what is seen through doors is farther. At first, when a far room counts for more than its door
-/// covers; and then, when no ray counts for more than to where the wall was found first.
-const WALL: [f32; 2] = [0.55, 0.7];
-/// Cosine from which on a surface faces a side of the box, and how many rays have to meet such.
-const FACES: f32 = 0.7;
-const FACING: usize = 8;
-/// Of the rays that come as far as a wall, the share that goes on beyond this multiple of its distance from which on it is none: cars
-/// in a street, and pillars before a wall, face a place, too.
-const OPENING: f32 = 0.7;
-const BEYOND: f32 = 1.1;
-/// Radii of the scene that a side without a wall is away.
-const NO_WALL: f32 = 10.0;
 /// Walls of a room, floor and ceiling counted, at least, or one less if two are opposite, as in a street.
 const WALLS: u32 = 4;
 /// Least mean side of a room in radii of the scene: a gap between things is none.
@@ -48,7 +33,7 @@ const BEHIND: f32 = 0.7;
 const SAME_ROOM: f32 = 0.75;
 /// Cameras that paths begin at, spread evenly over all.
 const MOST_CAMERAS: usize = 64;
-/// Paths that look for smooth surfaces from each camera, from all of them at least, and how often each is reflected.
+/// Least paths that look for smooth surfaces from each camera, and from all together, and how often each is reflected.
 const PATHS: u32 = 1024;
 const ALL_PATHS: u32 = 8192;
 const REFLECTIONS: u32 = 3;
@@ -145,7 +130,7 @@ pub fn place(bvh: &Bvh, cameras: &[Vec3], smooth: impl Fn(usize) -> bool + Sync)
         // The middle one: a list's first are those that are seen straight from the first camera.
         let Some(start) = others.get(others.len() / 2).copied().filter(|_| others.len() >= enough) else { break };
         let before = placed.probes.len();
-        if View::new(bvh, start, CANDIDATE_RAYS).backs < BEHIND {
+        if Surroundings::new(bvh, start, CANDIDATE_RAYS).backs < BEHIND {
             placed.add(bvh, start, &seen, enough);
         }
         if placed.probes.len() == before {
@@ -183,7 +168,7 @@ impl Placement {
         let things = joined(things.into_iter().filter(|(thing, _)| has_own(*thing)).collect(), free, may_share);
         let counts: Vec<usize> = things.iter().map(|(_, count)| *count).collect();
         let kept = outstanding(&counts, free);
-        let probe = |(thing, _): &(Bounds, usize)| surroundings(bvh, *thing, room_of(*thing));
+        let probe = |(thing, _): &(Bounds, usize)| thing_probe(bvh, *thing, room_of(*thing));
         self.probes.extend(things[..kept].iter().filter_map(probe));
         self.crowded = things.len() > kept;
     }
@@ -214,13 +199,13 @@ fn mean_side(bounds: Bounds) -> f32 {
 
 /// The probe of what a thing in this box mirrors, in a room with these bounds or in the open; `None` where that is the panorama
 /// alone, or the inside of another thing.
-fn surroundings(bvh: &Bvh, mut thing: Bounds, room: Option<Bounds>) -> Option<Probe> {
+fn thing_probe(bvh: &Bvh, mut thing: Bounds, room: Option<Bounds>) -> Option<Probe> {
     let border = THING_BORDER * mean_side(thing);
     // The underside of what hangs, or stands on wheels, is its own.
     thing.min.y = ground(bvh, thing, 2.0 * border).map_or(thing.min.y - border, |height| height + border);
     let position = thing.centre();
     let mut probe = Probe { position, bounds: thing, thing: Some(thing) };
-    let view = View::around(bvh, position, probe.hidden(), RAYS);
+    let view = Surroundings::around(bvh, position, probe.hidden(), RAYS);
     probe.bounds = room.unwrap_or_else(|| view.bounds(bvh).union(thing));
     // What it stands on is its floor.
     probe.bounds.min.y = (position.y - view.wall(bvh, 1, -1.0, false)).min(thing.min.y);
@@ -246,8 +231,8 @@ fn ground(bvh: &Bvh, thing: Bounds, below: f32) -> Option<f32> {
 
 /// The probe of the room around a place; `None` in the open.
 fn room(bvh: &Bvh, start: Vec3) -> Option<Probe> {
-    let from_start = View::new(bvh, start, RAYS);
-    let seen_from = |position: Vec3, view: &View| {
+    let from_start = Surroundings::new(bvh, start, RAYS);
+    let seen_from = |position: Vec3, view: &Surroundings| {
         let bounds = view.bounds(bvh).union(Bounds::of([position]));
         Probe { position, bounds, thing: None }
     };
@@ -259,7 +244,7 @@ fn room(bvh: &Bvh, start: Vec3) -> Option<Probe> {
             return None;
         }
         let position = middle(bvh, start, probe.bounds, &from_start);
-        let view = View::new(bvh, position, RAYS);
+        let view = Surroundings::new(bvh, position, RAYS);
         let next = seen_from(position, &view);
         is_open = view.is_open();
         // Unless a thing hides one there.
@@ -281,7 +266,7 @@ fn room(bvh: &Bvh, start: Vec3) -> Option<Probe> {
 
 /// Of a room's sides, towards less and more of each axis, those where no wall was found.
 fn sides_without_wall(bvh: &Bvh, room: &Probe) -> [BVec3; 2] {
-    let far = Vec3::splat(0.99 * NO_WALL * bvh.bounds().radius());
+    let far = Vec3::splat(0.99 * far(bvh));
     [room.position - room.bounds.min, room.bounds.max - room.position].map(|reach| reach.cmpge(far))
 }
 
@@ -291,10 +276,9 @@ fn wall_count(bvh: &Bvh, room: &Probe) -> u32 {
 }
 
 /// The freest place near a room's centre; `start` if nothing else is inside of the room.
-fn middle(bvh: &Bvh, start: Vec3, bounds: Bounds, from_start: &View) -> Vec3 {
-    let far = NO_WALL * bvh.bounds().radius();
+fn middle(bvh: &Bvh, start: Vec3, bounds: Bounds, from_start: &Surroundings) -> Vec3 {
     // A side without a wall says nothing of where the middle is.
-    let is_far = (bounds.max - bounds.min).cmpgt(Vec3::splat(far));
+    let is_far = (bounds.max - bounds.min).cmpgt(Vec3::splat(far(bvh)));
     let centre = Vec3::select(is_far, start, bounds.centre());
     let half = Vec3::select(is_far, Vec3::ZERO, 0.5 * (bounds.max - bounds.min));
     let steps = [0.0, -0.25, 0.25];
@@ -302,7 +286,7 @@ fn middle(bvh: &Bvh, start: Vec3, bounds: Bounds, from_start: &View) -> Vec3 {
     let offsets: Vec<Vec3> = offsets;
     let rated = offsets.par_iter().filter_map(|offset| {
         let place = centre + *offset * half;
-        let view = View::new(bvh, place, CANDIDATE_RAYS);
+        let view = Surroundings::new(bvh, place, CANDIDATE_RAYS);
         let inside = view.backs > from_start.backs + 0.25;
         (!inside).then(|| (place, view.clearance - 0.5 * (*offset * half).length()))
     });
@@ -315,150 +299,6 @@ struct SmoothHit {
     place: Vec3,
     /// Of the hierarchy.
     triangle: usize,
-}
-
-/// What a ray meets.
-#[derive(Clone, Copy)]
-struct Met {
-    d: Vec3,
-    t: f32,
-    /// The triangle's normal, towards where the ray came from.
-    n: Vec3,
-    back: bool,
-}
-
-/// What rays to all sides of a place meet.
-struct View {
-    from: Vec3,
-    met: Vec<Met>,
-    /// Directions in which rays meet nothing.
-    open: Vec<Vec3>,
-    /// Share of the rays that meet a triangle's back.
-    backs: f32,
-    /// The distance that one ray in twenty does not reach.
-    clearance: f32,
-}
-
-impl View {
-    fn new(bvh: &Bvh, from: Vec3, rays: u32) -> Self {
-        Self::around(bvh, from, Bounds::of([from]), rays)
-    }
-
-    /// Rays begin where they leave the box that `from` is in.
-    fn around(bvh: &Bvh, from: Vec3, within: Bounds, rays: u32) -> Self {
-        let trace = |i: u32| {
-            let d = spiral(i, rays);
-            let begin = exit(from, d, within);
-            let hit = bvh.trace(begin, d, f32::INFINITY, |_| true).ok_or(d)?;
-            let n = normal(bvh, &hit);
-            let back = n.dot(d) > 0.0;
-            Ok(Met { d, t: begin.distance(from) + hit.t, n: if back { -n } else { n }, back })
-        };
-        let all: Vec<Result<Met, Vec3>> = (0..rays).into_par_iter().map(trace).collect();
-        let met: Vec<Met> = all.iter().filter_map(|met| met.ok()).collect();
-        let mut distances: Vec<f32> = met.iter().map(|met| met.t).collect();
-        distances.sort_by(f32::total_cmp);
-        Self {
-            from,
-            open: all.iter().filter_map(|met| met.err()).collect(),
-            backs: met.iter().filter(|met| met.back).count() as f32 / rays as f32,
-            clearance: distances.get(distances.len() / 20).copied().unwrap_or(0.0),
-            met,
-        }
-    }
-
-    fn rays(&self) -> usize {
-        self.met.len() + self.open.len()
-    }
-
-    fn is_open(&self) -> bool {
-        self.open.len() as f32 > OPEN * self.rays() as f32
-    }
-
-    /// The box whose sides are the walls.
-    fn bounds(&self, bvh: &Bvh) -> Bounds {
-        let far = NO_WALL * bvh.bounds().radius();
-        let mut reach =
-            [-1.0, 1.0].map(|sign| Vec3::from(std::array::from_fn(|axis| self.wall(bvh, axis, sign, false))));
-        for [across, along] in [[0, 2], [2, 0]] {
-            let is_street = reach.iter().all(|reach| reach[across] < far);
-            for (reach, sign) in reach.iter_mut().zip([-1.0, 1.0]) {
-                if is_street && reach[along] == far {
-                    reach[along] = self.wall(bvh, along, sign, true);
-                }
-            }
-        }
-        Bounds { min: self.from - reach[0], max: self.from + reach[1] }
-    }
-
-    /// How far it is along an axis to where most of what faces the place from there ends. `below_sky`: at a street's end, which a
-    /// house closes though rays go on above it.
-    fn wall(&self, bvh: &Bvh, axis: usize, sign: f32, below_sky: bool) -> f32 {
-        let far = NO_WALL * bvh.bounds().radius();
-        let distance = |met: &Met| met.d[axis] * sign * met.t;
-        let along = |met: &&Met| distance(met) > 0.0 && met.d.abs().max_position() == axis;
-        let faces = |met: &&Met| distance(met) > 0.0 && met.n[axis] * sign < -FACES;
-        // A sixth of all rays go to each side; where half of them meet nothing, there is no wall.
-        if self.met.iter().filter(along).count() < self.rays() / 12 {
-            return far;
-        }
-        let is_faced = self.met.iter().filter(faces).count() >= FACING;
-        let mut distances: Vec<f32> =
-            self.met.iter().filter(|met| if is_faced { faces(met) } else { along(met) }).map(distance).collect();
-        distances.sort_by(f32::total_cmp);
-        while let Some(wall) = most_end(&distances) {
-            if !self.goes_on(axis, sign, wall, below_sky) {
-                return wall;
-            }
-            distances.retain(|distance| *distance > BEYOND * wall);
-            if distances.len() < FACING {
-                break;
-            }
-        }
-        far
-    }
-
-    /// Whether most rays that come so far along an axis as a wall is go on; `below_sky`: of those to the sky such as pass between
-    /// what is met there.
-    fn goes_on(&self, axis: usize, sign: f32, wall: f32, below_sky: bool) -> bool {
-        let distance = |met: &&Met| met.d[axis] * sign * met.t;
-        let reaching = self.met.iter().filter(|met| distance(met) > wall / BEYOND);
-        let (beyond, ended): (Vec<&Met>, Vec<&Met>) = reaching.partition(|met| distance(met) > BEYOND * wall);
-        let slopes = |d: &Vec3| *d / d[axis].abs();
-        let span = Bounds::of(ended.iter().map(|met| slopes(&met.d)));
-        let counts = |d: &&Vec3| d[axis] * sign > 0.0 && (!below_sky || span.contains(Bounds::of([slopes(d)])));
-        let went = (beyond.len() + self.open.iter().filter(counts).count()) as f32;
-        went > OPENING * (went + ended.len() as f32)
-    }
-}
-
-/// The wall by what faces a place at these ascending distances: see [`WALL`].
-fn most_end(distances: &[f32]) -> Option<f32> {
-    let end = |most: f32, share: f32| {
-        let mut left = share * distances.iter().map(|distance| distance.min(most)).sum::<f32>();
-        let ends = |distance: &&f32| {
-            left -= distance.min(most);
-            left <= 0.0
-        };
-        distances.iter().find(ends).or(distances.last()).copied()
-    };
-    WALL.into_iter().try_fold(f32::INFINITY, end)
-}
-
-/// Where a ray leaves a box that it begins in.
-fn exit(from: Vec3, d: Vec3, within: Bounds) -> Vec3 {
-    box_exit(from.as_dvec3(), d.as_dvec3(), [within.min.as_dvec3(), within.max.as_dvec3()]).as_vec3()
-}
-
-/// Directions along a spiral over the sphere: Roberts, "How to evenly distribute points on a sphere" (2018).
-fn spiral(i: u32, count: u32) -> Vec3 {
-    let (up, longitude) = (1.0 - (2.0 * i as f32 + 1.0) / count as f32, i as f32 * 2.399_963_2);
-    Vec3::new(longitude.cos(), 0.0, longitude.sin()) * (1.0 - up * up).sqrt() + up * Vec3::Y
-}
-
-fn normal(bvh: &Bvh, hit: &Hit) -> Vec3 {
-    let [a, b, c] = bvh.triangles()[hit.triangle].corners.map(Vec3::from);
-    (b - a).cross(c - a).normalize_or_zero()
 }
 
 /// Whether nothing lies between two places.

@@ -219,7 +219,7 @@ fn a_box_does_not_see_its_own_sides() {
     let parts = [floor, walls(Vec3::new(-0.4, 0.0, -0.3), Vec3::new(0.4, 0.9, 0.3), &[])];
     let found = placed(&parts, &[Vec3::new(0.0, 1.5, 2.0)]);
     let [probe] = found.probes[..] else { panic!("{found:?}") };
-    let View { from, met, .. } = View::around(&bvh(&parts), probe.position, probe.hidden(), RAYS);
+    let Surroundings { from, met, .. } = Surroundings::around(&bvh(&parts), probe.position, probe.hidden(), RAYS);
     let heights: Vec<f32> = met.iter().map(|met| from.y + met.t * met.d.y).collect();
     assert!(heights.len() > RAYS as usize / 3, "rays that go down meet the floor: {}", heights.len());
     // Its sides reach down to the floor, to which rays begin a little above.
