@@ -71,12 +71,13 @@ vec3 mirrored(Surface s, SpecularLobe lobe, vec3 over_pi)
 #ifdef LOCAL_PROBES
     room = probes_image(lobe.towards, lobe.level, position_world, left);
 #endif
-    vec3 image = room.rgb + room.a * environment_image(lobe.towards, lobe.level), blockers = lightmap_texel(LIGHTMAP_BLOCKERS);
+    vec3 panorama = room.a * environment_image(lobe.towards, lobe.level), image = room.rgb + panorama;
+    vec3 blockers = lightmap_texel(LIGHTMAP_BLOCKERS);
     // Of a room's image no light is known to come from what stands before it: it only dims that.
     blockers = mix(min(blockers, image), blockers, left);
     vec3 radiance = mix(blockers, image, image_share(lobe));
     float most = most_radiance(lobe.spread, dot(s.n, normalize(lobe.towards)));
-    vec3 bound = image_bound(image, over_pi, environment_even(s.n).over_pi, most);
+    vec3 bound = image_bound(panorama, over_pi, environment_even(s.n).over_pi, most);
     return round_reflectance(lobe) * min(radiance, bound);
 }
 

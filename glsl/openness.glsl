@@ -37,11 +37,12 @@ float most_radiance(float spread, float cosine)
 // A GGX lobe's peak over the mean of such a cap: 4 at a roughness of 0.4, and more for smoother ones.
 const float LOBE_PEAK = 4.0;
 
-// What bounds an image by the irradiance that there is and by what it would be if nothing blocked the panorama, both over pi: all of
-// it comes from the cap; or else what is blocked was at the lobe's peak, and the rest of the image is there. `most`: see above.
-vec3 image_bound(vec3 image, vec3 over_pi, vec3 open_over_pi, float most)
+// What bounds an image, of which this part is the panorama's, by the irradiance that there is and by what it would be if nothing
+// blocked the panorama, both over pi: all of it comes from the cap; or else what is blocked was at the lobe's peak, and the rest of
+// the panorama is there. `most`: see above.
+vec3 image_bound(vec3 panorama, vec3 over_pi, vec3 open_over_pi, float most)
 {
-    return max(over_pi * most, image - max(open_over_pi - over_pi, 0.0) * (LOBE_PEAK * most));
+    return max(over_pi * most, panorama - max(open_over_pi - over_pi, 0.0) * (LOBE_PEAK * most));
 }
 
 #endif

@@ -40,11 +40,11 @@ pub fn most_radiance(spread: f64, cosine: f64) -> f64 {
 /// A GGX lobe's peak over the mean of a cap with the same mean vector: 4 at a roughness of 0.4, and more for smoother ones.
 const LOBE_PEAK: f64 = 4.0;
 
-/// What bounds the image around a lobe, in units of radiance, by the irradiance that there is and by what it would be if nothing
-/// blocked the panorama, both over π. With no irradiance but `over_pi`, all of it comes from the cap of [`most_radiance`], `most`;
-/// or else what is blocked was at the lobe's peak, and the rest of the image is there.
-pub fn image_bound(image: f64, over_pi: f64, open_over_pi: f64, most: f64) -> f64 {
-    (over_pi * most).max(image - (open_over_pi - over_pi).max(0.0) * (LOBE_PEAK * most))
+/// What bounds the image around a lobe, of which `panorama` is the panorama's part, in units of radiance, by the irradiance that there
+/// is and by what it would be if nothing blocked the panorama, both over π. All of `over_pi` comes from the cap of
+/// [`most_radiance`], `most`; or else what is blocked was at the lobe's peak, and the rest of the panorama is there.
+pub fn image_bound(panorama: f64, over_pi: f64, open_over_pi: f64, most: f64) -> f64 {
+    (over_pi * most).max(panorama - (open_over_pi - over_pi).max(0.0) * (LOBE_PEAK * most))
 }
 
 fn smoothstep(low: f64, high: f64, x: f64) -> f64 {
