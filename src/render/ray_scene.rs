@@ -18,6 +18,7 @@ use crate::scene::atlas::steps;
 use crate::scene::bvh::{Bvh, BvhTriangle, Hit};
 use crate::scene::lightmap_texels::{LightmapTexels, Sides, sides};
 use crate::scene::places::Places;
+use crate::scene::surroundings::spiral;
 use crate::scene::{GeometryView, Instance, Material, Mesh, Scene, Vertex};
 
 /// The upper bits of a triangle's material, the same as in `glsl/bvh.glsl`: it is alpha-tested; its back is never seen.
@@ -242,12 +243,9 @@ impl RayScene {
     /// Whether some point has one of these surfaces nearer than `part` of the scene's radius.
     fn is_near(&self, points: &[Vec3], part: f32, counts: impl Fn(&Hit) -> bool) -> bool {
         let far = part * self.radius();
-        // Along a spiral over the sphere: Roberts, "How to evenly distribute points on a sphere" (2018).
-        let direction = |i: u16| {
-            let (up, longitude) = (1.0 - (2.0 * f32::from(i) + 1.0) / 256.0, f32::from(i) * 2.399_963_2);
-            Vec3::new(longitude.cos(), 0.0, longitude.sin()) * (1.0 - up * up).sqrt() + up * Vec3::Y
-        };
-        points.iter().any(|p| (0..256).any(|i| self.bvh.trace(*p, direction(i), far, &counts).is_some()))
+        const RAYS: u32 = 256;
+        let is_met = |p: Vec3| (0..RAYS).any(|i| self.bvh.trace(p, spiral(i, RAYS), far, &counts).is_some());
+        points.iter().any(|p| is_met(*p))
     }
 
     fn new(

@@ -22,7 +22,7 @@ pub mod places;
 pub mod probes;
 mod things;
 pub mod staging;
-mod surroundings;
+pub mod surroundings;
 pub mod tangent;
 
 pub use contents::{

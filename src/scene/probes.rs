@@ -206,9 +206,9 @@ fn thing_probe(bvh: &Bvh, mut thing: Bounds, room: Option<Bounds>) -> Option<Pro
     let position = thing.centre();
     let mut probe = Probe { position, bounds: thing, thing: Some(thing) };
     let view = Surroundings::around(bvh, position, probe.hidden(), RAYS);
-    probe.bounds = room.unwrap_or_else(|| view.bounds(bvh).union(thing));
-    // What it stands on is its floor.
-    probe.bounds.min.y = (position.y - view.wall(bvh, 1, -1.0, false)).min(thing.min.y);
+    let around = view.bounds(bvh);
+    // What it stands on is its floor, in a room, too.
+    probe.bounds = room.map_or(around, |room| Bounds { min: room.min.with_y(around.min.y), ..room }).union(thing);
     // A room may be seen from its walls' backs.
     let is_outside = room.is_some() || view.backs < BEHIND;
     (!view.met.is_empty() && is_outside).then_some(probe)

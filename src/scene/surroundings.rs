@@ -81,7 +81,7 @@ impl Surroundings {
         self.open.len() as f32 > OPEN * self.rays() as f32
     }
 
-    /// The box whose sides are the walls.
+    /// The box whose sides are the walls; those without one are [`far`] away.
     pub fn bounds(&self, bvh: &Bvh) -> Bounds {
         let mut reach =
             [-1.0, 1.0].map(|sign| Vec3::from(std::array::from_fn(|axis| self.wall(bvh, axis, sign, false))));
@@ -98,7 +98,7 @@ impl Surroundings {
 
     /// How far it is along an axis to where most of what faces the place from there ends. `below_sky`: at a street's end, which a
     /// house closes though rays go on above it.
-    pub fn wall(&self, bvh: &Bvh, axis: usize, sign: f32, below_sky: bool) -> f32 {
+    fn wall(&self, bvh: &Bvh, axis: usize, sign: f32, below_sky: bool) -> f32 {
         let distance = |met: &Met| met.d[axis] * sign * met.t;
         let along = |met: &&Met| distance(met) > 0.0 && met.d.abs().max_position() == axis;
         let faces = |met: &&Met| distance(met) > 0.0 && met.n[axis] * sign < -FACES;
