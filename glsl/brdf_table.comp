@@ -1,8 +1,7 @@
 // The split sum's table: for each n.v and roughness the lobe BRDF · n.l over the light's directions, in two parts, weighted
 // with Schlick's (1 - v.h)^5 (B) and with the rest of 1 (A): Karis (2013), eq. 8. Layer 0: A, B, and of each part's mean
 // vector the square root of `along`; layer 1: `across` / sin (environment.glsl), and A and B averaged over directions,
-// 2 ∫ A n.v d(n.v), the same all along a row (energy.glsl). For two moments, layer 2: the share of irradiance in A's match over
-// its `along`. Twins: reference::table, reference::energy.
+// 2 ∫ A n.v d(n.v), the same all along a row (energy.glsl). Twins: reference::table, reference::energy.
 //
 // The integral is ∫ V · 4 nl · vh / nh · D nh dh over half vectors h = (θ, φ) (Walter et al. 2007, eqs. 14 and 35), where
 // tan θ = α tan s turns D nh dh into 2 sin s cos s ds dφ / 2π. l is above the surface exactly for θ < (ψ + π/2) / 2 with
@@ -12,8 +11,6 @@
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_scalar_block_layout : require
 #include "brdf.glsl"
-#include "levels.glsl"
-#include "split_sum.glsl"
 #include "table.glsl"
 
 const int PHI_NODES = 8;
@@ -22,34 +19,26 @@ const int S_NODES = 16;
 const float SMALLEST_ALPHA = 2e-6;
 
 const uint ROW = 128; // texels along n.v
-const uint SECONDS = 64;
-const float NARROWEST = 0.25, EQUAL = 1e-3; // as in reference::table
 
 // One group a row, so that its mean is known to all.
 layout(local_size_x = ROW) in;
 layout(constant_id = 0) const int GEOMETRY = 0;
-layout(constant_id = 1) const uint SPLIT_SUM = 2; // the order of reference::table::SplitSum
+layout(constant_id = 1) const bool CLASSIC = false; // along r, by the roughness's own lobe
 layout(set = 0, binding = 0, scalar) readonly buffer Nodes {
     vec2 phi_nodes[PHI_NODES]; // in (0, 1), and weights that add up to 1
     vec2 s_nodes[S_NODES];
 };
 layout(set = 0, binding = 1, scalar) readonly buffer Spreads { float kernel_spreads[]; }; // by row
 layout(set = 0, binding = 2, scalar) readonly buffer MeanWeights { float mean_weights[ROW]; }; // by column
-// The round lobes' means of 1 - c^2 over their spreads, by the spread's fourth root.
-layout(set = 0, binding = 3, scalar) readonly buffer Seconds { float kernel_seconds[SECONDS]; };
-layout(set = 0, binding = 4, rgba32f) uniform writeonly image2DArray table;
-
-const uint CLASSIC = 0;
-const uint TWO_MOMENTS = 2;
+layout(set = 0, binding = 3, rgba32f) uniform writeonly image2DArray table;
 
 shared vec2 row_weights[ROW];
 
-// Both parts: their integrals, and those of 1 - l.r and l.t; of A those of 1 - (l.r)^2, (l.r)(l.t) and (l.t)^2.
+// Both parts: their integrals, and those of 1 - l.r and l.t.
 struct Parts {
     vec2 weight;
     vec2 along;
     vec2 across;
-    vec3 second;
 };
 
 void add_quarter(float quarter, float nv, float sv, float roughness, float alpha, inout Parts parts)
@@ -78,70 +67,8 @@ void add_quarter(float quarter, float nv, float sv, float roughness, float alpha
             float along = 2.0 * (vh * vh * sin2 + turn.y * turn.y), across = 2.0 * (nv * turn.x + sv * turn.y);
             parts.along += weight * along;
             parts.across += weight * across;
-            parts.second += weight.x * vec3(along * (2.0 - along), (1.0 - along) * across, across * across);
         }
     }
-}
-
-float kernel_second(float spread)
-{
-    float at = clamp(sqrt(sqrt(spread / spread_from_level(LAST_LEVEL))), 0.0, 1.0) * float(SECONDS - 1u);
-    uint low = min(uint(at), SECONDS - 2u);
-    return spread * mix(kernel_seconds[low], kernel_seconds[low + 1u], at - float(low));
-}
-
-// A lobe's mean vector, (1 - along, across) along r and t, and the directions that go with it.
-struct Mean {
-    float along;
-    float across;
-    float nv;
-    float sv;
-};
-
-Match match_of(float even, Mean mean)
-{
-    return match_lobe(even, mean.along, mean.across / mean.sv, mean.nv, mean.sv * mean.sv);
-}
-
-// Its mean of 1 - (l.d)^2.
-float second(Match found, vec2 d, Mean mean)
-{
-    vec2 axis = found.towards * vec2(1.0, mean.sv);
-    float turn = axis.x * d.y - axis.y * d.x;
-    turn *= turn / dot(axis, axis); // sin^2 between both
-    float own = kernel_second(found.spread), cosine = dot(vec2(mean.nv, mean.sv), d);
-    return mix(mix(own, 1.0 - 0.5 * own, turn), 0.75 - 0.25 * cosine * cosine, found.even);
-}
-
-// The weight of irradiance / pi beside a round lobe that together have a lobe's mean vector m and its mean of (l.d)^2,
-// d = m / |m|; `sums` holds the lobe's means of 1 - (l.r)^2, (l.r)(l.t) and (l.t)^2. Less where the round lobe would be narrower
-// than `least`, at grazing angles, or wider than the last level's.
-float even_share(Mean mean, vec3 sums, float least)
-{
-    vec2 d = normalize(vec2(1.0 - mean.along, mean.across));
-    float goal = d.x * d.x * sums.x + d.y * d.y * (1.0 - sums.z) - 2.0 * d.x * d.y * sums.y;
-    float low = 0.0, high = 1.0;
-    for (int i = 0; i < 24; ++i) {
-        float share = 0.5 * (low + high);
-        Match found = match_of(share, mean);
-        if (found.spread >= least && second(found, d, mean) > goal * (1.0 + EQUAL))
-            low = share;
-        else
-            high = share;
-    }
-    float widest = max(match_of(0.0, mean).spread, spread_from_level(LAST_LEVEL));
-    if (match_of(low, mean).spread <= widest)
-        return low;
-    high = low;
-    low = 0.0;
-    for (int i = 0; i < 24; ++i) {
-        float share = 0.5 * (low + high);
-        if (match_of(share, mean).spread <= widest)
-            low = share;
-        else
-            high = share;
-    }
-    return low;
 }
 
 void main()
@@ -152,7 +79,7 @@ void main()
     float nv = clamp(arguments.x, MIN_COS, 0.99999), roughness = arguments.y;
     float sv = sqrt(1.0 - nv * nv);
     float alpha = roughness * roughness;
-    Parts parts = Parts(vec2(0.0), vec2(0.0), vec2(0.0), vec3(0.0));
+    Parts parts = Parts(vec2(0.0), vec2(0.0), vec2(0.0));
     if (alpha < SMALLEST_ALPHA) {
         float f = schlick_weight(nv);
         parts.weight = vec2(1.0 - f, f);
@@ -165,7 +92,7 @@ void main()
     vec2 mean = vec2(0.0);
     for (uint i = 0u; i < ROW; ++i)
         mean += row_weights[i];
-    if (SPLIT_SUM == CLASSIC) {
+    if (CLASSIC) {
         imageStore(table, ivec3(id, 0), vec4(parts.weight, sqrt(vec2(kernel_spreads[id.y]))));
         imageStore(table, ivec3(id, 1), vec4(vec2(0.0), mean));
         return;
@@ -173,8 +100,4 @@ void main()
     vec2 over = 1.0 / max(parts.weight, vec2(TINY)), along = parts.along * over, across = parts.across * over;
     imageStore(table, ivec3(id, 0), vec4(parts.weight, sqrt(along)));
     imageStore(table, ivec3(id, 1), vec4(across / sv, mean));
-    if (SPLIT_SUM == TWO_MOMENTS) {
-        float even = even_share(Mean(along.x, across.x, nv, sv), parts.second * over.x, NARROWEST * kernel_spreads[id.y]);
-        imageStore(table, ivec3(id, 2), vec4(even / max(along.x, TINY), 0.0, 0.0, 0.0));
-    }
 }

@@ -7,6 +7,8 @@
 #include "split_sum.glsl"
 #include "table.glsl"
 
+const uint ONE_LOBE = 2, TWO_LOBES = 3; // of SPLIT_SUM
+
 // Light of all directions that a surface facing n has.
 struct EvenLight {
     vec3 over_pi;  // irradiance over pi: what a white Lambertian surface sends out, W/(m^2 sr)
@@ -23,14 +25,16 @@ EvenLight environment_even(vec3 n)
 struct SpecularLobe {
     vec3 reflectance; // its integral over the light's directions, F0 A + B: Karis (2013), eq. 8
     float even;       // the share of the irradiance in it; the rest comes
-    vec3 towards;     // from this direction, of any length,
-    float spread;     // 1 - length of the mean of all directions that it comes from
-    float level;      // of the maps for that
+    vec3 towards;     // from around this direction, of any length:
+    vec3 apart;       // from round lobes, along towards + apart and towards - apart
+    bool two;         // of those: else they are the same
+    float spread;     // of both: 1 - length of the mean of all directions that it comes from
+    float level;      // of the maps for each
     vec2 entry;       // A and B
     vec2 mean_entry;  // and averaged over directions
 };
 
-// By default irradiance and round lobe have both moments of the BRDF's own lobe (src/precompute/README.md).
+// Irradiance and round lobes together have the mean vector of the BRDF's own lobe (src/precompute/README.md).
 SpecularLobe specular_lobe(vec3 n, vec3 v, float nv, vec3 f0, float roughness)
 {
     vec2 at = table_coordinate(nv, roughness, vec2(textureSize(brdf_table, 0).xy));
@@ -38,33 +42,51 @@ SpecularLobe specular_lobe(vec3 n, vec3 v, float nv, vec3 f0, float roughness)
     vec4 means = textureLod(brdf_table, vec3(at, 1.0), 0.0);
     vec2 share = vec2(dot(f0, vec3(1.0 / 3.0)), 1.0) * parts.xy, along = parts.zw * parts.zw;
     share /= max(share.x + share.y, TINY);
-    float even = TWO_MOMENTS ? share.x * along.x * textureLod(brdf_table, vec3(at, 2.0), 0.0).x : 0.0;
+    float even = SPLIT_SUM >= ONE_LOBE ? share.x * along.x * even_over_along(nv, roughness) : 0.0;
     vec3 r = reflect(-v, n), t = n - nv * r;
-    Match found = match_lobe(even, dot(share, along), dot(share, means.xy), nv, dot(t, t));
+    float sin2 = dot(t, t);
+    Match found = match_lobe(even, dot(share, along), dot(share, means.xy), nv, sin2);
+    float share_apart = SPLIT_SUM == TWO_LOBES ? apart_over_sin2(roughness) : 0.0;
+    Pair pair = split_lobe(found, share_apart, sin2);
     SpecularLobe lobe;
     lobe.reflectance = f0 * parts.x + parts.y;
     lobe.even = even;
     lobe.towards = found.towards.x * r + found.towards.y * t;
+    lobe.two = share_apart > 0.0;
+    lobe.apart = pair.apart.x * r + pair.apart.y * t;
     lobe.spread = found.spread;
-    lobe.level = level_from_spread(found.spread);
+    lobe.level = level_from_spread(pair.spread);
     lobe.entry = parts.xy;
     lobe.mean_entry = means.zw;
     return lobe;
 }
 
-// The share of even light that the round lobe reflects.
+// The share of even light that the round lobes reflect.
 vec3 round_reflectance(SpecularLobe lobe)
 {
     return lobe.reflectance * (1.0 - lobe.even);
 }
 
 // Radiance of the panorama from around a direction of any length.
-vec3 environment_image(vec3 towards, float level)
+vec3 environment_around(vec3 towards, LevelMix levels)
 {
     vec3 d = panorama_from_world(towards);
-    LevelMix levels = level_mix(level);
     vec3 even = textureLod(specular_even, d, levels.even_mip).rgb, odd = textureLod(specular_odd, d, levels.odd_mip).rgb;
-    return mix(even, odd, levels.odd_share) * frame.environment_scale;
+    return mix(even, odd, levels.odd_share);
+}
+
+// The mean of the round lobes' radiance, of the panorama alone. In a loop that is not unrolled: a software renderer would take 1.1
+// times as long for the frame.
+vec3 environment_image(SpecularLobe lobe)
+{
+    LevelMix levels = level_mix(lobe.level);
+    vec3 sum = vec3(0.0);
+    float side = 1.0, last = lobe.two ? -1.0 : 1.0;
+    do {
+        sum += environment_around(lobe.towards + side * lobe.apart, levels);
+        side -= 2.0;
+    } while (side >= last);
+    return sum * (lobe.two ? 0.5 * frame.environment_scale : frame.environment_scale);
 }
 
 #endif

@@ -65,13 +65,13 @@ float image_share(SpecularLobe lobe)
 vec3 mirrored(Surface s, SpecularLobe lobe, vec3 over_pi)
 {
     if (LIGHTMAP == LIGHTMAP_NONE)
-        return round_reflectance(lobe) * environment_image(lobe.towards, lobe.level) * s.occlusion;
+        return round_reflectance(lobe) * environment_image(lobe) * s.occlusion;
     float left = 1.0; // the share that no probe gives
     vec4 room = vec4(vec3(0.0), 1.0);
 #ifdef LOCAL_PROBES
-    room = probes_image(lobe.towards, lobe.level, position_world, left);
+    room = probes_image(lobe, position_world, left);
 #endif
-    vec3 panorama = room.a * environment_image(lobe.towards, lobe.level), image = room.rgb + panorama;
+    vec3 panorama = room.a * environment_image(lobe), image = room.rgb + panorama;
     vec3 blockers = lightmap_texel(LIGHTMAP_BLOCKERS);
     // Of a room's image no light is known to come from what stands before it: it only dims that.
     blockers = mix(min(blockers, image), blockers, left);

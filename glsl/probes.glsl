@@ -14,22 +14,34 @@ layout(SCENE_PROBE_ODD) uniform samplerCubeArray probe_odd;
 
 // What a probe shows at p, in the models' space, around a world direction: the light that surfaces give back, radiance, and the
 // share of the panorama, which lies behind them.
-vec4 probe_image(int index, vec3 p, vec3 towards, float level)
+vec4 probe_around(int index, vec3 p, vec3 towards, LevelMix levels)
 {
     Probe probe = probes[index];
     vec3 d = box_exit(p, models_from_world(towards), probe.low, probe.high) - probe.position;
-    LevelMix levels = level_mix(level);
     vec4 even = textureLod(probe_even, vec4(d, index), levels.even_mip), odd = textureLod(probe_odd, vec4(d, index), levels.odd_mip);
     return mix(even, odd, levels.odd_share);
 }
 
+// The mean of the round lobes; see environment_image.
+vec4 probe_image(int index, vec3 p, SpecularLobe lobe)
+{
+    LevelMix levels = level_mix(lobe.level);
+    vec4 sum = vec4(0.0);
+    float side = 1.0, last = lobe.two ? -1.0 : 1.0;
+    do {
+        sum += probe_around(index, p, lobe.towards + side * lobe.apart, levels);
+        side -= 2.0;
+    } while (side >= last);
+    return lobe.two ? 0.5 * sum : sum;
+}
+
 // The same of all probes around a point; `left`: the share that none of them reaches, all of it the panorama's.
-vec4 probes_image(vec3 towards, float level, vec3 position, out float left)
+vec4 probes_image(SpecularLobe lobe, vec3 position, out float left)
 {
     vec3 p = position_in_models(position);
     left = SEVERAL_PROBES ? 1.0 : 0.0;
     if (!SEVERAL_PROBES)
-        return probe_image(findLSB(draw.probes), p, towards, level);
+        return probe_image(findLSB(draw.probes), p, lobe);
     // Finds the boxes around the point before it reads any probe's light: a software renderer computes what a branch skips, too,
     // and would read every probe.
     uint around = 0u;
@@ -44,7 +56,7 @@ vec4 probes_image(vec3 towards, float level, vec3 position, out float left)
         around &= around - 1u;
         float weight = probe_weight(p, probes[index]);
         if (weight > 0.0) {
-            image += left * weight * probe_image(index, p, towards, level);
+            image += left * weight * probe_image(index, p, lobe);
             left *= 1.0 - weight;
         }
     } while (left > 0.0 && around != 0u);

@@ -47,7 +47,7 @@ layout(constant_id = 8) const int LIGHTS = -1; // below 0: as many as the frame 
 layout(constant_id = 9) const uint METALNESS = 2;
 layout(constant_id = 10) const bool MULTI_SCATTER = true; // with GEOMETRY_SMITH alone
 layout(constant_id = 15) const uint LIGHTMAP = 0;
-layout(constant_id = 11) const bool TWO_MOMENTS = true; // the table has a third layer
+layout(constant_id = 11) const uint SPLIT_SUM = 3; // the order of reference::split_sum::SplitSum
 layout(constant_id = 12) const bool SUN = false; // the sun is a light of its own
 layout(constant_id = 13) const uint LAMP_SHADOWS = 0;
 layout(constant_id = 14) const bool SUN_SHADOW = false; // the sun has a shadow map

@@ -1,15 +1,33 @@
-// What stands for the specular lobe: a share of the irradiance, and a round lobe; twin of Match in src/reference/table.rs; no
-// bindings.
+// What stands for the specular lobe: a share of the irradiance, and round lobes; twin of src/reference/split_sum.rs; no bindings.
 #ifndef PBR_VR_SPLIT_SUM
 #define PBR_VR_SPLIT_SUM
 
 struct Match {
-    float even;   // the weight of irradiance / pi; the round lobe has the rest of 1
-    vec2 towards; // the round lobe's direction along r and along n - (n.v) r, of any length
-    float spread;
+    float even;   // the weight of irradiance / pi; the round lobes have the rest of 1
+    vec2 towards; // the direction of their mean along r and along n - (n.v) r, of any length
+    float spread; // 1 - length of their mean
 };
 
-// For a lobe with the mean vector (1 - along) r + lean (n - (n.v) r): the round lobe has what 2/3 n, that of the cosine's lobe,
+// Two round lobes, along towards + apart and towards - apart; a single one where these are the same.
+struct Pair {
+    vec2 apart;
+    float spread; // of each
+};
+
+// The weight of irradiance / pi, over `along` of the part of the lobe that it is for: fitted.
+float even_over_along(float nv, float roughness)
+{
+    float wide = mix(0.76, 0.92 / (1.0 - 2.0 / 3.0 * nv), smoothstep(0.35, 0.95, roughness));
+    return mix(wide, nv, smoothstep(0.85, 1.0, roughness));
+}
+
+// How much of a match's spread is the angle between two lobes, over sin^2 of that from n to v: fitted.
+float apart_over_sin2(float roughness)
+{
+    return 1.3 * roughness * (1.0 - roughness);
+}
+
+// For a lobe with the mean vector (1 - along) r + lean (n - (n.v) r): the round lobes have what 2/3 n, that of the cosine's lobe,
 // leaves of it.
 Match match_lobe(float even, float along, float lean, float nv, float sin2)
 {
@@ -21,6 +39,15 @@ Match match_lobe(float even, float along, float lean, float nv, float sin2)
     // weight^2 - length^2, without its loss of digits near a mirror.
     float squares = 2.0 * weight * along - along * along - across2;
     return Match(even, vec2(weight - along, lean), squares / (weight * (weight + length_towards)));
+}
+
+// Of the same mean: with the cosine 1 - s between `towards` and each lobe, (1 - s) (1 - spread of each) = 1 - spread.
+Pair split_lobe(Match whole, float share, float sin2)
+{
+    float s = share * sin2 * whole.spread, rest = 1.0 / (1.0 - s);
+    // The tangent of that angle over sin: the turn is within the plane of incidence, where n - (n.v) r is as long as sin.
+    float slope = sqrt(share * whole.spread * (2.0 - s)) * rest;
+    return Pair(slope * vec2(-whole.towards.y * sin2, whole.towards.x), (whole.spread - s) * rest);
 }
 
 #endif

@@ -10,27 +10,24 @@ use crate::gpu::{
     ImageDesc, ImageUsageFlags, PassTime, Pipeline, Shape, submit_and_wait,
 };
 use crate::reference::brdf::Geometry;
-use crate::reference::levels::{LEVELS, alpha_from_spread, spread_from_level};
-use crate::reference::lobe::{kernel_second, kernel_spread};
+use crate::reference::lobe::kernel_spread;
 use crate::reference::quadrature::gauss_legendre;
-use crate::reference::table::{SplitSum, table_arguments, table_place};
+use crate::reference::split_sum::SplitSum;
+use crate::reference::table::{table_arguments, table_place};
 
 /// Texels along n·v (the same in `glsl/brdf_table.comp`) and along roughness: the error of bilinear lookups is below
 /// 1e-3.
 pub const SIZE: [u32; 2] = [128, 96];
 /// Quadrature nodes over φ and s; the same in `glsl/brdf_table.comp`.
 const NODES: [usize; 2] = [8, 16];
-/// Values of [`second_over_spread`]; the same in `glsl/brdf_table.comp`.
-const SECONDS: u32 = 64;
 
 const SHADER: &str = "brdf_table.comp";
 /// The table in the cache: raise the version when [`SIZE`], the quadrature, the spreads or the weights change.
 pub(super) const CACHE_KIND: CacheKind =
-    CacheKind { copying: "BRDF table from the cache", version: 2, shaders: &[&[SHADER]] };
+    CacheKind { copying: "BRDF table from the cache", version: 3, shaders: &[&[SHADER]] };
 
 /// Layers in f32 (half floats are too coarse near 1): the two parts' albedos and `along`; their `across`
-/// (`reference::table`) with the albedos' means (`reference::energy`); for [`SplitSum::TwoMoments`] the first part's
-/// `even_over_along` alone.
+/// (`reference::table`) with the albedos' means (`reference::energy`).
 pub struct BrdfTable {
     pub image: Arc<Image>,
     pub times: Vec<PassTime>,
@@ -41,8 +38,7 @@ impl BrdfTable {
     pub const MEANING: &str = "specular albedo = F0 * A + B. Layer 0: A, B, then for the lobes of A and of B \
         sqrt(1 - m.r), m being a lobe's mean vector and r = reflect(-v, n). Layer 1: for both lobes \
         m.t / sqrt(1 - (n.v)^2), t being perpendicular to r, towards n; then A and B averaged over directions, \
-        2 ∫ A n.v d(n.v), the same for all n.v. Layer 2: w / (1 - m.r) of A's lobe, which stands for w times \
-        irradiance / pi and 1 - w times a round lobe. x: log(1 + 1024 n.v) / log(1025), \
+        2 ∫ A n.v d(n.v), the same for all n.v. x: log(1 + 1024 n.v) / log(1025), \
         y: cbrt(roughness), 0 and 1 at the centres of the outermost texels";
 
     /// Computes the table for one geometry term and one kind of environment lookup, or takes it from the cache.
@@ -53,10 +49,9 @@ impl BrdfTable {
         let gpu = &context.gpu;
         let copies = ImageUsageFlags::TRANSFER_SRC | ImageUsageFlags::TRANSFER_DST;
         let usage = ImageUsageFlags::SAMPLED | ImageUsageFlags::STORAGE | copies;
-        let layers = if split_sum == SplitSum::TwoMoments { 3 } else { 2 };
         let flat = ImageDesc::flat(Format::R32G32B32A32_SFLOAT, SIZE, usage);
-        let image = Image::new(gpu, "BRDF table", ImageDesc { shape: Shape::Layers(layers), ..flat })?;
-        let choices = [geometry as u32, split_sum as u32];
+        let image = Image::new(gpu, "BRDF table", ImageDesc { shape: Shape::Layers(2), ..flat })?;
+        let choices = [geometry as u32, u32::from(split_sum == SplitSum::Classic)];
         let compute = || compute(gpu, &image, choices);
         let source = [bytemuck::bytes_of(&choices)];
         let times = cached(context, &CACHE_KIND, &source, &[("BRDF table", &image)], compute)?;
@@ -69,14 +64,12 @@ fn compute(gpu: &Arc<Gpu>, image: &Arc<Image>, choices: [u32; 2]) -> Result<Vec<
     let nodes = storage(gpu, "quadrature", &quadrature())?;
     let spreads = storage(gpu, "kernel spreads", &classic_spreads())?;
     let weights = storage(gpu, "mean weights", &mean_weights())?;
-    let seconds = storage(gpu, "kernel seconds", &second_over_spread())?;
     let [storage, storage_image] = [BindingType::Storage, BindingType::StorageImage];
-    let layout = DescriptorSetLayout::new(gpu, "BRDF table", &[storage, storage, storage, storage, storage_image])?;
+    let layout = DescriptorSetLayout::new(gpu, "BRDF table", &[storage, storage, storage, storage_image])?;
     let bindings = [
         Binding::Storage(&nodes),
         Binding::Storage(&spreads),
         Binding::Storage(&weights),
-        Binding::Storage(&seconds),
         Binding::StorageImage(image, 0),
     ];
     let set = DescriptorSet::new(gpu, "BRDF table", &layout, &bindings)?;
@@ -127,16 +120,6 @@ fn classic_spreads() -> Vec<f32> {
     (0..SIZE[1]).map(|row| kernel_spread(roughness(row) * roughness(row)) as f32).collect()
 }
 
-/// The round lobes' means of 1 − c² over their spreads, evenly by the fourth root of the spread, up to the last level's.
-fn second_over_spread() -> Vec<f32> {
-    let ratio = |i: u32| {
-        let spread = spread_from_level(LEVELS - 1) * (f64::from(i) / f64::from(SECONDS - 1)).powi(4);
-        kernel_second(alpha_from_spread(spread)) / spread
-    };
-    // 1 − c² is 2 (1 − c) where the lobe is a point.
-    std::iter::once(2.0).chain((1..SECONDS).map(ratio)).map(|ratio| ratio as f32).collect()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -153,7 +136,6 @@ mod tests {
         key.add(bytemuck::cast_slice(&quadrature()));
         key.add(bytemuck::cast_slice(&classic_spreads()));
         key.add(bytemuck::cast_slice(&mean_weights()));
-        key.add(bytemuck::cast_slice(&second_over_spread()));
-        assert_eq!((CACHE_KIND.version, &key.text()[..16]), (2, "8c26fedb84035703"));
+        assert_eq!((CACHE_KIND.version, &key.text()[..16]), (3, "351f1fb42c094fa8"));
     }
 }

@@ -10,7 +10,8 @@ use crate::context::Context;
 use crate::gpu::{Subresource, read_image};
 use crate::reference::brdf::Geometry;
 use crate::reference::energy::{Energy, Scattering, diffuse_taken, multiple_taken};
-use crate::reference::table::{Entry, SplitSum, table_arguments, table_entry};
+use crate::reference::split_sum::SplitSum;
+use crate::reference::table::{Entry, table_arguments, table_entry};
 
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]

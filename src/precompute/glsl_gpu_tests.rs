@@ -1,9 +1,11 @@
-//! glsl/math.glsl, levels.glsl, tone.glsl, cube.glsl, openness.glsl, importance_chances.glsl and probe_box.glsl on the GPU against their twins in f64.
+//! glsl/math.glsl, levels.glsl, tone.glsl, cube.glsl, openness.glsl, importance_chances.glsl, probe_box.glsl and split_sum.glsl on the
+//! GPU against their twins in f64.
 
 use bytemuck::{Pod, Zeroable};
 use glam::{DVec2, DVec3, Vec3};
 
 use super::harness_tests::{Judge, Random, evaluate, with_gpu};
+use crate::reference::brdf::Geometry;
 use crate::reference::cube::{
     cube_direction, cube_face, cube_texel_solid_angle, panorama_direction, panorama_texel_solid_angle, panorama_uv,
     rotate_y,
@@ -14,7 +16,8 @@ use crate::reference::lobe::{grazing_kernel, grazing_second_derivative, kernel, 
 use crate::reference::math::{normalize_or, round_to_half};
 use crate::reference::openness::{image_bound, most_radiance, openness_from_mean, visibility};
 use crate::reference::probe::{box_exit, is_in_image, probe_weight};
-use crate::reference::table::{table_arguments, table_place};
+use crate::reference::split_sum::{Match, SplitSum};
+use crate::reference::table::{Lobe, LobePart, table_arguments, table_lobe, table_place};
 use crate::reference::tone::{exposure_scale, luminance, srgb_decode, srgb_encode, tone_neutral};
 
 fn dvec3(v: [f32; 3]) -> DVec3 {
@@ -425,4 +428,47 @@ fn openness_is_as_in_f64() {
         between += usize::from(want > 0.0 && want < 1.0);
     }
     assert!(between > 1000, "{between} between 0 and 1");
+}
+
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+struct SplitSumInput {
+    along: f32,
+    lean: f32,
+    nv: f32,
+    sin2: f32,
+    roughness: f32,
+}
+
+#[test]
+fn the_split_sum_is_as_in_f64() {
+    let mut random = Random(23);
+    let mut drawn: Vec<_> = (0..600).map(|_| [random.unit(), random.unit()]).collect();
+    drawn.extend([[0.0, 0.3], [1.0, 0.3], [0.2, 0.0], [0.2, 1.0], [1.0, 1.0], [1e-3, 1e-2]]);
+    // What the shader has of n.v and roughness is rounded.
+    let drawn = drawn.into_iter().map(|pair| pair.map(|x| f64::from(x as f32)));
+    let base = |[nv, roughness]: [f64; 2]| (nv, roughness, table_lobe(nv, roughness, Geometry::Smith).base);
+    let cases: Vec<_> = drawn.map(base).collect();
+    let input = |&(nv, roughness, base): &(f64, f64, LobePart)| SplitSumInput {
+        along: base.along as f32,
+        lean: base.across_over_sine as f32,
+        nv: nv as f32,
+        sin2: (1.0 - nv * nv) as f32,
+        roughness: roughness as f32,
+    };
+    let inputs: Vec<_> = cases.iter().map(input).collect();
+    let outputs: Vec<[f32; 7]> = with_gpu(|gpu| evaluate(gpu, "test_split_sum.comp", &inputs));
+    let mut judge = Judge::default();
+    for ((nv, roughness, base), (input, got)) in cases.iter().zip(inputs.iter().zip(&outputs)) {
+        let lobe = Lobe { base: LobePart { weight: 1.0, ..*base }, fresnel: LobePart::default() };
+        let Match { even, towards, spread, apart, each_spread } =
+            lobe.matched(1.0, *nv, *roughness, SplitSum::TwoLobes);
+        // The shader's are along n - (n.v) r, which is as long as the sine.
+        let sine = (1.0 - nv * nv).sqrt();
+        let [x, y] = [f64::from(got[2]), f64::from(got[5])].map(|across| across * sine);
+        judge.near("irradiance", input, &got[..1], &[even], [1e-6, 1e-5]);
+        judge.near("towards", input, &[got[1], x as f32], &towards, [2e-6, 1e-5]);
+        judge.near("apart", input, &[got[4], y as f32], &apart, [2e-6, 2e-4]);
+        judge.near("spreads", input, &[got[3], got[6]], &[spread, each_spread], [2e-7, 2e-4]);
+    }
 }

@@ -40,8 +40,7 @@ impl TableTexels {
         let value = |layer: usize, channel: usize| self.value(place, layer, channel);
         let part = |weight, along: f64, across_over_sine| LobePart { weight, along: along.powi(2), across_over_sine };
         let whole = |i| part(value(0, i), value(0, 2 + i), value(1, i));
-        let even_over_along = if self.layers.len() > 2 { value(2, 0) } else { 0.0 };
-        let lobe = Lobe { base: whole(0), fresnel: whole(1), even_over_along };
+        let lobe = Lobe { base: whole(0), fresnel: whole(1) };
         let mean = Entry { scale: value(1, 2), bias: value(1, 3) };
         TableAt { lobe, mean }
     }

@@ -60,31 +60,6 @@ pub fn kernel_spread(alpha: f64) -> f64 {
     1.0 - TAU * first_moment / kernel_integral(alpha)
 }
 
-/// The mean of 1 − c² under K: 0 for a mirror, 1/2 for the cosine (α = 1).
-///
-/// With y = 1 + x, ∫ c³/q² dc over 0 to 1 is (y³ + 3/2 y² − 3y + 1/2 − 3y² ln y) / (x⁴ α⁴).
-pub fn kernel_second(alpha: f64) -> f64 {
-    let (k, a2) = (steepness(alpha), alpha * alpha);
-    if a2 < 1e-12 {
-        return 0.0;
-    }
-    let x = k / a2;
-    let second = if x.abs() < 0.05 {
-        // As a power series, Σ (m + 1) (−x)^m ∫ (1 − c)^m c³ dc: the difference below would cancel.
-        let mut beta = 0.25;
-        let mut sum = 0.0;
-        for m in 0..10 {
-            sum += f64::from(m + 1) * (-x).powi(m) * beta;
-            beta *= f64::from(m + 1) / f64::from(m + 5);
-        }
-        sum
-    } else {
-        let y = 1.0 + x;
-        (y * (y * (y + 1.5) - 3.0) + 0.5 - 3.0 * y * y * x.ln_1p()) / x.powi(4)
-    };
-    1.0 - TAU * second / (a2 * a2 * kernel_integral(alpha))
-}
-
 fn steepness(alpha: f64) -> f64 {
     0.5 * (1.0 - alpha * alpha)
 }
@@ -118,8 +93,6 @@ mod tests {
             assert!((kernel_integral(alpha) / integral - 1.0).abs() < 1e-6, "alpha {alpha}");
             let spread = over_sphere(alpha, |c| (1.0 - c) * kernel(c, alpha)) / integral;
             assert!((kernel_spread(alpha) / spread - 1.0).abs() < 1e-6, "alpha {alpha}");
-            let second = over_sphere(alpha, |c| (1.0 - c * c) * kernel(c, alpha)) / integral;
-            assert!((kernel_second(alpha) / second - 1.0).abs() < 1e-6, "alpha {alpha}");
         }
         assert_eq!(kernel_spread(0.0), 0.0);
     }

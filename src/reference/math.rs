@@ -17,6 +17,12 @@ pub fn normalize_or(v: DVec3, otherwise: DVec3) -> DVec3 {
     if size > TINY && size < 1e30 { (v / size).normalize() } else { otherwise }
 }
 
+/// GLSL's: 0 up to `low`, 1 from `high` on, a cubic between.
+pub fn smoothstep(low: f64, high: f64, x: f64) -> f64 {
+    let part = ((x - low) / (high - low)).clamp(0.0, 1.0);
+    part * part * (3.0 - 2.0 * part)
+}
+
 /// x rounded to the ten mantissa bits of a half float, ties upwards; for 0 and x ≥ 6e-5.
 pub fn round_to_half(x: DVec3) -> DVec3 {
     x.map(|c| {

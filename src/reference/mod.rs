@@ -1,7 +1,8 @@
 //! Reference implementations in f64, without Vulkan: BRDF terms, sampling, integrals, colour, picture metrics.
 //!
-//! `math`, `brdf`, `disc`, `energy`, `sampling`, `cube`, `octahedral`, `openness`, `tone`, `probe` and `shadow` are the twins of the files
-//! of the same name in `glsl/` (`probe` of `probe_box.glsl`, `shadow` of `shadow_place.glsl`, `reprojection` of `mirror.frag`): same functions, same arguments, same constants.
+//! `math`, `brdf`, `disc`, `energy`, `sampling`, `cube`, `octahedral`, `openness`, `tone`, `probe`, `shadow` and `split_sum` are the twins
+//! of the files of the same name in `glsl/` (`probe` of `probe_box.glsl`, `shadow` of `shadow_place.glsl`, `reprojection` of
+//! `mirror.frag`): same functions, same arguments, same constants.
 
 pub mod brdf;
 pub mod cube;
@@ -22,6 +23,7 @@ pub mod quadrature;
 pub mod reprojection;
 pub mod sampling;
 pub mod shadow;
+pub mod split_sum;
 pub mod sun;
 pub mod table;
 pub mod tone;

@@ -3,6 +3,8 @@
 
 use glam::DVec3;
 
+use super::math::smoothstep;
+
 /// Visibility along a unit direction d before it is made steeper: `even` + `slope` · d.
 #[derive(Clone, Copy, Debug)]
 pub struct Openness {
@@ -45,11 +47,6 @@ const LOBE_PEAK: f64 = 4.0;
 /// [`most_radiance`], `most`; or else what is blocked was at the lobe's peak, and the rest of the panorama is there.
 pub fn image_bound(panorama: f64, over_pi: f64, open_over_pi: f64, most: f64) -> f64 {
     (over_pi * most).max(panorama - (open_over_pi - over_pi).max(0.0) * (LOBE_PEAK * most))
-}
-
-fn smoothstep(low: f64, high: f64, x: f64) -> f64 {
-    let part = ((x - low) / (high - low)).clamp(0.0, 1.0);
-    part * part * (3.0 - 2.0 * part)
 }
 
 #[cfg(test)]

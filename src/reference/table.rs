@@ -5,13 +5,10 @@ use std::{
     sync::LazyLock,
 };
 
-use clap::ValueEnum;
 use glam::DVec3;
 
 use super::{
     brdf::{Geometry, schlick_weight, v_environment},
-    levels::{LEVELS, alpha_from_spread, spread_from_level},
-    lobe::{kernel_second, kernel_spread},
     math::{MIN_COS, TINY},
 };
 
@@ -42,20 +39,6 @@ fn tanh_sinh(half: i32) -> Vec<[f64; 2]> {
     (-half..=half).map(node).collect()
 }
 
-/// The environment lookup for the specular term.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, ValueEnum)]
-pub enum SplitSum {
-    /// Along r, at the level of the roughness: Karis (2013), section "Environment Map Lighting" with n = v = r.
-    Classic,
-    /// Along the mean vector of the BRDF's lobe, at the level whose lobe has a mean vector of the same length: exact
-    /// for radiance that is linear in direction. Derivation: src/precompute/README.md.
-    Moment,
-    /// The same, with a share of the irradiance for the lobe's tails, which also matches the second moment along the mean
-    /// vector. No more texels of the panorama's maps than `Moment` takes.
-    #[default]
-    TwoMoments,
-}
-
 /// One part of the lobe BRDF · n·l over the light's directions l. With r = reflect(−v, n), and t the unit vector
 /// perpendicular to r in the plane of incidence on n's side, its mean vector is (1 − along) r + across t.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -72,37 +55,6 @@ pub struct LobePart {
 pub struct Lobe {
     pub base: LobePart,
     pub fresnel: LobePart,
-    /// Of `base`: the share of irradiance in its two-moment match, divided by `along`.
-    pub even_over_along: f64,
-}
-
-/// What stands for a lobe: irradiance / π with the weight `even`, and with the rest a round lobe.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Match {
-    pub even: f64,
-    /// Along r and across it, towards n, of any length.
-    pub towards: [f64; 2],
-    /// The round lobe's (`reference::lobe`).
-    pub spread: f64,
-}
-
-impl Match {
-    /// The mean vector, along r and across it.
-    pub fn mean(&self, nv: f64) -> [f64; 2] {
-        let third = 2.0 / 3.0 * self.even;
-        [self.towards[0] + third * nv, self.towards[1] + third * sine(nv)]
-    }
-
-    /// The mean of 1 − (l·d)² for a unit vector d in the plane of incidence, along r and across it.
-    pub fn second(&self, d: [f64; 2], nv: f64) -> f64 {
-        let [x, y] = self.towards;
-        let turn = (x * d[1] - y * d[0]).powi(2) / (x * x + y * y); // sin² between d and the round lobe
-        let own = kernel_second(alpha_from_spread(self.spread));
-        let round = (1.0 - turn) * own + turn * (1.0 - 0.5 * own);
-        // Of the cosine's lobe around n.
-        let cosine = nv * d[0] + sine(nv) * d[1];
-        (1.0 - self.even) * round + self.even * (0.75 - 0.25 * cosine * cosine)
-    }
 }
 
 impl Lobe {
@@ -114,17 +66,8 @@ impl Lobe {
         [1.0 - mix(self.base.along, self.fresnel.along), across_over_sine * sine(nv)]
     }
 
-    /// What the shaders look up for a grey F0; twin of `specular_lobe` in `glsl/environment.glsl`. `Classic` is not matched.
-    pub fn matched(&self, f0: f64, nv: f64, split_sum: SplitSum) -> Match {
-        let even = match split_sum {
-            SplitSum::TwoMoments => self.share_of_base(f0) * self.base.along * self.even_over_along,
-            SplitSum::Moment | SplitSum::Classic => 0.0,
-        };
-        let [mean_along, across] = self.mean(f0, nv);
-        Rest::new(even, 1.0 - mean_along, across, nv).matched()
-    }
-
-    fn share_of_base(&self, f0: f64) -> f64 {
+    /// How much of the lobe is its part without Schlick's weight.
+    pub(super) fn share_of_base(&self, f0: f64) -> f64 {
         let base = f0 * self.base.weight;
         base / (base + self.fresnel.weight)
     }
@@ -132,30 +75,6 @@ impl Lobe {
 
 fn sine(nv: f64) -> f64 {
     (1.0 - nv * nv).max(0.0).sqrt()
-}
-
-/// A lobe's mean vector less the irradiance's, 2/3 n: what a round lobe of weight 1 − even is to have.
-struct Rest {
-    even: f64,
-    /// The vector is (1 − even − along) r + across t.
-    along: f64,
-    across: f64,
-}
-
-impl Rest {
-    fn new(even: f64, along: f64, across: f64, nv: f64) -> Self {
-        let third = 2.0 / 3.0 * even;
-        Self { even, along: along + third * nv - even, across: across - third * sine(nv) }
-    }
-
-    fn matched(&self) -> Match {
-        let weight = 1.0 - self.even;
-        let towards = [weight - self.along, self.across];
-        let length = towards[0].hypot(towards[1]);
-        // weight² − length², without its loss of digits near a mirror.
-        let squares = 2.0 * weight * self.along - self.along.powi(2) - self.across.powi(2);
-        Match { even: self.even, towards, spread: squares / (weight * (weight + length)) }
-    }
 }
 
 /// Ratio of the resolution at n·v = 0 to that at 1; the same in `glsl/table.glsl`.
@@ -189,7 +108,7 @@ pub fn coarse_table_entry(nv: f64, roughness: f64, geometry: Geometry) -> Entry 
 /// v·h)⁵ separately. h is (θ, φ); l is above the surface exactly for θ < (ψ + π/2) / 2 with tan ψ = tan(θv) cos φ, and
 /// there nl = R sin(2 (θmax − θ)), so the integrand is smooth inside and the horizon costs no accuracy.
 pub fn table_lobe(nv: f64, roughness: f64, geometry: Geometry) -> Lobe {
-    LobeSums::new(&NODES, nv, roughness, geometry).lobe(nv, roughness)
+    LobeSums::new(&NODES, nv, roughness, geometry).lobe(nv)
 }
 
 /// Sums over a part of the lobe: of 1, of 1 − l·r and of l·t.
@@ -219,8 +138,6 @@ impl Sums {
 struct LobeSums {
     base: Sums,
     fresnel: Sums,
-    /// Of `base`: of 1 − (l·r)², (l·r) (l·t) and (l·t)².
-    second: [f64; 3],
 }
 
 impl LobeSums {
@@ -262,10 +179,6 @@ impl LobeSums {
                 let across = 2.0 * (nv * x + sv * z);
                 sums.base.add(value * (1.0 - weight), along, across);
                 sums.fresnel.add(value * weight, along, across);
-                let squares = [along * (2.0 - along), (1.0 - along) * across, across * across];
-                for (sum, square) in sums.second.iter_mut().zip(squares) {
-                    *sum += value * (1.0 - weight) * square;
-                }
             }
         }
         sums
@@ -275,17 +188,9 @@ impl LobeSums {
         Entry { scale: self.base.weight, bias: self.fresnel.weight }
     }
 
-    fn lobe(&self, nv: f64, roughness: f64) -> Lobe {
-        let (nv, alpha) = (inner(nv), roughness * roughness);
-        let sv = sine(nv);
-        let (base, fresnel) = (self.base.part(sv), self.fresnel.part(sv));
-        if alpha < MIRROR {
-            return Lobe { base, fresnel, even_over_along: 0.0 };
-        }
-        let second = self.second.map(|sum| sum / base.weight.max(TINY));
-        let least = NARROWEST * kernel_spread(alpha);
-        let even = even_share(base.along, base.across_over_sine * sv, second, nv, least);
-        Lobe { base, fresnel, even_over_along: even / base.along.max(TINY) }
+    fn lobe(&self, nv: f64) -> Lobe {
+        let sv = sine(inner(nv));
+        Lobe { base: self.base.part(sv), fresnel: self.fresnel.part(sv) }
     }
 }
 
@@ -297,39 +202,6 @@ fn inner(nv: f64) -> f64 {
 /// An alpha below this is a mirror's.
 const MIRROR: f64 = 1e-9;
 
-/// The least spread of the round lobe beside irradiance, over that of the roughness's own level.
-const NARROWEST: f64 = 0.25;
-/// Second moments that differ by less, relatively, count as equal: where the lobe is nearly the cosine's, any share fits.
-const EQUAL: f64 = 1e-3;
-
-/// The weight of irradiance / π beside a round lobe that together have a lobe's mean vector m and its mean of (l·d)², d = m / |m|.
-/// Less where the round lobe would be narrower than `least_spread`, at grazing angles, or wider than the last level's.
-///
-/// `second`: the lobe's means of 1 − (l·r)², (l·r) (l·t) and (l·t)². Twin of `even_share` in `glsl/brdf_table.comp`. Derivation:
-/// src/precompute/README.md.
-fn even_share(along: f64, across: f64, second: [f64; 3], nv: f64, least_spread: f64) -> f64 {
-    let length = (1.0 - along).hypot(across);
-    let [r, t] = [(1.0 - along) / length, across / length];
-    let goal = r * r * second[0] + t * t * (1.0 - second[2]) - 2.0 * r * t * second[1];
-    let with = |share| Rest::new(share, along, across, nv).matched();
-    let even = most(1.0, |share| {
-        let found = with(share);
-        found.spread >= least_spread && found.second([r, t], nv) > goal * (1.0 + EQUAL)
-    });
-    let widest = with(0.0).spread.max(spread_from_level(LEVELS - 1));
-    if with(even).spread <= widest { even } else { most(even, |share| with(share).spread <= widest) }
-}
-
-/// The most in [0, `end`] that passes, by bisection: from 0 on all pass, and then none.
-fn most(end: f64, passes: impl Fn(f64) -> bool) -> f64 {
-    let (mut low, mut high) = (0.0, end);
-    for _ in 0..50 {
-        let middle = 0.5 * (low + high);
-        *if passes(middle) { &mut low } else { &mut high } = middle;
-    }
-    low
-}
-
 /// Directional albedo of the specular BRDF: by reciprocity, the share of uniform light that it reflects towards v.
 pub fn specular_albedo(f0: DVec3, nv: f64, roughness: f64, geometry: Geometry) -> DVec3 {
     let entry = table_entry(nv, roughness, geometry);
@@ -339,7 +211,6 @@ pub fn specular_albedo(f0: DVec3, nv: f64, roughness: f64, geometry: Geometry) -
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::reference::lobe::kernel;
 
     #[test]
     fn few_nodes_have_an_error_below_a_thousandth() {
@@ -398,66 +269,6 @@ mod tests {
                 assert!(error < 1e-5, "{ours:?} against {plain:?} at n·v {nv}, roughness {roughness}");
             }
         }
-    }
-
-    /// The mean vector of a function that is mirrored by the plane of incidence, and its mean of (l·d)², by plain midpoints.
-    fn moments(d: DVec3, value: impl Fn(DVec3) -> f64) -> (DVec3, f64) {
-        const STEPS: u32 = 1000;
-        let (mut weight, mut mean, mut square) = (0.0, DVec3::ZERO, 0.0);
-        for i in 0..STEPS * STEPS {
-            let [z, phi] = [i / STEPS, i % STEPS].map(|i| (f64::from(i) + 0.5) / f64::from(STEPS));
-            let (z, (sin, cos)) = (1.0 - 2.0 * z, (PI * phi).sin_cos());
-            let across = (1.0 - z * z).sqrt();
-            let value = value(DVec3::new(across * cos, across * sin, z));
-            weight += value;
-            mean += value * DVec3::new(across * cos, 0.0, z);
-            // (l·d)² of l and its mirror image are the same where d is in the plane.
-            square += value * DVec3::new(across * cos, 0.0, z).dot(d).powi(2);
-        }
-        (mean / weight, square / weight)
-    }
-
-    #[test]
-    fn two_moments_of_the_part_without_fresnel_are_those_of_its_match() {
-        for (nv, roughness) in [(0.2, 0.5), (0.3, 0.5), (0.5, 0.5), (0.9, 0.7), (0.97, 0.4)] {
-            let v = DVec3::new(f64::sqrt(1.0 - nv * nv), 0.0, nv);
-            let (r, t) = (DVec3::new(-v.x, 0.0, nv), DVec3::new(nv, 0.0, v.x));
-            let lobe = Lobe { fresnel: LobePart::default(), ..table_lobe(nv, roughness, Geometry::Smith) };
-            let [along, across] = lobe.mean(1.0, nv);
-            let axis = (along * r + across * t).normalize();
-            let own = moments(axis, |l| {
-                let h = v + l;
-                let d = crate::reference::brdf::d_ggx(DVec3::Z, h, roughness * roughness);
-                let geometry = if l.z > 0.0 { v_environment(l.z, nv, roughness, Geometry::Smith) } else { 0.0 };
-                d * geometry * l.z.max(0.0) * (1.0 - schlick_weight(0.5 * h.length()))
-            });
-            let Match { even, towards: [x, y], spread } = lobe.matched(1.0, nv, SplitSum::TwoMoments);
-            let (towards, alpha) = ((x * r + y * t).normalize(), alpha_from_spread(spread));
-            let round = moments(axis, |l| kernel(towards.dot(l), alpha));
-            let cosine = moments(axis, |l| l.z.max(0.0));
-            let (mean, square) = (round.0.lerp(cosine.0, even), (1.0 - even) * round.1 + even * cosine.1);
-            let told = format!("n·v {nv}, roughness {roughness}, {even}: {own:?} against {mean} and {square}");
-            assert!(even > 0.02 && own.0.abs_diff_eq(mean, 2e-3) && (own.1 - square).abs() < 2e-3, "{told}");
-        }
-    }
-
-    #[test]
-    fn round_lobes_beside_irradiance_keep_a_width() {
-        let mut narrow = 0;
-        for i in 0..=20 {
-            for roughness in [0.05, 0.2, 0.4, 0.6, 0.8, 1.0] {
-                let nv = f64::from(i) / 20.0;
-                let lobe = Lobe { fresnel: LobePart::default(), ..table_lobe(nv, roughness, Geometry::Smith) };
-                let Match { even, spread, .. } = lobe.matched(1.0, nv, SplitSum::TwoMoments);
-                let least = NARROWEST * kernel_spread(roughness * roughness);
-                assert!(
-                    spread >= least * (1.0 - 1e-4) && (0.0..1.0).contains(&even),
-                    "{nv}, {roughness}: {even}, {spread}"
-                );
-                narrow += u32::from(spread < 1.001 * least);
-            }
-        }
-        assert!(narrow > 0, "none is as narrow as that: nothing was tested");
     }
 
     #[test]

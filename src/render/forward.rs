@@ -16,7 +16,6 @@ use super::shared::constant;
 use crate::Result;
 use crate::gpu::{Commands, Constant, Cull, DepthState, Format, GraphicsDesc, Pipeline};
 use crate::reference::energy::Scattering;
-use crate::reference::table::SplitSum;
 use crate::scene::MaterialFeatures;
 
 /// Push constants of `glsl/draw.glsl`.
@@ -95,7 +94,7 @@ impl ForwardPass {
             (constant::SHADING, settings.shading as u32),
             (constant::GEOMETRY, settings.geometry as u32),
             (constant::LINEAR_OUTPUT, u32::from(settings.output == Output::Linear)),
-            (constant::TWO_MOMENTS, u32::from(settings.split_sum == SplitSum::TwoMoments)),
+            (constant::SPLIT_SUM, settings.split_sum as u32),
             (constant::SUN, u32::from(request.shades_sun())),
             // Below 0: the shader reads the count from the frame's block.
             (constant::LIGHTS, constant_lights.unwrap_or(u32::MAX)),

@@ -16,7 +16,7 @@ use crate::precompute::BrdfTable;
 use crate::precompute::harness_tests::{Judge, Random, with_gpu};
 use crate::reference::brdf::{Geometry, f0_from_metallic, specular};
 use crate::reference::energy::{Curve, Energy, Scattering};
-use crate::reference::table::SplitSum;
+use crate::reference::split_sum::SplitSum;
 
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]

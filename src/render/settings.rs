@@ -12,7 +12,7 @@ use crate::gpu::Constant;
 use crate::precompute::{Options, check_face_size, check_irradiance_size};
 use crate::reference::brdf::Geometry;
 use crate::reference::energy::Scattering;
-use crate::reference::table::SplitSum;
+use crate::reference::split_sum::SplitSum;
 use crate::scene::Model;
 use crate::scene::needs::resolution::Viewpoint;
 

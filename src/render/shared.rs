@@ -202,7 +202,7 @@ pub mod constant {
     pub const LIGHTS: u32 = 8;
     pub const METALNESS: u32 = 9;
     pub const MULTI_SCATTER: u32 = 10;
-    pub const TWO_MOMENTS: u32 = 11;
+    pub const SPLIT_SUM: u32 = 11;
     pub const SUN: u32 = 12;
     pub const LAMP_SHADOWS: u32 = 13;
     pub const SUN_SHADOW: u32 = 14;

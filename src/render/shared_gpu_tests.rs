@@ -203,7 +203,7 @@ fn specialization_constants_have_their_ids() {
         ("METALNESS", constant::METALNESS),
         ("MULTI_SCATTER", constant::MULTI_SCATTER),
         ("LIGHTMAP", constant::LIGHTMAP),
-        ("TWO_MOMENTS", constant::TWO_MOMENTS),
+        ("SPLIT_SUM", constant::SPLIT_SUM),
         ("SUN", constant::SUN),
         ("LAMP_SHADOWS", constant::LAMP_SHADOWS),
         ("SUN_SHADOW", constant::SUN_SHADOW),

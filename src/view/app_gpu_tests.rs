@@ -13,7 +13,7 @@ use crate::gpu::{
     FrameRing, NO_IMAGES, Subresource, pipelines_of_this_thread, read_image, with_gpu, with_gpu_of_little_memory,
 };
 use crate::reference::brdf::Geometry;
-use crate::reference::table::SplitSum;
+use crate::reference::split_sum::SplitSum;
 use crate::render::{Eye, FRAME_BYTES, FrameInputs, LightDetail, LightModel, MaterialFactors, Renderer, Shading};
 use crate::scene::Model;
 use crate::scene::staging::Stage;

@@ -16,7 +16,7 @@ use crate::context::Setup;
 use crate::gpu::{Gpu, PassTime};
 use crate::precompute::{BrdfTable, LightMaps, Options, check_face_size, read_texture};
 use crate::reference::brdf::Geometry;
-use crate::reference::table::SplitSum;
+use crate::reference::split_sum::SplitSum;
 use crate::scene::is_scene;
 use crate::scene::load::files as scene_files;
 use crate::{Error, Result, say};

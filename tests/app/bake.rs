@@ -14,7 +14,7 @@ use pbr_vr::gpu::{Format, Gpu, Image, ImageDesc, ImageUsageFlags, Shape, Subreso
 use pbr_vr::precompute::{BrdfTable, LightMaps, Options, read_texture};
 use pbr_vr::reference::brdf::Geometry;
 use pbr_vr::reference::levels::{LEVELS, alpha_from_level};
-use pbr_vr::reference::table::SplitSum;
+use pbr_vr::reference::split_sum::SplitSum;
 use pbr_vr::view::{BakeRequest, bake};
 
 const FILES: [&str; 3] = ["brdf.ktx2", "irradiance.ktx2", "specular.ktx2"];

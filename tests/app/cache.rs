@@ -8,7 +8,7 @@ use crate::common::{Workshop, entries, finish, json, material, program, setup, s
 use pbr_vr::asset::ktx2::Ktx2;
 use pbr_vr::precompute::Cache;
 use pbr_vr::reference::brdf::Geometry;
-use pbr_vr::reference::table::SplitSum;
+use pbr_vr::reference::split_sum::SplitSum;
 use pbr_vr::render::{LightModel, RenderSettings};
 use pbr_vr::view::{BakeRequest, RenderFacts, RenderRequest, bake, render};
 

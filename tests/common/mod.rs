@@ -33,7 +33,7 @@ use pbr_vr::context::Setup;
 use pbr_vr::gpu::GpuOptions;
 use pbr_vr::reference::brdf::Geometry;
 use pbr_vr::reference::energy::Scattering;
-use pbr_vr::reference::table::SplitSum;
+use pbr_vr::reference::split_sum::SplitSum;
 use pbr_vr::render::{LightDetail, LightModel, RenderSettings, Shading};
 use pbr_vr::scene::Model;
 use pbr_vr::scene::staging::{Stage, Staging};

@@ -11,11 +11,12 @@ use pbr_vr::precompute::{BrdfTable, TableTexels};
 use pbr_vr::reference::brdf::Geometry;
 use pbr_vr::reference::energy::Scattering;
 use pbr_vr::reference::integrals::{PanoramaView, Surface, Terms, reflected_by};
-use pbr_vr::reference::levels::{alpha_from_level, level_from_spread};
+use pbr_vr::reference::levels::{LEVELS, alpha_from_level, level_from_spread, spread_from_level};
 use pbr_vr::reference::lobe::kernel_spread;
 use pbr_vr::reference::panorama_sums::prefiltered_around;
 use pbr_vr::reference::sampling::hammersley;
-use pbr_vr::reference::table::{Lobe, Match, SplitSum, table_entry, table_lobe};
+use pbr_vr::reference::split_sum::SplitSum;
+use pbr_vr::reference::table::{Lobe, table_entry, table_lobe};
 use pbr_vr::render::Shading;
 
 /// The GPU's table, read back.
@@ -63,34 +64,6 @@ fn the_table_holds_what_quadrature_gives() {
 }
 
 #[test]
-fn the_table_of_two_moments_holds_what_quadrature_gives_and_one_moment_too() {
-    let (one, two) = (table(Geometry::Smith, SplitSum::Moment), table(Geometry::Smith, SplitSum::TwoMoments));
-    let (mut mean, mut seconds, mut most) = (0.0f64, Vec::new(), 0.0f64);
-    for (nv, roughness) in arguments() {
-        let at = two.look_up(nv, roughness);
-        let same = one.look_up(nv, roughness);
-        assert_eq!((at.lobe.base, at.lobe.fresnel, at.mean), (same.lobe.base, same.lobe.fresnel, same.mean));
-        assert_eq!(same.lobe.even_over_along, 0.0);
-        let lobe = table_lobe(nv, roughness, Geometry::Smith);
-        for f0 in [0.04, 1.0] {
-            let [got, want] = [at.lobe, lobe].map(|lobe| lobe.matched(f0, nv, SplitSum::TwoMoments));
-            let [a, b] = [got.mean(nv), want.mean(nv)];
-            let length = b[0].hypot(b[1]);
-            let axis = b.map(|x| x / length);
-            let off = [(a[0] - b[0]).hypot(a[1] - b[1]), (got.second(axis, nv) - want.second(axis, nv)).abs()];
-            let told = format!("({nv}, {roughness}), F0 {f0}: {got:?} against {want:?}");
-            assert!(off[0] <= 4e-3 && off[1] <= 0.05, "{told}: {off:?}");
-            seconds.push(off[1]);
-            (mean, most) = (mean.max(off[0]), most.max(got.even));
-        }
-    }
-    // At grazing angles of rough surfaces there are two solutions, between which texels mix.
-    let second = Errors::new(seconds);
-    println!("mean vector off by {mean:.1e}, second moment by {second}; most irradiance {most:.2}");
-    assert!(second.p95 <= 4e-3 && most > 0.7, "{second}");
-}
-
-#[test]
 fn the_table_has_the_spot_values() {
     let table = table(Geometry::Karis2013, SplitSum::Classic);
     // reference::table holds the published values of these spots to 1e-6.
@@ -133,7 +106,8 @@ fn linear_light_is_reflected_exactly() {
     shop.panorama("even.exr", 512, |_| [1.0; 3]);
     shop.write("model.obj", &square("m.mtl"));
     let surfaces = [(0.04, 0.2), (0.04, 0.7), (1.0, 0.4), (1.0, 0.9)];
-    let ways = [SplitSum::Moment, SplitSum::TwoMoments].map(|way| surfaces.map(|(f0, roughness)| (way, f0, roughness)));
+    let ways = [SplitSum::Moment, SplitSum::OneLobe, SplitSum::TwoLobes]
+        .map(|way| surfaces.map(|(f0, roughness)| (way, f0, roughness)));
     for (split_sum, f0, roughness) in ways.into_iter().flatten() {
         shop.write("m.mtl", &material([f0 as f32; 3], 1.0, roughness as f32));
         for nv in [1.0, 0.7, 0.4, 0.15f64] {
@@ -156,13 +130,19 @@ fn linear_light_is_reflected_exactly() {
                 };
                 pixel(&shop.render(&scene, &options)[0], 8, 8)[0]
             };
-            let [along, across] = table_lobe(nv, roughness, Geometry::Smith).mean(f0, nv);
+            let lobe = table_lobe(nv, roughness, Geometry::Smith);
+            let [along, across] = lobe.mean(f0, nv);
             let r = 2.0 * nv * n - v;
             let mean = along * r + across * (n - nv * r).normalize_or_zero();
             let want = 1.0 + 0.9 * a.dot(mean);
             let off = (show("linear.exr") / show("even.exr") / want - 1.0).abs();
             println!("{split_sum:?}, F0 {f0}, roughness {roughness}, n·v {nv}: off by {off:.4}");
-            assert!(off <= 0.005, "{split_sum:?}, F0 {f0}, roughness {roughness}, n·v {nv}: off by {off}");
+            // No level is wider than the last one.
+            let wider = lobe.matched(f0, nv, roughness, split_sum).each_spread > spread_from_level(LEVELS - 1);
+            assert!(
+                off <= if wider { 0.02 } else { 0.005 },
+                "{split_sum:?}, F0 {f0}, roughness {roughness}, n·v {nv}: off by {off}"
+            );
         }
     }
 }
@@ -177,12 +157,15 @@ fn mixed(directions: &[DVec3], spread: f64, panorama: &Panorama) -> Vec<DVec3> {
     at(low).into_iter().zip(high).map(|(low, high)| low.lerp(high, share)).collect()
 }
 
-/// Errors of the classic split sum, of one matched moment and of two against the full integral, for F0 0.04 and 1.
-fn split_sum_errors(name: &str, panorama: &Panorama) -> [[Errors; 3]; 2] {
+/// The ways that are matched to the lobe.
+const MATCHED: [SplitSum; 3] = [SplitSum::Moment, SplitSum::OneLobe, SplitSum::TwoLobes];
+
+/// Errors of the classic split sum and of those against the full integral, for F0 0.04 and 1.
+fn split_sum_errors(name: &str, panorama: &Panorama, roughnesses: [f64; 4]) -> [[Errors; 4]; 2] {
     const F0: [f64; 2] = [0.04, 1.0];
     let view = PanoramaView::new(panorama.width, panorama.height, &panorama.texels).expect("a panorama");
-    let mut errors: [[Vec<f64>; 3]; 2] = Default::default();
-    for roughness in [0.25, 0.5, 0.75, 1.0] {
+    let mut errors: [[Vec<f64>; 4]; 2] = Default::default();
+    for roughness in roughnesses {
         let terms = Terms::new(roughness, Geometry::Smith);
         for nv in [1.0, 0.7, 0.4, 0.1f64] {
             let lobe = table_lobe(nv, roughness, Geometry::Smith);
@@ -206,11 +189,14 @@ fn split_sum_errors(name: &str, panorama: &Panorama) -> [[Errors; 3]; 2] {
                 for (k, f0) in F0.into_iter().enumerate() {
                     let albedo = f0 * lobe.base.weight + lobe.fresnel.weight;
                     let matched = |split_sum| {
-                        let Match { even, towards, spread } = lobe.matched(f0, nv, split_sum);
-                        let towards = towards[0] * r + towards[1] * (n - nv * r).normalize_or_zero();
-                        mixed(&[towards.normalize()], spread, panorama)[0].lerp(irradiance, even)
+                        let found = lobe.matched(f0, nv, roughness, split_sum);
+                        let across = (n - nv * r).normalize_or_zero();
+                        let towards = found.lobes().map(|[x, y]| (x * r + y * across).normalize());
+                        let round = mixed(&towards, found.each_spread, panorama);
+                        round[0].midpoint(round[1]).lerp(irradiance, found.even)
                     };
-                    let methods = [classic, matched(SplitSum::Moment), matched(SplitSum::TwoMoments)];
+                    let [moment, one, two] = MATCHED.map(matched);
+                    let methods = [classic, moment, one, two];
                     for (method, light) in methods.into_iter().enumerate() {
                         errors[k][method].push((albedo * light[k] / truth[k] - 1.0).abs());
                     }
@@ -219,8 +205,8 @@ fn split_sum_errors(name: &str, panorama: &Panorama) -> [[Errors; 3]; 2] {
         }
     }
     let errors = errors.map(|methods| methods.map(Errors::new));
-    for (f0, [classic, one, two]) in F0.iter().zip(&errors) {
-        println!("{name}, F0 {f0}: classic {classic}; one moment {one}; two {two}");
+    for (f0, [classic, moment, one, two]) in F0.iter().zip(&errors) {
+        println!("{name}, F0 {f0}: classic {classic}; moment {moment}; one lobe {one}; two {two}");
     }
     errors
 }
@@ -231,19 +217,33 @@ fn grey(panorama: Panorama) -> Panorama {
 }
 
 #[test]
-fn each_moment_takes_part_of_the_error() {
+fn each_step_takes_part_of_the_error() {
     // From a dim ground to a bright zenith, and with a sharp horizon.
     let sky = Panorama::from_fn(128, 64, |d| Vec3::splat((0.15 + 0.425 * (1.0 + d.y)).powi(2)));
     let horizon = Panorama::from_fn(128, 64, |d| Vec3::splat(if d.y > 0.0 { 1.0 - 0.7 * d.y } else { 0.2 }));
-    let sunset = Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/panoramas/sunset.exr");
-    let sunset = half_size(&half_size(&Panorama::load(&sunset, &Report::silent()).expect("the shipped sunset")));
+    let sunset = half_size(&half_size(&shipped("sunset")));
     let mut good = true;
     for (name, panorama, most) in [("sky gradient", sky, 0.5), ("horizon", horizon, 0.8), ("sunset", sunset, 0.5)] {
-        for [classic, one, two] in split_sum_errors(name, &grey(panorama)) {
-            good &= one.mean <= most * classic.mean && two.mean <= 0.75 * one.mean;
+        for [classic, moment, one, two] in split_sum_errors(name, &grey(panorama), [0.25, 0.5, 0.75, 1.0]) {
+            good &= moment.mean <= most * classic.mean && one.mean <= 0.75 * moment.mean && two.mean <= 1.2 * one.mean;
         }
     }
     assert!(good, "see above");
+}
+
+/// Where light has detail, unlike a gradient, and the lobe is long, unlike a very smooth or rough surface's.
+#[test]
+fn two_lobes_are_nearer_than_one() {
+    for name in ["courtyard", "forest"] {
+        for [_, _, one, two] in split_sum_errors(name, &grey(half_size(&shipped(name))), [0.2, 0.3, 0.4, 0.5]) {
+            assert!(two.mean <= 0.9 * one.mean, "{name}: {one}; two {two}");
+        }
+    }
+}
+
+fn shipped(name: &str) -> Panorama {
+    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("assets/panoramas/{name}.exr"));
+    Panorama::load(&file, &Report::silent()).expect("a shipped panorama")
 }
 
 /// Four texels become one, weighted alike.

@@ -16,7 +16,7 @@ use crate::reference::brdf::Geometry;
 use crate::reference::energy::Scattering;
 use crate::reference::integrals::{Surface, Terms};
 use crate::reference::sampling::hammersley;
-use crate::reference::table::SplitSum;
+use crate::reference::split_sum::SplitSum;
 
 /// A metal's colour, gold; a dielectric's; and one that shows its mirrored light alone.
 const MATERIALS: [(&str, f64, DVec3); 3] = [
@@ -70,7 +70,7 @@ impl<'a> Ball<'a> {
         let name = stem(&panorama.name);
         let sums = Sums::new(panorama)?;
         let stored = maps(context, panorama, size)?;
-        let table = BrdfTable::new(context, Geometry::Smith, SplitSum::TwoMoments)?;
+        let table = BrdfTable::new(context, Geometry::Smith, SplitSum::TwoLobes)?;
         let table = TableTexels::read(&context.gpu, &table)?;
         let mut points = [const { Vec::new() }; MATERIALS.len()];
         for roughness in grid.roughness {
@@ -97,9 +97,16 @@ impl<'a> Ball<'a> {
             (Variant { fresnel_twice: true, ..default }, ["Fresnel", "in the table", "twice: by roughness, too"]),
             (
                 Variant { split_sum: SplitSum::Classic, ..default },
-                ["n = v", "matched by two moments", "classic: along r"],
+                ["n = v", "two lobes by their mean", "classic: along r"],
             ),
-            (Variant { split_sum: SplitSum::Moment, ..default }, ["one moment", "two moments", "its mean alone"]),
+            (
+                Variant { split_sum: SplitSum::OneLobe, ..default },
+                ["one lobe", "two and irradiance", "one and irradiance"],
+            ),
+            (
+                Variant { split_sum: SplitSum::Moment, ..default },
+                ["no irradiance", "two and irradiance", "one lobe alone"],
+            ),
             (Variant { scattering: Scattering::Single, ..default }, ["scattering", "as often as it takes", "once"]),
         ] {
             let other = self.values(Exact::Nothing, variant, None);

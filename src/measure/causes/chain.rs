@@ -10,7 +10,8 @@ use crate::reference::energy::{Energy, Scattering, diffuse_taken, multiple_taken
 use crate::reference::integrals::{Surface, Terms, grazing, reflected_by};
 use crate::reference::levels::{LEVELS, alpha_from_level, alpha_from_spread, level_from_spread};
 use crate::reference::lobe::kernel_spread;
-use crate::reference::table::{Entry, Lobe, Match, SplitSum, table_lobe};
+use crate::reference::split_sum::{Match, SplitSum};
+use crate::reference::table::{Entry, Lobe, table_lobe};
 
 /// An approximation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -124,7 +125,7 @@ pub struct Variant {
 
 impl Default for Variant {
     fn default() -> Self {
-        Self { split_sum: SplitSum::TwoMoments, scattering: Scattering::Multiple, fresnel_twice: false }
+        Self { split_sum: SplitSum::default(), scattering: Scattering::Multiple, fresnel_twice: false }
     }
 }
 
@@ -149,15 +150,31 @@ pub fn radiance(point: &Point, exact: Exact, variant: Variant, stored: &Stored, 
     mirrored + beyond
 }
 
-/// The direction and spread of the round lobe at a point and the weight of irradiance beside it, as `specular_lobe` in
-/// `glsl/environment.glsl`.
-fn matched(point: &Point, lobe: &Lobe, split_sum: SplitSum) -> (DVec3, f64, f64) {
-    let Surface { n, v, base_color, metallic, .. } = point.surface;
-    let nv = n.dot(v);
-    let r = 2.0 * nv * n - v;
-    let grey = f0_from_metallic(base_color, metallic).element_sum() / 3.0;
-    let Match { even, towards, spread } = lobe.matched(grey, nv, split_sum);
-    (towards[0] * r + towards[1] * (n - nv * r).normalize_or_zero(), spread, even)
+/// What is looked up for the mirrored light at a point.
+struct Lookup {
+    /// Of the round lobes.
+    towards: [DVec3; 2],
+    /// Of each.
+    spread: f64,
+    /// The weight of irradiance beside them.
+    even: f64,
+}
+
+impl Lookup {
+    /// As `specular_lobe` in `glsl/environment.glsl`.
+    fn new(point: &Point, lobe: &Lobe, split_sum: SplitSum) -> Self {
+        let Surface { n, v, base_color, metallic, roughness } = point.surface;
+        let nv = n.dot(v);
+        let r = 2.0 * nv * n - v;
+        if split_sum == SplitSum::Classic {
+            return Self { towards: [r; 2], spread: kernel_spread(roughness * roughness), even: 0.0 };
+        }
+        let grey = f0_from_metallic(base_color, metallic).element_sum() / 3.0;
+        let found = lobe.matched(grey, nv, roughness, split_sum);
+        let across = (n - nv * r).normalize_or_zero();
+        let Match { even, each_spread, .. } = found;
+        Self { towards: found.lobes().map(|[x, y]| x * r + y * across), spread: each_spread, even }
+    }
 }
 
 /// The maps of one panorama, read back from the GPU.
@@ -182,11 +199,11 @@ impl Maps<'_, '_> {
         if variant.fresnel_twice {
             f0 = f_schlick_roughness(f0, n.dot(v), roughness);
         }
-        let (towards, spread, even) = match variant.split_sum {
-            SplitSum::Classic => (2.0 * n.dot(v) * n - v, kernel_spread(roughness * roughness), 0.0),
-            SplitSum::Moment | SplitSum::TwoMoments => matched(point, &at.lobe, variant.split_sum),
-        };
-        let round = self.specular(towards, spread, exact);
+        let Lookup { towards: [first, second], spread, even } = Lookup::new(point, &at.lobe, variant.split_sum);
+        let mut round = self.specular(first, spread, exact);
+        if second != first {
+            round = round.midpoint(self.specular(second, spread, exact));
+        }
         let light = if even > 0.0 { round.lerp(self.irradiance(n, exact), even) } else { round };
         reflectance(&at.lobe, f0) * light
     }

@@ -13,7 +13,7 @@ use crate::asset::{Storage, TextureOptions};
 use crate::context::Context;
 use crate::reference::energy::Scattering;
 use crate::reference::metrics::{PIXELS_PER_DEGREE, flip};
-use crate::reference::table::SplitSum;
+use crate::reference::split_sum::SplitSum;
 use crate::reference::tone::{display_bytes, display_light, srgb_bytes};
 use crate::render::{Eye, LightModel, Output, RenderSettings, TextureSettings};
 use crate::scene::Scene;

@@ -36,7 +36,7 @@ pub const DIMENSIONS: &[(&str, &[&str])] = &[
     ),
     ("masking", &["--geometry karis2013"]),
     ("scattering", &["--scattering single"]),
-    ("split sum", &["--split-sum classic", "--split-sum moment"]),
+    ("split sum", &["--split-sum classic", "--split-sum moment", "--split-sum one-lobe"]),
     ("model", &["--model everything"]),
     ("mirrored light", &["--cube-size 32", "--cube-size 64", "--cube-size 128", "--cube-size 512", "--cube-size 1024"]),
     ("diffuse light", &["--irradiance-size 8", "--irradiance-size 64"]),
