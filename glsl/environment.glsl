@@ -75,15 +75,16 @@ vec3 environment_around(vec3 towards, LevelMix levels)
     return mix(even, odd, levels.odd_share);
 }
 
-// The mean of the round lobes' radiance, of the panorama alone. In a loop that is not unrolled: a software renderer would take 1.1
-// times as long for the frame.
+// The mean of the round lobes' radiance, of the panorama alone. The loop is not unrolled, which saves a software renderer a tenth of
+// the frame. Its sum changes within a condition because Mesa 22.3's otherwise goes on adding for fragments that have left the loop.
 vec3 environment_image(SpecularLobe lobe)
 {
     LevelMix levels = level_mix(lobe.level);
     vec3 sum = vec3(0.0);
     float side = 1.0, last = lobe.two ? -1.0 : 1.0;
     do {
-        sum += environment_around(lobe.towards + side * lobe.apart, levels);
+        if (side >= last)
+            sum += environment_around(lobe.towards + side * lobe.apart, levels);
         side -= 2.0;
     } while (side >= last);
     return sum * (lobe.two ? 0.5 * frame.environment_scale : frame.environment_scale);

@@ -29,7 +29,8 @@ vec4 probe_image(int index, vec3 p, SpecularLobe lobe)
     vec4 sum = vec4(0.0);
     float side = 1.0, last = lobe.two ? -1.0 : 1.0;
     do {
-        sum += probe_around(index, p, lobe.towards + side * lobe.apart, levels);
+        if (side >= last)
+            sum += probe_around(index, p, lobe.towards + side * lobe.apart, levels);
         side -= 2.0;
     } while (side >= last);
     return lobe.two ? 0.5 * sum : sum;

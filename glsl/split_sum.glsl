@@ -24,7 +24,7 @@ float even_over_along(float nv, float roughness)
 // How much of a match's spread is the angle between two lobes, over sin^2 of that from n to v: fitted.
 float apart_over_sin2(float roughness)
 {
-    return 1.3 * roughness * (1.0 - roughness);
+    return 2.2 * roughness * max(0.8 - roughness, 0.0);
 }
 
 // For a lobe with the mean vector (1 - along) r + lean (n - (n.v) r): the round lobes have what 2/3 n, that of the cosine's lobe,
