@@ -153,7 +153,7 @@ mod tests {
         let lobe = table_lobe(0.25, 0.3, Geometry::Smith);
         let [one, two] = [SplitSum::OneLobe, SplitSum::TwoLobes].map(|way| lobe.matched(1.0, 0.25, 0.3, way));
         assert_eq!((one.even, one.towards, one.spread), (two.even, two.towards, two.spread));
-        let (least, most) = (0.7 * one.each_spread, 0.85 * one.each_spread);
+        let (least, most) = (0.6 * one.each_spread, 0.8 * one.each_spread);
         assert!(one.each_spread == one.spread && (least..most).contains(&two.each_spread), "{one:?}, {two:?}");
     }
 }
