@@ -26,16 +26,16 @@ struct SpecularLobe {
     vec3 reflectance; // its integral over the light's directions, F0 A + B: Karis (2013), eq. 8
     float even;       // the share of the irradiance in it; the rest comes
     vec3 towards;     // from around this direction, of any length:
-    vec3 apart;       // from round lobes, along towards + apart and towards - apart
-    bool two;         // of those: else they are the same
+    vec3 apart;       // from two round lobes, along towards + apart and towards - apart; of one where this is 0
     float spread;     // of both: 1 - length of the mean of all directions that it comes from
     float level;      // of the maps for each
     vec2 entry;       // A and B
     vec2 mean_entry;  // and averaged over directions
 };
 
-// Irradiance and round lobes together have the mean vector of the BRDF's own lobe (src/precompute/README.md).
-SpecularLobe specular_lobe(vec3 n, vec3 v, float nv, vec3 f0, float roughness)
+// Irradiance and round lobes together have the mean vector of the BRDF's own lobe (src/precompute/README.md). `variance` of the
+// normals within the pixel: where they turn as much as the lobe is wide, there is no one plane of incidence, and one lobe stands for two.
+SpecularLobe specular_lobe(vec3 n, vec3 v, float nv, vec3 f0, float roughness, float variance)
 {
     vec2 at = table_coordinate(nv, roughness, vec2(textureSize(brdf_table, 0).xy));
     vec4 parts = textureLod(brdf_table, vec3(at, 0.0), 0.0);
@@ -46,13 +46,14 @@ SpecularLobe specular_lobe(vec3 n, vec3 v, float nv, vec3 f0, float roughness)
     vec3 r = reflect(-v, n), t = n - nv * r;
     float sin2 = dot(t, t);
     Match found = match_lobe(even, dot(share, along), dot(share, means.xy), nv, sin2);
-    float share_apart = SPLIT_SUM == TWO_LOBES ? apart_over_sin2(roughness) : 0.0;
+    float share_apart = 0.0;
+    if (SPLIT_SUM == TWO_LOBES)
+        share_apart = apart_over_sin2(roughness) * clamp(1.0 - variance / max(found.spread, TINY), 0.0, 1.0);
     Pair pair = split_lobe(found, share_apart, sin2);
     SpecularLobe lobe;
     lobe.reflectance = f0 * parts.x + parts.y;
     lobe.even = even;
     lobe.towards = found.towards.x * r + found.towards.y * t;
-    lobe.two = share_apart > 0.0;
     lobe.apart = pair.apart.x * r + pair.apart.y * t;
     lobe.spread = found.spread;
     lobe.level = level_from_spread(pair.spread);
@@ -81,13 +82,14 @@ vec3 environment_image(SpecularLobe lobe)
 {
     LevelMix levels = level_mix(lobe.level);
     vec3 sum = vec3(0.0);
-    float side = 1.0, last = lobe.two ? -1.0 : 1.0;
+    bool two = lobe.apart != vec3(0.0);
+    float side = 1.0, last = two ? -1.0 : 1.0;
     do {
         if (side >= last)
             sum += environment_around(lobe.towards + side * lobe.apart, levels);
         side -= 2.0;
     } while (side >= last);
-    return sum * (lobe.two ? 0.5 * frame.environment_scale : frame.environment_scale);
+    return sum * (two ? 0.5 * frame.environment_scale : frame.environment_scale);
 }
 
 #endif

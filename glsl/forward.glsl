@@ -45,9 +45,17 @@ struct Split {
     vec3 specular;
 };
 
+// Variance of the normals within the pixel, across which they are assumed to turn evenly: a box.
+float normal_variance()
+{
+    vec3 n = normalize_or(normal_world, vec3(0.0, 1.0, 0.0));
+    vec3 across = dFdx(n), down = dFdy(n);
+    return (dot(across, across) + dot(down, down)) / 12.0;
+}
+
 SpecularLobe lobe_of(Surface s)
 {
-    return specular_lobe(s.n, s.v, s.nv, f0_from_metallic(s.base_color, s.metallic), s.roughness);
+    return specular_lobe(s.n, s.v, s.nv, f0_from_metallic(s.base_color, s.metallic), s.roughness, normal_variance());
 }
 
 // The share of a lobe's light that comes from as far away as its image shows it: see share_in_image in lightmap_gather.comp. What is
@@ -99,14 +107,6 @@ Split environment(Surface s, SpecularLobe lobe)
     if (multiple)
         split.specular += multiple_even(energy, s.base_color, s.metallic, lobe.entry) * multiple_taken(s.roughness, light.grazing) * even;
     return split;
-}
-
-// Variance of the normals within the pixel, across which they are assumed to turn evenly: a box.
-float normal_variance()
-{
-    vec3 n = normalize_or(normal_world, vec3(0.0, 1.0, 0.0));
-    vec3 across = dFdx(n), down = dFdy(n);
-    return (dot(across, across) + dot(down, down)) / 12.0;
 }
 
 // The surface for point lights, with its lobe widened: lights of no size would flash on edges and rims thinner than a pixel.

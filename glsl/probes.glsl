@@ -27,13 +27,14 @@ vec4 probe_image(int index, vec3 p, SpecularLobe lobe)
 {
     LevelMix levels = level_mix(lobe.level);
     vec4 sum = vec4(0.0);
-    float side = 1.0, last = lobe.two ? -1.0 : 1.0;
+    bool two = lobe.apart != vec3(0.0);
+    float side = 1.0, last = two ? -1.0 : 1.0;
     do {
         if (side >= last)
             sum += probe_around(index, p, lobe.towards + side * lobe.apart, levels);
         side -= 2.0;
     } while (side >= last);
-    return lobe.two ? 0.5 * sum : sum;
+    return two ? 0.5 * sum : sum;
 }
 
 // The same of all probes around a point; `left`: the share that none of them reaches, all of it the panorama's.

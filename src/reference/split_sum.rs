@@ -5,7 +5,7 @@ use clap::ValueEnum;
 use glam::FloatExt;
 
 use super::math::smoothstep;
-use super::table::Lobe;
+use super::table::{Lobe, sine};
 
 /// The environment lookup for the specular term.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, ValueEnum)]
@@ -37,10 +37,13 @@ pub struct Match {
 }
 
 impl Match {
-    /// The mean vector of all, along r and across it.
-    pub fn mean(&self, nv: f64) -> [f64; 2] {
+    /// The mean vector of all that is looked up, along r and across it, where no lobe is wider than `widest`.
+    pub fn mean(&self, nv: f64, widest: f64) -> [f64; 2] {
         let third = 2.0 / 3.0 * self.even;
-        [self.towards[0] + third * nv, self.towards[1] + third * sine(nv)]
+        let length = (1.0 - self.even) * (1.0 - self.each_spread.min(widest));
+        let [first, second] = self.lobes().map(|[x, y]| [x, y].map(|part| part / x.hypot(y)));
+        let round: [f64; 2] = std::array::from_fn(|i| 0.5 * length * (first[i] + second[i]));
+        [round[0] + third * nv, round[1] + third * sine(nv)]
     }
 
     /// The directions of the round lobes, of any length.
@@ -91,10 +94,6 @@ pub fn apart_over_sin2(roughness: f64) -> f64 {
     2.2 * roughness * (0.8 - roughness).max(0.0)
 }
 
-fn sine(nv: f64) -> f64 {
-    (1.0 - nv * nv).max(0.0).sqrt()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -118,18 +117,11 @@ mod tests {
         for (nv, roughness, f0, lobe) in lobes() {
             for split_sum in [SplitSum::Moment, SplitSum::OneLobe, SplitSum::TwoLobes] {
                 let found = lobe.matched(f0, nv, roughness, split_sum);
-                let Match { even, each_spread, .. } = found;
-                let of_each = found.lobes().map(|[x, y]| {
-                    let length = 0.5 * (1.0 - even) * (1.0 - each_spread) / x.hypot(y);
-                    [length * x, length * y]
-                });
-                let third = 2.0 / 3.0 * even;
-                let mean =
-                    [of_each[0][0] + of_each[1][0] + third * nv, of_each[0][1] + of_each[1][1] + third * sine(nv)];
+                let mean = found.mean(nv, 1.0);
                 let own = lobe.mean(f0, nv);
                 let off = (mean[0] - own[0]).hypot(mean[1] - own[1]);
                 assert!(off < 1e-9, "{split_sum:?} ({nv}, {roughness}), F0 {f0}: {found:?} has {mean:?}, not {own:?}");
-                assert_eq!(split_sum == SplitSum::Moment, even == 0.0, "{found:?}");
+                assert_eq!(split_sum == SplitSum::Moment, found.even == 0.0, "{found:?}");
             }
         }
     }

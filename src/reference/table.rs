@@ -73,7 +73,7 @@ impl Lobe {
     }
 }
 
-fn sine(nv: f64) -> f64 {
+pub(super) fn sine(nv: f64) -> f64 {
     (1.0 - nv * nv).max(0.0).sqrt()
 }
 

@@ -133,7 +133,7 @@ fn hardly_a_pixel_flashes_on_a_walk_around_the_teapot() {
 
 #[test]
 fn hardly_a_pixel_flashes_on_a_walk_through_the_tearoom() {
-    assert_calm("tearoom.toml", 1.25);
+    assert_calm("tearoom.toml", 1.0);
     assert_restless("tearoom.toml", 10);
 }
 
