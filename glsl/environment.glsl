@@ -33,8 +33,8 @@ struct SpecularLobe {
     vec2 mean_entry;  // and averaged over directions
 };
 
-// Irradiance and round lobes together have the mean vector of the BRDF's own lobe (src/precompute/README.md). `variance` of the
-// normals within the pixel: where they turn as much as the lobe is wide, there is no one plane of incidence, and one lobe stands for two.
+// Irradiance and round lobes together have the mean vector of the BRDF's own lobe (src/precompute/README.md), but for what normals
+// of this variance within the pixel take of it.
 SpecularLobe specular_lobe(vec3 n, vec3 v, float nv, vec3 f0, float roughness, float variance)
 {
     vec2 at = table_coordinate(nv, roughness, vec2(textureSize(brdf_table, 0).xy));
@@ -46,9 +46,8 @@ SpecularLobe specular_lobe(vec3 n, vec3 v, float nv, vec3 f0, float roughness, f
     vec3 r = reflect(-v, n), t = n - nv * r;
     float sin2 = dot(t, t);
     Match found = match_lobe(even, dot(share, along), dot(share, means.xy), nv, sin2);
-    float share_apart = 0.0;
-    if (SPLIT_SUM == TWO_LOBES)
-        share_apart = apart_over_sin2(roughness) * clamp(1.0 - variance / max(found.spread, TINY), 0.0, 1.0);
+    found.spread = turned_spread(found.spread, nv, variance);
+    float share_apart = SPLIT_SUM == TWO_LOBES ? apart_over_sin2(roughness) : 0.0;
     Pair pair = split_lobe(found, share_apart, sin2);
     SpecularLobe lobe;
     lobe.reflectance = f0 * parts.x + parts.y;

@@ -41,6 +41,13 @@ Match match_lobe(float even, float along, float lean, float nv, float sin2)
     return Match(even, vec2(weight - along, lean), squares / (weight * (weight + length_towards)));
 }
 
+// The spread where normals turn within the pixel, by this variance along both axes together: the mirror direction turns by twice as
+// much in the plane of incidence, by 2 n.v as much across it. Rims and rods thinner than a pixel would flash without.
+float turned_spread(float spread, float nv, float variance)
+{
+    return 1.0 - (1.0 - spread) / (1.0 + variance * (1.0 + nv * nv));
+}
+
 // Of the same mean: with the cosine 1 - s between `towards` and each lobe, (1 - s) (1 - spread of each) = 1 - spread.
 Pair split_lobe(Match whole, float share, float sin2)
 {

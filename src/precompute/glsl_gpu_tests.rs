@@ -16,7 +16,7 @@ use crate::reference::lobe::{grazing_kernel, grazing_second_derivative, kernel, 
 use crate::reference::math::{normalize_or, round_to_half};
 use crate::reference::openness::{image_bound, most_radiance, openness_from_mean, visibility};
 use crate::reference::probe::{box_exit, is_in_image, probe_weight};
-use crate::reference::split_sum::{Match, SplitSum};
+use crate::reference::split_sum::{Match, SplitSum, turned_spread};
 use crate::reference::table::{Lobe, LobePart, table_arguments, table_lobe, table_place};
 use crate::reference::tone::{exposure_scale, luminance, srgb_decode, srgb_encode, tone_neutral};
 
@@ -438,6 +438,7 @@ struct SplitSumInput {
     nv: f32,
     sin2: f32,
     roughness: f32,
+    variance: f32,
 }
 
 #[test]
@@ -455,9 +456,10 @@ fn the_split_sum_is_as_in_f64() {
         nv: nv as f32,
         sin2: (1.0 - nv * nv) as f32,
         roughness: roughness as f32,
+        variance: (0.2 * roughness) as f32,
     };
     let inputs: Vec<_> = cases.iter().map(input).collect();
-    let outputs: Vec<[f32; 7]> = with_gpu(|gpu| evaluate(gpu, "test_split_sum.comp", &inputs));
+    let outputs: Vec<[f32; 8]> = with_gpu(|gpu| evaluate(gpu, "test_split_sum.comp", &inputs));
     let mut judge = Judge::default();
     for ((nv, roughness, base), (input, got)) in cases.iter().zip(inputs.iter().zip(&outputs)) {
         let lobe = Lobe { base: LobePart { weight: 1.0, ..*base }, fresnel: LobePart::default() };
@@ -469,6 +471,7 @@ fn the_split_sum_is_as_in_f64() {
         judge.near("irradiance", input, &got[..1], &[even], [1e-6, 1e-5]);
         judge.near("towards", input, &[got[1], x as f32], &towards, [2e-6, 1e-5]);
         judge.near("apart", input, &[got[4], y as f32], &apart, [2e-6, 2e-4]);
-        judge.near("spreads", input, &[got[3], got[6]], &[spread, each_spread], [2e-7, 2e-4]);
+        let turned = turned_spread(spread, *nv, input.variance.into());
+        judge.near("spreads", input, &[got[3], got[6], got[7]], &[spread, each_spread, turned], [2e-7, 2e-4]);
     }
 }

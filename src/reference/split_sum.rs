@@ -94,8 +94,16 @@ pub fn apart_over_sin2(roughness: f64) -> f64 {
     2.2 * roughness * (0.8 - roughness).max(0.0)
 }
 
+/// The spread of lobes around the mirror directions of normals that turn by `variance` along both axes together, to first order: the
+/// mirror direction turns by twice as much in the plane of incidence, by 2 n·v as much across it.
+pub fn turned_spread(spread: f64, nv: f64, variance: f64) -> f64 {
+    1.0 - (1.0 - spread) / (1.0 + variance * (1.0 + nv * nv))
+}
+
 #[cfg(test)]
 mod tests {
+    use glam::DVec3;
+
     use super::*;
     use crate::reference::brdf::Geometry;
     use crate::reference::table::table_lobe;
@@ -147,5 +155,25 @@ mod tests {
         assert_eq!((one.even, one.towards, one.spread), (two.even, two.towards, two.spread));
         let (least, most) = (0.6 * one.each_spread, 0.8 * one.each_spread);
         assert!(one.each_spread == one.spread && (least..most).contains(&two.each_spread), "{one:?}, {two:?}");
+    }
+
+    /// The length of the mean of directions that a lobe of spread 0 is mirrored to, by normals spread evenly over a square.
+    #[test]
+    fn lobes_are_as_wide_as_turning_normals_make_them() {
+        const STEPS: i32 = 40;
+        for (nv, side) in [(1.0, 0.05), (0.8, 0.2), (0.5, 0.3), (0.3, 0.1)] {
+            let v = DVec3::new(sine(nv), 0.0, nv);
+            let mut sum = DVec3::ZERO;
+            for (i, j) in (0..STEPS).flat_map(|i| (0..STEPS).map(move |j| (i, j))) {
+                let [x, y] = [i, j].map(|i| side * ((f64::from(i) + 0.5) / f64::from(STEPS) - 0.5));
+                let n = DVec3::new(x, y, 1.0).normalize();
+                sum += 2.0 * n.dot(v) * n - v;
+            }
+            let own = 1.0 - sum.length() / f64::from(STEPS * STEPS);
+            let spread = turned_spread(0.0, nv, 2.0 * side * side / 12.0);
+            assert!((spread / own - 1.0).abs() < 0.03, "n·v {nv}, side {side}: {spread}, not {own}");
+            let wider = turned_spread(0.3, nv, 2.0 * side * side / 12.0);
+            assert!(((1.0 - wider) / (0.7 * (1.0 - spread)) - 1.0).abs() < 1e-12, "n·v {nv}: {wider}");
+        }
     }
 }

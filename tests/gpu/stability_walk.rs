@@ -106,54 +106,54 @@ fn assert_calm(file: &str, most_per_million: f64) {
     assert!(flashes <= most, "{file}: {flashes} flashes, more than {most}");
 }
 
-/// The same without levels of detail and with one sample per pixel: it flashes so often at least. Ten frames are enough.
+/// The same without levels of detail and with one sample per pixel: it flashes so often at least in a tenth of the walk.
 fn assert_restless(file: &str, least: usize) {
     let shipped = scene(&shipped(file));
-    let eyes = &walk(&shipped)[140..154];
+    let eyes = &walk(&shipped)[133..167];
     let naive = without_mips(shipped.clone());
     let flashes = with_gpu(|gpu| {
         let film = film(&mut Stage::new(gpu, &naive, SIZE, 1, Output::Display), eyes);
         false_flashes(gpu, &shipped, eyes, &film)
     });
-    println!("{file}, naive: {flashes} flashes in ten frames, at least {least}");
+    println!("{file}, naive: {flashes} flashes in thirty frames, at least {least}");
     assert!(flashes >= least, "{file}: unfiltered textures no longer flash: {flashes}");
 }
 
 #[test]
 fn hardly_a_pixel_flashes_on_a_walk_around_the_sphere() {
     assert_calm("sphere.toml", 2.0);
-    assert_restless("sphere.toml", 50);
+    assert_restless("sphere.toml", 150);
 }
 
 #[test]
 fn hardly_a_pixel_flashes_on_a_walk_around_the_teapot() {
-    assert_calm("teapot.toml", 1.0);
-    assert_restless("teapot.toml", 10);
+    assert_calm("teapot.toml", 0.5);
+    assert_restless("teapot.toml", 30);
 }
 
 #[test]
 fn hardly_a_pixel_flashes_on_a_walk_through_the_tearoom() {
-    assert_calm("tearoom.toml", 1.0);
-    assert_restless("tearoom.toml", 10);
+    assert_calm("tearoom.toml", 0.5);
+    assert_restless("tearoom.toml", 15);
 }
 
 #[test]
 fn hardly_a_pixel_flashes_on_a_walk_around_the_head() {
     if scenes("a walk around the head").is_some() {
-        assert_calm("head.toml", 4.0);
+        assert_calm("head.toml", 3.5);
     }
 }
 
 #[test]
 fn hardly_a_pixel_flashes_on_a_walk_through_dabrovic_sponza() {
     if scenes("a walk through Dabrovic Sponza").is_some() {
-        assert_calm("dabrovic-sponza.toml", 1.0);
+        assert_calm("dabrovic-sponza.toml", 0.5);
     }
 }
 
 #[test]
 fn hardly_a_pixel_flashes_on_a_walk_through_crytek_sponza() {
     if scenes("a walk through Crytek Sponza").is_some() {
-        assert_calm("crytek-sponza.toml", 55.0);
+        assert_calm("crytek-sponza.toml", 16.0);
     }
 }
