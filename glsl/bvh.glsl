@@ -28,7 +28,8 @@ layout(RAY_TRIANGLES, scalar) readonly buffer BvhTriangles { BvhTriangle bvh_tri
 // triangle's back, as that of a closed surface.
 const uint BVH_MASKED = 0x80000000u;
 const uint BVH_ONE_SIDED = 0x40000000u;
-const uint BVH_MATERIAL = 0x3fffffffu;
+const uint BVH_SPHERE = 0x20000000u;
+const uint BVH_MATERIAL = 0x1fffffffu;
 // The same as scene::bvh::STACK, which the tree's depth is checked against.
 const uint BVH_STACK = 32;
 // Slack for rounding, six units in the last place: Ize, "Robust BVH Ray Traversal" (2013), for boxes of bytes.

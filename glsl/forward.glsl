@@ -13,6 +13,7 @@
 #include "sun_light.glsl"
 #ifdef LOCAL_PROBES
 #include "probes.glsl"
+#include "sphere_lights.glsl"
 #endif
 
 layout(location = 0) out vec4 colour;
@@ -86,7 +87,11 @@ vec3 mirrored(Surface s, SpecularLobe lobe, vec3 over_pi)
     vec3 radiance = mix(blockers, image, image_share(lobe));
     float most = most_radiance(lobe.spread, dot(s.n, normalize(lobe.towards)));
     vec3 bound = image_bound(panorama, over_pi, environment_even(s.n).over_pi, most);
-    return round_reflectance(lobe) * min(radiance, bound);
+    vec3 spheres = vec3(0.0);
+#ifdef LOCAL_PROBES
+    spheres = mirrored_spheres(s, lobe.even, normal_variance());
+#endif
+    return round_reflectance(lobe) * min(radiance, bound) + spheres;
 }
 
 // What the environment gives: the split sum, and with the irradiance what is diffuse or scattered more than once. That is

@@ -30,11 +30,18 @@ const float BEYOND_WALL = 1.1;
 // What rays see through before they meet a wall, at most.
 const uint MOST_HITS = 8;
 
+// Whether it is part of a sphere light, which is added to what probes show.
+bool is_of_sphere(RayHit hit)
+{
+    return (bvh_triangles[hit.triangle].material_and_flags & BVH_SPHERE) != 0u;
+}
+
 vec3 given_back(RayHit hit, vec3 d_world)
 {
     vec3 at = lightmap_address(hit, is_back(hit, d_world));
     vec3 light = textureLod(given_back_of_direct, at, 0.0).rgb + textureLod(given_back_of_soft, at, 0.0).rgb;
-    return light * towards_over_matt(hit, hit_cosine(hit, d_world)) + emission_of_hit(hit);
+    light *= towards_over_matt(hit, hit_cosine(hit, d_world));
+    return is_of_sphere(hit) ? light : light + emission_of_hit(hit);
 }
 
 // A thing before a wall is shown on it larger than it is, and in a wrong place: it is as much fainter there, and the rest is the

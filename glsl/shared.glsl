@@ -22,6 +22,16 @@ struct PointLight {
     vec2 cone;         // factor and summand of the cosine to it; 0, 1 for light to all sides
 };
 
+// A surface that shines, as a sphere, in the models' space: mirror images show it beside what probes captured.
+const uint MAX_SPHERE_LIGHTS = 8;
+struct SphereLight {
+    vec3 position; // metres
+    float radius;
+    vec3 intensity;    // W/sr
+    float shadow_near; // as of a PointLight
+    int shadow_layer;
+};
+
 // A disc far away, in world space; irradiance 0 where there is none.
 struct SunDisc {
     vec3 towards;    // unit vector to its centre
@@ -55,6 +65,7 @@ layout(constant_id = 19) const bool EMITS = true;
 layout(constant_id = 20) const uint VERTEX_COLOURS = 0;
 layout(constant_id = 21) const uint SECOND_UV = 0; // bit i: map i is looked up by the second texture coordinates
 layout(constant_id = 22) const bool BLENDS = false;  // alpha is coverage
+layout(constant_id = 23) const uint SPHERE_LIGHTS = 0;
 
 // LAMP_SHADOWS: the order of render::shadow_plan::LampShadows.
 const uint LAMP_SHADOWS_NONE = 0;
@@ -112,6 +123,7 @@ layout(FRAME_UNIFORMS, scalar) uniform Frame {
     mat4 world_from_models; // rigid
     SunDisc sun;
     SunShadow sun_shadow;
+    SphereLight sphere_lights[MAX_SPHERE_LIGHTS];
 } frame;
 
 layout(SCENE_LIGHTS, scalar) readonly buffer Lights {

@@ -180,6 +180,7 @@ impl BoundScene {
         SceneConstants {
             environment_scale: maps.scale,
             light_count: self.resources.light_count,
+            sphere_lights: self.resources.sphere_lights,
             sun: *sun,
             sun_shadow: self.shadows.sun_block(sun.as_ref()),
         }
@@ -198,6 +199,7 @@ impl BoundScene {
             layouts: Arc::clone(layouts),
             variants: self.resources.variants_for(&self.edits),
             constant_lights: self.resources.constant_lights,
+            sphere_lights: self.resources.sphere_light_count,
             lightmap_layers: self.baked.as_ref().map_or(0, BakedLight::layers),
             drawn: self.resources.drawn_kinds(),
             ray_scene: Arc::clone(&self.resources.ray_scene),

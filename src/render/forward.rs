@@ -89,7 +89,7 @@ impl ForwardPass {
         let is_reference = settings.shading == Shading::Reference;
         let stages = |probes| Stages::new(settings, probes, gpu.wants_late_depth());
         let Stages { sky, colour, samples, .. } = stages(false);
-        let common: [Constant; 12] = [
+        let common: [Constant; 13] = [
             (constant::EYES, *eyes),
             (constant::SHADING, settings.shading as u32),
             (constant::GEOMETRY, settings.geometry as u32),
@@ -98,6 +98,7 @@ impl ForwardPass {
             (constant::SUN, u32::from(request.shades_sun())),
             // Below 0: the shader reads the count from the frame's block.
             (constant::LIGHTS, constant_lights.unwrap_or(u32::MAX)),
+            (constant::SPHERE_LIGHTS, request.shown_spheres()),
             (constant::LAMP_SHADOWS, request.lamp_shadows() as u32),
             (constant::SUN_SHADOW, u32::from(request.sun_shadow())),
             (constant::LIGHTMAP, if is_reference { 0 } else { *lightmap_layers }),

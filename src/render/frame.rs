@@ -5,10 +5,11 @@ use glam::{DVec2, Mat4};
 use super::draws::CullOptions;
 use super::eye::Eye;
 use super::gizmos::{ControllerGizmos, GizmoVertex, MAX_GIZMO_VERTICES};
-use super::shared::{EyeBlock, FrameBlock, SunBlock, SunShadowBlock};
+use super::shared::{EyeBlock, FrameBlock, SphereLightBlock, SunBlock, SunShadowBlock};
 use crate::reference::cube::rotate_y;
 use crate::reference::sun::Sun;
 use crate::scene::Scene;
+use crate::scene::sphere_lights::MAX_SPHERE_LIGHTS;
 
 /// Bytes per frame of a `gpu::FrameRing` for rendering: uniform blocks and gizmos, with room for alignment.
 pub const FRAME_BYTES: u64 = (MAX_GIZMO_VERTICES * size_of::<GizmoVertex>() + 4096) as u64;
@@ -56,6 +57,7 @@ impl<'a> FrameInputs<'a> {
             world_from_models: self.world_from_models.to_cols_array_2d(),
             sun: scene.sun.map_or_else(SunBlock::default, |sun| sun_block(&sun, self.environment_rotation)),
             sun_shadow: scene.sun_shadow,
+            sphere_lights: scene.sphere_lights,
             ..FrameBlock::default()
         };
         for (block, eye) in block.eyes.iter_mut().zip(self.eyes) {
@@ -78,6 +80,7 @@ pub struct SceneConstants {
     pub sun: Option<Sun>,
     /// All 0 without a shadow map of it.
     pub sun_shadow: SunShadowBlock,
+    pub sphere_lights: [SphereLightBlock; MAX_SPHERE_LIGHTS],
 }
 
 /// A sun in world space, for a panorama turned by so many radians.

@@ -19,6 +19,8 @@ pub struct PipelineRequest {
     pub(super) variants: Vec<MaterialFeatures>,
     /// The number of point lights; `None` for any.
     pub(super) constant_lights: Option<u32>,
+    /// The number of sphere lights.
+    pub(super) sphere_lights: u32,
     /// Of the scene's lightmap; 0 without one.
     pub(super) lightmap_layers: u32,
     /// Of each variant, whether something is drawn with it by each kind of [`ProbeUse`].
@@ -47,6 +49,18 @@ impl PipelineRequest {
     /// Whether the sun has a shadow map.
     pub(super) fn sun_shadow(&self) -> bool {
         self.sun.is_some() && self.casts
+    }
+
+    /// The number of sphere lights that shaders add to mirror images: those of probes leave them out.
+    pub(super) fn shown_spheres(&self) -> u32 {
+        let by_probes = self.drawn.iter().any(|kinds| kinds[1..].contains(&true));
+        if by_probes && self.lightmap_layers > 0 { self.sphere_lights } else { 0 }
+    }
+
+    /// Whether any shadow map is read.
+    pub(super) fn reads_shadows(&self) -> bool {
+        let spheres = self.shown_spheres() > 0 && self.casts;
+        self.lamp_shadows() != LampShadows::None || self.sun_shadow() || spheres
     }
 
     /// How lamps' shadows are looked up under the request's settings.

@@ -6,7 +6,6 @@ use super::hidden_area::HiddenAreaPass;
 use super::pipeline_request::PipelineRequest;
 use super::reference_accumulator::{ReferenceAccumulator, ReferencePasses};
 use super::settings::{RenderSettings, Shading};
-use super::shadow_plan::LampShadows;
 use super::surface_pass::SurfacePass;
 use crate::Result;
 use crate::scene::MaterialFeatures;
@@ -39,7 +38,7 @@ impl PassPipelines {
         let is_reference = settings.shading == Shading::Reference;
         // The reference never shows gizmos, as all samples of a pixel must show the same scene.
         // The reference traces rays instead.
-        let has_shadows = !is_reference && (request.lamp_shadows() != LampShadows::None || request.sun_shadow());
+        let has_shadows = !is_reference && request.reads_shadows();
         let has_headset_passes = *eyes > 1 && !is_reference;
         Ok(Self {
             settings: settings.clone(),

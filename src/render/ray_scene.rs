@@ -18,12 +18,15 @@ use crate::scene::atlas::steps;
 use crate::scene::bvh::{Bvh, BvhTriangle, Hit};
 use crate::scene::lightmap_texels::{LightmapTexels, Sides, sides};
 use crate::scene::places::Places;
+use crate::scene::sphere_lights::SphereLight;
 use crate::scene::surroundings::spiral;
 use crate::scene::{GeometryView, Instance, Material, Mesh, Scene, Vertex};
 
 /// The upper bits of a triangle's material, the same as in `glsl/bvh.glsl`: it is alpha-tested; its back is never seen.
 const MASKED: u32 = 1 << 31;
 const ONE_SIDED: u32 = 1 << 30;
+/// It is part of a sphere light.
+const SPHERE: u32 = 1 << 29;
 /// Memory for the reduced textures, and the part of the GPU's that they may take: 24 bytes a texel of each layer with emission.
 const TEXTURE_BYTES: u64 = 192 << 20;
 const MEMORY_PART: u64 = 8;
@@ -50,6 +53,7 @@ pub struct LazyRayScene {
     /// Where paths begin that look for the backs that are seen.
     cameras: Vec<Vec3>,
     lamps: Vec<Vec3>,
+    spheres: Vec<SphereLight>,
     texture_sets: Mutex<Arc<[DescriptorSet]>>,
     built: Mutex<Option<Arc<RayScene>>>,
 }
@@ -92,7 +96,12 @@ struct CornerBlock {
 
 impl LazyRayScene {
     /// Copies what rays need of a scene with this geometry; its textures are read from their descriptor sets.
-    pub fn new(scene: &Scene, geometry: GeometryView<'_>, texture_sets: &Arc<[DescriptorSet]>) -> Self {
+    pub fn new(
+        scene: &Scene,
+        geometry: GeometryView<'_>,
+        texture_sets: &Arc<[DescriptorSet]>,
+        spheres: Vec<SphereLight>,
+    ) -> Self {
         Self {
             meshes: geometry.meshes.to_vec(),
             instances: geometry.instances.to_vec(),
@@ -104,6 +113,7 @@ impl LazyRayScene {
                 || geometry.meshes.iter().any(|mesh| mesh.vertices.iter().any(VertexExtraBlock::is_needed)),
             cameras: scene.cameras.iter().map(|camera| camera.position).collect(),
             lamps: scene.lights.iter().map(|lamp| lamp.position).collect(),
+            spheres,
             texture_sets: Mutex::new(Arc::clone(texture_sets)),
             built: Mutex::new(None),
         }
@@ -121,6 +131,7 @@ impl LazyRayScene {
             has_extras: false,
             cameras: Vec::new(),
             lamps: Vec::new(),
+            spheres: Vec::new(),
             texture_sets: Mutex::new(Arc::new([])),
             built: Mutex::new(None),
         }
@@ -163,7 +174,10 @@ impl LazyRayScene {
         let material = self.mesh(triangle).material;
         let masked = if self.masked.get(material) == Some(&true) { MASKED } else { 0 };
         let one_sided = if sides == Sides::Both { 0 } else { ONE_SIDED };
-        TriangleBlock { corners: triangle.corners, material_and_flags: material as u32 | masked | one_sided }
+        let corners = triangle.corners.map(Vec3::from);
+        let is_of_sphere = self.emission[material] > 0.0 && self.spheres.iter().any(|sphere| sphere.has(corners));
+        let sphere = if is_of_sphere { SPHERE } else { 0 };
+        TriangleBlock { corners: triangle.corners, material_and_flags: material as u32 | masked | one_sided | sphere }
     }
 
     fn corners(&self, triangle: &BvhTriangle) -> [CornerBlock; 3] {

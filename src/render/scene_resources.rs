@@ -15,13 +15,14 @@ use super::edits::{EditPlaces, SceneEdits};
 use super::ray_scene::LazyRayScene;
 use super::settings::RenderSettings;
 use super::shadow_plan::ShadowPlan;
-use super::shared::{InstanceBlock, LightBlock, MaterialBlock, material_flag};
+use super::shared::{InstanceBlock, LightBlock, MaterialBlock, SphereLightBlock, material_flag};
 use crate::Result;
 use crate::asset::model::Cone;
 use crate::context::Context;
 use crate::gpu::{Buffer, BufferKind, Commands, Gpu};
 use crate::scene::cluster::{Cluster, clusters};
-use crate::scene::needs::MAX_COUNTED_LIGHTS;
+use crate::scene::needs::{MAX_COUNTED_LIGHTS, mirrors};
+use crate::scene::sphere_lights::{MAX_SPHERE_LIGHTS, SphereLight};
 use crate::scene::{GeometryView, Lookup, Material, MaterialFeatures, PointLight, Probe, Scene, SceneFeatures};
 pub use geometry::Geometry;
 pub use textures::{SceneTextures, TextureFacts, affordable_bytes};
@@ -45,6 +46,9 @@ pub struct SceneResources {
     pub material_blocks: Vec<MaterialBlock>,
     pub light_blocks: Vec<LightBlock>,
     pub light_count: u32,
+    /// For mirror images, in the models' space; the first `sphere_light_count` of them.
+    pub sphere_lights: [SphereLightBlock; MAX_SPHERE_LIGHTS],
+    pub sphere_light_count: u32,
     pub shadow_plan: ShadowPlan,
     /// Each combination of features that a material needs; [`Draw::variant`] is an index.
     pub variants: Vec<MaterialFeatures>,
@@ -172,7 +176,15 @@ impl SceneResources {
             }
         };
         let drawn: Vec<DrawnMaterial> = (0..scene.materials.len()).map(&mut drawn).collect();
-        let shadow_plan = ShadowPlan::new(context, scene, features.casts, &settings.light_detail);
+        let spheres = match mirrors::any(scene, settings.model) {
+            true => SphereLight::all(geometry, &scene.materials),
+            false => Vec::new(),
+        };
+        let shadow_plan = ShadowPlan::new(context, (scene, &spheres), features.casts, &settings.light_detail);
+        let mut sphere_lights = [SphereLightBlock::default(); MAX_SPHERE_LIGHTS];
+        for (i, (block, sphere)) in sphere_lights.iter_mut().zip(&spheres).enumerate() {
+            *block = sphere_block(sphere, shadow_plan.of_lamp(scene.lights.len() + i));
+        }
         let lamp = |(i, light): (usize, &PointLight)| light_block(light, shadow_plan.of_lamp(i));
         let lights: Vec<LightBlock> = scene.lights.iter().enumerate().map(lamp).collect();
         let block = |(material, drawn): (&Material, &DrawnMaterial)| material_block(material, drawn.textures);
@@ -184,13 +196,15 @@ impl SceneResources {
             materials: storage(gpu, "materials", &blocks)?,
             lights: light_buffer(gpu, &lights)?,
             light_count: u32::try_from(lights.len()).unwrap_or(u32::MAX),
+            sphere_lights,
+            sphere_light_count: spheres.len() as u32,
             material_blocks: blocks,
             light_blocks: lights,
             shadow_plan,
             variants: variants.all,
             variant_of_materials: drawn.iter().map(|drawn| drawn.variant).collect(),
             constant_lights: features.lights,
-            ray_scene: Arc::new(LazyRayScene::new(scene, geometry, &textures.sets)),
+            ray_scene: Arc::new(LazyRayScene::new(scene, geometry, &textures.sets, spheres)),
             textures,
             draws,
         };
@@ -293,6 +307,16 @@ fn light_block(light: &PointLight, (shadow_layer, shadow_near): (i32, f32)) -> L
         shadow_layer,
         along: light.cone.map_or(Vec3::Y, |cone| cone.along).into(),
         cone: light.cone.map_or([0.0, 1.0], |cone| falloff(&cone)),
+    }
+}
+
+fn sphere_block(sphere: &SphereLight, (shadow_layer, shadow_near): (i32, f32)) -> SphereLightBlock {
+    SphereLightBlock {
+        position: sphere.position.into(),
+        radius: sphere.radius,
+        intensity: sphere.intensity().into(),
+        shadow_near,
+        shadow_layer,
     }
 }
 

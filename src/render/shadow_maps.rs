@@ -35,9 +35,9 @@ pub struct ShadowMaps {
     pub lamps: Arc<Image>,
     /// One layer; a single texel without a sun.
     pub sun: Arc<Image>,
-    /// One per layer of the lamps, world space.
-    eyes: Vec<Eye>,
-    /// `world_from_models` of the last drawing. Lamps stand still.
+    /// One per layer of the lamps, in the lamp's space, and whether that moves with the models.
+    eyes: Vec<(Eye, bool)>,
+    /// `world_from_models` of the last drawing.
     lamps_for: Option<Mat4>,
     has_sun: bool,
     sun_for: Option<Placement>,
@@ -62,7 +62,11 @@ impl ShadowMaps {
         Ok(Self {
             lamps: image("lamp shadows", plan.face, plan.layers())?,
             sun: image("sun shadow", if has_sun { plan.sun_side } else { 1 }, 1)?,
-            eyes: plan.maps.iter().flat_map(|map| (0..FACES).map(move |face| face_eye(map, face))).collect(),
+            eyes: plan
+                .maps
+                .iter()
+                .flat_map(|map| (0..FACES).map(move |face| (face_eye(map, face), map.moves)))
+                .collect(),
             lamps_for: None,
             has_sun,
             sun_for: None,
@@ -125,9 +129,10 @@ impl ShadowMaps {
     ) {
         let models_from_world = world_from_models.inverse();
         commands.prepare_fresh(&self.lamps, ImageAccess::Depth);
-        for (layer, eye) in (0..).zip(&self.eyes) {
+        for (layer, (eye, moves)) in (0..).zip(&self.eyes) {
             // As for the picture, models that are moved together are drawn by moving the eye the opposite way.
-            let eye = Eye { world_from_view: models_from_world * eye.world_from_view, ..*eye };
+            let to_models = if *moves { Mat4::IDENTITY } else { models_from_world };
+            let eye = Eye { world_from_view: to_models * eye.world_from_view, ..*eye };
             self.draws.fill(&resources.draws, &[eye], CullOptions::default());
             render(commands, &self.lamps, layer, |commands| {
                 pass.draw(commands, resources, set, self.draws.calls(), eye.clip_from_world());
@@ -189,7 +194,7 @@ mod tests {
 
     #[test]
     fn faces_are_drawn_where_they_are_looked_up() {
-        let map = LampMap { lamp: 0, position: Vec3::new(1.0, -2.0, 0.5), near_metres: 0.01 };
+        let map = LampMap { lamp: 0, position: Vec3::new(1.0, -2.0, 0.5), moves: false, near_metres: 0.01 };
         for direction in
             [[3.0, 1.0, -2.0], [-3.0, 1.0, 2.0], [1.0, 3.0, 0.5], [0.2, -3.0, 1.0], [1.0, -2.0, 4.0], [1.0, 2.0, -4.0]]
         {

@@ -5,6 +5,7 @@ use glam::Vec3;
 use super::light_detail::LightDetail;
 use crate::context::Context;
 use crate::reference::shadow::FACE_TANGENT;
+use crate::scene::sphere_lights::SphereLight;
 use crate::scene::{Bounds, PointLight, Scene};
 
 /// Layers of a lamp's map.
@@ -27,7 +28,7 @@ const MOST_LAMPS: usize = 42;
 /// digits however near it is.
 const NEAR_PART: f32 = 1e-4;
 
-/// How shaders look up lamps' shadows; the order of `glsl/shared.glsl`.
+/// How shaders look up shadows of the scene's lights; the order of `glsl/shared.glsl`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum LampShadows {
     /// No lamp has a map.
@@ -42,15 +43,17 @@ pub enum LampShadows {
 /// A lamp's map.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LampMap {
-    /// Of the scene's lights.
+    /// Of the scene's lights, and then of its sphere lights.
     pub lamp: usize,
-    /// World space.
+    /// World space; as the scene's file places it where it moves with the models.
     pub position: Vec3,
+    /// Whether it does: sphere lights are parts of them.
+    pub moves: bool,
     /// Metres along a face's axis to the near plane.
     pub near_metres: f32,
 }
 
-/// The shadow maps of a scene's lamps. Lamp `maps[i].lamp` has the layers from 6 i on.
+/// The shadow maps of a scene's lamps and sphere lights. Lamp `maps[i].lamp` has the layers from 6 i on.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ShadowPlan {
     pub kind: LampShadows,
@@ -65,7 +68,12 @@ pub struct ShadowPlan {
 
 impl ShadowPlan {
     /// Maps for the scene's lamps, none if nothing `casts` or none are wanted; says which lamps go without.
-    pub fn new(context: &Context, scene: &Scene, casts: bool, detail: &LightDetail) -> Self {
+    pub fn new(
+        context: &Context,
+        (scene, spheres): (&Scene, &[SphereLight]),
+        casts: bool,
+        detail: &LightDetail,
+    ) -> Self {
         let casts = casts && detail.has_shadow_maps();
         let info = context.gpu.info();
         let (sun_side, budget) = match detail.shadow_size {
@@ -81,23 +89,30 @@ impl ShadowPlan {
         let sun_side = sun_side.min(most);
         let largest = sun_side / 2;
         let plan = if casts {
-            Self::within(&scene.lights, scene.bounds(), largest, budget.min(info.memory / MEMORY_PART))
+            Self::within((&scene.lights, spheres), scene.bounds(), largest, budget.min(info.memory / MEMORY_PART))
         } else {
             Self { face: 1, ..Self::default() }
         };
         let plan = Self { casts, sun_side, ..plan };
-        let without = if casts { scene.lights.len() - plan.maps.len() } else { 0 };
+        let lamps = scene.lights.len() + spheres.len();
+        let without = if casts { lamps - plan.maps.len() } else { 0 };
         if without > 0 {
-            context
-                .report
-                .warn(format!("{without} of {} lamps cast no shadow: the weakest and farthest", scene.lights.len()));
+            context.report.warn(format!("{without} of {lamps} lamps cast no shadow: the weakest and farthest"));
         }
         plan
     }
 
     /// The largest faces, at most `largest`, with which all lamps fit into `budget` bytes; with the smallest, the lamps that
     /// light the scene most.
-    fn within(lights: &[PointLight], bounds: Bounds, largest: u32, budget: u64) -> Self {
+    fn within((lamps, spheres): (&[PointLight], &[SphereLight]), bounds: Bounds, largest: u32, budget: u64) -> Self {
+        let sphere = |s: &SphereLight| PointLight {
+            position: s.position,
+            intensity: s.intensity(),
+            radius: s.radius,
+            cone: None,
+        };
+        let lights: Vec<PointLight> = lamps.iter().copied().chain(spheres.iter().map(sphere)).collect();
+        let fixed = lamps.len();
         let lamps = lights.len().min(MOST_LAMPS);
         let bytes = |face: u32| u64::from(FACES) * u64::from(face).pow(2) * TEXEL_BYTES;
         let fits = |face: &u32| *face <= largest && bytes(*face) * lamps as u64 <= budget;
@@ -110,11 +125,18 @@ impl ShadowPlan {
         let near = (NEAR_PART * bounds.radius()).max(f32::MIN_POSITIVE);
         let map = |lamp: usize| {
             let PointLight { position, radius, .. } = lights[lamp];
-            // Nothing of a bulb around the lamp casts a shadow: its corners on a face are farthest from the axis.
-            LampMap { lamp, position, near_metres: near.max(radius / 3f32.sqrt()) }
+            // Nothing of a bulb around the lamp casts a shadow: its corners on a face are farthest from the axis. Of a surface that
+            // shines nothing does, either.
+            let around = spheres.get(lamp.wrapping_sub(fixed)).map(|sphere| 1.01 * sphere.reach());
+            LampMap {
+                lamp,
+                position,
+                moves: lamp >= fixed,
+                near_metres: near.max(around.unwrap_or(radius / 3f32.sqrt())),
+            }
         };
-        let soft = order.iter().any(|lamp| lights[*lamp].radius > 0.0);
-        let kind = match (count, soft) {
+        let soft = order.iter().any(|lamp| *lamp < fixed && lights[*lamp].radius > 0.0);
+        let kind = match (order.iter().filter(|lamp| **lamp < fixed).count(), soft) {
             (0, _) => LampShadows::None,
             (_, false) => LampShadows::Sharp,
             (_, true) => LampShadows::Soft,
@@ -184,28 +206,28 @@ mod tests {
     #[test]
     fn more_lamps_have_smaller_maps_and_the_weakest_none() {
         let bytes = |plan: &ShadowPlan| u64::from(plan.layers()) * u64::from(plan.face).pow(2) * TEXEL_BYTES;
-        let plan = |count| ShadowPlan::within(&lamps(count), BOUNDS, 2048, 128 << 20);
+        let plan = |count| ShadowPlan::within((&lamps(count), &[]), BOUNDS, 2048, 128 << 20);
         assert_eq!([1, 2, 5, 6, 21, 22].map(|count| plan(count).face), [2048, 1024, 1024, 512, 512, 256]);
         assert!([1, 2, 5, 6, 21, 22, 42].iter().all(|count| plan(*count).maps.len() == *count));
         assert!((1..100).all(|count| bytes(&plan(count)) <= 128 << 20 && plan(count).layers() <= 256));
-        let few = ShadowPlan::within(&lamps(10), BOUNDS, 1024, 10 << 20);
+        let few = ShadowPlan::within((&lamps(10), &[]), BOUNDS, 1024, 10 << 20);
         assert_eq!((few.face, few.maps.len()), (256, 6));
         assert!([0, 2, 4, 6, 8].iter().all(|lamp| few.of_lamp(*lamp).0 >= 0), "{few:?}");
         assert_eq!((few.of_lamp(1), few.of_lamp(2).0, few.of_lamp(3)), ((6, few.maps[1].near_metres), 12, (-1, 1.0)));
-        let small = ShadowPlan::within(&lamps(3), BOUNDS, 128, 1 << 30);
+        let small = ShadowPlan::within((&lamps(3), &[]), BOUNDS, 128, 1 << 30);
         assert_eq!((small.face, small.maps.len()), (128, 3), "as asked for");
-        let none = ShadowPlan::within(&lamps(3), BOUNDS, 1024, 0);
+        let none = ShadowPlan::within((&lamps(3), &[]), BOUNDS, 1024, 0);
         assert_eq!((none.kind, none.face, none.maps.len(), none.layers()), (LampShadows::None, 1, 0, 6));
     }
 
     #[test]
     fn a_lamp_with_a_size_makes_shadows_soft_and_lets_its_bulb_through() {
         let mut lights = lamps(2);
-        assert_eq!(ShadowPlan::within(&lights, BOUNDS, 1024, 1 << 30).kind, LampShadows::Sharp);
+        assert_eq!(ShadowPlan::within((&lights, &[]), BOUNDS, 1024, 1 << 30).kind, LampShadows::Sharp);
         lights[1].radius = 0.3;
-        let plan = ShadowPlan::within(&lights, BOUNDS, 1024, 1 << 30);
+        let plan = ShadowPlan::within((&lights, &[]), BOUNDS, 1024, 1 << 30);
         assert_eq!(plan.kind, LampShadows::Soft);
         assert!(plan.maps[0].near_metres < 2e-4 && (plan.maps[1].near_metres - 0.1732).abs() < 1e-4);
-        assert_eq!(ShadowPlan::within(&[], BOUNDS, 1024, 1 << 30).kind, LampShadows::None);
+        assert_eq!(ShadowPlan::within((&[], &[]), BOUNDS, 1024, 1 << 30).kind, LampShadows::None);
     }
 }

@@ -8,6 +8,7 @@ use crate::scene::Vertex;
 use crate::scene::mesh::WHITE;
 use crate::scene::needs::MAX_COUNTED_LIGHTS;
 use crate::scene::probes::MOST_PROBES;
+use crate::scene::sphere_lights::MAX_SPHERE_LIGHTS;
 
 /// The most eyes one pass draws.
 pub const MAX_EYES: usize = 4;
@@ -68,6 +69,22 @@ pub struct FrameBlock {
     pub world_from_models: [[f32; 4]; 4],
     pub sun: SunBlock,
     pub sun_shadow: SunShadowBlock,
+    /// In the models' space.
+    pub sphere_lights: [SphereLightBlock; MAX_SPHERE_LIGHTS],
+}
+
+/// A surface that shines, as a sphere.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
+pub struct SphereLightBlock {
+    /// Metres.
+    pub position: [f32; 3],
+    pub radius: f32,
+    /// W/sr.
+    pub intensity: [f32; 3],
+    /// As of `LightBlock`.
+    pub shadow_near: f32,
+    pub shadow_layer: i32,
 }
 
 /// One placed mesh of one material: an element of `SCENE_INSTANCES`.
@@ -179,7 +196,10 @@ const _: () = {
     assert!(offset_of!(SunBlock, irradiance) == 12 && offset_of!(SunBlock, sine) == 24);
     assert!(offset_of!(FrameBlock, sun_shadow) == 144 * MAX_EYES + 116);
     assert!(offset_of!(SunShadowBlock, spread) == 64);
-    assert!(size_of::<FrameBlock>() == 144 * MAX_EYES + 188);
+    assert!(offset_of!(FrameBlock, sphere_lights) == 144 * MAX_EYES + 188);
+    assert!(offset_of!(SphereLightBlock, radius) == 12 && offset_of!(SphereLightBlock, intensity) == 16);
+    assert!(offset_of!(SphereLightBlock, shadow_near) == 28 && size_of::<SphereLightBlock>() == 36);
+    assert!(size_of::<FrameBlock>() == 144 * MAX_EYES + 188 + size_of::<[SphereLightBlock; MAX_SPHERE_LIGHTS]>());
     assert!(offset_of!(InstanceBlock, material) == 64 && size_of::<InstanceBlock>() == 68);
     assert!(offset_of!(MaterialBlock, metallic) == 12 && offset_of!(MaterialBlock, emission) == 32);
     assert!(size_of::<MaterialBlock>() == 48 && size_of::<VertexExtraBlock>() == 16);
@@ -214,4 +234,5 @@ pub mod constant {
     pub const VERTEX_COLOURS: u32 = 20;
     pub const SECOND_UV: u32 = 21;
     pub const BLENDS: u32 = 22;
+    pub const SPHERE_LIGHTS: u32 = 23;
 }

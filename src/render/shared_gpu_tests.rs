@@ -5,7 +5,8 @@ use clap::ValueEnum;
 use super::bindings::SCENE;
 use super::settings::Shading;
 use super::shared::{
-    EyeBlock, FrameBlock, InstanceBlock, LightBlock, MAX_EYES, MaterialBlock, SunBlock, SunShadowBlock, constant,
+    EyeBlock, FrameBlock, InstanceBlock, LightBlock, MAX_EYES, MaterialBlock, SphereLightBlock, SunBlock,
+    SunShadowBlock, constant,
 };
 use crate::gpu::{
     Binding, BindingType, Buffer, BufferKind, DescriptorSet, DescriptorSetLayout, FrameRing, Pipeline, UNIFORM_RANGE,
@@ -15,6 +16,7 @@ use crate::precompute::harness_tests::with_gpu;
 use crate::reference::brdf::Geometry;
 use crate::scene::needs::MAX_COUNTED_LIGHTS;
 use crate::scene::probes::MOST_PROBES;
+use crate::scene::sphere_lights::MAX_SPHERE_LIGHTS;
 
 const SHARED: &str = include_str!("../../glsl/shared.glsl");
 const PROBES: &str = include_str!("../../glsl/placed_probes.glsl");
@@ -61,6 +63,13 @@ impl Blocks {
             world_from_models: matrix(&mut counter),
             sun: SunBlock { towards: counter.list(), irradiance: counter.list(), sine: counter.next() },
             sun_shadow: SunShadowBlock { place_from_world: matrix(&mut counter), spread: counter.list() },
+            sphere_lights: std::array::from_fn(|_| SphereLightBlock {
+                position: counter.list(),
+                radius: counter.next(),
+                intensity: counter.list(),
+                shadow_near: counter.next(),
+                shadow_layer: counter.next() as i32,
+            }),
         };
         let instances = std::array::from_fn(|_| InstanceBlock {
             world_from_local: matrix(&mut counter),
@@ -102,6 +111,10 @@ impl Blocks {
         numbers.extend(frame.world_from_models.as_flattened());
         numbers.extend(frame.sun.towards.iter().chain(&[0.0]).chain(&frame.sun.irradiance).chain(&[frame.sun.sine]));
         numbers.extend(frame.sun_shadow.place_from_world.as_flattened().iter().chain(&frame.sun_shadow.spread));
+        for light in &frame.sphere_lights {
+            numbers.extend(light.position.iter().chain(&[light.radius]).chain(&light.intensity));
+            numbers.extend([light.shadow_near, light.shadow_layer as f32]);
+        }
         for light in &self.lights {
             numbers.extend(light.position.iter().chain(&[light.radius]).chain(&light.intensity));
             numbers.extend([light.shadow_near, light.shadow_layer as f32]);
@@ -176,7 +189,8 @@ fn shading_and_geometry_are_numbered_as_in_glsl() {
 
 #[test]
 fn arrays_have_the_same_lengths_as_in_glsl() {
-    let ours = [("EYES", MAX_EYES), ("COUNTEDLIGHTS", MAX_COUNTED_LIGHTS)].map(|(n, most)| (n.to_owned(), most as u32));
+    let ours = [("EYES", MAX_EYES), ("SPHERELIGHTS", MAX_SPHERE_LIGHTS), ("COUNTEDLIGHTS", MAX_COUNTED_LIGHTS)];
+    let ours = ours.map(|(n, most)| (n.to_owned(), most as u32));
     assert_eq!(constants(SHARED, "uint", "MAX_"), ours);
     assert_eq!(constants(PROBES, "uint", "MOST_"), [("PROBES".to_owned(), MOST_PROBES as u32)]);
     let lightmap = constants(SHARED, "uint", "LIGHTMAP_");
@@ -211,6 +225,7 @@ fn specialization_constants_have_their_ids() {
         ("VERTEX_COLOURS", constant::VERTEX_COLOURS),
         ("SECOND_UV", constant::SECOND_UV),
         ("BLENDS", constant::BLENDS),
+        ("SPHERE_LIGHTS", constant::SPHERE_LIGHTS),
     ];
     assert_eq!(declared.collect::<Vec<_>>(), ours);
 }

@@ -20,6 +20,7 @@ mod model_lights;
 pub mod needs;
 pub mod places;
 pub mod probes;
+pub mod sphere_lights;
 mod things;
 pub mod staging;
 pub mod surroundings;

@@ -30,6 +30,12 @@ void main()
     put(frame.sun_shadow.place_from_world);
     put(frame.sun_shadow.spread.x);
     put(frame.sun_shadow.spread.y);
+    for (uint i = 0; i < MAX_SPHERE_LIGHTS; ++i) {
+        SphereLight light = frame.sphere_lights[i];
+        put(vec4(light.position, light.radius));
+        put(vec4(light.intensity, light.shadow_near));
+        put(float(light.shadow_layer));
+    }
     for (uint i = 0; i < lights.length(); ++i) {
         put(vec4(lights[i].position, lights[i].radius));
         put(vec4(lights[i].intensity, lights[i].shadow_near));

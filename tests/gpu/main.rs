@@ -20,6 +20,7 @@ mod lightmap;
 mod pictures;
 mod precompute;
 mod probes;
+mod sphere_lights;
 mod split_sum;
 mod stability;
 mod stability_jitter;

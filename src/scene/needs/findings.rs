@@ -4,11 +4,12 @@ use serde::Serialize;
 
 use super::casting::nothing_casts;
 use super::lightmap::{LightmapNeed, lightmap_need};
-use super::mirrors::ProbePlan;
+use super::mirrors::{self, ProbePlan};
 use super::{MaterialFeatures, Metalness, Model, SceneFeatures, VertexColours};
 use crate::reference::energy::VISIBLE;
 use crate::reference::sun::{Sun, VISIBLE_SHARE, find_sun};
 use crate::scene::bvh::Bvh;
+use crate::scene::sphere_lights::SphereLight;
 use crate::scene::{Material, MaterialSource, Scene};
 
 /// One decision.
@@ -60,7 +61,7 @@ impl Findings {
         let panorama = &scene.environment.panorama;
         let sun = find_sun([panorama.width, panorama.height], &panorama.texels).map(|split| split.sun);
         findings.extend([sun_finding(sun), lamp_shadows(scene), sun_shadow(scene, sun), soft_light(scene)]);
-        findings.push(local_probes(scene));
+        findings.extend([local_probes(scene), sphere_lights(scene)]);
         Self { triangles: scene.triangles(), findings, materials, features }
     }
 
@@ -206,6 +207,18 @@ fn sun_shadow(scene: &Scene, sun: Option<Sun>) -> Finding {
         }
     };
     Finding { subject: "shadow of the sun", modelled, why }
+}
+
+fn sphere_lights(scene: &Scene) -> Finding {
+    let count = SphereLight::all(scene.geometry(), &scene.materials).len();
+    let (modelled, why) = match count {
+        0 => (false, "nothing small and round shines".to_owned()),
+        _ if !mirrors::any(scene, Model::Needed) => {
+            (false, "no metal and nothing smooth mirrors what shines".to_owned())
+        }
+        _ => (true, format!("{count} small surfaces that shine: mirror images show them where they are")),
+    };
+    Finding { subject: "sphere lights", modelled, why }
 }
 
 fn local_probes(scene: &Scene) -> Finding {

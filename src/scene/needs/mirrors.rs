@@ -19,6 +19,11 @@ pub struct ProbePlan {
     pub why: String,
 }
 
+/// Whether mirror images show on something.
+pub fn any(scene: &Scene, model: Model) -> bool {
+    counted(scene, model)[0] > 0
+}
+
 /// Whether mirror images show on some part of a material.
 fn is_smooth(material: &Material, model: Model) -> bool {
     model == Model::Everything || material.roughness_range[0] < SMOOTH || material.metallic_range[1] > METALLIC
