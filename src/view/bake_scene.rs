@@ -15,8 +15,9 @@ use crate::context::Setup;
 use crate::gpu::Gpu;
 use crate::precompute::{LightMaps, read_texture};
 use crate::render::{Eye, FrameInputs, LightModel, ProbeMaps, RenderSettings, Renderer, lightmap_sides};
-use crate::scene::Probe;
 use crate::scene::needs::lightmap::{LightmapNeed, lightmap_need};
+use crate::scene::sphere_lights::SphereLight;
+use crate::scene::{Probe, Scene};
 use crate::{Error, Result};
 
 /// The files that `bake` writes for a scene; those of probes only where it needs any.
@@ -50,6 +51,8 @@ struct Meaning<'a> {
     lightmap: LightmapMeaning,
     /// Empty without probes; the cubes of the files are in this order.
     probes: Vec<ProbePlace>,
+    /// What shines and is left out of the probes.
+    sphere_lights: Vec<SphereLightPlace>,
     /// Of the specular levels of probes, from level 0 on.
     roughness: Vec<f64>,
 }
@@ -89,16 +92,31 @@ impl ProbePlace {
     }
 }
 
+/// A sphere that stands for a surface that shines: world space, metres.
+#[derive(Serialize)]
+struct SphereLightPlace {
+    position: [f32; 3],
+    radius: f32,
+    /// W/(m² sr).
+    radiance: [f32; 3],
+}
+
+impl SphereLightPlace {
+    fn new(light: &SphereLight) -> Self {
+        Self { position: light.position.into(), radius: light.radius, radiance: light.radiance.into() }
+    }
+}
+
 /// Computes a scene's light and writes it into `folder`:
 ///
 /// - `lightmap.ktx2`: irradiance of soft light, W/m², as diffuse parts take it (`taken` in `glsl/lightmap_gather.comp`), by the
 ///   coordinates of the program's own atlas; layer 0 for fronts, layer 1 for backs where some can be seen; then as many layers
 ///   of openness: the mean of directions that meet nothing before the sky or the walls that probes show, in the models' space,
 ///   with 0 for all others; and as many of the mean radiance, W/(m² sr), of what these others meet.
-/// - `probe-specular.ktx2`, where the scene needs probes: an array of cubes of radiance, W/(m² sr), of surfaces, filtered as a
-///   panorama is; alpha is the share of the panorama, whose own levels lie behind. Level i of probe p of n is mip i / 2 of cube
+/// - `probe-specular.ktx2`, where the scene needs probes: an array of cubes of radiance, W/(m² sr), of surfaces but sphere lights,
+///   filtered as a panorama is; alpha is the share of the panorama, whose own levels lie behind. Level i of probe p of n is mip i / 2 of cube
 ///   p + n (i % 2).
-/// - `light.json`: sizes, and where probes stand.
+/// - `light.json`: sizes, and where probes and sphere lights are.
 ///
 /// # Errors
 /// A scene that needs no lightmap; whatever stops loading, the GPU or writing; a validation message where validation was
@@ -120,7 +138,7 @@ pub fn bake_scene(path: &Path, folder: &Path, setup: &Setup<'_>) -> Result<Scene
     let started = Instant::now();
     renderer.finish_lightmap(&FrameInputs::of(&scene, &[Eye::of_camera(&scene.cameras[0], 1.0)]))?;
     let light_ms = ms_since(started);
-    let files = write(&context.gpu, &renderer, path, folder)?;
+    let files = write(&context.gpu, &renderer, (path, &scene), folder)?;
     let facts = SceneBakeFacts {
         scene: path.to_owned(),
         gpu: context.gpu.info().name.clone(),
@@ -138,9 +156,9 @@ pub fn bake_scene(path: &Path, folder: &Path, setup: &Setup<'_>) -> Result<Scene
     Ok(facts)
 }
 
-fn write(gpu: &Arc<Gpu>, renderer: &Renderer, scene: &Path, folder: &Path) -> Result<Vec<BakedFile>> {
+fn write(gpu: &Arc<Gpu>, renderer: &Renderer, (path, scene): (&Path, &Scene), folder: &Path) -> Result<Vec<BakedFile>> {
     let Some(lightmap) = renderer.lightmap() else {
-        return Err(Error::Usage(format!("{}: no atlas can be made of it", scene.display())));
+        return Err(Error::Usage(format!("{}: no atlas can be made of it", path.display())));
     };
     let mut texture = read_texture(gpu, &[lightmap])?;
     let content = "irradiance of soft light, of fronts and where there are any of backs; then as many layers of openness, and of what blocks";
@@ -148,10 +166,13 @@ fn write(gpu: &Arc<Gpu>, renderer: &Renderer, scene: &Path, folder: &Path) -> Re
     let lightmap = LightmapMeaning { size: texture.size[0], layers: lightmap_sides(lightmap) };
     // All is read before the first file is written: they belong together.
     let mut textures = vec![(LIGHTMAP, texture)];
-    let mut meaning = Meaning { scene, lightmap, probes: Vec::new(), roughness: Vec::new() };
+    let (probes, sphere_lights, roughness) = (Vec::new(), Vec::new(), Vec::new());
+    let mut meaning = Meaning { scene: path, lightmap, probes, sphere_lights, roughness };
     if let Some(probes) = renderer.probes() {
         textures.push((SPECULAR, specular_levels(gpu, probes)?));
         meaning.probes = places(probes);
+        let lights = SphereLight::all(scene.geometry(), &scene.materials);
+        meaning.sphere_lights = lights.iter().map(SphereLightPlace::new).collect();
         meaning.roughness = LightMaps::specular_roughness().into();
     }
     let written = textures.iter().map(|(name, texture)| write_file(folder.join(name), texture));
