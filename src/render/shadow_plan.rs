@@ -127,7 +127,7 @@ impl ShadowPlan {
             let PointLight { position, radius, .. } = lights[lamp];
             // Nothing of a bulb around the lamp casts a shadow: its corners on a face are farthest from the axis. Of a surface that
             // shines nothing does, either.
-            let around = spheres.get(lamp.wrapping_sub(fixed)).map(|sphere| 1.01 * sphere.reach());
+            let around = spheres.get(lamp.wrapping_sub(fixed)).map(|sphere| 1.01 * sphere.reach);
             LampMap {
                 lamp,
                 position,
@@ -229,5 +229,16 @@ mod tests {
         assert_eq!(plan.kind, LampShadows::Soft);
         assert!(plan.maps[0].near_metres < 2e-4 && (plan.maps[1].near_metres - 0.1732).abs() < 1e-4);
         assert_eq!(ShadowPlan::within((&[], &[]), BOUNDS, 1024, 1 << 30).kind, LampShadows::None);
+    }
+
+    #[test]
+    fn sphere_lights_have_maps_after_the_lamps_that_move_with_the_models() {
+        let bounds = Bounds { min: Vec3::splat(-0.1), max: Vec3::splat(0.1) };
+        let sphere = SphereLight { position: Vec3::ZERO, radius: 0.1, radiance: Vec3::ONE, reach: 0.1, bounds };
+        let [alone, beside] = [0, 2].map(|count| ShadowPlan::within((&lamps(count), &[sphere]), BOUNDS, 1024, 1 << 30));
+        assert_eq!((alone.kind, alone.of_lamp(0).0), (LampShadows::None, 0), "no lamp's shader reads it");
+        let moves: Vec<(usize, bool)> = beside.maps.iter().map(|map| (map.lamp, map.moves)).collect();
+        assert_eq!((beside.kind, moves), (LampShadows::Sharp, vec![(0, false), (1, false), (2, true)]));
+        assert!((beside.of_lamp(2).1 - 0.101).abs() < 1e-6, "the surface itself casts nothing");
     }
 }

@@ -20,7 +20,7 @@ const AREA: [f32; 2] = [0.25, 1.02];
 /// What the areas of its parts add up to as vectors, over their sum as numbers: a bulb may be open at its socket.
 const MOST_OPEN: f32 = 0.15;
 /// Its radius over the scene's, at most: what shines around everything is no lamp.
-const LARGEST: f32 = 0.1;
+const LARGEST: f32 = 0.2;
 
 /// A surface that shines, as a sphere of the same area.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -30,6 +30,8 @@ pub struct SphereLight {
     pub radius: f32,
     /// Radiance per channel, W/(m² sr).
     pub radiance: Vec3,
+    /// The distance from `position` to what is farthest of the surface.
+    pub reach: f32,
     /// Of the surface; nothing else that shines is inside.
     pub bounds: Bounds,
 }
@@ -53,8 +55,12 @@ impl SphereLight {
         // What shines inside of another surface that does is hidden.
         all.sort_by(|a: &Self, b| b.power().total_cmp(&a.power()));
         all.truncate(MOST_EXAMINED);
-        let hidden = |light: &Self| all.iter().any(|other| other != light && contains(other.bounds, light.bounds));
-        let mut seen: Vec<Self> = all.iter().filter(|light| !hidden(light)).copied().collect();
+        let hides = |(a, outer): (usize, &Self), (b, inner): (usize, &Self)| {
+            // Of two in one place the first is seen.
+            a != b && contains(outer.bounds, inner.bounds) && (a < b || !contains(inner.bounds, outer.bounds))
+        };
+        let is_seen = |light: &(usize, &Self)| !all.iter().enumerate().any(|other| hides(other, *light));
+        let mut seen: Vec<Self> = all.iter().enumerate().filter(is_seen).map(|(_, light)| *light).collect();
         if let Some(next) = seen.get(MAX_SPHERE_LIGHTS).map(Self::power) {
             seen.retain(|light| light.power() > 1.01 * next);
         }
@@ -69,11 +75,6 @@ impl SphereLight {
     /// Whether a triangle of a material that shines is a part of it.
     pub fn has(&self, corners: [Vec3; 3]) -> bool {
         contains(self.bounds, Bounds::of(corners))
-    }
-
-    /// The distance from its middle to what is farthest.
-    pub fn reach(&self) -> f32 {
-        (self.bounds.max - self.position).max(self.position - self.bounds.min).length()
     }
 
     fn power(&self) -> f32 {
@@ -97,6 +98,8 @@ fn contains(outer: Bounds, inner: Bounds) -> bool {
 /// A connected surface, in world space.
 struct Surface {
     bounds: Bounds,
+    /// The distance from the middle of the bounds to what is farthest.
+    reach: f32,
     area: f32,
     /// The sum of its triangles' normals times their areas.
     vector_area: Vec3,
@@ -105,8 +108,10 @@ struct Surface {
 fn surfaces(mesh: &Mesh, place: impl Fn(Vec3) -> Vec3) -> Vec<Surface> {
     let corner = |index: &u32| place(mesh.vertices[*index as usize].position.into());
     let surface = |triangles: &[[u32; 3]]| {
-        let mut surface = Surface { bounds: Bounds::EMPTY, area: 0.0, vector_area: Vec3::ZERO };
-        surface.bounds = Bounds::of(triangles.iter().flatten().map(corner));
+        let bounds = Bounds::of(triangles.iter().flatten().map(corner));
+        let far = triangles.iter().flatten().map(|index| corner(index).distance(bounds.centre()));
+        let reach = far.fold(0.0, f32::max);
+        let mut surface = Surface { bounds, reach, area: 0.0, vector_area: Vec3::ZERO };
         for triangle in triangles {
             let [a, b, c] = triangle.each_ref().map(corner);
             let area = 0.5 * (b - a).cross(c - a);
@@ -128,7 +133,8 @@ impl Surface {
             && (AREA[0] * of_bounds..=AREA[1] * of_bounds).contains(&self.area)
             && self.vector_area.length() <= MOST_OPEN * self.area;
         let is_small = radius > 0.0 && radius <= LARGEST * scene_radius;
-        let light = SphereLight { position: self.bounds.centre(), radius, radiance, bounds: self.bounds };
+        let Self { bounds, reach, .. } = *self;
+        let light = SphereLight { position: bounds.centre(), radius, radiance, reach, bounds };
         (is_round && is_small).then_some(light)
     }
 }
@@ -157,7 +163,7 @@ mod tests {
         let place = Mat4::from_translation(Vec3::new(1.0, 2.0, 3.0)) * Mat4::from_scale(Vec3::splat(2.0));
         let [light] = found(5.0, &[place])[..] else { panic!("not one") };
         assert!((light.position - Vec3::new(1.0, 2.0, 3.0)).length() < 1e-5 && (light.radius / 0.2 - 1.0).abs() < 0.02);
-        assert_eq!(light.radiance, Vec3::splat(5.0));
+        assert!(light.radiance == Vec3::splat(5.0) && (light.reach / 0.2 - 1.0).abs() < 1e-3, "{light:?}");
         assert!(light.has([Vec3::new(1.0, 2.2, 3.0); 3]) && !light.has([Vec3::new(1.0, 2.3, 3.0); 3]));
         assert!(found(0.0, &[place]).is_empty());
     }
@@ -173,6 +179,7 @@ mod tests {
     fn what_shines_inside_of_another_is_hidden() {
         let lights = found(1.0, &[Mat4::from_scale(Vec3::splat(0.5)), Mat4::IDENTITY]);
         assert!(lights.len() == 1 && lights[0].radius > 0.09, "{lights:?}");
+        assert_eq!(found(1.0, &[Mat4::IDENTITY; 3]).len(), 1, "three in one place");
     }
 
     #[test]

@@ -54,7 +54,7 @@ fn a_floor_mirrors_a_bulb_where_it_hangs_and_not_where_a_thing_hides_it() {
     with_gpu(|gpu| {
         let pictures = |things| {
             let scene = room(things);
-            let exact = floor(gpu, &scene, Shot::reference(LightModel::Baked, SIZE, 256));
+            let exact = floor(gpu, &scene, Shot::reference(LightModel::Baked, SIZE, 96));
             (floor(gpu, &scene, Shot::new(LightModel::Baked, SIZE)), exact)
         };
         let ((bare, exact), (hidden, exact_hidden)) = (pictures(vec![]), pictures(vec![thing]));
