@@ -27,12 +27,16 @@ float alpha_from_roughness(float roughness)
 
 const float MOST_WIDENED = 0.18;
 
-// Roughness whose lobe, seen once, is as wide as that of a pixel's normals all together, whose variance is given: alpha^2
+// Alpha whose lobe, seen once, is as wide as that of a pixel's normals all together, whose variance is given: alpha^2
 // grows by it, up to a bound. Tokuyoshi and Kaplanyan, "Improved Geometric Specular Antialiasing" (2019).
+float widened_alpha(float alpha, float variance)
+{
+    return sqrt(min(alpha * alpha + min(variance, MOST_WIDENED), 1.0));
+}
+
 float widened_roughness(float roughness, float variance)
 {
-    float alpha = alpha_from_roughness(roughness);
-    return sqrt(sqrt(min(alpha * alpha + min(variance, MOST_WIDENED), 1.0)));
+    return sqrt(widened_alpha(alpha_from_roughness(roughness), variance));
 }
 
 // GGX: Walter et al., "Microfacet Models for Refraction through Rough Surfaces" (2007), eq. 33.

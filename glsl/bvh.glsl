@@ -25,7 +25,7 @@ layout(RAY_NODES, scalar) readonly buffer BvhNodes { BvhNode bvh_nodes[]; };
 layout(RAY_TRIANGLES, scalar) readonly buffer BvhTriangles { BvhTriangle bvh_triangles[]; };
 
 // The upper bits of `material_and_flags`: the material is alpha-tested; no path from a camera meets the
-// triangle's back, as that of a closed surface.
+// triangle's back, as that of a closed surface; it is part of a sphere light.
 const uint BVH_MASKED = 0x80000000u;
 const uint BVH_ONE_SIDED = 0x40000000u;
 const uint BVH_SPHERE = 0x20000000u;

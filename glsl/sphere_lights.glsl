@@ -26,7 +26,7 @@ vec3 mirrored_spheres(Surface s, float even, float variance)
 {
     vec3 sum = vec3(0.0), f0 = f0_from_metallic(s.base_color, s.metallic);
     vec3 p = position_in_models(position_world), n = models_from_world(triangle_normal());
-    float alpha = alpha_from_roughness(widened_roughness(s.roughness, variance));
+    float alpha = widened_alpha(s.roughness * s.roughness, variance);
     for (uint i = 0u; i < SPHERE_LIGHTS; ++i) {
         SphereLight light = frame.sphere_lights[i];
         vec3 to = light.position - p;

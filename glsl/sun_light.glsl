@@ -29,8 +29,7 @@ vec3 sun_light(Surface s, float variance, Energy energy, vec2 at_v)
     if (irradiance == vec3(0.0))
         return vec3(0.0);
     vec3 f0 = f0_from_metallic(s.base_color, s.metallic);
-    float alpha = s.roughness * s.roughness;
-    alpha = sqrt(min(alpha * alpha + min(variance, MOST_WIDENED), 1.0));
+    float alpha = widened_alpha(s.roughness * s.roughness, variance);
     vec3 sum = disc_specular(s.n, s.v, l, f0, alpha, frame.sun.sine, GEOMETRY);
     if (GEOMETRY == GEOMETRY_KARIS2013)
         sum += (1.0 - s.metallic) * diffuse_karis2013(s.base_color, f0, 0.5 * length(s.v + l));

@@ -40,8 +40,7 @@ impl Scene {
 
     /// Bounds of everything in world space; empty without instances.
     pub fn bounds(&self) -> Bounds {
-        let placed = self.instances.iter().map(|i| self.meshes[i.mesh].bounds.placed(i.world_from_local));
-        Bounds::of(placed.filter(|b| *b != Bounds::EMPTY).flat_map(|b| [b.min, b.max]))
+        self.geometry().bounds()
     }
 }
 
@@ -50,6 +49,14 @@ impl Scene {
 pub struct GeometryView<'a> {
     pub meshes: &'a [Mesh],
     pub instances: &'a [Instance],
+}
+
+impl GeometryView<'_> {
+    /// Bounds of everything in world space; empty without instances.
+    pub fn bounds(&self) -> Bounds {
+        let placed = self.instances.iter().map(|i| self.meshes[i.mesh].bounds.placed(i.world_from_local));
+        Bounds::of(placed.filter(|b| *b != Bounds::EMPTY).flat_map(|b| [b.min, b.max]))
+    }
 }
 
 /// A mesh with its transform.

@@ -39,8 +39,7 @@ pub struct SphereLight {
 impl SphereLight {
     /// The strongest of a scene; of those that are equal all or none.
     pub fn all(geometry: GeometryView<'_>, materials: &[Material]) -> Vec<Self> {
-        let placed = geometry.instances.iter().map(|i| geometry.meshes[i.mesh].bounds.placed(i.world_from_local));
-        let scene = Bounds::of(placed.filter(|b| *b != Bounds::EMPTY).flat_map(|b| [b.min, b.max]));
+        let scene_radius = geometry.bounds().radius();
         let mut all = Vec::new();
         for instance in geometry.instances {
             let mesh = &geometry.meshes[instance.mesh];
@@ -49,7 +48,7 @@ impl SphereLight {
             }
             if let Some(radiance) = materials.get(mesh.material).and_then(even_radiance) {
                 let surfaces = surfaces(mesh, |p| instance.world_from_local.transform_point3(p));
-                all.extend(surfaces.iter().filter_map(|surface| surface.light(radiance, scene.radius())));
+                all.extend(surfaces.iter().filter_map(|surface| surface.light(radiance, scene_radius)));
             }
         }
         // What shines inside of another surface that does is hidden.
