@@ -6,6 +6,7 @@
 
 #extension GL_EXT_scalar_block_layout : require
 #include "bindings.glsl"
+#include "ray_features.glsl"
 
 struct BvhNode {
     vec3 origin;
@@ -49,6 +50,11 @@ vec3 bvh_normal(uint triangle)
 {
     vec3 a = bvh_triangles[triangle].a;
     return cross(bvh_triangles[triangle].b - a, bvh_triangles[triangle].c - a);
+}
+
+bool is_masked(uint triangle)
+{
+    return rays_have(RAYS_HOLES) && (bvh_triangles[triangle].material_and_flags & BVH_MASKED) != 0u;
 }
 
 // Whether a hit on an alpha-tested triangle is in a hole.
@@ -137,7 +143,7 @@ RayHit bvh_trace(vec3 o, vec3 d, float t, bool any)
             RayHit hit = bvh_triangle(node.first_triangle + bit, o, d);
             if (hit.t < 0.0 || hit.t >= t)
                 continue;
-            if ((bvh_triangles[hit.triangle].material_and_flags & BVH_MASKED) != 0u && is_hole(hit))
+            if (is_masked(hit.triangle) && is_hole(hit))
                 continue;
             nearest = hit;
             if (any)

@@ -26,9 +26,16 @@ struct EmitterLight {
     float side;    // share of what leaves the point that leaves to this side
 };
 
+bool has_emitters()
+{
+    return rays_have(RAYS_EMITTERS) && emitter_count > 0u;
+}
+
 // Density per area with which points of a triangle are drawn.
 float emitter_density(uint triangle)
 {
+    if (!rays_have(RAYS_EMITTERS))
+        return 0.0;
     Material material = materials[bvh_triangles[triangle].material_and_flags & BVH_MATERIAL];
     return emitter_scale * dot(material.emission, vec3(1.0));
 }
@@ -48,8 +55,7 @@ float emitted_to_side(uint triangle, bool back)
 // Whether light leaves a point with this emission: holes have none.
 bool is_shining(RayHit hit, vec3 emission)
 {
-    bool masked = (bvh_triangles[hit.triangle].material_and_flags & BVH_MASKED) != 0u;
-    return emission != vec3(0.0) && !(masked && is_hole(hit));
+    return emission != vec3(0.0) && !(is_masked(hit.triangle) && is_hole(hit));
 }
 
 // A point of all that shines.

@@ -6,6 +6,11 @@
 #include "energy.glsl"
 #include "shading_point.glsl"
 
+uint lamp_count()
+{
+    return LIGHTS < 0 ? frame.light_count : uint(LIGHTS);
+}
+
 // A light of the scene, for a surface that is drawn.
 PointLight scene_light(uint index)
 {

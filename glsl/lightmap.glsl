@@ -149,14 +149,14 @@ void store_soft(ivec3 at, LightmapSurface s, vec3 irradiance)
 // The part of all relays that begin at what shines; the others begin at lamps.
 float relays_of_emitters()
 {
-    return emitter_count == 0u ? 0.0 : frame.light_count == 0u ? 1.0 : 0.5;
+    return !has_emitters() ? 0.0 : lamp_count() == 0u ? 1.0 : 0.5;
 }
 
 // Whether what a texel gives back of light straight from what shines is part of its direct light, of the soft one else; `glossy`:
 // share of its places.
 bool has_direct_shining(float glossy)
 {
-    return work.relay_count > 0u && emitter_count > 0u && glossy <= 0.5;
+    return rays_have(RAYS_RELAYS) && has_emitters() && glossy <= 0.5;
 }
 
 ivec3 texel_address(LightmapTexel texel)
@@ -232,8 +232,8 @@ vec3 glossy_radiance(RayHit hit, vec3 d, out float density)
     vec2 at_v = table_entry(brdf_table, p.s.nv, p.s.roughness);
     vec3 sum = vec3(0.0);
     density = 0.0;
-    for (uint i = 0u; i <= frame.light_count; ++i) {
-        bool is_lamp = i < frame.light_count;
+    for (uint i = 0u; i <= lamp_count(); ++i) {
+        bool is_lamp = i < lamp_count();
         vec3 l = frame.sun.towards, irradiance = frame.sun.irradiance;
         float far = 1e30;
         if (is_lamp) {
@@ -244,7 +244,7 @@ vec3 glossy_radiance(RayHit hit, vec3 d, out float density)
         if (!faces || trace_ray(ray_origin(p), l, far, true).t >= 0.0)
             continue;
         if (is_lamp)
-            density += lamp_density(dot(p.side, l), far) / float(frame.light_count);
+            density += lamp_density(dot(p.side, l), far) / float(lamp_count());
         sum += irradiance * max(dot(p.s.n, l), 0.0) * brdf(p.s, l, energy, at_v);
     }
     return sum;

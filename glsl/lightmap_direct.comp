@@ -116,7 +116,7 @@ void main()
     uint index = work.first + gl_GlobalInvocationID.x;
     LightmapTexel texel = lightmap_texels[index];
     uvec2 scramble = pcg4d(uvec4(index, 0u, 4u, 0u)).xy;
-    uint lamps = frame.light_count;
+    uint lamps = lamp_count();
     vec3 given = vec3(0.0), albedo = vec3(0.0), place = vec3(0.0), normal = vec3(0.0);
     float density = 0.0, glossy = 0.0;
     uint seen = seen_places(texel, index);
@@ -141,7 +141,7 @@ void main()
     glossy *= scale;
     given *= scale;
     density *= scale;
-    if (work.relay_count > 0u && emitter_count > 0u) {
+    if (rays_have(RAYS_RELAYS) && has_emitters()) {
         Shining light = shining(texel, index, seen);
         given += has_direct_shining(glossy) ? light.given : vec3(0.0);
         density = mix(density, light.density, relays_of_emitters());

@@ -35,10 +35,10 @@ Light given_towards(RayHit hit, vec3 d, float cosine, vec3 direct, vec3 soft, bo
 {
     vec3 towards = towards_over_matt(hit, cosine);
     direct *= towards;
-    if (glossy) {
+    if (rays_have(RAYS_GLOSSY) && glossy) {
         float of_lamps;
         direct = glossy_radiance(hit, d, of_lamps);
-        density = emitter_count > 0u ? density : of_lamps;
+        density = has_emitters() ? density : of_lamps;
     }
     return Light(direct, towards * soft);
 }
@@ -105,9 +105,9 @@ bool gathered(PathPoint p, RayHit hit, vec3 d, vec3 sky, out Light light, out ve
     Light given = given_towards(hit, d, cosine, direct.rgb, soft.rgb, soft.a > 0.5, direct.a);
     float here = max(dot(p.s.n, d), 0.0) * INV_PI * area;
     // Relays give the rest, and points that are drawn of what shines.
-    float share = work.relay_count > 0u ? here / max(here + direct.a, TINY) : 1.0;
+    float share = rays_have(RAYS_RELAYS) ? here / max(here + direct.a, TINY) : 1.0;
     light = Light(PI * share * given.steady, PI * share * given.bounced);
-    if (emitter_count > 0u)
+    if (has_emitters())
         shining = PI * emission_of_hit(hit) * (here / max(here + emitter_density(hit.triangle), TINY));
     return true;
 }
@@ -242,12 +242,12 @@ bool gather(PathPoint p, vec3 d, uint index, uint i, uvec4 bases, KnownSky known
     // through. A control variate: Owen, "Monte Carlo theory, methods and examples" (2013), section 8.9.
     if (known.open > 0.0)
         add_steady(found, Weights(1.0, vec3(1.0)), known.open * (open_sky_irradiance(p.s.n) - sky));
-    if (work.relay_count > 0u) {
+    if (rays_have(RAYS_RELAYS)) {
         light = relay_light(p, origin, relays[(i ^ bases.y) % work.relay_count], l, far);
         found.surfaces += (1.0 - share_in_image(p.position, l, far)) * (light.steady + light.bounced);
         add(found, weights(p.s, energy, dot(p.s.n, l)), light);
     }
-    if (emitter_count > 0u) {
+    if (has_emitters()) {
         shining = emitter_irradiance(p, sobol(i, pcg4d(uvec4(index, 0u, 6u, work.sequence)).xy), l, far);
         add_shining(found, weights(p.s, energy, dot(p.s.n, l)), shining, 1.0 - share_in_image(p.position, l, far), is_direct);
     }

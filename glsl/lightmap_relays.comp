@@ -19,8 +19,8 @@ bool from_emitter(uint i, out vec3 origin, out vec3 d)
 // The same of light from the lamps, evenly to all sides.
 bool from_lamp(uint i, out vec3 origin, out vec3 d)
 {
-    origin = lights[i % frame.light_count].position;
-    d = sphere_direction(sobol(i / frame.light_count, pcg4d(uvec4(0u)).xy));
+    origin = lights[i % lamp_count()].position;
+    d = sphere_direction(sobol(i / lamp_count(), pcg4d(uvec4(0u)).xy));
     return true;
 }
 
@@ -30,8 +30,8 @@ void main()
         return;
     uint index = work.first + gl_GlobalInvocationID.x;
     // Where there are both, they take turns.
-    uint turns = emitter_count > 0u && frame.light_count > 0u ? 2u : 1u, i = index / turns;
-    bool is_of_emitter = emitter_count > 0u && index % turns == 0u;
+    uint turns = has_emitters() && lamp_count() > 0u ? 2u : 1u, i = index / turns;
+    bool is_of_emitter = has_emitters() && index % turns == 0u;
     vec3 origin, d;
     bool leaves = is_of_emitter ? from_emitter(i, origin, d) : from_lamp(i, origin, d);
     relays[index] = Relay(vec3(0.0), d, vec3(0.0), 0.0, 0u, vec3(0.0), vec3(0.0));

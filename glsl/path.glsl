@@ -114,7 +114,7 @@ bool is_connected(PathPoint p, mat3 world_from_surface, PathPoint lit, out Conne
 // A lamp at random, and how many there are.
 PointLight any_lamp(uint bits, out float count)
 {
-    uint lamps = LIGHTS < 0 ? frame.light_count : uint(LIGHTS);
+    uint lamps = lamp_count();
     count = float(lamps);
     return lights[min(uint(unit_from_bits(bits) * count), lamps - 1u)];
 }
@@ -189,7 +189,7 @@ float unrelayed(PathPoint p, vec3 l, float arrival, float density)
 // density per area with which the path found this point, below 0 where `relayed_light` could not find it.
 vec3 direct_light(PathPoint p, Scatter m, mat3 world_from_surface, uint place, bool first, float arrival, inout uvec4 seed)
 {
-    uint lamps = LIGHTS < 0 ? frame.light_count : uint(LIGHTS);
+    uint lamps = lamp_count();
     uint lamp_rays = first ? lamps : min(lamps, 1u);
     vec3 sum = vec3(0.0), l = p.s.n;
     for (uint i = first && !is_shown(true) ? lamp_rays : 0u; i <= lamp_rays; ++i) {
@@ -234,7 +234,7 @@ vec3 emitted_light(PathPoint p, Scatter m, mat3 world_from_surface, bool first, 
 vec3 transported_light(PathPoint p, uvec4 seed)
 {
     vec3 sum = vec3(0.0), throughput = vec3(1.0);
-    bool has_lamps = LIGHTS != 0 && frame.light_count > 0u;
+    bool has_lamps = lamp_count() > 0u;
     float arrival = -1.0, drawn = 0.0; // `drawn`: density with which `emitted_light` finds this point
     for (uint bounce = 0u; bounce < MOST_BOUNCES; ++bounce) {
         mat3 world_from_surface = basis(p.s.n);
@@ -251,7 +251,7 @@ vec3 transported_light(PathPoint p, uvec4 seed)
         if (TRANSPORT == TRANSPORT_ALL && has_relays() && !(first && !is_shown(false)))
             sum += throughput * relayed_sky(p, m, world_from_surface, first, pcg4d(seed));
         seed.w += 1u;
-        if (TRANSPORT == TRANSPORT_ALL && emitter_count > 0u && !(first && !is_shown(false))) {
+        if (TRANSPORT == TRANSPORT_ALL && has_emitters() && !(first && !is_shown(false))) {
             sum += throughput * emitted_light(p, m, world_from_surface, first, pcg4d(seed));
             seed.w += 1u;
         }

@@ -16,7 +16,7 @@ float unblocked(PointLight light)
 vec3 point_lights(Surface s, vec3 position, Energy energy, vec2 at_v)
 {
     vec3 sum = vec3(0.0);
-    uint count = LIGHTS < 0 ? frame.light_count : uint(LIGHTS);
+    uint count = lamp_count();
     for (uint i = 0u; i < count; ++i) {
         vec3 l;
         PointLight light = scene_light(i);
@@ -32,7 +32,7 @@ vec3 point_lights(Surface s, vec3 position, Energy energy, vec2 at_v)
 vec3 point_lights_phong(Surface s, vec3 position)
 {
     vec3 sum = vec3(0.0), f0 = f0_from_metallic(s.base_color, s.metallic);
-    uint count = LIGHTS < 0 ? frame.light_count : uint(LIGHTS);
+    uint count = lamp_count();
     for (uint i = 0u; i < count; ++i) {
         vec3 l;
         PointLight light = scene_light(i);

@@ -66,6 +66,12 @@ vec4 ray_colour(RayHit hit)
         + hit.weights.z * unpacked_colour(ray_corner_extras[first + 2u]);
 }
 
+// Whether some material has this map.
+bool has_map(uint map)
+{
+    return rays_have(RAYS_MAPS << map);
+}
+
 // A coordinate beyond 0 to 1 as its map means it, for a sampler that repeats; `margin`: half a texel.
 float wrapped(float u, uint wrap, float margin)
 {
@@ -77,7 +83,7 @@ float wrapped(float u, uint wrap, float margin)
 // Where a map has its texel for a hit, of texture coordinates `uv` and of a picture of `side` texels.
 vec3 ray_map_at(RayHit hit, Material material, vec2 uv, uint map, int side)
 {
-    if ((material.flags & MATERIAL_SECOND_UV << map) != 0u)
+    if (rays_have(RAYS_EXTRAS) && (material.flags & MATERIAL_SECOND_UV << map) != 0u)
         uv = ray_uv1(hit);
     uint wraps = material.flags >> (MATERIAL_WRAPS + 4u * map);
     float margin = 0.5 / float(side);
@@ -87,13 +93,16 @@ vec3 ray_map_at(RayHit hit, Material material, vec2 uv, uint map, int side)
 // Base color and alpha of a hit.
 vec4 ray_base(RayHit hit, Material material, vec2 uv)
 {
-    vec3 at = ray_map_at(hit, material, uv, MAP_BASE_COLOR, textureSize(ray_base_color, 0).x);
-    vec4 base = vec4(material.base_color, material.opacity) * textureLod(ray_base_color, at, 0.0);
-    return (material.flags & MATERIAL_VERTEX_COLOURS) != 0u ? base * ray_colour(hit) : base;
+    vec4 base = vec4(material.base_color, material.opacity);
+    if (has_map(MAP_BASE_COLOR))
+        base *= textureLod(ray_base_color, ray_map_at(hit, material, uv, MAP_BASE_COLOR, textureSize(ray_base_color, 0).x), 0.0);
+    return rays_have(RAYS_EXTRAS) && (material.flags & MATERIAL_VERTEX_COLOURS) != 0u ? base * ray_colour(hit) : base;
 }
 
 vec2 ray_metallic_roughness(RayHit hit, Material material, vec2 uv)
 {
+    if (!has_map(MAP_ORM))
+        return vec2(material.metallic, material.roughness);
     vec3 at = ray_map_at(hit, material, uv, MAP_ORM, textureSize(ray_base_color, 0).x);
     return vec2(material.metallic, material.roughness) * textureLod(ray_orm, at, 0.0).bg;
 }
@@ -115,7 +124,7 @@ vec4 ray_frame(RayCorner corner)
 }
 
 // The normal map's vector; see surface.glsl's `mapped_normal`.
-vec3 ray_normal_of(RayHit hit, vec3 at)
+vec3 ray_normal_of(RayHit hit, Material material, vec2 uv)
 {
     uint first = 3u * hit.triangle;
     vec3 n = vec3(0.0), t = vec3(0.0);
@@ -124,6 +133,9 @@ vec3 ray_normal_of(RayHit hit, vec3 at)
         n += hit.weights[i] * frame_normal(frame_local);
         t += hit.weights[i] * frame_tangent(frame_local).xyz;
     }
+    if (!has_map(MAP_NORMAL))
+        return normalize_or(n, vec3(0.0, 1.0, 0.0));
+    vec3 at = ray_map_at(hit, material, uv, MAP_NORMAL, textureSize(ray_normal, 0).x);
     float sign = frame_tangent(ray_frame(ray_corners[first])).w;
     vec2 m_xy = 2.0 * textureLod(ray_normal, at, 0.0).xy - 1.0;
     float m_z = sqrt(max(1.0 - dot(m_xy, m_xy), 0.0));
@@ -148,11 +160,12 @@ vec3 lightmap_address(RayHit hit, bool back)
 // Radiance of a hit's own light.
 vec3 ray_emission_of(RayHit hit, Material material, vec2 uv)
 {
-    if (material.emission == vec3(0.0))
+    if (!rays_have(RAYS_EMITTERS) || material.emission == vec3(0.0))
         return vec3(0.0);
-    vec3 at = ray_map_at(hit, material, uv, MAP_EMISSION, textureSize(ray_emission, 0).x);
-    vec3 emission = material.emission * textureLod(ray_emission, at, 0.0).rgb;
-    return (material.flags & MATERIAL_UNLIT) != 0u ? emission * ray_colour(hit).rgb : emission;
+    vec3 emission = material.emission;
+    if (has_map(MAP_EMISSION))
+        emission *= textureLod(ray_emission, ray_map_at(hit, material, uv, MAP_EMISSION, textureSize(ray_emission, 0).x), 0.0).rgb;
+    return rays_have(RAYS_EXTRAS) && (material.flags & MATERIAL_UNLIT) != 0u ? emission * ray_colour(hit).rgb : emission;
 }
 
 vec3 emission_of_hit(RayHit hit)
@@ -166,7 +179,6 @@ PathPoint ray_point(RayHit hit, vec3 d)
     BvhTriangle triangle = bvh_triangles[hit.triangle];
     Material material = materials[triangle.material_and_flags & BVH_MATERIAL];
     vec2 uv = ray_uv(hit);
-    int side = textureSize(ray_base_color, 0).x;
     mat3 turn = mat3(frame.world_from_models);
     vec3 place = hit.weights.x * triangle.a + hit.weights.y * triangle.b + hit.weights.z * triangle.c;
     vec3 g = turn * normalize_or(bvh_normal(hit.triangle), vec3(0.0, 1.0, 0.0));
@@ -176,7 +188,7 @@ PathPoint ray_point(RayHit hit, vec3 d)
     p.position = (frame.world_from_models * vec4(place, 1.0)).xyz;
     p.side = front * g;
     p.rounding = position_rounding(p.position, hit.t);
-    p.s.n = front * (turn * ray_normal_of(hit, ray_map_at(hit, material, uv, MAP_NORMAL, side)));
+    p.s.n = front * (turn * ray_normal_of(hit, material, uv));
     p.s.v = -d;
     p.s.nv = clamp(dot(p.s.n, p.s.v), MIN_COS, 1.0);
     p.s.base_color = ray_base(hit, material, uv).rgb;

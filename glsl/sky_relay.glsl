@@ -4,6 +4,7 @@
 #define SKY_RELAY_GLSL
 
 #include "importance.glsl"
+#include "ray_features.glsl"
 
 // Cells along a side of a tile's square.
 const uint RELAY_SIDE = 16;
@@ -25,7 +26,7 @@ vec3 relay_centre()
 
 bool has_relays()
 {
-    return cells_size.x > 0u && importance_words[relays_first] != 0u;
+    return rays_have(RAYS_SKY_RELAYS) && cells_size.x > 0u && importance_words[relays_first] != 0u;
 }
 
 // The cell of a position, of the square for light from d.

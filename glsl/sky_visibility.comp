@@ -52,12 +52,12 @@ vec2 tried(PathVertex from, vec3 l, float density, bool seen)
 // Irradiance of all lamps, estimated by one of them.
 float lamp_share(PathVertex from, uint bits)
 {
-    uint lamp = min(uint(unit_from_bits(bits) * float(frame.light_count)), frame.light_count - 1u);
+    uint lamp = min(uint(unit_from_bits(bits) * float(lamp_count())), lamp_count() - 1u);
     vec3 l, irradiance = light_irradiance(lights[lamp], from.p.position, l);
     float cosine = dot(from.p.side, l), far = distance(lights[lamp].position, from.p.position);
     if (cosine <= 0.0 || trace_ray(from.origin, l, far, true).t >= 0.0)
         return 0.0;
-    return dot(irradiance, vec3(1.0)) * cosine * float(frame.light_count);
+    return dot(irradiance, vec3(1.0)) * cosine * float(lamp_count());
 }
 
 // A ray of an eye, through a random place of its picture.
@@ -88,7 +88,7 @@ vec2 learned(uint path)
         float cosine = dot(from.p.side, l);
         float both = panorama_density(panorama_from_world(l), from.place) + max(cosine, 0.0) * INV_PI;
         sum += tried(from, l, both, cosine > 0.0 && trace_ray(from.origin, l, 1e30, true).t < 0.0);
-        if (from.arrival >= 0.0 && frame.light_count > 0u)
+        if (from.arrival >= 0.0 && lamp_count() > 0u)
             sum.y += lamp_share(from, more.z);
         d = basis(from.p.side) * cosine_direction(units_from_bits(more.xy));
         density = dot(from.p.side, d) * INV_PI;

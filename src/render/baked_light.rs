@@ -17,6 +17,7 @@ use super::probes;
 use super::ray_scene::LazyRayScene;
 use super::rest::Rest;
 use super::settings::RenderSettings;
+use super::shared::ray_feature;
 use crate::asset::Report;
 use crate::context::Context;
 use crate::gpu::{Buffer, Commands, DescriptorSet, Image, PassTime};
@@ -146,7 +147,9 @@ impl BakedLight {
                 importance: importance.cloned(),
                 lightmap: dark_lightmap(gpu, side, *layers)?,
                 probes: has_probes.then(|| ProbeMaps::new(gpu, probes, face).map(Arc::new)).transpose()?,
-                constants: settings.brdf_constants(),
+                brdf: settings.brdf_constants(),
+                model: settings.model,
+                more_features: 0,
                 samples: settings.light_detail.lightmap_samples,
             },
             bake: Bake::Idle,
@@ -217,8 +220,15 @@ impl BakedLight {
     /// Computes it again, for other light: until it is better, the old lightmap and the old probes stay.
     fn restart(&mut self) {
         (self.is_done, self.kept) = (false, false);
-        if let Bake::There(bake) = &mut self.bake {
-            bake.restart();
+        // Changed factors may make any material smooth metal.
+        let is_edited = self.computed_for.is_some_and(|state| state.edits.is_some());
+        if is_edited {
+            self.source.more_features = ray_feature::GLOSSY;
+        }
+        match &mut self.bake {
+            Bake::There(bake) if bake.has(self.source.more_features) => bake.restart(),
+            Bake::There(_) => (self.bake, self.has_light) = (Bake::Idle, true),
+            Bake::Idle | Bake::Coming(_) | Bake::Failed => {}
         }
     }
 
@@ -273,9 +283,13 @@ impl BakedLight {
             Bake::Idle => LightBake::new(&self.source, self.listed.take())?,
             Bake::Coming(thread) => {
                 let mut bake = thread.join().map_err(|_| Error::light_panicked())??;
-                // It may be another's by now.
-                bake.set_panorama(&self.source)?;
-                bake
+                // What it is prepared for may be another by now.
+                if bake.has(self.source.more_features) {
+                    bake.set_panorama(&self.source)?;
+                    bake
+                } else {
+                    LightBake::new(&self.source, None)?
+                }
             }
             bake => {
                 self.bake = bake;

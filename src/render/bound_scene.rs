@@ -203,6 +203,7 @@ impl BoundScene {
             lightmap_layers: self.baked.as_ref().map_or(0, BakedLight::layers),
             drawn: self.resources.drawn_kinds(),
             ray_scene: Arc::clone(&self.resources.ray_scene),
+            sky_relays: false,
             casts: self.resources.shadow_plan.casts,
             planned_shadows: self.resources.shadow_plan.kind,
             panorama: Arc::clone(&self.lighting.maps.panorama),

@@ -12,7 +12,7 @@ use super::pipeline_request::PipelineRequest;
 use super::ray_scene::RaySet;
 use super::scene_resources::{ATTRIBUTES, PackedVertex};
 use super::settings::{RenderSettings, Shading};
-use super::shared::constant;
+use super::shared::{constant, ray_feature};
 use crate::Result;
 use crate::gpu::{Commands, Constant, Cull, DepthState, Format, GraphicsDesc, Pipeline};
 use crate::reference::energy::Scattering;
@@ -89,7 +89,8 @@ impl ForwardPass {
         let is_reference = settings.shading == Shading::Reference;
         let stages = |probes| Stages::new(settings, probes, gpu.wants_late_depth());
         let Stages { sky, colour, samples, .. } = stages(false);
-        let common: [Constant; 13] = [
+        let more_features = if request.sky_relays { ray_feature::SKY_RELAYS } else { 0 };
+        let common: [Constant; 14] = [
             (constant::EYES, *eyes),
             (constant::SHADING, settings.shading as u32),
             (constant::GEOMETRY, settings.geometry as u32),
@@ -104,6 +105,7 @@ impl ForwardPass {
             (constant::LIGHTMAP, if is_reference { 0 } else { *lightmap_layers }),
             (constant::TRANSPORT, settings.transport() as u32),
             (constant::PART, settings.part as u32),
+            request.ray_scene.features(settings.model, more_features),
         ];
         let drawing = layouts.drawing();
         let desc =

@@ -98,8 +98,8 @@ fn table(gpu: &Arc<Gpu>, size: [u32; 2], texels: &[[f32; 4]], places: &Places) -
         [bytes_of(&head), bytemuck::cast_slice(&places.of_sides), bytemuck::cast_slice(&table.cells)].concat();
     (0..=places.count).for_each(|_| bytes.extend_from_slice(bytemuck::cast_slice(&table.ends)));
     // Where nothing is learned, there are none.
-    let relays = if places.count > 0 { 1 + TILES * (1 + RELAY_CELLS) } else { 1 };
-    bytes.resize(bytes.len() + relays * size_of::<u32>(), 0);
+    let relays = if places.count > 0 { RELAY_BYTES } else { size_of::<u32>() };
+    bytes.resize(bytes.len() + relays, 0);
     let buffer = Buffer::new(gpu, "importance", BufferKind::Storage, bytes.len() as u64)?;
     let mut upload = Upload::new(gpu);
     upload.buffer(&buffer, &bytes)?;
@@ -109,6 +109,8 @@ fn table(gpu: &Arc<Gpu>, size: [u32; 2], texels: &[[f32; 4]], places: &Places) -
 
 /// Cells of each tile that light is followed from: `glsl/sky_relay.glsl`.
 pub const RELAY_CELLS: usize = 16 * 16;
+/// Bytes at the end for them: whether light is followed from any, ends of tiles' chances, ends of cells' for each tile.
+pub const RELAY_BYTES: usize = (1 + TILES * (1 + RELAY_CELLS)) * size_of::<u32>();
 /// Bytes that one place takes here.
 pub const PLACE_BYTES: u64 = (TILES * size_of::<u32>()) as u64;
 

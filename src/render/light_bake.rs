@@ -6,13 +6,18 @@ use std::sync::Arc;
 use super::bake_sets::BakeSets;
 use super::frame_set::FrameSet;
 use super::layouts::Layouts;
-use super::lightmap::LightmapBake;
+use super::lightmap::{Facts, LightmapBake};
 use super::probe_maps::ProbeMaps;
 use super::probes::ProbeBake;
 use super::ray_scene::{LazyRayScene, RaySet};
+use super::shared::ray_feature;
 use crate::Result;
 use crate::gpu::{Buffer, Commands, Constant, DescriptorSet, Gpu, Image, PassTime};
+use crate::scene::Model;
 use crate::scene::lightmap_texels::LightmapTexels;
+
+/// Part of the scene's radius: light that begins nearer to a surface makes a spot on it that few rays find.
+const NEAR_LIGHT: f32 = 0.1;
 
 /// What light is computed from, and the images that it is computed in.
 #[derive(Clone)]
@@ -25,9 +30,20 @@ pub struct BakeSource {
     pub lightmap: Arc<Image>,
     pub probes: Option<Arc<ProbeMaps>>,
     /// Of shaders: the BRDF that light is given back by.
-    pub constants: [Constant; 2],
+    pub brdf: [Constant; 2],
+    pub model: Model,
+    /// What rays may meet beside what the scene's file has: bits of [`ray_feature`].
+    pub more_features: u32,
     /// Of a lightmap's texel.
     pub samples: u32,
+}
+
+impl BakeSource {
+    /// Constants of shaders, for what rays may meet beside.
+    fn constants(&self, more_features: u32) -> Vec<Constant> {
+        let features = self.ray_scene.features(self.model, self.more_features | more_features);
+        self.brdf.into_iter().chain([features, self.ray_scene.lamps()]).collect()
+    }
 }
 
 /// A scene's light while it is computed, a piece with each frame.
@@ -35,6 +51,7 @@ pub struct LightBake {
     lightmap: LightmapBake,
     probes: Option<ProbeBake>,
     rays: RaySet,
+    more_features: u32,
 }
 
 impl LightBake {
@@ -43,13 +60,23 @@ impl LightBake {
     /// # Errors
     /// No memory; a failed Vulkan call.
     pub fn new(source: &BakeSource, listed: Option<LightmapTexels>) -> Result<Self> {
-        let BakeSource { gpu, layouts, ray_scene, lightmap, constants, .. } = source;
-        let lightmap = LightmapBake::new(gpu, layouts, ray_scene, (lightmap, listed), constants)?;
-        let probe_bake = |probes| ProbeBake::new(gpu, layouts, probes, lightmap.given_back());
+        let BakeSource { gpu, layouts, ray_scene, lightmap, .. } = source;
+        let scene = ray_scene.get(gpu, layouts)?;
+        let has_relays = scene.is_light_near(ray_scene, NEAR_LIGHT);
+        let constants = source.constants(if has_relays { ray_feature::RELAYS } else { 0 });
+        let listed = |side| listed.unwrap_or_else(|| ray_scene.lightmap_texels(&scene, side));
+        let facts = Facts { radius: scene.radius(), has_relays };
+        let lightmap = LightmapBake::new(gpu, layouts, lightmap, (listed, facts), &constants)?;
+        let probe_bake = |probes| ProbeBake::new(gpu, layouts, probes, lightmap.given_back(), &constants);
         let probes = source.probes.as_ref().map(probe_bake).transpose()?;
         let count = source.probes.as_ref().map_or(0, |probes| probes.placed().len());
         let lightmap = lightmap.with_samples(source.samples).with_probes(count as u32);
-        Ok(Self { lightmap, probes, rays: rays(source)? })
+        Ok(Self { lightmap, probes, rays: rays(source)?, more_features: source.more_features })
+    }
+
+    /// Whether it is prepared for rays that meet these, too: [`BakeSource::more_features`].
+    pub fn has(&self, features: u32) -> bool {
+        self.more_features & features == features
     }
 
     /// Draws samples from the source's panorama from now on.

@@ -10,7 +10,6 @@ use super::bake_sets::BakeSets;
 use super::layouts::Layouts;
 use super::lightmap_stages::{DIRECT_PASS, Length, PASS, Stage};
 use super::pace::Pace;
-use super::ray_scene::LazyRayScene;
 use crate::Result;
 use crate::gpu::{
     AddressMode, Binding, Buffer, BufferKind, Commands, Constant, DescriptorSet, Format, Gpu, Image, ImageAccess,
@@ -23,8 +22,6 @@ use bytemuck::{Pod, Zeroable, bytes_of};
 const WEIGHING_GROUPS: u32 = 64;
 /// Places that light from lamps and from what shines is followed to, where some is near a surface; a power of two.
 const RELAYS: u32 = 1 << 14;
-/// Part of the scene's radius: light that begins nearer to a surface makes a spot on it that few rays find.
-const NEAR_LIGHT: f32 = 0.1;
 /// What a texel's samples add up to, as shaders have it; a workgroup's sums are the first of it.
 type Sums = [f32; 18];
 /// Texels of a workgroup.
@@ -60,6 +57,14 @@ struct Work {
     relay_count: u32,
     spot_density: f32,
     probe_count: u32,
+}
+
+/// What the computation goes by.
+pub struct Facts {
+    /// The scene's, metres.
+    pub radius: f32,
+    /// Whether light is followed from lamps and from what shines: the constants of shaders say the same.
+    pub has_relays: bool,
 }
 
 /// A lightmap that is being computed.
@@ -166,26 +171,21 @@ pub fn dark_lightmap(gpu: &Arc<Gpu>, side: u32, sides: u32) -> Result<Arc<Image>
 }
 
 impl LightmapBake {
-    /// Prepares the computation of a [`dark_lightmap`], or of one that is there, which is not touched; `listed`: its texels, if
-    /// they are known. `constants` of shaders say by which BRDF light is given back.
+    /// Prepares the computation of a [`dark_lightmap`], or of one that is there, which is not touched; `list`: makes the list of
+    /// its texels, for their number along a side. `constants` of shaders say what rays may meet and by which BRDF light is given back.
     ///
     /// # Errors
     /// No memory; a failed Vulkan call.
     pub fn new(
         gpu: &Arc<Gpu>,
         layouts: &Layouts,
-        ray_scene: &LazyRayScene,
-        (light, listed): (&Arc<Image>, Option<LightmapTexels>),
+        light: &Arc<Image>,
+        (list, facts): (impl FnOnce(u32) -> LightmapTexels + Send, Facts),
         constants: &[Constant],
     ) -> Result<Self> {
         let [side, _] = light.desc().size;
-        let list = || {
-            let scene = ray_scene.get(gpu, layouts)?;
-            let texels = listed.unwrap_or_else(|| ray_scene.lightmap_texels(&scene, side));
-            Ok((scene, texels))
-        };
-        let (pipelines, listed) = rayon::join(|| Pipelines::new(gpu, layouts, constants), list);
-        let (pipelines, (scene, texels)) = (pipelines?, listed?);
+        let (pipelines, texels) = rayon::join(|| Pipelines::new(gpu, layouts, constants), || list(side));
+        let pipelines = pipelines?;
         let layers = sides(light);
         let indices = texels.indices(side, layers);
         let LightmapTexels { all, seen } = texels;
@@ -223,8 +223,8 @@ impl LightmapBake {
             direct,
             all_texels: all.len() as u32,
             texels: seen as u32,
-            relays: if scene.is_light_near(ray_scene, NEAR_LIGHT) { RELAYS } else { 0 },
-            spot_density: scene.radius().powi(-2),
+            relays: if facts.has_relays { RELAYS } else { 0 },
+            spot_density: facts.radius.powi(-2),
             probes: 0,
             length: Length::default(),
             sums,

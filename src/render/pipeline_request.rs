@@ -31,6 +31,8 @@ pub struct PipelineRequest {
     pub(super) casts: bool,
     /// How lamps' shadows are looked up where shadows are modelled.
     pub(super) planned_shadows: LampShadows,
+    /// Whether its paths follow light from the panorama.
+    pub(super) sky_relays: bool,
     /// The panorama that the reference samples.
     pub(super) panorama: Arc<Image>,
     /// The sun that is a light of its own, in the panorama's frame.

@@ -11,7 +11,7 @@ use super::pace::Pace;
 use super::probe_maps::ProbeMaps;
 use crate::Result;
 use crate::gpu::{
-    AddressMode, Binding, Commands, DescriptorSet, Format, Gpu, Image, ImageAccess, ImageDesc, ImageUsageFlags,
+    AddressMode, Binding, Commands, Constant, DescriptorSet, Format, Gpu, Image, ImageAccess, ImageDesc, ImageUsageFlags,
     PassTime, Pipeline, Sampler, submit_and_wait,
 };
 use crate::precompute::{Alpha, HierarchicalConvolution};
@@ -87,6 +87,7 @@ impl ProbeBake {
         layouts: &Layouts,
         probes: &Arc<ProbeMaps>,
         [direct, soft]: [&Arc<Image>; 2],
+        constants: &[Constant],
     ) -> Result<Self> {
         let usage = ImageUsageFlags::SAMPLED | ImageUsageFlags::STORAGE;
         // As wide as four faces, at the equator.
@@ -106,7 +107,7 @@ impl ProbeBake {
             filter,
             has_norms: false,
             given_back: [Arc::clone(direct), Arc::clone(soft)],
-            capture: Pipeline::compute(gpu, SHADER, &[], &layouts.capturing(), size_of::<Work>() as u32)?,
+            capture: Pipeline::compute(gpu, SHADER, constants, &layouts.capturing(), size_of::<Work>() as u32)?,
             set: DescriptorSet::new(gpu, "probe", &layouts.probe, &bindings)?,
             captured,
             stage: Stage::Capture(0, 0),

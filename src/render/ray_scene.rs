@@ -7,10 +7,10 @@ use glam::{DVec4, Mat4, Vec3};
 
 use super::emitters;
 use super::layouts::Layouts;
-use super::shared::VertexExtraBlock;
+use super::shared::{VertexExtraBlock, constant, ray_feature};
 use crate::Result;
 use crate::gpu::{
-    AddressMode, Binding, Buffer, BufferKind, DescriptorSet, Format, Gpu, Image, ImageAccess, ImageDesc,
+    AddressMode, Binding, Buffer, BufferKind, Constant, DescriptorSet, Format, Gpu, Image, ImageAccess, ImageDesc,
     ImageUsageFlags, Pipeline, Sampler, Shape, Upload, submit_and_wait,
 };
 use crate::reference::octahedral::pack_frame;
@@ -20,7 +20,7 @@ use crate::scene::lightmap_texels::{LightmapTexels, Sides, sides};
 use crate::scene::places::Places;
 use crate::scene::sphere_lights::SphereLight;
 use crate::scene::surroundings::spiral;
-use crate::scene::{GeometryView, Instance, Material, Mesh, Scene, Vertex};
+use crate::scene::{GeometryView, Instance, Material, Mesh, Model, Scene, Vertex};
 
 /// The upper bits of a triangle's material, the same as in `glsl/bvh.glsl`: it is alpha-tested; its back is never seen.
 const MASKED: u32 = 1 << 31;
@@ -31,6 +31,8 @@ const SPHERE: u32 = 1 << 29;
 const TEXTURE_BYTES: u64 = 192 << 20;
 const MEMORY_PART: u64 = 8;
 const TEXEL_BYTES: u64 = 24;
+/// The number of the emissive map among [`Material::maps`].
+const EMISSIVE_MAP: u32 = 3;
 /// Triangles that shine and are looked at one by one, at most.
 const MOST_EMITTERS: usize = 256;
 /// Sides of the reduced textures, in texels.
@@ -47,9 +49,8 @@ pub struct LazyRayScene {
     /// Of each material, the sum of its channels.
     emission: Vec<f32>,
     has_textures: bool,
-    has_emissive_maps: bool,
-    /// Whether vertices have colours or second texture coordinates.
-    has_extras: bool,
+    /// What shaders have code for: bits of [`ray_feature`].
+    features: u32,
     /// Where paths begin that look for the backs that are seen.
     cameras: Vec<Vec3>,
     lamps: Vec<Vec3>,
@@ -108,9 +109,7 @@ impl LazyRayScene {
             masked: scene.materials.iter().map(|m| m.alpha_cutoff.is_some() || m.blends).collect(),
             emission: scene.materials.iter().map(|material| material.emissive_factor.element_sum()).collect(),
             has_textures: !scene.textures.is_empty(),
-            has_emissive_maps: scene.materials.iter().any(|material| material.emissive_map.is_some()),
-            has_extras: scene.materials.iter().any(Material::takes_second_uv)
-                || geometry.meshes.iter().any(|mesh| mesh.vertices.iter().any(VertexExtraBlock::is_needed)),
+            features: features(scene, geometry),
             cameras: scene.cameras.iter().map(|camera| camera.position).collect(),
             lamps: scene.lights.iter().map(|lamp| lamp.position).collect(),
             spheres,
@@ -127,8 +126,7 @@ impl LazyRayScene {
             masked: Vec::new(),
             emission: Vec::new(),
             has_textures: false,
-            has_emissive_maps: false,
-            has_extras: false,
+            features: 0,
             cameras: Vec::new(),
             lamps: Vec::new(),
             spheres: Vec::new(),
@@ -152,11 +150,25 @@ impl LazyRayScene {
         let sides = sides(&bvh, &self.meshes, &self.instances, [&self.cameras, &self.lamps]);
         let sets = Arc::clone(&locked(&self.texture_sets));
         let side = if self.has_textures { affordable_side(gpu, sets.len() as u64) } else { 1 };
-        let emissive_side = if self.has_emissive_maps { side } else { 1 };
+        let emissive_side = if self.has(ray_feature::MAPS << EMISSIVE_MAP) { side } else { 1 };
         let textures = RayTextures::new(gpu, layouts, &sets, [side, emissive_side])?;
         let scene = Arc::new(RayScene::new(gpu, (bvh, sides), self, textures)?);
         *built = Some(Arc::clone(&scene));
         Ok(scene)
+    }
+
+    fn has(&self, feature: u32) -> bool {
+        self.features & feature != 0
+    }
+
+    /// A constant of shaders that trace rays: the scene's features, and `more` that the scene alone does not say.
+    pub fn features(&self, model: Model, more: u32) -> Constant {
+        (constant::RAY_FEATURES, if model == Model::Everything { u32::MAX } else { self.features | more })
+    }
+
+    /// Another: the number of lamps.
+    pub fn lamps(&self) -> Constant {
+        (constant::LIGHTS, self.lamps.len() as u32)
     }
 
     /// Whether it has been used.
@@ -196,6 +208,26 @@ impl LazyRayScene {
     fn mesh(&self, triangle: &BvhTriangle) -> &Mesh {
         &self.meshes[self.instances[triangle.instance as usize].mesh]
     }
+}
+
+/// What rays may meet in a scene with this geometry.
+fn features(scene: &Scene, geometry: GeometryView<'_>) -> u32 {
+    let any = |is: &dyn Fn(&Material) -> bool| scene.materials.iter().any(is);
+    let extra = || geometry.meshes.iter().any(|mesh| mesh.vertices.iter().any(VertexExtraBlock::is_needed));
+    let maps = |i: u32| any(&|material| material.maps()[i as usize].is_some());
+    let all = [
+        (ray_feature::HOLES, any(&|material| material.alpha_cutoff.is_some() || material.blends)),
+        (ray_feature::EMITTERS, any(&|material| material.emissive_factor != Vec3::ZERO)),
+        (ray_feature::GLOSSY, any(&is_glossy)),
+        (ray_feature::EXTRAS, any(&Material::takes_second_uv) || extra()),
+    ];
+    let of_maps = (0..4).filter(|i| maps(*i)).map(|i| ray_feature::MAPS << i);
+    all.into_iter().filter(|(_, has)| *has).map(|(feature, _)| feature).chain(of_maps).sum()
+}
+
+/// Whether some of it is smooth metal, as `glsl/lightmap.glsl`'s `is_glossy` has it.
+fn is_glossy(material: &Material) -> bool {
+    material.metallic_range[1] > 0.5 && material.roughness_range[0] < 0.6
 }
 
 /// A panic leaves nothing half done behind these locks.
@@ -271,7 +303,7 @@ impl RayScene {
         let triangle = |(triangle, sides): (&BvhTriangle, &Sides)| source.triangle(triangle, *sides);
         let triangles: Vec<TriangleBlock> = bvh.triangles().iter().zip(&sides).map(triangle).collect();
         let corners: Vec<CornerBlock> = bvh.triangles().iter().flat_map(|t| source.corners(t)).collect();
-        let extras: Vec<VertexExtraBlock> = match source.has_extras {
+        let extras: Vec<VertexExtraBlock> = match source.has(ray_feature::EXTRAS) {
             true => bvh.triangles().iter().flat_map(|t| source.corner_extras(t)).collect(),
             false => vec![VertexExtraBlock::default()],
         };

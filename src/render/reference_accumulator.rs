@@ -115,6 +115,13 @@ impl ReferencePasses {
     }
 }
 
+impl ReferencePasses {
+    /// Whether paths should follow light from the panorama, as far as the finished frame knew that had `slot`.
+    pub fn wants_sky_relays(&self, slot: usize) -> bool {
+        self.visible_sky.as_ref().is_some_and(|sky| sky.follows_light(slot))
+    }
+}
+
 /// The mean of all frames so far and its standard error, in images that outlive a frame.
 pub struct ReferenceAccumulator {
     latest: Arc<Image>,
@@ -191,23 +198,23 @@ impl ReferenceAccumulator {
         &mut self,
         frame: &mut FrameContext<'_>,
         block: u32,
-        passes: &ReferencePasses,
+        passes: &mut ReferencePasses,
         targets: &ViewTargets,
         scene: &DescriptorSet,
-        draw: impl FnOnce(&mut Commands<'_>, FrameSet<'_>),
+        draw: impl FnOnce(&mut Commands<'_>, FrameSet<'_>, &RaySet),
     ) {
         let FrameContext { commands, set, slot, .. } = frame;
         let set = FrameSet { set, block };
         self.frames += 1;
-        if let Some(sky) = &passes.visible_sky {
-            sky.record(commands, set, scene, &passes.rays, (self.frames, targets.area));
+        if let Some(sky) = &mut passes.visible_sky {
+            sky.record(commands, set, scene, &passes.rays, (self.frames, targets.area, *slot));
         }
         commands.pass("samples", |commands| {
             commands.prepare_fresh(&self.depth, ImageAccess::Depth);
             commands.prepare_fresh(&self.latest, ImageAccess::Colour);
             let colours = &[ColourAttachment::cleared(self.latest.attachment(), [0.0; 4])];
             let depth = Some(DepthAttachment::transient(self.depth.attachment()));
-            commands.render(&Attachments { colours, depth, area: targets.area }, |commands| draw(commands, set));
+            commands.render(&Attachments { colours, depth, area: targets.area }, |commands| draw(commands, set, &passes.rays));
         });
         commands.pass("accumulate", |commands| {
             commands.prepare(&self.latest, ImageAccess::Sampled);

@@ -235,4 +235,17 @@ pub mod constant {
     pub const SECOND_UV: u32 = 21;
     pub const BLENDS: u32 = 22;
     pub const SPHERE_LIGHTS: u32 = 23;
+    pub const RAY_FEATURES: u32 = 24;
+}
+
+/// What rays may meet or be sent to in a scene: bits of [`constant::RAY_FEATURES`], described in `glsl/ray_features.glsl`.
+pub mod ray_feature {
+    pub const HOLES: u32 = 1;
+    pub const EMITTERS: u32 = 2;
+    pub const RELAYS: u32 = 4;
+    pub const GLOSSY: u32 = 8;
+    pub const EXTRAS: u32 = 16;
+    pub const SKY_RELAYS: u32 = 32;
+    /// Shifted by the number of a map, as [`material_flag::SECOND_UV`].
+    pub const MAPS: u32 = 256;
 }

@@ -10,12 +10,12 @@ use std::sync::Arc;
 use bytemuck::{Pod, Zeroable, bytes_of};
 
 use super::frame_set::FrameSet;
-use super::importance::{PLACE_BYTES, RELAY_CELLS};
+use super::importance::{PLACE_BYTES, RELAY_BYTES, RELAY_CELLS};
 use super::pipeline_request::PipelineRequest;
 use super::ray_scene::RaySet;
 use super::shared::constant;
 use crate::Result;
-use crate::gpu::{Binding, Buffer, BufferKind, Commands, DescriptorSet, Gpu, Pipeline};
+use crate::gpu::{Binding, Buffer, BufferKind, Commands, DescriptorSet, FRAMES_IN_FLIGHT, Gpu, Pipeline};
 use crate::reference::importance::{TILES, Tried};
 
 /// The most places that are told apart, and the part of the GPU's memory that they may take.
@@ -29,6 +29,8 @@ const LEARNING_FRAMES: u32 = 256;
 const PIXELS_PER_PATH: u32 = 4;
 const FEWEST_PATHS: u32 = 2048;
 const MOST_PATHS: u32 = 16384;
+/// Bytes of a number that says whether something is so.
+const WORD: u64 = size_of::<u32>() as u64;
 /// Invocations of the stages' workgroups.
 const GROUP: u32 = 64;
 
@@ -54,6 +56,10 @@ pub struct VisibleSky {
     set: DescriptorSet,
     /// Without the panorama's own.
     places: u32,
+    /// Holds at its end whether light is followed from the panorama.
+    importance: Arc<Buffer>,
+    /// The same for the CPU, for each frame slot that has learned.
+    follows: Vec<(Arc<Buffer>, bool)>,
 }
 
 impl VisibleSky {
@@ -69,6 +75,7 @@ impl VisibleSky {
         let shares_bytes = u64::from(MOST_PATHS / GROUP) * size_of::<[f32; 2]>() as u64;
         let shares = Buffer::new(gpu, "sky shares", BufferKind::Storage, shares_bytes)?;
         let bindings = [&tried, importance, &comes, &shares].map(Binding::Storage);
+        let word = |_| Ok((Buffer::new(gpu, "sky relays", BufferKind::Readback, WORD)?, false));
         let sets = layouts.learning_sky();
         let constants = [(constant::EYES, *eyes), (constant::SUN, request.shades_sun().into())];
         Ok(Self {
@@ -77,18 +84,26 @@ impl VisibleSky {
             relay_chances: Pipeline::compute(gpu, "sky_relay_chances.comp", &[], &sets, size_of::<u32>() as u32)?,
             set: DescriptorSet::new(gpu, "sky", &layouts.sky, &bindings)?,
             places,
+            importance: Arc::clone(importance),
+            follows: (0..FRAMES_IN_FLIGHT).map(word).collect::<Result<_>>()?,
         })
+    }
+
+    /// Whether light is worth following from the panorama, as far as the finished frame knew that had `slot`.
+    pub fn follows_light(&self, slot: usize) -> bool {
+        let (word, is_written) = &self.follows[slot];
+        *is_written && word.read(|bytes| bytes.iter().any(|byte| *byte != 0))
     }
 
     /// Records what the frame of this number, from 1 on, of an average learns before its samples are drawn: the first one forgets
     /// all that was learned before.
     pub fn record(
-        &self,
+        &mut self,
         commands: &mut Commands<'_>,
         frame: FrameSet<'_>,
         scene: &DescriptorSet,
         rays: &RaySet,
-        (number, area): (u32, [u32; 2]),
+        (number, area, slot): (u32, [u32; 2], usize),
     ) {
         if number > LEARNING_FRAMES {
             return;
@@ -125,6 +140,11 @@ impl VisibleSky {
             if number.is_power_of_two() {
                 chances(commands, false);
             }
+            let (word, is_written) = &mut self.follows[slot];
+            commands.copy_buffer(&self.importance, self.importance.size() - RELAY_BYTES as u64, word, 0, WORD);
+            commands.copies_to_host();
+            commands.buffers_written();
+            *is_written = true;
         });
     }
 }

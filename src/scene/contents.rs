@@ -115,6 +115,11 @@ pub struct MaterialSource {
 }
 
 impl Material {
+    /// Base color, normal, ORM and emissive map.
+    pub fn maps(&self) -> [Option<usize>; 4] {
+        [self.base_color_map, self.normal_map, self.orm_map, self.emissive_map]
+    }
+
     /// Whether a map is looked up by second texture coordinates.
     pub fn takes_second_uv(&self) -> bool {
         self.lookups.iter().any(|lookup| lookup.second_uv)

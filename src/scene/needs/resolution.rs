@@ -41,7 +41,7 @@ pub fn first_levels(scene: &Scene, viewpoint: Viewpoint) -> Vec<u32> {
     let nearest = scene.instances.par_iter().map(|instance| {
         let mesh = &scene.meshes[instance.mesh];
         let material = &scene.materials[mesh.material];
-        let maps = [material.base_color_map, material.normal_map, material.orm_map, material.emissive_map];
+        let maps = material.maps();
         let sizes = maps.map(|map| map.map_or(Vec2::ZERO, |map| side(&scene.textures[map])));
         // Whose second coordinates are not looked at stay whole.
         let mut footprints = footprints(mesh, instance.world_from_local, sizes, viewpoint);

@@ -1,0 +1,21 @@
+// What rays may meet or be sent to in a scene, so that its shaders have no code for anything else: software renderers run all
+// code that there is, and compile it first.
+#ifndef RAY_FEATURES_GLSL
+#define RAY_FEATURES_GLSL
+
+layout(constant_id = 24) const uint RAY_FEATURES = 0xffffffffu;
+// Bits of it, those of `ray_feature` in src/render/shared.rs.
+const uint RAYS_HOLES = 1;       // alpha-tested or blended surfaces
+const uint RAYS_EMITTERS = 2;    // surfaces that shine
+const uint RAYS_RELAYS = 4;      // of a lightmap: lamps or surfaces that shine near to other surfaces
+const uint RAYS_GLOSSY = 8;      // smooth metal
+const uint RAYS_EXTRAS = 16;     // colours of vertices or second texture coordinates
+const uint RAYS_SKY_RELAYS = 32; // of paths: light followed from the panorama
+const uint RAYS_MAPS = 256;      // shifted by the number of a map: some material has it
+
+bool rays_have(uint feature)
+{
+    return (RAY_FEATURES & feature) != 0u;
+}
+
+#endif
