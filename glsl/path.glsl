@@ -185,38 +185,44 @@ float unrelayed(PathPoint p, vec3 l, float arrival, float density)
     return found / max(found + relay_density(p.position, l, dot(p.side, l)), TINY);
 }
 
-// What lamps and the panorama add directly: every lamp at the first point, one of them at each later one. `arrival`: the
-// density per area with which the path found this point, below 0 where `relayed_light` could not find it.
-vec3 direct_light(PathPoint p, Scatter m, mat3 world_from_surface, uint place, bool first, float arrival, inout uvec4 seed)
+// Whether nothing blocks light along l; `casts`: it does where lamps and the sun alone cast shadows.
+bool is_free(PathPoint p, vec3 l, float far, bool casts)
 {
-    uint lamps = lamp_count();
-    uint lamp_rays = first ? lamps : min(lamps, 1u);
-    vec3 sum = vec3(0.0), l = p.s.n;
-    for (uint i = first && !is_shown(true) ? lamp_rays : 0u; i <= lamp_rays; ++i) {
+    bool is_traced = TRANSPORT == TRANSPORT_ALL || (casts && TRANSPORT == TRANSPORT_DIRECT);
+    return !is_traced || trace_ray(ray_origin(p), l, far, true).t < 0.0;
+}
+
+// What lamps add directly: every one at the first point, one of them at each later one. `arrival`: the density per area with which
+// the path found this point, below 0 where `relayed_light` could not find it.
+vec3 lamps_light(PathPoint p, Scatter m, bool first, float arrival, inout uvec4 seed)
+{
+    uint lamps = lamp_count(), rays = first ? lamps : min(lamps, 1u);
+    vec3 sum = vec3(0.0);
+    for (uint i = 0u; i < rays; ++i) {
         seed.w += 1u;
         uvec4 bits = pcg4d(seed);
-        bool is_lamp = i < lamp_rays;
-        float far = 1e30;
-        vec3 light;
-        if (is_lamp) {
-            uint lamp = first ? i : min(uint(unit_from_bits(bits.x) * float(lamps)), lamps - 1u);
-            PointLight at = lights[lamp];
-            if (at.radius > 0.0)
-                at = lamp_point(at, p.position, units_from_bits(bits.yz));
-            light = lamp_light(p, m, at, l, far) * (first ? 1.0 : float(lamps));
-            if (arrival >= 0.0)
-                light *= arrival / max(arrival + lamp_density(dot(p.side, l), far), TINY);
-        } else {
-            float density;
-            light = panorama_light(m, world_from_surface, place, bits, first, l, density);
-            light *= ambient_share(p, l) * unrelayed(p, l, arrival, density);
-        }
-        bool casts = is_lamp || sun_density(l) > 0.0;
-        bool is_traced = TRANSPORT == TRANSPORT_ALL || (casts && TRANSPORT == TRANSPORT_DIRECT);
-        if (light != vec3(0.0) && (!is_traced || trace_ray(ray_origin(p), l, far, true).t < 0.0))
+        PointLight lamp = lights[first ? i : min(uint(unit_from_bits(bits.x) * float(lamps)), lamps - 1u)];
+        if (lamp.radius > 0.0)
+            lamp = lamp_point(lamp, p.position, units_from_bits(bits.yz));
+        vec3 l;
+        float far;
+        vec3 light = lamp_light(p, m, lamp, l, far) * (first ? 1.0 : float(lamps));
+        if (arrival >= 0.0)
+            light *= arrival / max(arrival + lamp_density(dot(p.side, l), far), TINY);
+        if (light != vec3(0.0) && is_free(p, l, far, true))
             sum += light;
     }
     return sum;
+}
+
+// What the panorama adds directly, by one sample of it.
+vec3 sky_light(PathPoint p, Scatter m, mat3 world_from_surface, uint place, bool first, float arrival, uvec4 bits)
+{
+    vec3 l;
+    float density;
+    vec3 light = panorama_light(m, world_from_surface, place, bits, first, l, density);
+    light *= ambient_share(p, l) * unrelayed(p, l, arrival, density);
+    return light != vec3(0.0) && is_free(p, l, 1e30, sun_density(l) > 0.0) ? light : vec3(0.0);
 }
 
 // What a surface that shines adds, by one of its points.
@@ -243,7 +249,10 @@ vec3 transported_light(PathPoint p, uvec4 seed)
         bool first = bounce == 0u;
         if (p.s.emission != vec3(0.0) && (!first || is_shown(true)))
             sum += throughput * p.s.emission * (arrival < 0.0 ? 1.0 : arrival / max(arrival + drawn, TINY));
-        sum += throughput * direct_light(p, m, world_from_surface, place, first, arrival, seed);
+        if (has_lamps && !(first && !is_shown(true)))
+            sum += throughput * lamps_light(p, m, first, arrival, seed);
+        seed.w += 1u;
+        sum += throughput * sky_light(p, m, world_from_surface, place, first, arrival, pcg4d(seed));
         seed.w += 1u;
         if (TRANSPORT == TRANSPORT_ALL && has_lamps && !(first && !is_shown(false)))
             sum += throughput * relayed_light(p, m, world_from_surface, first, pcg4d(seed));
