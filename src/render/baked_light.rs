@@ -220,15 +220,23 @@ impl BakedLight {
     /// Computes it again, for other light: until it is better, the old lightmap and the old probes stay.
     fn restart(&mut self) {
         (self.is_done, self.kept) = (false, false);
-        // Changed factors may make any material smooth metal.
-        let is_edited = self.computed_for.is_some_and(|state| state.edits.is_some());
-        if is_edited {
-            self.source.more_features = ray_feature::GLOSSY;
+        if let Bake::There(bake) = &mut self.bake {
+            bake.restart();
         }
-        match &mut self.bake {
-            Bake::There(bake) if bake.has(self.source.more_features) => bake.restart(),
-            Bake::There(_) => (self.bake, self.has_light) = (Bake::Idle, true),
-            Bake::Idle | Bake::Coming(_) | Bake::Failed => {}
+    }
+
+    /// Computes for this state from now on.
+    fn compute_for(&mut self, state: LightState) {
+        if self.computed_for.replace(state).is_some_and(|before| before != state) {
+            self.restart();
+        }
+        // Changed factors may make any material smooth metal.
+        self.source.more_features |= if state.edits.is_some() { ray_feature::GLOSSY } else { 0 };
+        if let Bake::There(bake) = &self.bake
+            && !bake.has(self.source.more_features)
+        {
+            self.has_light |= bake.progress() > 0.0;
+            self.bake = Bake::Idle;
         }
     }
 
@@ -239,9 +247,8 @@ impl BakedLight {
     /// A lost GPU.
     pub fn follow(&mut self, now: LightState, report: &Report) -> Result<bool> {
         let rested = self.rest.follow(now) >= REST;
-        if *self.computed_for.get_or_insert(now) != now && rested {
-            self.computed_for = Some(now);
-            self.restart();
+        if self.computed_for.is_none_or(|state| state != now && rested) {
+            self.compute_for(now);
         }
         self.is_behind = self.computed_for != Some(now);
         if self.is_behind || self.is_done() {
@@ -308,9 +315,7 @@ impl BakedLight {
     /// # Errors
     /// Those of [`BakedLight::prepare`].
     pub fn demand(&mut self, now: LightState) -> Result<bool> {
-        if self.computed_for.replace(now).is_some_and(|before| before != now) {
-            self.restart();
-        }
+        self.compute_for(now);
         self.is_behind = false;
         if !self.is_done() {
             self.prepare()?;

@@ -7,6 +7,7 @@ use std::time::{Duration, Instant};
 use glam::{Mat4, Vec3};
 
 use super::bound_scene::{BAKE_MS, BoundScene};
+use super::edits::{MaterialFactors, SceneEdits};
 use super::frame::{FRAME_BYTES, FrameInputs};
 use super::layouts::Layouts;
 use super::light_detail::LightDetail;
@@ -131,6 +132,37 @@ fn light_from_the_cache_needs_no_rays_until_it_changes() {
             assert!(got == want, "image {i} differs");
         }
         assert_eq!(context.report.warnings(), [""; 0]);
+    });
+}
+
+/// Shaders of light for a scene without smooth metal have no code for it, until a material is made of it.
+#[test]
+fn light_of_a_material_that_became_metal_is_that_of_metal() {
+    let smooth = |metallic| Material::plain("ball", Vec3::new(0.9, 0.6, 0.3), metallic, 0.2);
+    let with_ball = |metallic: f32| {
+        let mut scene = scene();
+        scene.materials[1] = smooth(metallic);
+        scene
+    };
+    let metal = MaterialFactors { base_color: smooth(1.0).base_color_factor, metallic: 1.0, roughness: 0.2 };
+    let mut edits = SceneEdits::default();
+    edits.set_material(1, Some(metal));
+    with_gpu(|gpu| {
+        let context = Context::silent(gpu);
+        let lightmap = |scene: &Scene, edits: [SceneEdits; 2]| {
+            let (mut bound, _) = bound(&context, scene);
+            for edits in edits {
+                bound.set_edits(edits);
+                bound.finish_light(&context, &turned(scene, 0.0)).unwrap();
+            }
+            read_texture(gpu, &[bound.baked.as_ref().unwrap().lightmap()]).unwrap().levels
+        };
+        let none = SceneEdits::default;
+        let (plastic, metal) = (with_ball(0.0), with_ball(1.0));
+        let wanted = lightmap(&metal, [none(), none()]);
+        assert!(lightmap(&plastic, [none(), none()]) != wanted);
+        assert!(lightmap(&plastic, [none(), edits.clone()]) == wanted, "edited once there was light");
+        assert!(lightmap(&plastic, [edits.clone(), edits.clone()]) == wanted, "edited before");
     });
 }
 

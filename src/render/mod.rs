@@ -42,6 +42,7 @@ mod probe_maps;
 mod probes;
 #[cfg(test)]
 mod probes_gpu_tests;
+mod ray_features;
 mod ray_scene;
 #[cfg(test)]
 mod random_gpu_tests;

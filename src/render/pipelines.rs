@@ -16,6 +16,8 @@ pub struct PassPipelines {
     pub(super) eyes: u32,
     /// Whether they shade a sun.
     pub(super) sun: bool,
+    /// Whether the reference's paths follow light from the panorama.
+    pub(super) sky_relays: bool,
     /// The combinations of features that materials are drawn with.
     pub(super) variants: Vec<MaterialFeatures>,
     pub(super) forward: ForwardPass,
@@ -44,6 +46,7 @@ impl PassPipelines {
             settings: settings.clone(),
             eyes: *eyes,
             sun: request.shades_sun(),
+            sky_relays: request.sky_relays,
             variants: request.variants.clone(),
             forward: ForwardPass::new(request)?,
             gizmos: has_headset_passes.then(|| GizmoPass::new(request)).transpose()?,
@@ -51,6 +54,19 @@ impl PassPipelines {
             shadows: has_shadows.then(|| SurfacePass::shadow(request)).transpose()?,
             reference: is_reference.then(|| ReferencePasses::new(request)).transpose()?,
         })
+    }
+
+    /// Whether the reference, as far as the finished frame knew that had `slot`, has found that its paths should follow light from
+    /// the panorama, for which they have no code: few scenes are such rooms.
+    pub(super) fn lack_sky_relays(&self, slot: usize) -> bool {
+        !self.sky_relays && self.reference.as_ref().is_some_and(|passes| passes.wants_sky_relays(slot))
+    }
+
+    /// Gives it to them, on the calling thread; their average goes on, as both kinds of paths have the same mean.
+    pub(super) fn add_sky_relays(&mut self, request: PipelineRequest) -> Result<()> {
+        self.forward = ForwardPass::new(&PipelineRequest { sky_relays: true, ..request })?;
+        self.sky_relays = true;
+        Ok(())
     }
 
     /// The request that they were built from.

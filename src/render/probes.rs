@@ -11,8 +11,8 @@ use super::pace::Pace;
 use super::probe_maps::ProbeMaps;
 use crate::Result;
 use crate::gpu::{
-    AddressMode, Binding, Commands, Constant, DescriptorSet, Format, Gpu, Image, ImageAccess, ImageDesc, ImageUsageFlags,
-    PassTime, Pipeline, Sampler, submit_and_wait,
+    AddressMode, Binding, Commands, Constant, DescriptorSet, Format, Gpu, Image, ImageAccess, ImageDesc,
+    ImageUsageFlags, PassTime, Pipeline, Sampler, submit_and_wait,
 };
 use crate::precompute::{Alpha, HierarchicalConvolution};
 use crate::scene::{Bounds, Probe};

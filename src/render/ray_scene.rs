@@ -7,6 +7,7 @@ use glam::{DVec4, Mat4, Vec3};
 
 use super::emitters;
 use super::layouts::Layouts;
+use super::ray_features::{EMISSIVE_MAP, features};
 use super::shared::{VertexExtraBlock, constant, ray_feature};
 use crate::Result;
 use crate::gpu::{
@@ -20,7 +21,7 @@ use crate::scene::lightmap_texels::{LightmapTexels, Sides, sides};
 use crate::scene::places::Places;
 use crate::scene::sphere_lights::SphereLight;
 use crate::scene::surroundings::spiral;
-use crate::scene::{GeometryView, Instance, Material, Mesh, Model, Scene, Vertex};
+use crate::scene::{GeometryView, Instance, Mesh, Model, Scene, Vertex};
 
 /// The upper bits of a triangle's material, the same as in `glsl/bvh.glsl`: it is alpha-tested; its back is never seen.
 const MASKED: u32 = 1 << 31;
@@ -31,8 +32,6 @@ const SPHERE: u32 = 1 << 29;
 const TEXTURE_BYTES: u64 = 192 << 20;
 const MEMORY_PART: u64 = 8;
 const TEXEL_BYTES: u64 = 24;
-/// The number of the emissive map among [`Material::maps`].
-const EMISSIVE_MAP: u32 = 3;
 /// Triangles that shine and are looked at one by one, at most.
 const MOST_EMITTERS: usize = 256;
 /// Sides of the reduced textures, in texels.
@@ -109,7 +108,7 @@ impl LazyRayScene {
             masked: scene.materials.iter().map(|m| m.alpha_cutoff.is_some() || m.blends).collect(),
             emission: scene.materials.iter().map(|material| material.emissive_factor.element_sum()).collect(),
             has_textures: !scene.textures.is_empty(),
-            features: features(scene, geometry),
+            features: features(&scene.materials, geometry),
             cameras: scene.cameras.iter().map(|camera| camera.position).collect(),
             lamps: scene.lights.iter().map(|lamp| lamp.position).collect(),
             spheres,
@@ -208,26 +207,6 @@ impl LazyRayScene {
     fn mesh(&self, triangle: &BvhTriangle) -> &Mesh {
         &self.meshes[self.instances[triangle.instance as usize].mesh]
     }
-}
-
-/// What rays may meet in a scene with this geometry.
-fn features(scene: &Scene, geometry: GeometryView<'_>) -> u32 {
-    let any = |is: &dyn Fn(&Material) -> bool| scene.materials.iter().any(is);
-    let extra = || geometry.meshes.iter().any(|mesh| mesh.vertices.iter().any(VertexExtraBlock::is_needed));
-    let maps = |i: u32| any(&|material| material.maps()[i as usize].is_some());
-    let all = [
-        (ray_feature::HOLES, any(&|material| material.alpha_cutoff.is_some() || material.blends)),
-        (ray_feature::EMITTERS, any(&|material| material.emissive_factor != Vec3::ZERO)),
-        (ray_feature::GLOSSY, any(&is_glossy)),
-        (ray_feature::EXTRAS, any(&Material::takes_second_uv) || extra()),
-    ];
-    let of_maps = (0..4).filter(|i| maps(*i)).map(|i| ray_feature::MAPS << i);
-    all.into_iter().filter(|(_, has)| *has).map(|(feature, _)| feature).chain(of_maps).sum()
-}
-
-/// Whether some of it is smooth metal, as `glsl/lightmap.glsl`'s `is_glossy` has it.
-fn is_glossy(material: &Material) -> bool {
-    material.metallic_range[1] > 0.5 && material.roughness_range[0] < 0.6
 }
 
 /// A panic leaves nothing half done behind these locks.

@@ -214,7 +214,9 @@ impl ReferenceAccumulator {
             commands.prepare_fresh(&self.latest, ImageAccess::Colour);
             let colours = &[ColourAttachment::cleared(self.latest.attachment(), [0.0; 4])];
             let depth = Some(DepthAttachment::transient(self.depth.attachment()));
-            commands.render(&Attachments { colours, depth, area: targets.area }, |commands| draw(commands, set, &passes.rays));
+            commands.render(&Attachments { colours, depth, area: targets.area }, |commands| {
+                draw(commands, set, &passes.rays)
+            });
         });
         commands.pass("accumulate", |commands| {
             commands.prepare(&self.latest, ImageAccess::Sampled);

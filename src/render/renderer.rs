@@ -10,7 +10,6 @@ use super::bound_scene::{BAKE_MS, BoundScene};
 use super::draws::{DrawCounts, DrawList};
 use super::edits::{MaterialFactors, SceneEdits};
 use super::eye::Eye;
-use super::forward::ForwardPass;
 use super::frame::FrameInputs;
 use super::frame_set::FrameSet;
 use super::hidden_area::HiddenArea;
@@ -43,8 +42,6 @@ pub struct Renderer {
     targets: ViewTargets,
     /// Only for `Shading::Reference`.
     reference: Option<ReferenceAccumulator>,
-    /// Whether the reference has found that its paths must follow light from the panorama.
-    sky_relays: bool,
     hidden_area: Option<HiddenArea>,
     draws: DrawList,
     /// From the first time that something is picked.
@@ -102,7 +99,6 @@ impl Renderer {
         Ok(Self {
             targets: ViewTargets::new(gpu, size, eyes, Detail::of(&request.settings))?,
             reference: pipelines.accumulator(&request, size)?,
-            sky_relays: false,
             context: context.clone(),
             layouts,
             scene,
@@ -127,7 +123,7 @@ impl Renderer {
     /// A request for pipelines of this scene with other settings or another number of eyes.
     pub fn pipeline_request(&self, settings: RenderSettings, eyes: u32) -> PipelineRequest {
         let request = self.scene.pipeline_request(&self.context.gpu, &self.layouts, settings, eyes);
-        PipelineRequest { sky_relays: self.sky_relays, ..request }
+        PipelineRequest { sky_relays: self.pipelines.sky_relays, ..request }
     }
 
     /// Replaces the pipelines, and the targets if their settings ask for others. On an error nothing changes.
@@ -385,7 +381,10 @@ impl Renderer {
     pub fn record(&mut self, frame: &mut FrameContext<'_>, inputs: &FrameInputs<'_>) -> Result<()> {
         self.scene.write_edits(&mut frame.commands);
         self.list_draws(inputs);
-        self.follow_sky(frame.slot)?;
+        if self.pipelines.lack_sky_relays(frame.slot) {
+            let request = self.pipeline_request(self.settings().clone(), self.eyes());
+            self.pipelines.add_sky_relays(request)?;
+        }
         let rests = self.eye_rests(inputs);
         self.scene.update_shadows(&mut frame.commands, self.pipelines.shadows.as_ref(), inputs);
         let Self { scene, pipelines, targets, reference, draws, .. } = self;
@@ -456,18 +455,6 @@ impl Renderer {
     /// A failed Vulkan call.
     pub fn keep_light(&mut self) -> Result<()> {
         self.scene.keep_light(&self.context)
-    }
-
-    /// Gives the reference's paths the code that follows light from the panorama, once a frame that has finished, with this slot,
-    /// has found that it is worth it: few scenes are such rooms.
-    fn follow_sky(&mut self, slot: usize) -> Result<()> {
-        let wants = self.pipelines.reference.as_ref().is_some_and(|passes| passes.wants_sky_relays(slot));
-        if wants && !self.sky_relays {
-            self.sky_relays = true;
-            let request = self.pipeline_request(self.settings().clone(), self.eyes());
-            self.pipelines.forward = ForwardPass::new(&request)?;
-        }
-        Ok(())
     }
 
     /// Collects the draw calls. Models that are moved together are handled by moving the eyes the opposite way.

@@ -6,7 +6,7 @@ use super::bindings::SCENE;
 use super::settings::Shading;
 use super::shared::{
     EyeBlock, FrameBlock, InstanceBlock, LightBlock, MAX_EYES, MaterialBlock, SphereLightBlock, SunBlock,
-    SunShadowBlock, constant,
+    SunShadowBlock, constant, ray_feature,
 };
 use crate::gpu::{
     Binding, BindingType, Buffer, BufferKind, DescriptorSet, DescriptorSetLayout, FrameRing, Pipeline, UNIFORM_RANGE,
@@ -20,6 +20,7 @@ use crate::scene::sphere_lights::MAX_SPHERE_LIGHTS;
 
 const SHARED: &str = include_str!("../../glsl/shared.glsl");
 const PROBES: &str = include_str!("../../glsl/placed_probes.glsl");
+const RAY_FEATURES: &str = include_str!("../../glsl/ray_features.glsl");
 const BRDF: &str = include_str!("../../glsl/brdf.glsl");
 
 /// Numbers 1, 2, 3 …
@@ -196,6 +197,23 @@ fn arrays_have_the_same_lengths_as_in_glsl() {
     let lightmap = constants(SHARED, "uint", "LIGHTMAP_");
     let value = |wanted| lightmap.iter().find(|(name, _)| name == wanted).map(|(_, value)| *value);
     assert_eq!([value("KINDS"), value("STEPS")], [super::lightmap::KINDS, crate::scene::atlas::STEPS].map(Some));
+}
+
+#[test]
+fn features_of_rays_have_the_same_bits_as_in_glsl() {
+    let ours = [
+        ("HOLES", ray_feature::HOLES),
+        ("EMITTERS", ray_feature::EMITTERS),
+        ("RELAYS", ray_feature::RELAYS),
+        ("GLOSSY", ray_feature::GLOSSY),
+        ("EXTRAS", ray_feature::EXTRAS),
+        ("SKYRELAYS", ray_feature::SKY_RELAYS),
+        ("MAPS", ray_feature::MAPS),
+    ];
+    assert_eq!(constants(RAY_FEATURES, "uint", "RAYS_"), ours.map(|(name, bit)| (name.to_owned(), bit)));
+    assert!(
+        RAY_FEATURES.contains(&format!("layout(constant_id = {}) const uint RAY_FEATURES", constant::RAY_FEATURES))
+    );
 }
 
 #[test]

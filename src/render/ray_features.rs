@@ -1,0 +1,56 @@
+//! What rays may meet in a scene, for shaders that have code for nothing else.
+
+use glam::Vec3;
+
+use super::shared::{VertexExtraBlock, ray_feature};
+use crate::scene::{GeometryView, Material};
+
+/// The number of the emissive map among [`Material::maps`].
+pub const EMISSIVE_MAP: u32 = 3;
+
+/// What rays may meet in a scene with this geometry: bits of [`ray_feature`].
+pub fn features(materials: &[Material], geometry: GeometryView<'_>) -> u32 {
+    let any = |is: &dyn Fn(&Material) -> bool| materials.iter().any(is);
+    let extra = || geometry.meshes.iter().any(|mesh| mesh.vertices.iter().any(VertexExtraBlock::is_needed));
+    let maps = |i: u32| any(&|material| material.maps()[i as usize].is_some());
+    let all = [
+        (ray_feature::HOLES, any(&|material| material.alpha_cutoff.is_some() || material.blends)),
+        (ray_feature::EMITTERS, any(&|material| material.emissive_factor != Vec3::ZERO)),
+        (ray_feature::GLOSSY, any(&is_glossy)),
+        (ray_feature::EXTRAS, any(&Material::takes_second_uv) || extra()),
+    ];
+    let of_maps = (0..4).filter(|i| maps(*i)).map(|i| ray_feature::MAPS << i);
+    all.into_iter().filter(|(_, has)| *has).map(|(feature, _)| feature).chain(of_maps).sum()
+}
+
+/// Whether some of it is smooth metal, as `glsl/lightmap.glsl`'s `is_glossy` has it.
+fn is_glossy(material: &Material) -> bool {
+    material.metallic_range[1] > 0.5 && material.roughness_range[0] < 0.6
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::Mesh;
+
+    #[test]
+    fn a_scene_has_the_features_of_its_materials() {
+        let mut mesh = Mesh::ball(4, 1.0);
+        let of_mesh = |mesh: &Mesh, change: fn(&mut Material)| {
+            let mut material = Material::plain("plain", Vec3::ONE, 0.0, 0.2);
+            change(&mut material);
+            features(&[material], GeometryView { meshes: std::slice::from_ref(mesh), instances: &[] })
+        };
+        let of = |change| of_mesh(&mesh, change);
+        assert_eq!(of(|_| {}), 0);
+        assert_eq!(of(|m| m.alpha_cutoff = Some(0.5)), ray_feature::HOLES);
+        assert_eq!(of(|m| m.blends = true), ray_feature::HOLES);
+        assert_eq!(of(|m| m.emissive_factor.z = 0.1), ray_feature::EMITTERS);
+        assert_eq!(of(|m| (m.metallic_range, m.roughness_range) = ([0.0, 1.0], [0.2, 0.9])), ray_feature::GLOSSY);
+        assert_eq!(of(|m| (m.metallic_range, m.roughness_range) = ([0.0, 1.0], [0.7, 0.9])), 0);
+        assert_eq!(of(|m| m.lookups[1].second_uv = true), ray_feature::EXTRAS);
+        assert_eq!(of(|m| m.normal_map = Some(0)), ray_feature::MAPS << 1);
+        mesh.vertices[1].colour[3] = 0;
+        assert_eq!(of_mesh(&mesh, |_| {}), ray_feature::EXTRAS);
+    }
+}
