@@ -232,12 +232,6 @@ impl BakedLight {
         }
         // Changed factors may make any material smooth metal.
         self.source.more_features |= if state.edits.is_some() { ray_feature::GLOSSY } else { 0 };
-        if let Bake::There(bake) = &self.bake
-            && !bake.has(self.source.more_features)
-        {
-            self.has_light |= bake.progress() > 0.0;
-            self.bake = Bake::Idle;
-        }
     }
 
     /// Follows a frame's state: once that has rested, light is computed again for it. Returns whether there is a piece to
@@ -266,8 +260,8 @@ impl BakedLight {
 
     /// Whether a piece can be recorded; what that takes is prepared by a thread, which this starts and looks after.
     fn advance(&mut self) -> Result<bool> {
-        match &self.bake {
-            Bake::There(_) => return Ok(true),
+        match &mut self.bake {
+            Bake::There(bake) => bake.keep_up(&self.source)?,
             Bake::Coming(thread) if thread.is_finished() => self.prepare()?,
             Bake::Coming(_) | Bake::Failed => {}
             Bake::Idle => {
@@ -290,19 +284,18 @@ impl BakedLight {
             Bake::Idle => LightBake::new(&self.source, self.listed.take())?,
             Bake::Coming(thread) => {
                 let mut bake = thread.join().map_err(|_| Error::light_panicked())??;
-                // What it is prepared for may be another by now.
-                if bake.has(self.source.more_features) {
-                    bake.set_panorama(&self.source)?;
-                    bake
-                } else {
-                    LightBake::new(&self.source, None)?
-                }
+                // It may be another's by now.
+                bake.set_panorama(&self.source)?;
+                bake
             }
-            bake => {
-                self.bake = bake;
+            Bake::There(mut bake) => {
+                bake.keep_up(&self.source)?;
+                self.bake = Bake::There(bake);
                 return Ok(());
             }
+            Bake::Failed => return Ok(()),
         };
+        bake.keep_up(&self.source)?;
         if self.has_light {
             bake.restart();
         }

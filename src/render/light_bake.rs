@@ -32,7 +32,7 @@ pub struct BakeSource {
     /// Of shaders: the BRDF that light is given back by.
     pub brdf: [Constant; 2],
     pub model: Model,
-    /// What rays may meet beside what the scene's file has: bits of [`ray_feature`].
+    /// What rays may meet beside what the scene's file has: smooth metal, or 0.
     pub more_features: u32,
     /// Of a lightmap's texel.
     pub samples: u32,
@@ -74,9 +74,17 @@ impl LightBake {
         Ok(Self { lightmap, probes, rays: rays(source)?, more_features: source.more_features })
     }
 
-    /// Whether it is prepared for rays that meet these, too: [`BakeSource::more_features`].
-    pub fn has(&self, features: u32) -> bool {
-        self.more_features & features == features
+    /// Lets rays meet what they may meet by now.
+    ///
+    /// # Errors
+    /// A failed Vulkan call.
+    pub fn keep_up(&mut self, source: &BakeSource) -> Result<()> {
+        if self.more_features != source.more_features {
+            let constants = source.constants(if self.lightmap.has_relays() { ray_feature::RELAYS } else { 0 });
+            self.lightmap.see_smooth_metal(&source.gpu, &source.layouts, &constants)?;
+            self.more_features = source.more_features;
+        }
+        Ok(())
     }
 
     /// Draws samples from the source's panorama from now on.

@@ -31,11 +31,14 @@ const MOST_TEXELS: u32 = 65535 * GROUP;
 /// Texels times samples of the least and of the largest piece.
 const PIECES: std::ops::RangeInclusive<f64> = 8192.0..=4e8;
 
+/// The only shader that knows smooth metal.
+const GATHER: &str = "lightmap_gather.comp";
+
 /// The compute shaders that make a lightmap what it is.
 pub const SHADERS: [&str; 9] = [
     "lightmap_direct.comp",
     "lightmap_relays.comp",
-    "lightmap_gather.comp",
+    GATHER,
     "lightmap_resolve.comp",
     "lightmap_fill.comp",
     "lightmap_balance.comp",
@@ -108,14 +111,18 @@ struct Pipelines {
     filter: Pipeline,
 }
 
+fn pipeline(gpu: &Arc<Gpu>, layouts: &Layouts, shader: &str, constants: &[Constant]) -> Result<Pipeline> {
+    Pipeline::compute(gpu, shader, constants, &layouts.baking(), size_of::<Work>() as u32)
+}
+
 impl Pipelines {
     fn new(gpu: &Arc<Gpu>, layouts: &Layouts, constants: &[Constant]) -> Result<Self> {
-        let pipeline = |shader| Pipeline::compute(gpu, shader, constants, &layouts.baking(), size_of::<Work>() as u32);
+        let pipeline = |shader| pipeline(gpu, layouts, shader, constants);
         Ok(Self {
             open: pipeline("lightmap_open.comp")?,
             direct: pipeline("lightmap_direct.comp")?,
             relays: pipeline("lightmap_relays.comp")?,
-            gather: pipeline("lightmap_gather.comp")?,
+            gather: pipeline(GATHER)?,
             resolve: pipeline("lightmap_resolve.comp")?,
             fill: pipeline("lightmap_fill.comp")?,
             balance: pipeline("lightmap_balance.comp")?,
@@ -239,6 +246,20 @@ impl LightmapBake {
     /// With this many samples of a texel at last, a power of two and at least [`AT_ONCE`].
     pub fn with_samples(self, samples: u32) -> Self {
         Self { length: Length { samples, ..self.length }, ..self }
+    }
+
+    /// Whether light is followed from lamps and from what shines.
+    pub fn has_relays(&self) -> bool {
+        self.relays > 0
+    }
+
+    /// Gathers with other constants from now on, which differ by smooth metal alone.
+    ///
+    /// # Errors
+    /// A failed Vulkan call.
+    pub fn see_smooth_metal(&mut self, gpu: &Arc<Gpu>, layouts: &Layouts, constants: &[Constant]) -> Result<()> {
+        self.pipelines.gather = pipeline(gpu, layouts, GATHER, constants)?;
+        Ok(())
     }
 
     /// For mirror images of so many probes, which the scene's descriptor set holds.
