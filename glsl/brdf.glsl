@@ -10,9 +10,6 @@
 const int GEOMETRY_SMITH = 0;
 const int GEOMETRY_KARIS2013 = 1;
 
-// Reflectance of a dielectric seen head on: ((1.5 - 1) / (1.5 + 1))^2, 1.5 being the index of glass and most plastics.
-const float DIELECTRIC_F0 = 0.04;
-
 // Roughness below which a light of no size is not sharpened further: there D falls to a quarter over 4 alpha = 0.46
 // degrees, less than the sun's disc (0.53 degrees) and about five pixels of an HTC Vive (0.09 degrees); a smaller
 // highlight belongs to no real light source and flickers between pixels.
@@ -130,9 +127,9 @@ vec3 diffuse_karis2013(vec3 albedo, vec3 f0, float vh)
 }
 
 // Reflectance head on: a dielectric's, or a metal's base color. Karis (2013), section "Material Model".
-vec3 f0_from_metallic(vec3 base_color, float metallic)
+vec3 f0_from_metallic(vec3 base_color, float metallic, float dielectric_f0)
 {
-    return mix(vec3(DIELECTRIC_F0), base_color, metallic);
+    return mix(vec3(dielectric_f0), base_color, metallic);
 }
 
 // Single scattering for light of no size, in 1/sr; multiply by max(n.l, 0) and the light's irradiance.

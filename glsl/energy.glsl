@@ -10,6 +10,7 @@
 struct Energy {
     vec2 mean;     // the entry averaged over directions
     bool multiple; // else single scattering alone, and nothing is given back
+    float dielectric_f0; // reflectance of the surface's dielectric part, seen head on
 };
 
 // Least share that is divided by: below, a lobe is 0 over 0.
@@ -35,7 +36,7 @@ vec3 multiple_share(Energy energy, vec3 f0)
 // The same for a surface that is in part metal.
 vec3 mixed_share(Energy energy, vec3 base_color, float metallic)
 {
-    return mix(multiple_share(energy, vec3(DIELECTRIC_F0)), multiple_share(energy, base_color), metallic);
+    return mix(multiple_share(energy, vec3(energy.dielectric_f0)), multiple_share(energy, base_color), metallic);
 }
 
 // Multiple scattering in 1/sr for a share: Kulla and Conty (2017).
@@ -53,7 +54,7 @@ vec3 specular_albedo(Energy energy, vec3 f0, vec2 at_v)
 // What a dielectric's specular part leaves.
 float left_by_dielectric(Energy energy, vec2 entry)
 {
-    return 1.0 - specular_albedo(energy, vec3(DIELECTRIC_F0), entry).x;
+    return 1.0 - specular_albedo(energy, vec3(energy.dielectric_f0), entry).x;
 }
 
 // The diffuse part in 1/sr: of what the dielectric's specular part leaves at both ends. Kelemen and Szirmay-Kalos, "A

@@ -56,7 +56,7 @@ float normal_variance()
 
 SpecularLobe lobe_of(Surface s)
 {
-    return specular_lobe(s.n, s.v, s.nv, f0_from_metallic(s.base_color, s.metallic), s.roughness, normal_variance());
+    return specular_lobe(s.n, s.v, s.nv, f0_from_metallic(s.base_color, s.metallic, s.dielectric_f0), s.roughness, normal_variance());
 }
 
 // The share of a lobe's light that comes from as far away as its image shows it: see share_in_image in lightmap_gather.comp. What is
@@ -104,7 +104,7 @@ Split environment(Surface s, SpecularLobe lobe)
     bool multiple = MULTI_SCATTER && GEOMETRY == GEOMETRY_SMITH;
     if (METALNESS == METALNESS_METAL && !multiple)
         return split;
-    Energy energy = Energy(lobe.mean_entry, multiple);
+    Energy energy = Energy(lobe.mean_entry, multiple, s.dielectric_f0);
     if (GEOMETRY == GEOMETRY_KARIS2013) // the thesis's: what the mixed specular part leaves
         split.diffuse = (1.0 - lobe.reflectance) * (1.0 - s.metallic) * s.base_color * even;
     else if (METALNESS != METALNESS_METAL)
@@ -125,7 +125,7 @@ vec3 physically_based(Surface s)
 {
     SpecularLobe lobe = lobe_of(s);
     Split split = environment(s, lobe);
-    Energy energy = Energy(lobe.mean_entry, MULTI_SCATTER);
+    Energy energy = Energy(lobe.mean_entry, MULTI_SCATTER, s.dielectric_f0);
     float variance = normal_variance();
     vec3 points = point_lights(widened_for_point_lights(s, variance), position_world, energy, lobe.entry);
     return split.diffuse + split.specular + points + sun_light(s, variance, energy, lobe.entry);
@@ -140,7 +140,7 @@ vec3 term(Surface s)
     float nl = max(dot(s.n, l), 0.0);
     vec3 h = s.v + l;
     if (SHADING == SHADING_F)
-        return f_schlick(f0_from_metallic(s.base_color, s.metallic), 0.5 * length(h));
+        return f_schlick(f0_from_metallic(s.base_color, s.metallic, s.dielectric_f0), 0.5 * length(h));
     if (SHADING == SHADING_G)
         return vec3(v_direct(nl, s.nv, s.roughness, GEOMETRY) * 4.0 * nl * s.nv);
     // D has no upper bound: D / (1 + D) shows all of it.

@@ -9,14 +9,14 @@
 // Share that is given back; `at`: the table's entry at n.v, or its mean.
 vec3 total_albedo(Energy energy, vec3 base_color, float metallic, vec2 at)
 {
-    vec3 specular = f0_from_metallic(base_color, metallic) * at.x + at.y + multiple_even(energy, base_color, metallic, at);
+    vec3 specular = f0_from_metallic(base_color, metallic, energy.dielectric_f0) * at.x + at.y + multiple_even(energy, base_color, metallic, at);
     return min(specular + diffuse_even(energy, base_color, metallic, at), vec3(1.0));
 }
 
 // The same as if the surface were matt.
 vec3 matt_albedo(Surface s)
 {
-    Energy energy = Energy(table_mean(brdf_table, s.roughness), MULTI_SCATTER);
+    Energy energy = Energy(table_mean(brdf_table, s.roughness), MULTI_SCATTER, s.dielectric_f0);
     return total_albedo(energy, s.base_color, s.metallic, energy.mean);
 }
 
@@ -36,7 +36,7 @@ vec3 towards_over_matt(RayHit hit, float cosine)
     vec3 base_color = ray_base(hit, material, uv).rgb;
     vec2 metallic_roughness = ray_metallic_roughness(hit, material, uv);
     float metallic = metallic_roughness.x, roughness = metallic_roughness.y;
-    Energy energy = Energy(table_mean(brdf_table, roughness), MULTI_SCATTER);
+    Energy energy = Energy(table_mean(brdf_table, roughness), MULTI_SCATTER, material.dielectric_f0);
     return over_matt(energy, base_color, metallic, table_entry(brdf_table, cosine, roughness));
 }
 

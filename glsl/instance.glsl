@@ -18,6 +18,7 @@ struct Material {
     float opacity;
     vec3 emission; // radiance, W/(m^2 sr)
     uint flags;
+    float dielectric_f0;
 };
 
 // What few vertices have, parallel to them.

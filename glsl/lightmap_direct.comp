@@ -6,7 +6,7 @@
 // Of light from l, what is given back as if all of that were matt.
 vec3 given_back_of(Surface s, vec3 l)
 {
-    Energy energy = Energy(table_mean(brdf_table, s.roughness), MULTI_SCATTER);
+    Energy energy = Energy(table_mean(brdf_table, s.roughness), MULTI_SCATTER, s.dielectric_f0);
     return total_albedo(energy, s.base_color, s.metallic, table_entry(brdf_table, max(dot(s.n, l), 0.0), s.roughness)) * INV_PI;
 }
 

@@ -196,6 +196,7 @@ PathPoint ray_point(RayHit hit, vec3 d)
     p.s.emission = ray_emission_of(hit, material, uv);
     p.s.metallic = metallic_roughness.x;
     p.s.roughness = metallic_roughness.y;
+    p.s.dielectric_f0 = material.dielectric_f0;
     p.s.occlusion = 1.0; // rays find out themselves what light reaches
     return p;
 }

@@ -31,13 +31,13 @@ Scatter make_scatter(Surface s, mat3 world_from_surface)
     vec3 v = s.v * world_from_surface;
     m.v = normalize(vec3(v.xy, max(v.z, MIN_COS)));
     m.base_color = s.base_color;
-    m.f0 = f0_from_metallic(s.base_color, s.metallic);
+    m.f0 = f0_from_metallic(s.base_color, s.metallic, s.dielectric_f0);
     m.metallic = s.metallic;
     m.roughness = s.roughness;
     m.alpha = s.roughness * s.roughness;
     m.mirror = m.alpha < MIRROR_ALPHA;
     // A mirror has no microfacets that light could bounce between.
-    m.energy = Energy(table_mean(brdf_table, s.roughness), MULTI_SCATTER && !m.mirror);
+    m.energy = Energy(table_mean(brdf_table, s.roughness), MULTI_SCATTER && !m.mirror, s.dielectric_f0);
     m.at_v = table_entry(brdf_table, m.v.z, s.roughness);
     vec3 f = f_schlick(m.f0, m.v.z);
     vec3 diffuse = (1.0 - s.metallic) * s.base_color + multiple_even(m.energy, s.base_color, s.metallic, m.at_v);

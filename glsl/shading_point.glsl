@@ -8,6 +8,7 @@ struct Surface {
     float nv;
     vec3 base_color;
     float metallic;
+    float dielectric_f0; // of the part that is no metal, seen head on
     float roughness;
     float occlusion;
     vec3 emission; // radiance, W/(m^2 sr)

@@ -22,7 +22,7 @@ layout(location = 2) in vec2 uv;
 layout(location = 3) centroid in vec4 tangent_world;
 layout(location = 4) flat in uint eye;
 layout(location = 5) flat in vec4 base_color_metallic;
-layout(location = 6) flat in vec2 roughness_alpha_cutoff;
+layout(location = 6) flat in vec3 roughness_cutoff_f0;
 layout(location = 8) centroid in vec2 covered_lightmap_uv;
 layout(location = 7) in vec3 position_centre;
 layout(location = 9) centroid in vec4 vertex_colour;
@@ -73,7 +73,7 @@ Surface read_surface()
     if (HAS_BASE_COLOR_MAP)
         base *= SURFACE_TEXEL(base_color_map, map_uv(MAP_BASE_COLOR));
     if (ALPHA_MASK)
-        cut_out(base.a - roughness_alpha_cutoff.y);
+        cut_out(base.a - roughness_cutoff_f0.y);
     s.base_color = base.rgb;
     s.alpha = BLENDS ? base.a : 1.0;
     s.emission = EMITS ? emission_opacity.rgb * SURFACE_TEXEL(emission_map, map_uv(MAP_EMISSION)).rgb : vec3(0.0);
@@ -81,8 +81,9 @@ Surface read_surface()
         s.emission *= vertex_colour.rgb;
     vec3 maps = HAS_ORM_MAP ? SURFACE_TEXEL(orm_map, map_uv(MAP_ORM)).rgb : vec3(1.0);
     s.occlusion = maps.r;
-    s.roughness = maps.g * roughness_alpha_cutoff.x;
+    s.roughness = maps.g * roughness_cutoff_f0.x;
     s.metallic = METALNESS == METALNESS_MIXED ? maps.b * base_color_metallic.a : float(METALNESS == METALNESS_METAL);
+    s.dielectric_f0 = roughness_cutoff_f0.z;
     vec3 n = mapped_normal();
     // Cloth and leaves are seen from behind, too.
     s.n = gl_FrontFacing ? n : -n;

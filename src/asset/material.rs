@@ -5,6 +5,15 @@ use glam::Vec3;
 use super::image_source::ImageSource;
 use super::texture::Pick;
 
+/// Reflectance at normal incidence of most plastics, glass and wood, whose index of refraction is 1.5: ((1.5 − 1) / (1.5 + 1))².
+pub const DIELECTRIC_F0: f32 = 0.04;
+
+/// Of a dielectric with this index of refraction, by Fresnel's equations.
+pub fn f0_from_ior(ior: f32) -> f32 {
+    let ior = f64::from(ior);
+    ((ior - 1.0) / (ior + 1.0)).powi(2) as f32
+}
+
 /// A material of a model. Factors are in their range; each map, where it can be read, is multiplied by its factor.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MaterialDesc {
@@ -16,6 +25,8 @@ pub struct MaterialDesc {
     pub metallic: Factor<f32>,
     /// Perceptual roughness.
     pub roughness: Factor<f32>,
+    /// Reflectance at normal incidence of the part that is no metal.
+    pub dielectric_f0: f32,
     /// Radiance, W/(m² sr).
     pub emissive: Factor<Vec3>,
     /// sRGB; alpha as `alpha` says.
@@ -127,6 +138,7 @@ impl MaterialDesc {
             opacity: 1.0,
             metallic: Factor::same(metallic),
             roughness: Factor::same(roughness),
+            dielectric_f0: DIELECTRIC_F0,
             emissive: Factor::same(Vec3::ZERO),
             base_color_map: None,
             mask_map: None,

@@ -37,6 +37,8 @@ pub struct Mtl {
     pub ns: Option<f32>,
     /// 1 is opaque; from `d`, or 1 − `Tr`.
     pub dissolve: Option<f32>,
+    /// Index of refraction.
+    pub ior: Option<f32>,
     pub metallic: Option<f32>,
     pub roughness: Option<f32>,
     pub map_kd: Option<Map>,
@@ -168,6 +170,7 @@ fn read_key(
         "d" => material.dissolve = Some(number(value.trim_start_matches("-halo"))?),
         // Some exporters write three numbers; `d` takes precedence.
         "tr" => material.dissolve = material.dissolve.or(Some(1.0 - number(value)?)),
+        "ni" => material.ior = Some(number(value)?),
         "pm" => material.metallic = Some(number(value)?),
         "pr" => material.roughness = Some(number(value)?),
         "map_kd" => material.map_kd = map()?,
@@ -202,17 +205,13 @@ fn set_packed(material: &mut Mtl, map: &Option<Map>, picks: [Pick; 3]) {
 /// What a key that is not read would have done; `None` where its value does nothing, and at the end of a file.
 fn unread(key: &str, value: &str) -> Option<&'static str> {
     let differs_from = |nothing: f32| value.split_whitespace().any(|word| word.parse() != Ok(nothing));
-    let index = number(value).unwrap_or(1.5);
     Some(match key {
         "" | "newmtl" | "sharpness" | "pcr" | "anisor" => return None,
         _ if key.starts_with('#') => return None,
-        // 1 stands for no refraction at all.
-        "ni" if index == 1.0 || (1.3..=1.7).contains(&index) => return None,
-        "ni" => "another index of refraction than 1.5 is not modelled; dielectrics mirror 4 %",
         // Rhino writes 0 where nothing shines through.
         "tf" if !differs_from(1.0) || !differs_from(0.0) => return None,
         "tf" => "coloured transmission is not modelled",
-        "map_ks" => "a colour of highlights is not modelled; dielectrics mirror 4 %, metals their base colour",
+        "map_ks" => "a colour of highlights is not modelled; dielectrics mirror as Ni says, metals their base colour",
         "map_ns" => "exponents of highlights are not read from pictures; give roughness as map_Pr",
         "map_refl" => "strengths of reflection are not read; give metalness as map_Pm",
         "refl" => "its picture is not read; the scene's panorama is mirrored",
@@ -369,10 +368,10 @@ mod tests {
     fn one_warning_for_each_key_and_option_that_is_not_honoured() {
         let silent = b"newmtl a\nKa 1 1 1\nillum 2\nNi 1.45\nTf 1 1 1\nPs 0\nPc 0.0\nPcr 0.03\naniso 0\nanisor 0\n# c\n\nmap_Kd -mm 0 1 -clamp off a.png";
         assert_eq!(parsed(silent).1, [""; 0]);
-        let loud = b"newmtl a\nNi 2.4\nmap_Ns e.png\nmap_refl r.png\nrefl -type sphere s.png\nmap_Ks k.png\ndisp d.png\n\
+        let loud = b"newmtl a\nmap_Ns e.png\nmap_refl r.png\nrefl -type sphere s.png\nmap_Ks k.png\ndisp d.png\n\
             Pc 1\nshiny 3\nmap_Kd -clamp on -t 1 0 0 -mm 0 2 a.png\nnewmtl b\nmap_ks k.png\nPc 1\nshiny 4\nmap_Kd -clamp on a.png";
         let (_, warnings) = parsed(loud);
-        let keys = ["Ni", "map_Ns", "map_refl", "refl", "map_Ks", "disp", "Pc", "shiny", "map_Kd -t"];
+        let keys = ["map_Ns", "map_refl", "refl", "map_Ks", "disp", "Pc", "shiny", "map_Kd -t"];
         assert_eq!(warnings.len(), keys.len() + 1, "{warnings:#?}");
         for (number, key) in keys.iter().enumerate() {
             assert!(warnings[number].starts_with(&format!("a.mtl:{}: {key}: ", number + 2)), "{}", warnings[number]);

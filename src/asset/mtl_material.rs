@@ -6,7 +6,9 @@ use std::path::{Path, PathBuf};
 use glam::Vec3;
 
 use super::image_source::ImageSource;
-use super::material::{AlphaUse, Factor, MapDesc, MaterialDesc, NormalsDesc, NormalsKind, Sampling, Wrap};
+use super::material::{
+    AlphaUse, DIELECTRIC_F0, Factor, MapDesc, MaterialDesc, NormalsDesc, NormalsKind, Sampling, Wrap, f0_from_ior,
+};
 use super::mtl::{Map, Mtl};
 use super::texture::Pick;
 use super::{Report, file};
@@ -69,6 +71,15 @@ fn phong_roughness(mtl: &Mtl) -> f32 {
     }
 }
 
+/// By the index of refraction where that is one on purpose: 1 stands for no refraction at all, and exporters write 1.3 to 1.7 for
+/// materials whose highlights are those of 1.5.
+fn dielectric_f0(mtl: &Mtl) -> f32 {
+    match mtl.ior {
+        Some(ior) if ior > 1.0 && !(1.3..=1.7).contains(&ior) => f0_from_ior(ior),
+        _ => DIELECTRIC_F0,
+    }
+}
+
 struct Interpreter<'a> {
     /// Names of pictures that were warned of, by library.
     warned: HashSet<(PathBuf, String)>,
@@ -102,6 +113,7 @@ impl Interpreter<'_> {
             opacity,
             metallic: self.metallic(mtl, metallic_map.is_some()),
             roughness: self.roughness(mtl, roughness_map.is_some()),
+            dielectric_f0: dielectric_f0(mtl),
             emissive: self.emissive(mtl, emissive_map.is_some()),
             base_color_map,
             mask_map,

@@ -20,6 +20,7 @@ struct BrdfInput {
     h: [f32; 3],
     base_color: [f32; 3],
     metallic: f32,
+    dielectric_f0: f32,
     roughness: f32,
     alpha: f32,
     nl: f32,
@@ -61,6 +62,7 @@ fn input(n: DVec3, v: DVec3, l: DVec3, base_color: DVec3, metallic: f64, roughne
         h: (v + l).into(),
         base_color: base_color.as_vec3().into(),
         metallic: metallic as f32,
+        dielectric_f0: 0.04,
         roughness: roughness as f32,
         alpha: (roughness * roughness) as f32,
         nl: n.dot(l),
@@ -104,7 +106,8 @@ fn random_inputs() -> Vec<BrdfInput> {
         let l = if inputs.len() % 2 == 0 { l } else { (mirror + 0.1 * random.unit() * l).normalize() };
         let roughness = MIN_ROUGHNESS + (1.0 - MIN_ROUGHNESS) * random.unit();
         if n.dot(v) > 0.0 && n.dot(l) > 0.0 {
-            inputs.push(input(n, v, l, random.colour(), random.unit(), roughness));
+            let like_glass = input(n, v, l, random.colour(), random.unit(), roughness);
+            inputs.push(BrdfInput { dielectric_f0: random.unit() as f32, ..like_glass });
         }
     }
     inputs
@@ -130,7 +133,7 @@ fn judge_terms(judge: &mut Judge, i: &BrdfInput, o: &BrdfOutput) {
     let want = brdf::f_schlick_roughness(base_color, nv, r).to_array();
     judge.near("f_schlick_roughness", i, &o.schlick_roughness, &want, [3e-7, 0.0]);
     judge.near("diffuse_lambert", i, &o.lambert, &brdf::diffuse_lambert(base_color).to_array(), close);
-    let f0 = brdf::f0_from_metallic(base_color, metallic);
+    let f0 = brdf::f0_from_metallic(base_color, metallic, i.dielectric_f0.into());
     judge.near("f0_from_metallic", i, &o.f0, &f0.to_array(), [2e-7, 0.0]);
     let want = brdf::diffuse_karis2013(base_color, f0, vh).to_array();
     judge.near("diffuse_karis2013", i, &o.thesis, &want, [3e-7, 0.0]);
@@ -153,7 +156,7 @@ fn terms_agree_for_random_directions() {
         // n × h has an error of 1e-7 |h|, and D turns over alpha: 4 · 1e-7 / 0.002 at MIN_ROUGHNESS.
         let lobe = 5e-7 + 4e-7 / f64::from(i.alpha);
         judge.near("d_ggx", i, &[o.d], &[brdf::d_ggx(n, h, i.alpha.into())], [0.0, lobe]);
-        let f0 = brdf::f0_from_metallic(base_color, i.metallic.into());
+        let f0 = brdf::f0_from_metallic(base_color, i.metallic.into(), i.dielectric_f0.into());
         for (got, geometry) in o.specular.iter().zip(GEOMETRIES) {
             let want = brdf::specular(n, v, l, f0, r, geometry);
             let opposite = 1e-6 / h.length(); // h = v + l is rounded

@@ -22,6 +22,7 @@ struct Input {
     base_color: [f32; 3],
     metallic: f32,
     multiple: u32,
+    dielectric_f0: f32,
     roughness: f32,
     /// From all light at the normal to all at the horizon.
     grazing: f32,
@@ -63,6 +64,7 @@ fn inputs() -> Vec<Input> {
             base_color: random.colour().as_vec3().into(),
             metallic: [0.0, 1.0, random.unit() as f32][i % 3],
             multiple: u32::from(i % 5 != 0),
+            dielectric_f0: [0.04, random.unit() as f32][i % 2],
             roughness: random.unit() as f32,
             grazing: 21.0 * random.unit() as f32,
         };
@@ -82,7 +84,7 @@ fn what_comes_beside_single_scattering_agrees() {
     let outputs: Vec<Output> = with_gpu(|gpu| evaluate(gpu, "test_energy.comp", &inputs));
     for (i, o) in inputs.iter().zip(&outputs) {
         let scattering = if i.multiple == 0 { Scattering::Single } else { Scattering::Multiple };
-        let energy = Energy { mean: entry(i.mean), scattering };
+        let energy = Energy { mean: entry(i.mean), dielectric_f0: i.dielectric_f0.into(), scattering };
         let (base_color, metallic) = (Vec3::from(i.base_color).as_dvec3(), f64::from(i.metallic));
         let (at_l, at_v) = (entry(i.at_l), entry(i.at_v));
         let mixed = energy.mixed_share(base_color, metallic);
@@ -96,7 +98,7 @@ fn what_comes_beside_single_scattering_agrees() {
         near("multiple", o.lobe, energy.multiple(mixed, at_l, at_v), [1e-6 + rounding, 1e-5 + rounding]);
         let want = energy.beyond_single(base_color, metallic, at_l, at_v);
         near("beyond_single", o.beyond, want, [1e-6 + rounding, 1e-5 + rounding]);
-        let left = 1.0 - energy.specular_albedo(DVec3::splat(0.04), energy.mean).x;
+        let left = 1.0 - energy.specular_albedo(DVec3::splat(energy.dielectric_f0), energy.mean).x;
         let rounding = 5e-7 / left.max(1e-6);
         near("diffuse", o.diffuse, energy.diffuse(base_color, at_l, at_v), [1e-6 + rounding, 1e-5 + rounding]);
         near("diffuse_even", o.diffuse_even, energy.diffuse_even(base_color, metallic, at_v), [1e-6, 2e-6]);

@@ -126,8 +126,8 @@ pub fn diffuse_karis2013(albedo: DVec3, f0: DVec3, vh: f64) -> DVec3 {
 
 /// Reflectance at normal incidence: that of dielectrics, or the base color of a metal. Karis (2013), section "Material
 /// Model".
-pub fn f0_from_metallic(base_color: DVec3, metallic: f64) -> DVec3 {
-    DVec3::splat(DIELECTRIC_F0).lerp(base_color, metallic)
+pub fn f0_from_metallic(base_color: DVec3, metallic: f64, dielectric_f0: f64) -> DVec3 {
+    DVec3::splat(dielectric_f0).lerp(base_color, metallic)
 }
 
 /// Single scattering for a point light, in 1/sr; multiply by max(n·l, 0) and the light's irradiance.
@@ -313,8 +313,8 @@ mod tests {
         assert!(f_schlick(f0, 0.0).abs_diff_eq(DVec3::ONE, 1e-15));
         assert_eq!(f_schlick_roughness(f0, 1.0, 0.3), f0);
         assert!(f_schlick_roughness(f0, 0.0, 0.3).abs_diff_eq(DVec3::new(0.7, 0.7, 1.0), 1e-15));
-        assert_eq!(f0_from_metallic(f0, 0.0), DVec3::splat(0.04));
-        assert_eq!(f0_from_metallic(f0, 1.0), f0);
+        assert_eq!(f0_from_metallic(f0, 0.0, 0.04), DVec3::splat(0.04));
+        assert_eq!(f0_from_metallic(f0, 1.0, 0.04), f0);
     }
 
     /// Case 16 of tests/gpu/stability.rs.

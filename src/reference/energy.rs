@@ -37,13 +37,16 @@ pub enum Scattering {
 pub struct Energy {
     /// The table's entry averaged over directions, 2 ∫ E(μ) μ dμ.
     pub mean: Entry,
+    /// Reflectance at normal incidence of the surface's dielectric part.
+    pub dielectric_f0: f64,
     pub scattering: Scattering,
 }
 
 impl Energy {
-    /// For a roughness in [0, 1].
+    /// For a roughness in [0, 1], and an index of refraction of 1.5.
     pub fn new(roughness: f64, geometry: Geometry, scattering: Scattering) -> Self {
-        Self { mean: mean(NODES, |cosine| table_entry(cosine, roughness, geometry)), scattering }
+        let mean = mean(NODES, |cosine| table_entry(cosine, roughness, geometry));
+        Self { mean, dielectric_f0: DIELECTRIC_F0, scattering }
     }
 
     /// Factor of the light that single scattering loses: Kulla and Conty, "Revisiting Physically Based Shading
@@ -60,7 +63,7 @@ impl Energy {
 
     /// The same for a mix of dielectric and metal.
     pub fn mixed_share(&self, base_color: DVec3, metallic: f64) -> DVec3 {
-        self.multiple_share(DVec3::splat(DIELECTRIC_F0)).lerp(self.multiple_share(base_color), metallic)
+        self.multiple_share(DVec3::splat(self.dielectric_f0)).lerp(self.multiple_share(base_color), metallic)
     }
 
     /// Multiple scattering as a BRDF in 1/sr for a share and the table's entries at n·l and n·v: Kulla and Conty
@@ -79,7 +82,7 @@ impl Energy {
     /// Kelemen and Szirmay-Kalos, "A Microfacet Based Coupled Specular-Matte BRDF Model with Importance Sampling"
     /// (2001), eq. 6.
     pub fn diffuse(&self, albedo: DVec3, at_l: Entry, at_v: Entry) -> DVec3 {
-        let f0 = DVec3::splat(DIELECTRIC_F0);
+        let f0 = DVec3::splat(self.dielectric_f0);
         let left = |e: Entry| DVec3::ONE - self.specular_albedo(f0, e);
         albedo * left(at_l) * left(at_v) * FRAC_1_PI / left(self.mean).max(DVec3::splat(LEAST_LOST))
     }
@@ -92,7 +95,7 @@ impl Energy {
 
     /// Diffuse albedo under uniform light: the integral over l, with n·l.
     pub fn diffuse_even(&self, base_color: DVec3, metallic: f64, at_v: Entry) -> DVec3 {
-        (1.0 - metallic) * base_color * (DVec3::ONE - self.specular_albedo(DVec3::splat(DIELECTRIC_F0), at_v))
+        (1.0 - metallic) * base_color * (DVec3::ONE - self.specular_albedo(DVec3::splat(self.dielectric_f0), at_v))
     }
 
     /// Albedo of multiple scattering under uniform light.
@@ -158,20 +161,20 @@ fn lost(entry: Entry) -> f64 {
 }
 
 /// Whether multiple scattering changes the reflection of uniform light by more than [`VISIBLE`] of it, from any
-/// direction, for a material with at most this roughness, metalness and base color.
-pub fn is_multi_scatter_visible(roughness: f64, metallic: f64, base_color: f64) -> bool {
-    // A dielectric reflects too little at any roughness: F² is 0.7 %, of which half is not lost.
-    if metallic <= 0.0 {
+/// direction, for a material with at most this roughness, metalness and base color, and this F0 of its dielectric part.
+pub fn is_multi_scatter_visible(roughness: f64, metallic: f64, base_color: f64, dielectric_f0: f64) -> bool {
+    // The usual dielectric reflects too little at any roughness: F² is 0.7 %, of which half is not lost.
+    if metallic <= 0.0 && dielectric_f0 <= DIELECTRIC_F0 {
         return false;
     }
-    most_changed(roughness.clamp(0.0, 1.0), metallic, base_color) > VISIBLE
+    most_changed(roughness.clamp(0.0, 1.0), metallic, base_color, dielectric_f0) > VISIBLE
 }
 
 /// Largest share of uniform light that multiple scattering adds, over all directions. The loss of a dielectric's
 /// diffuse part, which is at most as large, is neglected.
-fn most_changed(roughness: f64, metallic: f64, base_color: f64) -> f64 {
+fn most_changed(roughness: f64, metallic: f64, base_color: f64, dielectric_f0: f64) -> f64 {
     let entry = |cosine| coarse_table_entry(cosine, roughness, Geometry::Smith);
-    let energy = Energy { mean: mean(NODES / 3, entry), scattering: Scattering::Multiple };
+    let energy = Energy { mean: mean(NODES / 3, entry), dielectric_f0, scattering: Scattering::Multiple };
     let share = energy.mixed_share(DVec3::splat(base_color), metallic).x;
     let lost = [0.05, 0.2, 0.4, 0.7, 1.0].map(|nv| lost(entry(nv)));
     share * lost.into_iter().fold(0.0, f64::max)
@@ -322,11 +325,15 @@ mod tests {
 
     #[test]
     fn multiple_scattering_is_visible_on_metals_that_are_not_smooth() {
-        for (roughness, metallic, base_color, want) in
-            [(1.0, 1.0, 0.9, true), (0.5, 1.0, 0.9, true), (0.02, 1.0, 1.0, false), (1.0, 0.0, 0.8, false)]
-        {
-            let got = is_multi_scatter_visible(roughness, metallic, base_color);
-            assert_eq!(got, want, "roughness {roughness}, metallic {metallic}, base_color {base_color}");
+        for (roughness, metallic, base_color, f0, want) in [
+            (1.0, 1.0, 0.9, 0.04, true),
+            (0.5, 1.0, 0.9, 0.04, true),
+            (0.02, 1.0, 1.0, 0.04, false),
+            (1.0, 0.0, 0.8, 0.04, false),
+            (1.0, 0.0, 0.8, 0.17, true),
+        ] {
+            let got = is_multi_scatter_visible(roughness, metallic, base_color, f0);
+            assert_eq!(got, want, "roughness {roughness}, metallic {metallic}, base_color {base_color}, F0 {f0}");
         }
     }
 
@@ -335,7 +342,7 @@ mod tests {
     fn dielectrics_never_need_it_and_rougher_metals_need_it_more() {
         let roughnesses: Vec<f64> = (0..=8).map(|i| f64::from(i) / 8.0).collect();
         let changes = |metallic, base_color| -> Vec<f64> {
-            roughnesses.par_iter().map(|r| most_changed(*r, metallic, base_color)).collect()
+            roughnesses.par_iter().map(|r| most_changed(*r, metallic, base_color, DIELECTRIC_F0)).collect()
         };
         let dielectric = changes(0.0, 1.0);
         assert!(dielectric.iter().all(|change| *change < VISIBLE), "{dielectric:?}");

@@ -6,7 +6,7 @@ use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
 use super::{
-    brdf::{Geometry, d_ggx, diffuse_karis2013, f_schlick, f0_from_metallic, v_environment},
+    brdf::{DIELECTRIC_F0, Geometry, d_ggx, diffuse_karis2013, f_schlick, f0_from_metallic, v_environment},
     cube::{panorama_direction, panorama_texel_solid_angle, panorama_uv},
     energy::{Curve, Energy, Scattering},
     lobe::grazing_kernel,
@@ -225,7 +225,7 @@ pub fn reflected_by(panorama: PanoramaView, surface: &Surface, terms: &Terms, sc
     let geometry = terms.geometry;
     let alpha = roughness * roughness;
     let is_mirror = alpha < MIRROR_ALPHA;
-    let f0 = f0_from_metallic(base_color, metallic);
+    let f0 = f0_from_metallic(base_color, metallic, DIELECTRIC_F0);
     let nv = n.dot(v);
     let mirror = 2.0 * nv * n - v;
     let beyond = Beyond::new(surface, terms, scattering);

@@ -25,6 +25,7 @@ struct Input {
     l: [f32; 3],
     base_color: [f32; 3],
     metallic: f32,
+    dielectric_f0: f32,
     roughness: f32,
     bits: [u32; 4],
 }
@@ -101,6 +102,7 @@ fn samples_have_the_density_that_is_said() {
                 l: cell(i).into(),
                 base_color: [base_color; 3],
                 metallic,
+                dielectric_f0: 0.04,
                 roughness,
                 bits: bits(),
             };
@@ -135,6 +137,7 @@ fn mirrors_have_a_direction_of_their_own() {
                 l: [0.0, 0.0, 1.0],
                 base_color: [0.5; 3],
                 metallic,
+                dielectric_f0: 0.04,
                 roughness: 0.0,
                 bits: [0; 4].map(|_: u32| random.bits() as u32),
             };
@@ -161,7 +164,8 @@ fn the_value_agrees() {
         let [v, l] = [0; 2].map(|_| slanted(0.05 + 0.95 * random.unit(), TAU * random.unit()).as_vec3().to_array());
         let base_color = random.colour().as_vec3().into();
         let metallic = [0.0, 1.0, random.unit() as f32][i % 3];
-        inputs.push(Input { v, l, base_color, metallic, roughness: roughnesses[i % 5], bits: [0; 4] });
+        let dielectric_f0 = [0.04, 0.5 * random.unit() as f32][i % 2];
+        inputs.push(Input { v, l, base_color, metallic, dielectric_f0, roughness: roughnesses[i % 5], bits: [0; 4] });
     }
     let terms = roughnesses.map(|r| {
         let r = f64::from(r);
@@ -171,9 +175,10 @@ fn the_value_agrees() {
     let outputs = with_gpu(|gpu| run(gpu, &inputs));
     for (i, (input, output)) in inputs.iter().zip(&outputs).enumerate() {
         let (energy, curve) = &terms[i % 5];
+        let energy = Energy { dielectric_f0: input.dielectric_f0.into(), ..*energy };
         let [v, l, base_color] = [input.v, input.l, input.base_color].map(|v| Vec3::from(v).as_dvec3());
         let (metallic, roughness) = (f64::from(input.metallic), f64::from(input.roughness));
-        let f0 = f0_from_metallic(base_color, metallic);
+        let f0 = f0_from_metallic(base_color, metallic, energy.dielectric_f0);
         let single = specular(DVec3::Z, v, l, f0, roughness, Geometry::Smith);
         let want = (single + energy.beyond_single(base_color, metallic, curve.at(l.z), curve.at(v.z))) * l.z;
         // The table's entries are good to 2e-4; what is lost is a difference from 1, and divided by another.

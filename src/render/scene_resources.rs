@@ -280,6 +280,7 @@ fn material_block(material: &Material, textures: u32) -> MaterialBlock {
         alpha_cutoff: material.alpha_cutoff.unwrap_or(0.0),
         textures,
         opacity: material.opacity,
+        dielectric_f0: material.dielectric_f0,
         emission: material.emissive_factor.into(),
         flags: material_flags(material),
     }

@@ -113,6 +113,8 @@ pub struct MaterialBlock {
     pub emission: [f32; 3],
     /// Of `material_flag`.
     pub flags: u32,
+    /// Reflectance at normal incidence of the part that is no metal.
+    pub dielectric_f0: f32,
 }
 
 /// Bits of [`MaterialBlock::flags`], as in `glsl/instance.glsl`.
@@ -202,7 +204,7 @@ const _: () = {
     assert!(size_of::<FrameBlock>() == 144 * MAX_EYES + 188 + size_of::<[SphereLightBlock; MAX_SPHERE_LIGHTS]>());
     assert!(offset_of!(InstanceBlock, material) == 64 && size_of::<InstanceBlock>() == 68);
     assert!(offset_of!(MaterialBlock, metallic) == 12 && offset_of!(MaterialBlock, emission) == 32);
-    assert!(size_of::<MaterialBlock>() == 48 && size_of::<VertexExtraBlock>() == 16);
+    assert!(size_of::<MaterialBlock>() == 52 && size_of::<VertexExtraBlock>() == 16);
     assert!(offset_of!(LightBlock, radius) == 12 && offset_of!(LightBlock, intensity) == 16);
     assert!(offset_of!(LightBlock, shadow_near) == 28 && offset_of!(LightBlock, shadow_layer) == 32);
     assert!(offset_of!(LightBlock, along) == 36 && size_of::<LightBlock>() == 56);

@@ -85,6 +85,7 @@ impl Blocks {
             opacity: counter.next(),
             emission: counter.list(),
             flags: counter.next() as u32,
+            dielectric_f0: counter.next(),
         });
         let lights = std::array::from_fn(|_| LightBlock {
             position: counter.list(),
@@ -126,12 +127,12 @@ impl Blocks {
             numbers.push(instance.material as f32);
         }
         for material in self.materials {
-            let MaterialBlock { base_color, metallic, roughness, alpha_cutoff, textures, opacity, emission, flags } =
-                material;
+            let MaterialBlock { base_color, metallic, roughness, alpha_cutoff, textures, opacity, .. } = material;
+            let MaterialBlock { emission, flags, dielectric_f0, .. } = material;
             numbers.extend(base_color);
             numbers.extend([metallic, roughness, alpha_cutoff, textures as f32, opacity]);
             numbers.extend(emission);
-            numbers.push(flags as f32);
+            numbers.extend([flags as f32, dielectric_f0]);
         }
         numbers
     }

@@ -78,6 +78,8 @@ pub struct Material {
     pub metallic_factor: f32,
     /// Perceptual roughness: alpha = roughness².
     pub roughness_factor: f32,
+    /// Reflectance at normal incidence of the part that is no metal.
+    pub dielectric_f0: f32,
     /// Radiance, W/(m² sr).
     pub emissive_factor: Vec3,
     /// Indices into [`Scene::textures`].

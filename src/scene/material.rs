@@ -9,7 +9,7 @@ use super::Material;
 use super::contents::Lookup;
 use super::maps::{ALPHA_CUTOFF, Alpha, Normals, OneChannel, Pictures, TextureResult, TextureTask};
 use crate::asset::image_source::ImageSource;
-use crate::asset::material::{AlphaUse, MapDesc, MaterialDesc, NormalsKind};
+use crate::asset::material::{AlphaUse, DIELECTRIC_F0, MapDesc, MaterialDesc, NormalsKind};
 use crate::asset::mtl_material::{DEFAULT_GREY, DEFAULT_ROUGHNESS};
 use crate::asset::{MipChain, Report, TextureOptions};
 
@@ -27,6 +27,7 @@ impl Material {
             opacity: 1.0,
             metallic_factor: metallic,
             roughness_factor: roughness,
+            dielectric_f0: DIELECTRIC_F0,
             emissive_factor: Vec3::ZERO,
             base_color_map: None,
             normal_map: None,
@@ -166,6 +167,7 @@ impl Plan<'_> {
                 Some(orm) if orm.result.holds_roughness => 1.0,
                 _ => own_roughness * factor(orm).y,
             },
+            dielectric_f0: desc.dielectric_f0,
             emissive_factor: desc.emissive.of(has_colour(emissive)) * factor(emissive),
             base_color_map: base_color.and_then(|b| b.texture),
             normal_map: normal.and_then(|normal| normal.texture),

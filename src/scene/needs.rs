@@ -29,7 +29,7 @@ pub enum Model {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Metalness {
-    /// Dielectric everywhere: reflects 4 % at normal incidence, without colour.
+    /// Dielectric everywhere: reflects as its index of refraction says, without colour.
     Dielectric,
     /// Metal everywhere: no diffuse reflection.
     Metal,
@@ -121,7 +121,12 @@ impl MaterialFeatures {
 /// Whether multiple scattering could be visible on any part of a material. Maps multiply the base color by at most 1.
 fn multi_scatter(material: &Material) -> bool {
     let [roughness, metallic] = [material.roughness_range, material.metallic_range].map(|[_, most]| f64::from(most));
-    is_multi_scatter_visible(roughness, metallic, material.base_color_factor.max_element().into())
+    is_multi_scatter_visible(
+        roughness,
+        metallic,
+        material.base_color_factor.max_element().into(),
+        material.dielectric_f0.into(),
+    )
 }
 
 /// More point lights than these are not counted by shaders made for their number, but by any frame.

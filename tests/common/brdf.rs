@@ -3,7 +3,7 @@
 use std::f64::consts::TAU;
 
 use glam::DVec3;
-use pbr_vr::reference::brdf::{Geometry, f0_from_metallic, specular};
+use pbr_vr::reference::brdf::{DIELECTRIC_F0, Geometry, f0_from_metallic, specular};
 use pbr_vr::reference::energy::{Curve, Energy, Scattering};
 use pbr_vr::reference::quadrature::gauss_legendre;
 use pbr_vr::scene::Material;
@@ -31,7 +31,7 @@ impl Brdf {
 
     /// For directions above a surface whose normal is +Z, in 1/sr.
     pub fn value(&self, l: DVec3, v: DVec3) -> f64 {
-        let f0 = f0_from_metallic(self.base_color, self.metallic);
+        let f0 = f0_from_metallic(self.base_color, self.metallic, DIELECTRIC_F0);
         let single = specular(DVec3::Z, v, l, f0, self.roughness, Geometry::Smith);
         let [at_l, at_v] = [l, v].map(|d| self.curve.at(d.z));
         (single + self.energy.beyond_single(self.base_color, self.metallic, at_l, at_v)).x

@@ -9,6 +9,7 @@ struct Input {
     vec3 base_color;
     float metallic;
     uint multiple;
+    float dielectric_f0;
     float roughness, grazing; // of diffuse_taken and multiple_taken
 };
 struct Output {
@@ -25,7 +26,7 @@ void main()
     if (id >= inputs.length())
         return;
     Input i = inputs[id];
-    Energy energy = Energy(i.mean, i.multiple != 0u);
+    Energy energy = Energy(i.mean, i.multiple != 0u, i.dielectric_f0);
     Output o;
     o.share = multiple_share(energy, i.base_color);
     o.mixed = mixed_share(energy, i.base_color, i.metallic);

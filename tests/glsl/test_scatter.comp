@@ -5,7 +5,7 @@
 
 struct Input {
     vec3 v, l, base_color;
-    float metallic, roughness;
+    float metallic, dielectric_f0, roughness;
     uvec4 bits;
 };
 struct Output {
@@ -30,6 +30,7 @@ void main()
     Surface s;
     s.base_color = i.base_color;
     s.metallic = i.metallic;
+    s.dielectric_f0 = i.dielectric_f0;
     s.roughness = i.roughness;
     s.occlusion = 1.0;
     s.n = vec3(0.0, 0.0, 1.0);

@@ -57,5 +57,6 @@ void main()
         put(materials[i].emission.y);
         put(materials[i].emission.z);
         put(float(materials[i].flags));
+        put(materials[i].dielectric_f0);
     }
 }

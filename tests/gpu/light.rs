@@ -104,13 +104,15 @@ fn a_point_light_twice_as_far_gives_a_quarter() {
 }
 
 /// The BRDF of a surface of base color 0.5 whose normal is +Z. A dielectric's second bounces are left out as invisible.
-fn brdf(v: DVec3, l: DVec3, roughness: f64, geometry: Geometry, metallic: f64) -> f64 {
+fn brdf([v, l]: [DVec3; 2], [roughness, metallic, ior]: [f64; 3], geometry: Geometry) -> f64 {
     let base_color = DVec3::splat(0.5);
-    let f0 = f0_from_metallic(base_color, metallic);
+    let dielectric_f0 = ((ior - 1.0) / (ior + 1.0)).powi(2);
+    let f0 = f0_from_metallic(base_color, metallic, dielectric_f0);
     let scattering = if metallic > 0.0 { Scattering::Multiple } else { Scattering::Single };
     let [at_v, at_l] = [v, l].map(|d| table_entry(d.z, roughness, geometry));
     let beyond = match geometry {
-        Geometry::Smith => Energy::new(roughness, geometry, scattering).beyond_single(base_color, metallic, at_l, at_v),
+        Geometry::Smith => Energy { dielectric_f0, ..Energy::new(roughness, geometry, scattering) }
+            .beyond_single(base_color, metallic, at_l, at_v),
         Geometry::Karis2013 => (1.0 - metallic) * diffuse_karis2013(base_color, f0, 0.5 * (v + l).length()),
     };
     (specular(DVec3::Z, v, l, f0, roughness, geometry) + beyond).x
@@ -131,10 +133,12 @@ fn a_point_light_gives_the_radiance_that_the_f64_brdf_says() {
     ];
     let away = 2.0;
     for ([v, l], geometry) in directions.into_iter().flat_map(|d| [(d, Geometry::Smith), (d, Geometry::Karis2013)]) {
-        for (roughness, metallic) in [(0.3, 0.0), (0.6, 1.0), (1.0, 1.0), (0.8, 0.5)] {
+        for [roughness, metallic, ior] in
+            [[0.3, 0.0, 1.5], [0.6, 1.0, 1.5], [1.0, 1.0, 1.5], [0.8, 0.5, 1.5], [0.2, 0.0, 2.0]]
+        {
             let shop = Workshop::new();
             shop.panorama("sky.exr", 16, |_| BLACK);
-            shop.write("m.mtl", &material([0.5; 3], metallic, roughness));
+            shop.write("m.mtl", &format!("{}Ni {ior}\n", material([0.5; 3], metallic, roughness)));
             shop.write("model.obj", &square("m.mtl"));
             let ([ex, ey, ez], [lx, ly, lz]) = (v.to_array(), (away * l).to_array());
             let text = format!(
@@ -147,8 +151,8 @@ fn a_point_light_gives_the_radiance_that_the_f64_brdf_says() {
                 &shop.render(&scene, &PictureOptions { size: [65, 65], geometry, ..PictureOptions::default() })[0];
             // The middle pixel is the origin, wherever in its 0.03 degrees it is shaded.
             let got = pixel(picture, 32, 32)[0];
-            let want = 40.0 / (away * away) * l.z * brdf(v, l, roughness.into(), geometry, metallic.into());
-            let case = format!("{geometry:?} {roughness} {metallic}, v {v:.2}, l {l:.2}");
+            let want = 40.0 / (away * away) * l.z * brdf([v, l], [roughness, metallic, ior].map(f64::from), geometry);
+            let case = format!("{geometry:?} {roughness} {metallic} {ior}, v {v:.2}, l {l:.2}");
             assert!((got / want - 1.0).abs() < 5e-3, "{case}: {got} against {want}");
         }
     }

@@ -3,7 +3,7 @@
 use std::f64::consts::PI;
 
 use glam::{DQuat, DVec3};
-use pbr_vr::reference::brdf::{Geometry, f0_from_metallic, specular};
+use pbr_vr::reference::brdf::{DIELECTRIC_F0, Geometry, f0_from_metallic, specular};
 use pbr_vr::reference::energy::{Curve, Energy, Scattering};
 use pbr_vr::render::{LightModel, Shading};
 use serde_json::{Value, json};
@@ -47,7 +47,7 @@ impl Dull {
     }
 
     fn value(&self, l: DVec3, v: DVec3) -> f64 {
-        let f0 = f0_from_metallic(DVec3::splat(BASE), 0.0);
+        let f0 = f0_from_metallic(DVec3::splat(BASE), 0.0, DIELECTRIC_F0);
         let [at_l, at_v] = [l, v].map(|d| self.curve.at(d.z));
         let beyond = self.energy.beyond_single(DVec3::splat(BASE), 0.0, at_l, at_v);
         (specular(DVec3::Z, v, l, f0, 1.0, Geometry::Smith) + beyond).x

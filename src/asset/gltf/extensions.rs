@@ -6,18 +6,20 @@ use super::source::Source;
 use crate::Result;
 use crate::error::{MAX_QUOTED, shortened};
 
-const READ: [&str; 7] = [
+const READ: [&str; 9] = [
     "KHR_lights_punctual",
     "KHR_texture_transform",
     "KHR_materials_emissive_strength",
     "KHR_materials_ior",
+    "KHR_materials_specular",
+    "KHR_materials_transmission",
     "KHR_materials_unlit",
     "KHR_mesh_quantization",
     meshopt::NAME,
 ];
 
 /// Those of materials that are not drawn, and what a picture lacks without each.
-const NOT_DRAWN: [(&str, &str); 11] = [
+const NOT_DRAWN: [(&str, &str); 9] = [
     ("KHR_materials_anisotropy", "its highlights are not stretched"),
     ("KHR_materials_clearcoat", "drawn without its clear coat"),
     ("KHR_materials_diffuse_transmission", "no light shines through it"),
@@ -25,10 +27,8 @@ const NOT_DRAWN: [(&str, &str); 11] = [
     ("KHR_materials_iridescence", "drawn without its play of colours"),
     ("KHR_materials_pbrSpecularGlossiness", "drawn as a material of metalness and roughness"),
     ("KHR_materials_sheen", "drawn without its sheen"),
-    ("KHR_materials_specular", "it reflects 4 % of light that falls straight on it"),
-    ("KHR_materials_transmission", "drawn as if it were not transparent"),
     ("KHR_materials_variants", "drawn in its first variant"),
-    ("KHR_materials_volume", "drawn as a thin surface"),
+    ("KHR_materials_volume", "its surface is that of a thin sheet"),
 ];
 
 /// Other forms of pictures, where a file has a usual one as well; a map without warns of itself.

@@ -11,7 +11,7 @@ use super::images::Images;
 use super::maps::{self, Coordinates, Map};
 use super::source::{Source, label};
 use crate::Result;
-use crate::asset::material::{AlphaUse, Factor, MapDesc, MaterialDesc, NormalsDesc, NormalsKind};
+use crate::asset::material::{AlphaUse, Factor, MapDesc, MaterialDesc, NormalsDesc, NormalsKind, f0_from_ior};
 use crate::asset::texture::Pick;
 use crate::error::{MAX_QUOTED, shortened};
 
@@ -21,6 +21,8 @@ const MAX_EMISSION: f32 = 1e6;
 const MIN_OPACITY: f32 = 1e-6;
 /// Of a surface that says nothing else.
 const USUAL_IOR: f32 = 1.5;
+/// Of no transparent matter; a diamond's is 2.4.
+const MAX_IOR: f32 = 10.0;
 
 /// Materials in the order of their first use.
 #[derive(Default)]
@@ -117,6 +119,36 @@ impl Default for Ior {
     }
 }
 
+#[derive(Deserialize)]
+#[serde(default, rename_all = "camelCase")]
+struct Specular {
+    specular_factor: f32,
+    specular_texture: Option<TextureInfo>,
+    specular_color_factor: [f32; 3],
+    specular_color_texture: Option<TextureInfo>,
+}
+
+impl Default for Specular {
+    fn default() -> Self {
+        Self {
+            specular_factor: 1.0,
+            specular_texture: None,
+            specular_color_factor: [1.0; 3],
+            specular_color_texture: None,
+        }
+    }
+}
+
+#[derive(Default, Deserialize)]
+#[serde(default, rename_all = "camelCase")]
+struct Transmission {
+    transmission_factor: f32,
+    transmission_texture: Option<TextureInfo>,
+}
+
+/// Of linear sRGB.
+const LUMINANCE: Vec3 = Vec3::new(0.2126, 0.7152, 0.0722);
+
 struct Reader<'a> {
     source: &'a Source<'a>,
     /// The material in words.
@@ -127,7 +159,6 @@ struct Reader<'a> {
 impl Reader<'_> {
     fn read(&self, images: &mut Images) -> Result<(MaterialDesc, [Option<Coordinates>; 2])> {
         extensions::warn_of_material(self.source, &self.of, self.material);
-        self.warn_of_ior()?;
         let glossy = self.glossy()?;
         let surface = self.material.pbr_metallic_roughness.as_ref().or(glossy.as_ref());
         let mut maps = self.maps(surface, images)?;
@@ -136,6 +167,7 @@ impl Reader<'_> {
         let mut desc = self.factors(surface)?;
         self.set_alpha(&mut desc);
         self.set_maps(&mut desc, maps);
+        self.set_transmission(&mut desc)?;
         if self.material.extensions.contains_key("KHR_materials_unlit") {
             self.shine(&mut desc);
         }
@@ -150,13 +182,21 @@ impl Reader<'_> {
         self.source.extension(&self.of, &self.material.extensions, name)
     }
 
-    fn warn_of_ior(&self) -> Result<()> {
+    /// Reflectance at normal incidence of what is no metal, by `KHR_materials_ior` and `KHR_materials_specular`.
+    fn dielectric_f0(&self) -> Result<f32> {
         let ior = self.extension::<Ior>("KHR_materials_ior")?.unwrap_or_default().ior;
-        // Within it dielectrics mirror 3 to 5 %.
-        if !(1.4..=1.6).contains(&ior) {
-            self.warn(&format!("KHR_materials_ior: {ior} is not supported; it reflects 4 %, as at {USUAL_IOR}"));
+        // 0 stands for an infinite one.
+        let within = if ior == 0.0 { ior } else { self.clamped_between("ior", ior, 1.0, MAX_IOR) };
+        let by_ior = f0_from_ior(within);
+        let key = "KHR_materials_specular";
+        let Some(specular) = self.extension::<Specular>(key)? else { return Ok(by_ior) };
+        let factor = self.clamped("specularFactor", specular.specular_factor, 1.0);
+        let color = Vec3::from(specular.specular_color_factor).max(Vec3::ZERO);
+        let is_plain = color == Vec3::splat(color.x) && specular.specular_texture.is_none() && factor == 1.0;
+        if !is_plain || specular.specular_color_texture.is_some() {
+            self.warn(&format!("{key}: its textures, its color and what it takes at grazing angles are not supported"));
         }
-        Ok(())
+        Ok(factor * (by_ior * color.dot(LUMINANCE)).min(1.0))
     }
 
     /// A material of the model before metalness and roughness as one of these.
@@ -215,10 +255,14 @@ impl Reader<'_> {
 
     /// A factor within 0 to `most`.
     fn clamped(&self, key: &str, value: f32, most: f32) -> f32 {
-        // NaN, which a file cannot say, would be 0.
-        let within = value.max(0.0).min(most);
+        self.clamped_between(key, value, 0.0, most)
+    }
+
+    fn clamped_between(&self, key: &str, value: f32, least: f32, most: f32) -> f32 {
+        // NaN, which a file cannot say, would be the least.
+        let within = value.max(least).min(most);
         if within != value {
-            self.warn(&format!("{key}: {value} is not in 0..={most}; {within} is used"));
+            self.warn(&format!("{key}: {value} is not in {least}..={most}; {within} is used"));
         }
         within
     }
@@ -242,6 +286,7 @@ impl Reader<'_> {
             emissive: Factor::same(emissive.into()),
             occlusion_strength: scalar("occlusionTexture.strength", occlusion),
             culls_backs: !material.double_sided,
+            dielectric_f0: self.dielectric_f0()?,
             ..MaterialDesc::plain(name, Vec3::new(r, g, b), metallic, roughness)
         })
     }
@@ -272,6 +317,41 @@ impl Reader<'_> {
         desc.metallic_map = desc.roughness_map.clone().map(|map| MapDesc { pick: Pick::Blue, ..map });
         desc.occlusion_map = desc_of(maps.occlusion);
         desc.emissive_map = desc_of(maps.emissive);
+    }
+
+    /// Makes what light passes through a thin sheet without refraction: of its light a part goes straight on, as where a blended
+    /// surface covers nothing, and what it covers is a mirror of all that a clear surface reflects, and what does not transmit.
+    fn set_transmission(&self, desc: &mut MaterialDesc) -> Result<()> {
+        let key = "KHR_materials_transmission";
+        let transmission: Transmission = self.extension(key)?.unwrap_or_default();
+        let dielectric = if desc.metallic_map.is_some() { 1.0 } else { 1.0 - desc.metallic.alone };
+        let share = dielectric * self.clamped("transmissionFactor", transmission.transmission_factor, 1.0);
+        if share <= 0.0 {
+            return Ok(());
+        }
+        if transmission.transmission_texture.is_some() || matches!(desc.alpha, AlphaUse::Mask(_)) {
+            self.warn(&format!("{key}: not supported with a texture or a mask; drawn as if it were not transparent"));
+            return Ok(());
+        }
+        self.source.warn_once(key, &format!("{}: {key}: light goes straight through it, uncolored and sharp", self.of));
+        // What is reflected of light from all sides, by Schlick's form.
+        let reflectance = desc.dielectric_f0 + (1.0 - desc.dielectric_f0) / 21.0;
+        let color = desc.base_color.alone;
+        let luminance = color.dot(LUMINANCE);
+        let mirrored = share * reflectance;
+        let coverage = 1.0 - share * (1.0 - reflectance) * luminance;
+        let metallic = mirrored / (mirrored + (1.0 - share) * luminance);
+        let covering = (Vec3::splat(mirrored) + (1.0 - share) * color) / coverage;
+        desc.base_color = Factor::same(covering.min(Vec3::ONE));
+        desc.metallic = Factor::same(metallic);
+        // Alpha of an opaque material's map means nothing, and its red one is not to be that of a mirror.
+        (desc.base_color_map, desc.metallic_map) = (None, None);
+        desc.opacity *= coverage;
+        desc.alpha = AlphaUse::Blend;
+        // Coverage divides all that a surface sends.
+        let emissive = desc.emissive.alone / coverage;
+        desc.emissive = Factor::same(emissive.min(Vec3::splat(MAX_EMISSION)));
+        Ok(())
     }
 
     /// A surface whose color is seen whatever the light: it reflects nothing and emits its color.

@@ -182,8 +182,6 @@ fn unlit_materials_shine() {
 
 #[test]
 fn extensions_of_materials() {
-    let (_, warning) = read(json!({"extensions": {"KHR_materials_ior": {"ior": 1.33}}}));
-    assert_eq!(warning, "a.glb: material 0: KHR_materials_ior: 1.33 is not supported; it reflects 4 %, as at 1.5");
     good(json!({"extensions": {"KHR_materials_ior": {}, "KHR_texture_transform": {}, "OTHER_thing": 1}}));
     let (_, warning) = read(json!({"name": "Car", "extensions": {"KHR_materials_clearcoat": {"clearcoatFactor": 1}}}));
     assert_eq!(warning, "a.glb: material Car: KHR_materials_clearcoat is not supported; drawn without its clear coat");
@@ -194,6 +192,77 @@ fn extensions_of_materials() {
     assert!(desc.base_color_map.is_some());
     let broken = build(json!({"extensions": {"KHR_materials_ior": {"ior": []}}}));
     assert!(broken.problem().contains("material 0: KHR_materials_ior: invalid type"));
+}
+
+#[test]
+fn dielectrics_reflect_by_their_index_and_factors() {
+    let f0 = |ior: Value, specular: Value| {
+        let extensions = json!({"KHR_materials_ior": ior, "KHR_materials_specular": specular});
+        let (desc, warning) = read(json!({"extensions": extensions}));
+        (desc.dielectric_f0, warning)
+    };
+    for (ior, want) in
+        [(json!({}), 0.04), (json!({"ior": 1.5}), 0.04), (json!({"ior": 1.0}), 0.0), (json!({"ior": 3}), 0.25)]
+    {
+        assert_eq!(f0(ior, json!({})), (want, String::new()));
+    }
+    assert_eq!(f0(json!({"ior": 0}), json!({})).0, 1.0);
+    let water = f0(json!({"ior": 1.33}), json!({"specularColorFactor": [2, 2, 2]}));
+    assert!((water.0 - 2.0 * (0.33f32 / 2.33).powi(2)).abs() < 1e-6 && water.1.is_empty(), "{water:?}");
+    assert_eq!(
+        f0(json!({"ior": 0.5}), json!({})),
+        (0.0, "a.glb: material 0: ior: 0.5 is not in 1..=10; 1 is used".into())
+    );
+    let unread = "a.glb: material 0: KHR_materials_specular: its textures, its color and what it takes at grazing angles are \
+                  not supported";
+    assert_eq!(f0(json!({}), json!({"specularFactor": 0.5})), (0.02, unread.into()));
+    assert_eq!(f0(json!({}), json!({"specularTexture": {"index": 0}})), (0.04, unread.into()));
+    assert_eq!(f0(json!({"ior": 0}), json!({"specularColorFactor": [9, 9, 9]})).0, 1.0);
+    assert!((f0(json!({}), json!({"specularColorFactor": [0, 1, 0]})).0 - 0.04 * 0.7152).abs() < 1e-6);
+}
+
+#[test]
+fn light_goes_through_what_transmits() {
+    let of = |share: f32, color: [f32; 3], other: serde_json::Value| {
+        let mut material = json!({
+            "pbrMetallicRoughness":
+                {"baseColorFactor": [color[0], color[1], color[2], 1], "metallicFactor": 0, "roughnessFactor": 0},
+            "extensions": {"KHR_materials_transmission": {"transmissionFactor": share}},
+        });
+        material.as_object_mut().expect("an object").extend(other.as_object().expect("an object").clone());
+        read(material)
+    };
+    let key = "a.glb: material 0: KHR_materials_transmission: ";
+    // Of a white sheet no light is lost: what does not go through comes back, from a clear one as from a mirror.
+    for share in [1.0, 0.6] {
+        let (glass, warning) = of(share, [1.0; 3], json!({"emissiveFactor": [0.5, 0, 0]}));
+        assert_eq!(warning, format!("{key}light goes straight through it, uncolored and sharp"));
+        assert_eq!(glass.alpha, AlphaUse::Blend);
+        let through = share * (1.0 - 0.04 - 0.96 / 21.0);
+        assert!(
+            (1.0 - glass.opacity - through).abs() < 1e-6 && (glass.base_color.alone - 1.0).abs().max_element() < 1e-6
+        );
+        assert!((glass.opacity * glass.emissive.alone.x - 0.5).abs() < 1e-6);
+        assert!(glass.opacity * glass.metallic.alone <= 1.0 - through && (share < 1.0 || glass.metallic.alone == 1.0));
+    }
+    // Of a green one a part is.
+    let (green, _) = of(1.0, [0.0, 1.0, 0.0], json!({}));
+    assert!((green.opacity - 1.0 + 0.7152 * (1.0 - 0.04 - 0.96 / 21.0)).abs() < 1e-6);
+    assert!((green.opacity * green.base_color.alone.y - 0.04 - 0.96 / 21.0).abs() < 1e-6);
+    let (black, _) = of(1.0, [0.0; 3], json!({}));
+    assert!(black.opacity == 1.0 && black.base_color.alone.is_finite());
+    let texture = json!({"extensions": {"KHR_materials_transmission":
+        {"transmissionFactor": 1, "transmissionTexture": {"index": 0}}}});
+    for (share, other) in [(0.5, json!({"alphaMode": "MASK"})), (1.0, texture)] {
+        let (opaque, warning) = of(share, [1.0; 3], other);
+        assert_eq!(
+            warning,
+            format!("{key}not supported with a texture or a mask; drawn as if it were not transparent")
+        );
+        assert_eq!((opaque.opacity, opaque.metallic.alone), (1.0, 0.0));
+    }
+    good(json!({"extensions": {"KHR_materials_transmission": {}}}));
+    good(json!({"extensions": {"KHR_materials_transmission": {"transmissionFactor": 1}}})); // metals do not
 }
 
 #[test]

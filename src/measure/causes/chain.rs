@@ -5,7 +5,7 @@ use glam::DVec3;
 
 use super::super::sums::Sums;
 use crate::precompute::{CubeTexels, TableAt, TableTexels};
-use crate::reference::brdf::{Geometry, f_schlick_roughness, f0_from_metallic};
+use crate::reference::brdf::{DIELECTRIC_F0, Geometry, f_schlick_roughness, f0_from_metallic};
 use crate::reference::energy::{Energy, Scattering, diffuse_taken, multiple_taken};
 use crate::reference::integrals::{Surface, Terms, grazing, reflected_by};
 use crate::reference::levels::{LEVELS, alpha_from_level, alpha_from_spread, level_from_spread};
@@ -81,7 +81,7 @@ impl Point {
         let truth = reflected_by(sums.view, &surface, terms, Scattering::Multiple);
         let truth = truth.diffuse + truth.specular;
         // As a metal of the same F0 it has single scattering alone.
-        let f0 = f0_from_metallic(surface.base_color, surface.metallic);
+        let f0 = f0_from_metallic(surface.base_color, surface.metallic, DIELECTRIC_F0);
         let mirror = Surface { base_color: f0, metallic: 1.0, ..surface };
         let single = reflected_by(sums.view, &mirror, terms, Scattering::Single).specular;
         let stored = table.look_up(surface.n.dot(surface.v), surface.roughness);
@@ -93,7 +93,7 @@ impl Point {
     /// Share of the irradiance that comes back diffuse or after several bounces.
     fn even(&self, at: &TableAt, scattering: Scattering, grazing: f64) -> DVec3 {
         let Surface { base_color, metallic, roughness, .. } = self.surface;
-        let (energy, entry) = (Energy { mean: at.mean, scattering }, entry(at));
+        let (energy, entry) = (Energy { mean: at.mean, dielectric_f0: DIELECTRIC_F0, scattering }, entry(at));
         energy.diffuse_even(base_color, metallic, entry) * diffuse_taken(roughness, grazing)
             + energy.multiple_even(base_color, metallic, entry) * multiple_taken(roughness, grazing)
     }
@@ -135,7 +135,7 @@ pub fn radiance(point: &Point, exact: Exact, variant: Variant, stored: &Stored, 
     let Surface { n, base_color, metallic, .. } = point.surface;
     let at = if !exact.has(Cause::Table) { &point.stored } else { &point.exact };
     let mut maps = Maps { stored, sums };
-    let f0 = f0_from_metallic(base_color, metallic);
+    let f0 = f0_from_metallic(base_color, metallic, DIELECTRIC_F0);
     let mut mirrored = maps.mirrored(point, at, variant, exact);
     if exact.has(Cause::Lobe) {
         // What follows from the approximated lobe is carried over to the own one.
@@ -169,7 +169,7 @@ impl Lookup {
         if split_sum == SplitSum::Classic {
             return Self { towards: [r; 2], spread: kernel_spread(roughness * roughness), even: 0.0 };
         }
-        let grey = f0_from_metallic(base_color, metallic).element_sum() / 3.0;
+        let grey = f0_from_metallic(base_color, metallic, DIELECTRIC_F0).element_sum() / 3.0;
         let found = lobe.matched(grey, nv, roughness, split_sum);
         let across = (n - nv * r).normalize_or_zero();
         let Match { even, each_spread, .. } = found;
@@ -195,7 +195,7 @@ impl Maps<'_, '_> {
     /// The singly scattered part.
     fn mirrored(&mut self, point: &Point, at: &TableAt, variant: Variant, exact: Exact) -> DVec3 {
         let Surface { n, v, base_color, metallic, roughness } = point.surface;
-        let mut f0 = f0_from_metallic(base_color, metallic);
+        let mut f0 = f0_from_metallic(base_color, metallic, DIELECTRIC_F0);
         if variant.fresnel_twice {
             f0 = f_schlick_roughness(f0, n.dot(v), roughness);
         }

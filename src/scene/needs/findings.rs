@@ -123,7 +123,7 @@ fn metals(materials: &[MaterialFinding]) -> Finding {
     let count = |kind| materials.iter().filter(|m| m.features.metalness == kind).count();
     let (dielectric, metal, mixed) = (count(Metalness::Dielectric), count(Metalness::Metal), count(Metalness::Mixed));
     let why = match (dielectric, metal, mixed) {
-        (_, 0, 0) => "nothing is metallic: reflects 4 % at normal incidence".to_owned(),
+        (_, 0, 0) => "nothing is metallic: reflections have no color".to_owned(),
         (0, _, 0) => "everything is metal: no diffuse light is looked up".to_owned(),
         _ => format!("{metal} material(s) all metal, {mixed} in parts, {dielectric} not at all"),
     };
