@@ -114,6 +114,13 @@ vec3 f_schlick_roughness(vec3 f0, float nv, float roughness)
     return f0 + (max(vec3(1.0 - roughness), f0) - f0) * schlick_weight(nv);
 }
 
+// Coverage of a sheet that transmits light, at a cosine, from that of light from all sides: by Schlick's form it transmits
+// 1 - F = (1 - F0) (1 - weight), whose mean under the cosine is (1 - F0) 20 / 21.
+float slanted_coverage(float coverage, float cosine)
+{
+    return 1.0 - (1.0 - coverage) * 1.05 * (1.0 - schlick_weight(cosine));
+}
+
 // Lambert's cosine law as a BRDF: albedo / pi.
 vec3 diffuse_lambert(vec3 albedo)
 {

@@ -6,6 +6,7 @@
 
 #extension GL_EXT_scalar_block_layout : require
 #include "bindings.glsl"
+#include "math.glsl"
 #include "ray_features.glsl"
 
 struct BvhNode {
@@ -57,8 +58,8 @@ bool is_masked(uint triangle)
     return rays_have(RAYS_HOLES) && (bvh_triangles[triangle].material_and_flags & BVH_MASKED) != 0u;
 }
 
-// Whether a hit on an alpha-tested triangle is in a hole.
-bool is_hole(RayHit hit);
+// Whether a hit on an alpha-tested triangle, by a ray at this cosine to its normal, is in a hole.
+bool is_hole(RayHit hit, float cosine);
 
 // Reciprocals that stay finite: a ray along an axis still has a sign on the other two.
 vec3 bvh_inverse(vec3 d)
@@ -117,6 +118,11 @@ RayHit bvh_triangle(uint index, vec3 o, vec3 d)
     return hit;
 }
 
+float bvh_cosine(RayHit hit, vec3 d)
+{
+    return abs(dot(normalize_or(bvh_normal(hit.triangle), vec3(0.0)), d)) * inversesqrt(dot(d, d));
+}
+
 // The nearest hit before t, or with `any` some hit; t below 0 for none.
 RayHit bvh_trace(vec3 o, vec3 d, float t, bool any)
 {
@@ -143,7 +149,7 @@ RayHit bvh_trace(vec3 o, vec3 d, float t, bool any)
             RayHit hit = bvh_triangle(node.first_triangle + bit, o, d);
             if (hit.t < 0.0 || hit.t >= t)
                 continue;
-            if (is_masked(hit.triangle) && is_hole(hit))
+            if (is_masked(hit.triangle) && is_hole(hit, bvh_cosine(hit, d)))
                 continue;
             nearest = hit;
             if (any)

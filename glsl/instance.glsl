@@ -28,11 +28,12 @@ struct VertexExtra {
 };
 
 // `flags`: colours of vertices count; alpha is coverage; from the third bit on for each map: it is looked up by the second texture
-// coordinates; colours of vertices count for emission. Maps are base color, normal, ORM and emission.
+// coordinates; colours of vertices count for emission; more is covered at slanted views, as by a sheet of glass. Maps are base color, normal, ORM and emission.
 const uint MATERIAL_VERTEX_COLOURS = 1;
 const uint MATERIAL_BLENDS = 2;
 const uint MATERIAL_SECOND_UV = 4;
 const uint MATERIAL_UNLIT = 64;
+const uint MATERIAL_TRANSMITS = 128;
 // From this bit on for each map how coordinates beyond 0 to 1 are meant, two bits for u and two for v: the order of
 // asset::material::Wrap.
 const uint MATERIAL_WRAPS = 8;

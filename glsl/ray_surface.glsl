@@ -3,6 +3,7 @@
 #define RAY_SURFACE_GLSL
 
 #include "instance.glsl"
+#include "brdf.glsl"
 #include "bvh.glsl"
 #include "math.glsl"
 #include "octahedral.glsl"
@@ -107,12 +108,14 @@ vec2 ray_metallic_roughness(RayHit hit, Material material, vec2 uv)
     return vec2(material.metallic, material.roughness) * textureLod(ray_orm, at, 0.0).bg;
 }
 
-bool is_hole(RayHit hit)
+bool is_hole(RayHit hit, float cosine)
 {
     Material material = materials[bvh_triangles[hit.triangle].material_and_flags & BVH_MATERIAL];
     float alpha = ray_base(hit, material, ray_uv(hit)).a;
     if ((material.flags & MATERIAL_BLENDS) == 0u)
         return alpha < material.alpha_cutoff;
+    if ((material.flags & MATERIAL_TRANSMITS) != 0u)
+        alpha = slanted_coverage(alpha, cosine);
     // As many rays are stopped as the surface covers of what is behind. No two rays meet it in the same place.
     uvec4 place = uvec4(floatBitsToUint(hit.weights.xy), floatBitsToUint(hit.t), hit.triangle);
     return unit_from_bits(pcg4d(place).x) >= alpha;
@@ -210,7 +213,7 @@ bool is_back(RayHit hit, vec3 d)
 // Cosine of a ray of unit direction d to the normal of the triangle that it met.
 float hit_cosine(RayHit hit, vec3 d)
 {
-    return abs(dot(normalize_or(bvh_normal(hit.triangle), vec3(0.0)), d * mat3(frame.world_from_models)));
+    return bvh_cosine(hit, d * mat3(frame.world_from_models));
 }
 
 // The first hit of a ray in world space, with t in metres.

@@ -4,6 +4,7 @@
 
 #include "instance.glsl"
 #include "math.glsl"
+#include "brdf.glsl"
 #include "shading_point.glsl"
 
 // Stages that draw many places of each pixel read the texels themselves.
@@ -22,7 +23,7 @@ layout(location = 2) in vec2 uv;
 layout(location = 3) centroid in vec4 tangent_world;
 layout(location = 4) flat in uint eye;
 layout(location = 5) flat in vec4 base_color_metallic;
-layout(location = 6) flat in vec3 roughness_cutoff_f0;
+layout(location = 6) flat in vec4 surface_factors;
 layout(location = 8) centroid in vec2 covered_lightmap_uv;
 layout(location = 7) in vec3 position_centre;
 layout(location = 9) centroid in vec4 vertex_colour;
@@ -73,7 +74,7 @@ Surface read_surface()
     if (HAS_BASE_COLOR_MAP)
         base *= SURFACE_TEXEL(base_color_map, map_uv(MAP_BASE_COLOR));
     if (ALPHA_MASK)
-        cut_out(base.a - roughness_cutoff_f0.y);
+        cut_out(base.a - surface_factors.y);
     s.base_color = base.rgb;
     s.alpha = BLENDS ? base.a : 1.0;
     s.emission = EMITS ? emission_opacity.rgb * SURFACE_TEXEL(emission_map, map_uv(MAP_EMISSION)).rgb : vec3(0.0);
@@ -81,15 +82,17 @@ Surface read_surface()
         s.emission *= vertex_colour.rgb;
     vec3 maps = HAS_ORM_MAP ? SURFACE_TEXEL(orm_map, map_uv(MAP_ORM)).rgb : vec3(1.0);
     s.occlusion = maps.r;
-    s.roughness = maps.g * roughness_cutoff_f0.x;
+    s.roughness = maps.g * surface_factors.x;
     s.metallic = METALNESS == METALNESS_MIXED ? maps.b * base_color_metallic.a : float(METALNESS == METALNESS_METAL);
-    s.dielectric_f0 = roughness_cutoff_f0.z;
+    s.dielectric_f0 = surface_factors.z;
     vec3 n = mapped_normal();
     // Cloth and leaves are seen from behind, too.
     s.n = gl_FrontFacing ? n : -n;
     s.v = normalize_or(frame.eyes[eye].world_from_view[3].xyz - position_world, s.n);
     // A mapped normal may lean away from the eye; the surface is seen all the same.
     s.nv = clamp(dot(s.n, s.v), MIN_COS, 1.0);
+    if (BLENDS && surface_factors.w > 0.0)
+        s.alpha = slanted_coverage(s.alpha, s.nv);
     return s;
 }
 

@@ -46,6 +46,8 @@ pub struct MaterialDesc {
     pub vertex_alpha: bool,
     /// Whether it is not seen from behind.
     pub culls_backs: bool,
+    /// Whether what it does not cover is seen through a sheet like glass: at slanted views there is less of it.
+    pub transmits: bool,
     /// Whether its emission is its colour, which vertices may have, too.
     pub unlit: bool,
     /// What the file does not say and was taken from something else, or for granted.
@@ -151,6 +153,7 @@ impl MaterialDesc {
             alpha: AlphaUse::Opaque,
             vertex_alpha: false,
             culls_backs: false,
+            transmits: false,
             unlit: false,
             guesses: Vec::new(),
         }

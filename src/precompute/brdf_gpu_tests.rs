@@ -43,6 +43,7 @@ struct BrdfOutput {
     exponent: f32,
     phong: f32,
     widened: f32,
+    slanted: f32,
     schlick: [f32; 3],
     schlick_roughness: [f32; 3],
     lambert: [f32; 3],
@@ -138,6 +139,7 @@ fn judge_terms(judge: &mut Judge, i: &BrdfInput, o: &BrdfOutput) {
     let want = brdf::diffuse_karis2013(base_color, f0, vh).to_array();
     judge.near("diffuse_karis2013", i, &o.thesis, &want, [3e-7, 0.0]);
     judge.near("widened_roughness", i, &[o.widened], &[brdf::widened_roughness(r, metallic)], close);
+    judge.near("slanted_coverage", i, &[o.slanted], &[brdf::slanted_coverage(metallic, vh)], [1e-6, 0.0]);
     judge.near("phong_exponent", i, &[o.exponent], &[brdf::phong_exponent(r)], [1e-6, 2e-6]);
     let terms = [o.d, o.smith, o.karis, o.karis_direct, o.karis_ibl, o.weight, o.phong];
     let colours = [o.schlick, o.schlick_roughness, o.lambert, o.f0].concat();

@@ -297,6 +297,7 @@ fn material_flags(material: &Material) -> u32 {
     maps | bit(material.vertex_colours, material_flag::VERTEX_COLOURS)
         | bit(material.blends, material_flag::BLENDS)
         | bit(tints, material_flag::UNLIT)
+        | bit(material.transmits, material_flag::TRANSMITS)
 }
 
 fn light_block(light: &PointLight, (shadow_layer, shadow_near): (i32, f32)) -> LightBlock {

@@ -125,6 +125,8 @@ pub mod material_flag {
     pub const SECOND_UV: u32 = 4;
     /// Colours of vertices multiply emission.
     pub const UNLIT: u32 = 64;
+    /// What is covered grows at slanted views.
+    pub const TRANSMITS: u32 = 128;
     /// The first bit of the first map's u; two bits each.
     pub const WRAPS: u32 = 8;
 }

@@ -103,6 +103,8 @@ pub struct Material {
     pub culls_backs: bool,
     /// Whether colours of vertices multiply base color and alpha.
     pub vertex_colours: bool,
+    /// Whether what it does not cover is seen through a sheet like glass: at slanted views there is less of it.
+    pub transmits: bool,
     /// Whether its emission is its colour.
     pub unlit: bool,
 }

@@ -41,6 +41,7 @@ impl Material {
             blends: false,
             culls_backs: false,
             vertex_colours: false,
+            transmits: false,
             unlit: false,
         }
     }
@@ -182,6 +183,7 @@ impl Plan<'_> {
             blends: desc.alpha == AlphaUse::Blend && (uses_alpha || desc.vertex_alpha || desc.opacity < 1.0),
             culls_backs: desc.culls_backs,
             vertex_colours: false,
+            transmits: desc.transmits,
             unlit: desc.unlit,
         }
     }

@@ -9,7 +9,7 @@ struct Input {
     float metallic, dielectric_f0, roughness, alpha, nl, nv, vh;
 };
 struct Output {
-    float alpha, d, smith, karis, karis_direct, karis_ibl, direct[2], environment[2], weight, exponent, phong, widened;
+    float alpha, d, smith, karis, karis_direct, karis_ibl, direct[2], environment[2], weight, exponent, phong, widened, slanted;
     vec3 schlick, schlick_roughness, lambert, thesis, f0, specular[2];
 };
 layout(local_size_x = 64) in;
@@ -33,6 +33,7 @@ void main()
     o.exponent = phong_exponent(i.roughness);
     o.phong = phong_specular(i.n, i.v, i.l, i.roughness);
     o.widened = widened_roughness(i.roughness, i.metallic); // any number from 0 to 1
+    o.slanted = slanted_coverage(i.metallic, i.vh);
     o.f0 = f0_from_metallic(i.base_color, i.metallic, i.dielectric_f0);
     o.schlick = f_schlick(i.base_color, i.vh);
     o.schlick_roughness = f_schlick_roughness(i.base_color, i.nv, i.roughness);

@@ -16,7 +16,7 @@ struct Met {
 layout(set = 0, binding = 0, scalar) readonly buffer Rays { Ray rays[]; };
 layout(set = 0, binding = 1, scalar) writeonly buffer AllMet { Met met[]; };
 
-bool is_hole(RayHit hit)
+bool is_hole(RayHit hit, float cosine)
 {
     return false;
 }

@@ -21,7 +21,7 @@ void main()
 {
     vec3 albedo = base_color_metallic.rgb * texture(base_color_map, uv).rgb;
     vec3 maps = texture(orm_map, uv).rgb;
-    float roughness = maps.g * roughness_cutoff_f0.x, metallic = maps.b * base_color_metallic.a;
+    float roughness = maps.g * surface_factors.x, metallic = maps.b * base_color_metallic.a;
     vec3 m = 2.0 * texture(normal_map, uv).xyz - 1.0;
     vec3 normal = normalize(normal_world), tangent = normalize(tangent_world.xyz);
     vec3 n = normalize(mat3(tangent, tangent_world.w * cross(normal, tangent), normal) * m);

@@ -19,7 +19,7 @@ layout(location = 2) out vec2 uv;
 layout(location = 3) centroid out vec4 tangent_world;
 layout(location = 4) flat out uint eye;
 layout(location = 5) flat out vec4 base_color_metallic;
-layout(location = 6) flat out vec3 roughness_cutoff_f0;
+layout(location = 6) flat out vec4 surface_factors;
 layout(location = 7) out vec3 position_centre;
 layout(location = 8) centroid out vec2 covered_lightmap_uv;
 layout(location = 9) centroid out vec4 vertex_colour;
@@ -84,7 +84,7 @@ void main()
 {
     Material material = materials[instances[range.instance].material];
     base_color_metallic = vec4(material.base_color, material.metallic);
-    roughness_cutoff_f0 = vec3(material.roughness, material.alpha_cutoff, material.dielectric_f0);
+    surface_factors = vec4(material.roughness, material.alpha_cutoff, material.dielectric_f0, 0.0);
     uint pixel = range.first + uint(gl_VertexIndex) / 3u, corner = uint(gl_VertexIndex) % 3u;
     // What the whole triangle shares: mostly one frame for all corners, sometimes others, which may cancel.
     state = pixel * 9781u + range.seed;

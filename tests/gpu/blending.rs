@@ -2,6 +2,7 @@
 
 use glam::DVec3;
 use image::{Rgba, RgbaImage};
+use pbr_vr::reference::brdf::f_schlick;
 use pbr_vr::render::{LightModel, Shading};
 use serde_json::{Value, json};
 
@@ -85,6 +86,40 @@ fn the_reference_covers_by_chance_as_much_as_pictures_do() {
             let error = 0.5 * 0.9 / f64::from(32 * 32 * 64).sqrt();
             println!("{light:?}: {mean} ± {error:.5}, picture {picture}");
             assert_near(&format!("{light:?}"), mean, picture, 4.0 * error, 1e-3);
+        }
+    });
+}
+
+/// A sheet that transmits, before a narrow wall that shines: what it mirrors is dark.
+#[test]
+fn glass_lets_through_what_fresnel_leaves() {
+    let shop = Workshop::new();
+    with_gpu(|gpu| {
+        for degrees in [0.0f64, 60.0, 75.0] {
+            let mut gltf = Gltf::new();
+            let wall = gltf.material(glowing(BLUE, 1.0));
+            gltf.show(&Shape::plate([-0.3, 0.3], [-1.5, 1.5], -1.0), wall);
+            let glass = gltf.material(json!({
+                "pbrMetallicRoughness": {"metallicFactor": 0, "roughnessFactor": 0}, "doubleSided": true,
+                "extensions": {"KHR_materials_transmission": {"transmissionFactor": 1}},
+            }));
+            let (sine, cosine) = degrees.to_radians().sin_cos();
+            let mut sheet = Shape::plate([-1.5, 1.5], [-1.5, 1.5], 0.0);
+            let turned = |[x, y, _]: [f32; 3]| [x * cosine as f32, y, -x * sine as f32];
+            sheet.positions.iter_mut().for_each(|p| *p = turned(*p));
+            sheet.normals.fill([sine as f32, 0.0, cosine as f32]);
+            gltf.show(&sheet, glass);
+            let (scene, _) = loaded_with_warnings(&gltf.write(&shop, "glass.gltf"), 0.0);
+            let want = DVec3::from(BLUE) * (1.0 - f_schlick(DVec3::splat(0.04), cosine).x);
+            let picture = see(gpu, &scene, Look::default()).about([0.0; 2], 1);
+            // The pixels about the middle are seen up to 0.3 degrees aside.
+            assert_near(&format!("{degrees}°"), picture, want, 0.0, 1e-2);
+            let reference = Look { shading: Shading::Reference, frames: 1024, size: [32; 2], ..Look::default() };
+            for light in [LightModel::Open, LightModel::Baked] {
+                let mean = see(gpu, &scene, Look { light, ..reference }).about([0.0; 2], 2);
+                // By chance 3 to 25 % are 0, of 1024 frames in 25 pixels.
+                assert_near(&format!("{degrees}°, {light:?}"), mean, want, 4.0 * 0.6 * 0.5 / 160.0, 1e-2);
+            }
         }
     });
 }

@@ -334,7 +334,7 @@ impl Reader<'_> {
             return Ok(());
         }
         self.source.warn_once(key, &format!("{}: {key}: light goes straight through it, uncolored and sharp", self.of));
-        // What is reflected of light from all sides, by Schlick's form.
+        // What is reflected of light from all sides, by Schlick's form; shaders make it more at slanted views.
         let reflectance = desc.dielectric_f0 + (1.0 - desc.dielectric_f0) / 21.0;
         let color = desc.base_color.alone;
         let luminance = color.dot(LUMINANCE);
@@ -347,7 +347,7 @@ impl Reader<'_> {
         // Alpha of an opaque material's map means nothing, and its red one is not to be that of a mirror.
         (desc.base_color_map, desc.metallic_map) = (None, None);
         desc.opacity *= coverage;
-        desc.alpha = AlphaUse::Blend;
+        (desc.alpha, desc.transmits) = (AlphaUse::Blend, true);
         // Coverage divides all that a surface sends.
         let emissive = desc.emissive.alone / coverage;
         desc.emissive = Factor::same(emissive.min(Vec3::splat(MAX_EMISSION)));
