@@ -118,7 +118,7 @@ vec3 f_schlick_roughness(vec3 f0, float nv, float roughness)
 // 1 - F = (1 - F0) (1 - weight), whose mean under the cosine is (1 - F0) 20 / 21.
 float slanted_coverage(float coverage, float cosine)
 {
-    return 1.0 - (1.0 - coverage) * 1.05 * (1.0 - schlick_weight(cosine));
+    return max(1.0 - (1.0 - coverage) * 1.05 * (1.0 - schlick_weight(cosine)), 0.0);
 }
 
 // Lambert's cosine law as a BRDF: albedo / pi.

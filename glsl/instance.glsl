@@ -28,7 +28,8 @@ struct VertexExtra {
 };
 
 // `flags`: colours of vertices count; alpha is coverage; from the third bit on for each map: it is looked up by the second texture
-// coordinates; colours of vertices count for emission; more is covered at slanted views, as by a sheet of glass. Maps are base color, normal, ORM and emission.
+// coordinates; colours of vertices count for emission; more is covered at slanted views, as by a sheet of glass. Maps are base
+// color, normal, ORM and emission.
 const uint MATERIAL_VERTEX_COLOURS = 1;
 const uint MATERIAL_BLENDS = 2;
 const uint MATERIAL_SECOND_UV = 4;

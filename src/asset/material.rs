@@ -8,6 +8,11 @@ use super::texture::Pick;
 /// Reflectance at normal incidence of most plastics, glass and wood, whose index of refraction is 1.5: ((1.5 − 1) / (1.5 + 1))².
 pub const DIELECTRIC_F0: f32 = 0.04;
 
+/// The most radiance of a surface, W/(m² sr).
+pub const MAX_EMISSION: f32 = 1e6;
+/// Of linear sRGB.
+pub const LUMINANCE: Vec3 = Vec3::new(0.2126, 0.7152, 0.0722);
+
 /// Of a dielectric with this index of refraction, by Fresnel's equations.
 pub fn f0_from_ior(ior: f32) -> f32 {
     let ior = f64::from(ior);
@@ -157,6 +162,27 @@ impl MaterialDesc {
             unlit: false,
             guesses: Vec::new(),
         }
+    }
+
+    /// Makes a thin sheet of it, with no refraction: of light that meets it, `share` is what its base color's luminance lets
+    /// straight through, less what a smooth surface reflects. That is what it does not cover; what it covers is a mirror of all
+    /// that is reflected, and the base color of what does not transmit.
+    pub fn transmit(&mut self, share: f32) {
+        // Of light from all sides, by Schlick's form; shaders make it more at slanted views.
+        let reflectance = self.dielectric_f0 + (1.0 - self.dielectric_f0) / 21.0;
+        let color = self.base_color.alone;
+        let luminance = color.dot(LUMINANCE);
+        let mirrored = share * reflectance;
+        let coverage = 1.0 - share * (1.0 - reflectance) * luminance;
+        let covering = (Vec3::splat(mirrored) + (1.0 - share) * color) / coverage;
+        self.base_color = Factor::same(covering.min(Vec3::ONE));
+        self.metallic = Factor::same(mirrored / (mirrored + (1.0 - share) * luminance));
+        // Alpha of an opaque material's map means nothing, and its red one is not to be that of a mirror.
+        (self.base_color_map, self.metallic_map) = (None, None);
+        self.opacity *= coverage;
+        (self.alpha, self.transmits) = (AlphaUse::Blend, true);
+        // Coverage divides all that a surface sends.
+        self.emissive = Factor::same((self.emissive.alone / coverage).min(Vec3::splat(MAX_EMISSION)));
     }
 
     /// Its maps, as messages name them.

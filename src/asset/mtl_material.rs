@@ -7,7 +7,8 @@ use glam::Vec3;
 
 use super::image_source::ImageSource;
 use super::material::{
-    AlphaUse, DIELECTRIC_F0, Factor, MapDesc, MaterialDesc, NormalsDesc, NormalsKind, Sampling, Wrap, f0_from_ior,
+    AlphaUse, DIELECTRIC_F0, Factor, MAX_EMISSION, MapDesc, MaterialDesc, NormalsDesc, NormalsKind, Sampling, Wrap,
+    f0_from_ior,
 };
 use super::mtl::{Map, Mtl};
 use super::texture::Pick;
@@ -17,8 +18,6 @@ use super::{Report, file};
 pub const DEFAULT_GREY: f32 = 0.8;
 /// Roughness of such materials.
 pub const DEFAULT_ROUGHNESS: f32 = 0.5;
-/// The largest emission that is read.
-const MAX_EMISSION: f32 = 1e6;
 
 /// One material for each of `mtls`. A picture that is not there is left out with a warning that names file and key.
 ///
@@ -54,6 +53,9 @@ fn guesses(mtl: &Mtl) -> Vec<String> {
             None => "metalness 0: there is no Pm".into(),
         });
     }
+    if let (true, Some(model)) = (is_glass(mtl), mtl.illum) {
+        guesses.push(format!("a sheet of glass: Kd is 0, and illum {model} lets light through"));
+    }
     guesses
 }
 
@@ -78,6 +80,15 @@ fn dielectric_f0(mtl: &Mtl) -> f32 {
         Some(ior) if ior > 1.0 && !(1.3..=1.7).contains(&ior) => f0_from_ior(ior),
         _ => DIELECTRIC_F0,
     }
+}
+
+/// Illumination models 4, 6, 7 and 9 have glass or refraction. Some programs write one for anything, but not with a black
+/// diffuse colour, and others say by `d` how much is covered.
+fn is_glass(mtl: &Mtl) -> bool {
+    let is_opaque = mtl.dissolve.is_none_or(|d| d >= 1.0) && mtl.map_d.is_none();
+    let is_black = mtl.kd == Some([0.0; 3]) && mtl.map_kd.is_none();
+    let is_dielectric = mtl.metallic.unwrap_or(0.0) == 0.0 && mtl.map_metallic.is_none();
+    is_opaque && is_black && is_dielectric && matches!(mtl.illum, Some(4 | 6 | 7 | 9))
 }
 
 struct Interpreter<'a> {
@@ -108,7 +119,7 @@ impl Interpreter<'_> {
         let metallic_map = self.map(mtl, mtl.map_metallic.as_ref(), Pick::Red);
         let emissive_map = self.map(mtl, mtl.map_ke.as_ref(), Pick::Red);
         let opacity = self.opacity(mtl);
-        MaterialDesc {
+        let mut desc = MaterialDesc {
             base_color: self.base_color(mtl, base_color_map.is_some()),
             opacity,
             metallic: self.metallic(mtl, metallic_map.is_some()),
@@ -125,7 +136,12 @@ impl Interpreter<'_> {
             guesses: guesses(mtl),
             alpha: if opacity < 1.0 { AlphaUse::Blend } else { AlphaUse::Guessed },
             ..MaterialDesc::plain(&mtl.name, Vec3::ZERO, 0.0, 0.0)
+        };
+        if is_glass(mtl) {
+            desc.base_color = Factor::same(Vec3::ONE);
+            desc.transmit(1.0);
         }
+        desc
     }
 
     /// A map whose file is there.

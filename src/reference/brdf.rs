@@ -133,7 +133,7 @@ pub fn f0_from_metallic(base_color: DVec3, metallic: f64, dielectric_f0: f64) ->
 /// Coverage of a sheet that transmits light, at a cosine, from that of light from all sides: by Schlick's form it transmits
 /// 1 − F = (1 − F0) (1 − weight), whose mean under the cosine is (1 − F0) 20 / 21.
 pub fn slanted_coverage(coverage: f64, cosine: f64) -> f64 {
-    1.0 - (1.0 - coverage) * 1.05 * (1.0 - schlick_weight(cosine))
+    (1.0 - (1.0 - coverage) * 1.05 * (1.0 - schlick_weight(cosine))).max(0.0)
 }
 
 /// Single scattering for a point light, in 1/sr; multiply by max(n·l, 0) and the light's irradiance.

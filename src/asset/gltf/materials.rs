@@ -11,12 +11,12 @@ use super::images::Images;
 use super::maps::{self, Coordinates, Map};
 use super::source::{Source, label};
 use crate::Result;
-use crate::asset::material::{AlphaUse, Factor, MapDesc, MaterialDesc, NormalsDesc, NormalsKind, f0_from_ior};
+use crate::asset::material::{
+    AlphaUse, Factor, LUMINANCE, MAX_EMISSION, MapDesc, MaterialDesc, NormalsDesc, NormalsKind, f0_from_ior,
+};
 use crate::asset::texture::Pick;
 use crate::error::{MAX_QUOTED, shortened};
 
-/// The most radiance of a surface, W/(m² sr).
-const MAX_EMISSION: f32 = 1e6;
 /// The least opacity by which a mask's cutoff is divided.
 const MIN_OPACITY: f32 = 1e-6;
 /// Of a surface that says nothing else.
@@ -145,9 +145,6 @@ struct Transmission {
     transmission_factor: f32,
     transmission_texture: Option<TextureInfo>,
 }
-
-/// Of linear sRGB.
-const LUMINANCE: Vec3 = Vec3::new(0.2126, 0.7152, 0.0722);
 
 struct Reader<'a> {
     source: &'a Source<'a>,
@@ -319,8 +316,7 @@ impl Reader<'_> {
         desc.emissive_map = desc_of(maps.emissive);
     }
 
-    /// Makes what light passes through a thin sheet without refraction: of its light a part goes straight on, as where a blended
-    /// surface covers nothing, and what it covers is a mirror of all that a clear surface reflects, and what does not transmit.
+    /// Makes a thin sheet of what light goes through.
     fn set_transmission(&self, desc: &mut MaterialDesc) -> Result<()> {
         let key = "KHR_materials_transmission";
         let transmission: Transmission = self.extension(key)?.unwrap_or_default();
@@ -334,23 +330,7 @@ impl Reader<'_> {
             return Ok(());
         }
         self.source.warn_once(key, &format!("{}: {key}: light goes straight through it, uncolored and sharp", self.of));
-        // What is reflected of light from all sides, by Schlick's form; shaders make it more at slanted views.
-        let reflectance = desc.dielectric_f0 + (1.0 - desc.dielectric_f0) / 21.0;
-        let color = desc.base_color.alone;
-        let luminance = color.dot(LUMINANCE);
-        let mirrored = share * reflectance;
-        let coverage = 1.0 - share * (1.0 - reflectance) * luminance;
-        let metallic = mirrored / (mirrored + (1.0 - share) * luminance);
-        let covering = (Vec3::splat(mirrored) + (1.0 - share) * color) / coverage;
-        desc.base_color = Factor::same(covering.min(Vec3::ONE));
-        desc.metallic = Factor::same(metallic);
-        // Alpha of an opaque material's map means nothing, and its red one is not to be that of a mirror.
-        (desc.base_color_map, desc.metallic_map) = (None, None);
-        desc.opacity *= coverage;
-        (desc.alpha, desc.transmits) = (AlphaUse::Blend, true);
-        // Coverage divides all that a surface sends.
-        let emissive = desc.emissive.alone / coverage;
-        desc.emissive = Factor::same(emissive.min(Vec3::splat(MAX_EMISSION)));
+        desc.transmit(share);
         Ok(())
     }
 
