@@ -118,6 +118,7 @@ RayHit bvh_triangle(uint index, vec3 o, vec3 d)
     return hit;
 }
 
+// Of a ray to the normal of the triangle that it met, on either side.
 float bvh_cosine(RayHit hit, vec3 d)
 {
     return abs(dot(normalize_or(bvh_normal(hit.triangle), vec3(0.0)), d)) * inversesqrt(dot(d, d));

@@ -39,7 +39,7 @@ float lamp_density(float cosine, float distance_metres)
 // The physically based BRDF for light of no size, in 1/sr.
 vec3 brdf(Surface s, vec3 l, Energy energy, vec2 at_v)
 {
-    vec3 f0 = f0_from_metallic(s.base_color, s.metallic, s.dielectric_f0);
+    vec3 f0 = f0_of(s);
     vec3 sum = specular(s.n, s.v, l, f0, s.roughness, GEOMETRY);
     if (GEOMETRY == GEOMETRY_KARIS2013)
         sum += (1.0 - s.metallic) * diffuse_karis2013(s.base_color, f0, 0.5 * length(s.v + l));

@@ -31,7 +31,7 @@ Scatter make_scatter(Surface s, mat3 world_from_surface)
     vec3 v = s.v * world_from_surface;
     m.v = normalize(vec3(v.xy, max(v.z, MIN_COS)));
     m.base_color = s.base_color;
-    m.f0 = f0_from_metallic(s.base_color, s.metallic, s.dielectric_f0);
+    m.f0 = f0_of(s);
     m.metallic = s.metallic;
     m.roughness = s.roughness;
     m.alpha = s.roughness * s.roughness;

@@ -2,6 +2,8 @@
 #ifndef SHADING_POINT_GLSL
 #define SHADING_POINT_GLSL
 
+#include "brdf.glsl"
+
 struct Surface {
     vec3 n; // shading normal, towards the eye's side
     vec3 v; // to the eye
@@ -14,5 +16,10 @@ struct Surface {
     vec3 emission; // radiance, W/(m^2 sr)
     float alpha;   // coverage
 };
+
+vec3 f0_of(Surface s)
+{
+    return f0_from_metallic(s.base_color, s.metallic, s.dielectric_f0);
+}
 
 #endif

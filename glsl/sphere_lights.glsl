@@ -24,7 +24,7 @@ float sphere_visibility(SphereLight light, vec3 p, vec3 n)
 // pixel.
 vec3 mirrored_spheres(Surface s, float even, float variance)
 {
-    vec3 sum = vec3(0.0), f0 = f0_from_metallic(s.base_color, s.metallic, s.dielectric_f0);
+    vec3 sum = vec3(0.0), f0 = f0_of(s);
     vec3 p = position_in_models(position_world), n = models_from_world(triangle_normal());
     float alpha = widened_alpha(s.roughness * s.roughness, variance);
     for (uint i = 0u; i < SPHERE_LIGHTS; ++i) {

@@ -28,7 +28,7 @@ vec3 sun_light(Surface s, float variance, Energy energy, vec2 at_v)
     vec3 irradiance = sun_irradiance(s.n), l = frame.sun.towards;
     if (irradiance == vec3(0.0))
         return vec3(0.0);
-    vec3 f0 = f0_from_metallic(s.base_color, s.metallic, s.dielectric_f0);
+    vec3 f0 = f0_of(s);
     float alpha = widened_alpha(s.roughness * s.roughness, variance);
     vec3 sum = disc_specular(s.n, s.v, l, f0, alpha, frame.sun.sine, GEOMETRY);
     if (GEOMETRY == GEOMETRY_KARIS2013)
@@ -46,7 +46,7 @@ vec3 sun_light_phong(Surface s)
     if (!SUN)
         return vec3(0.0);
     float exponent = disc_phong_exponent(phong_exponent(s.roughness), frame.sun.sine);
-    vec3 specular = f0_from_metallic(s.base_color, s.metallic, s.dielectric_f0) * phong_lobe(s.n, s.v, frame.sun.towards, exponent);
+    vec3 specular = f0_of(s) * phong_lobe(s.n, s.v, frame.sun.towards, exponent);
     return sun_irradiance(s.n) * (diffuse_lambert(s.base_color) + specular);
 }
 

@@ -4,14 +4,13 @@ use glam::Vec3;
 
 use super::image_source::ImageSource;
 use super::texture::Pick;
+use crate::reference::{brdf, tone};
 
 /// Reflectance at normal incidence of most plastics, glass and wood, whose index of refraction is 1.5: ((1.5 − 1) / (1.5 + 1))².
-pub const DIELECTRIC_F0: f32 = 0.04;
+pub const DIELECTRIC_F0: f32 = brdf::DIELECTRIC_F0 as f32;
 
 /// The most radiance of a surface, W/(m² sr).
 pub const MAX_EMISSION: f32 = 1e6;
-/// Of linear sRGB.
-pub const LUMINANCE: Vec3 = Vec3::new(0.2126, 0.7152, 0.0722);
 
 /// Of a dielectric with this index of refraction, by Fresnel's equations.
 pub fn f0_from_ior(ior: f32) -> f32 {
@@ -171,7 +170,7 @@ impl MaterialDesc {
         // Of light from all sides, by Schlick's form; shaders make it more at slanted views.
         let reflectance = self.dielectric_f0 + (1.0 - self.dielectric_f0) / 21.0;
         let color = self.base_color.alone;
-        let luminance = color.dot(LUMINANCE);
+        let luminance = tone::luminance(color.as_dvec3()) as f32;
         let mirrored = share * reflectance;
         let coverage = 1.0 - share * (1.0 - reflectance) * luminance;
         let covering = (Vec3::splat(mirrored) + (1.0 - share) * color) / coverage;
@@ -179,7 +178,8 @@ impl MaterialDesc {
         self.metallic = Factor::same(mirrored / (mirrored + (1.0 - share) * luminance));
         // Alpha of an opaque material's map means nothing, and its red one is not to be that of a mirror.
         (self.base_color_map, self.metallic_map) = (None, None);
-        self.opacity *= coverage;
+        // Alpha counts where a material is blended.
+        self.opacity = coverage * if self.alpha == AlphaUse::Blend { self.opacity } else { 1.0 };
         (self.alpha, self.transmits) = (AlphaUse::Blend, true);
         // Coverage divides all that a surface sends.
         self.emissive = Factor::same((self.emissive.alone / coverage).min(Vec3::splat(MAX_EMISSION)));

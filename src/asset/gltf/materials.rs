@@ -12,10 +12,11 @@ use super::maps::{self, Coordinates, Map};
 use super::source::{Source, label};
 use crate::Result;
 use crate::asset::material::{
-    AlphaUse, Factor, LUMINANCE, MAX_EMISSION, MapDesc, MaterialDesc, NormalsDesc, NormalsKind, f0_from_ior,
+    AlphaUse, Factor, MAX_EMISSION, MapDesc, MaterialDesc, NormalsDesc, NormalsKind, f0_from_ior,
 };
 use crate::asset::texture::Pick;
 use crate::error::{MAX_QUOTED, shortened};
+use crate::reference::tone::luminance;
 
 /// The least opacity by which a mask's cutoff is divided.
 const MIN_OPACITY: f32 = 1e-6;
@@ -164,9 +165,10 @@ impl Reader<'_> {
         let mut desc = self.factors(surface)?;
         self.set_alpha(&mut desc);
         self.set_maps(&mut desc, maps);
-        self.set_transmission(&mut desc)?;
         if self.material.extensions.contains_key("KHR_materials_unlit") {
             self.shine(&mut desc);
+        } else {
+            self.set_transmission(&mut desc)?;
         }
         Ok((desc, coordinates))
     }
@@ -193,7 +195,7 @@ impl Reader<'_> {
         if !is_plain || specular.specular_color_texture.is_some() {
             self.warn(&format!("{key}: its textures, its color and what it takes at grazing angles are not supported"));
         }
-        Ok(factor * (by_ior * color.dot(LUMINANCE)).min(1.0))
+        Ok(factor * (by_ior * luminance(color.as_dvec3()) as f32).min(1.0))
     }
 
     /// A material of the model before metalness and roughness as one of these.

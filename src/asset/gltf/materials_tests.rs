@@ -261,6 +261,18 @@ fn light_goes_through_what_transmits() {
         );
         assert_eq!((opaque.opacity, opaque.metallic.alone), (1.0, 0.0));
     }
+    // Alpha of an opaque material counts as little as without.
+    let clear = json!({"pbrMetallicRoughness": {"baseColorFactor": [1, 1, 1, 0.1], "metallicFactor": 0}});
+    let (mut opaque, mut blended) = (clear.clone(), clear);
+    for (material, mode) in [(&mut opaque, "OPAQUE"), (&mut blended, "BLEND")] {
+        material["alphaMode"] = json!(mode);
+        material["extensions"] = json!({"KHR_materials_transmission": {"transmissionFactor": 1}});
+    }
+    let [opaque, blended] = [opaque, blended].map(|material| read(material).0.opacity);
+    assert!((opaque - 0.04 - 0.96 / 21.0).abs() < 1e-6 && (blended - 0.1 * opaque).abs() < 1e-6, "{opaque}, {blended}");
+    let both = json!({"KHR_materials_unlit": {}, "KHR_materials_transmission": {"transmissionFactor": 1}});
+    let (unlit, _) = read(json!({"pbrMetallicRoughness": {"metallicFactor": 0}, "extensions": both}));
+    assert!(unlit.unlit && !unlit.transmits && unlit.alpha == AlphaUse::Opaque);
     good(json!({"extensions": {"KHR_materials_transmission": {}}}));
     good(json!({"extensions": {"KHR_materials_transmission": {"transmissionFactor": 1}}})); // metals do not
 }
