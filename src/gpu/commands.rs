@@ -77,7 +77,7 @@ impl Commands<'_> {
     /// Binds a pipeline alone; sets bound with a compatible layout stay.
     pub fn bind_pipeline(&mut self, pipeline: &Pipeline) {
         // SAFETY: the command buffer is being recorded; the pipeline is alive.
-        unsafe { self.device().cmd_bind_pipeline(self.buffer.raw, pipeline.point, pipeline.raw) };
+        unsafe { self.device().cmd_bind_pipeline(self.buffer.raw, pipeline.point, pipeline.raw.pipeline) };
     }
 
     /// Binds one descriptor set, with the offset of each of its dynamic bindings in bytes, in the order of the bindings.
@@ -90,7 +90,7 @@ impl Commands<'_> {
         // SAFETY: the command buffer is being recorded; pipeline and set are alive, the offsets fit.
         unsafe {
             let device = &self.buffer.gpu.device;
-            device.cmd_bind_descriptor_sets(self.buffer.raw, point, pipeline.layout, index, &sets, dynamic_offsets);
+            device.cmd_bind_descriptor_sets(self.buffer.raw, point, pipeline.raw.layout, index, &sets, dynamic_offsets);
         }
     }
 
@@ -99,7 +99,7 @@ impl Commands<'_> {
         // SAFETY: the command buffer is being recorded; the layout has one range for all stages.
         unsafe {
             let device = &self.buffer.gpu.device;
-            device.cmd_push_constants(self.buffer.raw, pipeline.layout, vk::ShaderStageFlags::ALL, 0, bytes);
+            device.cmd_push_constants(self.buffer.raw, pipeline.raw.layout, vk::ShaderStageFlags::ALL, 0, bytes);
         }
     }
 

@@ -50,6 +50,11 @@ impl DescriptorSetLayout {
         gpu.name(raw, name);
         Ok(Self { gpu: Arc::clone(gpu), raw, kinds: kinds.to_vec() })
     }
+
+    /// What it binds.
+    pub(super) fn kinds(&self) -> &[BindingType] {
+        &self.kinds
+    }
 }
 
 impl Drop for DescriptorSetLayout {

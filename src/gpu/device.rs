@@ -18,6 +18,7 @@ use super::instance::{Instance, Messages, listed, names, split};
 use super::limits::Limits;
 use super::logical_device::LogicalDevice;
 use super::pipeline_cache::PipelineCache;
+use super::pipeline_store::{PipelineStore, RawPipeline};
 use crate::{Error, Result};
 
 /// How to open a GPU.
@@ -47,6 +48,7 @@ pub struct Gpu {
     debug: Option<ext::debug_utils::Device>,
     allocator: ManuallyDrop<Mutex<Allocator>>,
     deferred: DeferredQueue,
+    pub(super) pipelines: PipelineStore,
     info: GpuInfo,
     /// Extensions that a headset's runtime requests and the driver lacks.
     missing: Vec<CString>,
@@ -168,6 +170,7 @@ impl Gpu {
             queue: Mutex::new(queue),
             submitted: AtomicU64::new(0),
             deferred: DeferredQueue::default(),
+            pipelines: PipelineStore::default(),
             info: chosen.info,
             missing,
             pipeline_cache,
@@ -414,6 +417,9 @@ impl Drop for Gpu {
         unsafe {
             let _ = self.device.device_wait_idle();
             self.destroy_finished(u64::MAX, Duration::MAX);
+            for RawPipeline { pipeline, layout } in self.pipelines.drain() {
+                drop(Deferred::Pipeline(pipeline, layout).destroy(&self.device));
+            }
             ManuallyDrop::drop(&mut self.allocator);
         }
     }

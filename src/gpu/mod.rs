@@ -20,6 +20,7 @@ mod limits;
 mod logical_device;
 mod pipeline;
 mod pipeline_cache;
+mod pipeline_store;
 mod rendering;
 #[cfg(test)]
 mod rendering_gpu_tests;
