@@ -7,8 +7,11 @@ use crate::scene::culling_bounds::connected_components;
 use crate::scene::mesh::Mesh;
 use crate::scene::{Instance, Scene};
 
-/// Larger scenes are taken to cast shadows; the test for convexity takes their number squared.
+/// Larger scenes are taken to cast shadows; the test for convexity takes their number squared, divided by [`BLOCK`].
 const MOST_TRIANGLES: usize = 1 << 15;
+/// Corners in a box of their own, all of which are behind a plane if the box is. In files, corners next to each other are mostly
+/// neighbours.
+const BLOCK: usize = 32;
 /// A corner counts as behind a face within this part of the scene's size: what rounding in files moves it.
 const FLAT_PART: f64 = 1e-4;
 
@@ -62,9 +65,16 @@ fn is_flat(triangles: &[[DVec3; 3]], margin: f64) -> bool {
 
 /// Whether no corner lies before the plane of any triangle.
 fn is_convex(triangles: &[[DVec3; 3]], corners: &[DVec3], margin: f64) -> bool {
+    let boxed = |block: &'_ [DVec3]| {
+        let (min, max) = block.iter().fold((block[0], block[0]), |(min, max), c| (min.min(*c), max.max(*c)));
+        (min.midpoint(max), 0.5 * (max - min))
+    };
+    let blocks: Vec<_> = corners.chunks(BLOCK).map(|block| (boxed(block), block)).collect();
     triangles.par_iter().filter_map(|t| Some((t[0], normal(t, margin)?))).all(|(at, n)| {
         let most = n.dot(at) + margin;
-        corners.iter().all(|corner| n.dot(*corner) <= most)
+        blocks.iter().all(|((middle, half), block)| {
+            n.dot(*middle) + n.abs().dot(*half) <= most || block.iter().all(|corner| n.dot(*corner) <= most)
+        })
     })
 }
 
