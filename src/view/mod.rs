@@ -46,7 +46,7 @@ pub use headset::{HiddenAreaV, PROBE_SUBCOMMAND, answer_probe};
 pub use loader::{load_scene, load_staged};
 pub use measured::MeasuredSettings;
 pub use needs::{NeedsRequest, needs};
-pub use render::{RenderFacts, RenderRequest, picture_files, render};
+pub use render::{RenderFacts, RenderRequest, picture_files, render, render_on};
 pub use request::{Mirror, On, ViewRequest};
 pub use sequence::render_sequence;
 pub use show::show;

@@ -180,17 +180,35 @@ fn render_direct(request: &RenderRequest, setup: &Setup<'_>) -> Result<RenderFac
 
 /// `lost_baking` says of an error that it is a GPU lost by computing light.
 fn render_once(request: &RenderRequest, setup: &Setup<'_>, lost_baking: &mut bool) -> Result<RenderFacts> {
-    let output = output_of(&request.output)?;
-    let frames = request.frames.unwrap_or(request.settings.shading.default_frames());
+    output_of(&request.output)?;
     let started = Instant::now();
     let context = setup.open()?;
     let messages = context.gpu.messages();
     let open_ms = ms_since(started);
+    let mut facts = render_with(request, &context, lost_baking)?;
+    facts.prepare_ms += open_ms;
+    // Destroying the device may add validation messages, for example about leaks.
+    drop(context);
+    messages.check()?;
+    Ok(facts)
+}
+
+/// [`render`] on a GPU that is already open, without the second try after a reset; the caller checks its validation messages.
+///
+/// # Errors
+/// Whatever stops loading, rendering or writing.
+pub fn render_on(request: &RenderRequest, context: &Context) -> Result<RenderFacts> {
+    render_with(request, context, &mut false)
+}
+
+fn render_with(request: &RenderRequest, context: &Context, lost_baking: &mut bool) -> Result<RenderFacts> {
+    let output = output_of(&request.output)?;
+    let frames = request.frames.unwrap_or(request.settings.shading.default_frames());
     let settings = RenderSettings { output, ..request.settings.clone() };
     // Errors are better found before loading.
-    check_size(&context, request.size, if request.stereo { 2 } else { 1 }, &settings)?;
+    check_size(context, request.size, if request.stereo { 2 } else { 1 }, &settings)?;
     let started = Instant::now();
-    let textures = settings.textures.options(&context);
+    let textures = settings.textures.options(context);
     let mut scene = load_staged(&request.scene, request.staging.clone(), &textures, &context.report)?;
     let load_ms = ms_since(started);
     let aspect = request.size[0] as f32 / request.size[1] as f32;
@@ -205,21 +223,21 @@ fn render_once(request: &RenderRequest, setup: &Setup<'_>, lost_baking: &mut boo
     // The reference traces rays instead of reading a lightmap.
     let is_reference = settings.shading == Shading::Reference;
     let new = if is_reference { Renderer::without_lightmap } else { Renderer::new };
-    let mut renderer = new(&context, &scene, settings, request.size, eyes.len() as u32)?;
+    let mut renderer = new(context, &scene, settings, request.size, eyes.len() as u32)?;
     // The textures are on the GPU now.
     scene.textures = Vec::new();
-    let prepare_ms = open_ms + ms_since(started);
+    let prepare_ms = ms_since(started);
     let started = Instant::now();
     if !is_reference {
         let light = renderer.finish_lightmap(&FrameInputs::of(&scene, &eyes));
         *lost_baking = matches!(&light, Err(error) if error.is_device_lost());
         light?;
     }
-    let (gpu_frames, record_ms) = draw(&context, &mut renderer, &FrameInputs::of(&scene, &eyes), frames)?;
+    let (gpu_frames, record_ms) = draw(context, &mut renderer, &FrameInputs::of(&scene, &eyes), frames)?;
     let frames = record_ms.len() as u64;
-    let facts = RenderFacts {
+    Ok(RenderFacts {
         scene: request.scene.clone(),
-        files: write_layers(&context, &renderer, request)?,
+        files: write_layers(context, &renderer, request)?,
         size: request.size,
         eyes: eyes.len(),
         gpu: context.gpu.info().name.clone(),
@@ -237,11 +255,7 @@ fn render_once(request: &RenderRequest, setup: &Setup<'_>, lost_baking: &mut boo
         frames_ms: ms_since(started),
         standard_error: renderer.standard_error(last_slot(frames)),
         warnings: context.report.warnings(),
-    };
-    // Destroying the device may add validation messages, for example about leaks.
-    drop((renderer, context));
-    messages.check()?;
-    Ok(facts)
+    })
 }
 
 /// Draws frames; returns the GPU times and the recording time of each. An interrupt ends the averaging of a reference

@@ -179,7 +179,7 @@ fn images_become_textures_and_several_an_array() {
 fn bake_tells_what_it_wrote_and_how_long_it_took() {
     let shop = Workshop::new();
     shop.sky(0.0);
-    let folder = shop.0.path();
+    let folder = shop.folder.path();
     let bake = ["bake", "sky.exr", "-o", "a/b", "--size", "32", "--json", "facts.json", "--validate", "--no-cache"];
     let said = succeeds(program(folder, &bake));
     assert_eq!(said.lines().count(), 3, "{said}");
@@ -204,7 +204,7 @@ fn bake_tells_what_it_wrote_and_how_long_it_took() {
 fn bake_fails_with_one_line() {
     let shop = Workshop::new();
     shop.sky(0.0);
-    let folder = shop.0.path();
+    let folder = shop.folder.path();
     shop.write("file", "in the way");
     shop.write("broken.hdr", "#?RADIANCE\n");
     let cases: [(&[&str], i32, &str); 9] = [
@@ -252,7 +252,7 @@ fn a_scenes_light_is_written_with_all_its_probes_and_another_reader_agrees() {
     let scene = std::fs::read_to_string(shop.path("strips.toml")).expect("a scene");
     let bulb = "[[model]]\nfile = \"bulb.obj\"\ntranslation = [0.5, 1.2, 0.5]\nscale = 0.05\n";
     shop.write("strips.toml", &(scene + bulb));
-    let folder = shop.0.path();
+    let folder = shop.folder.path();
     let bake = ["bake", "strips.toml", "-o", "new/folder", "--json", "facts.json", "--validate"];
     let said = succeeds(program(folder, &bake));
     let names = ["light.json", "lightmap.ktx2", "probe-specular.ktx2"];

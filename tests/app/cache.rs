@@ -164,7 +164,7 @@ fn sizes_share_no_entries_and_an_entry_of_another_shape_is_not_taken() {
 #[test]
 fn two_processes_at_once_and_no_cache() {
     let scene = Scene::new();
-    let folder = scene.shop.0.path();
+    let folder = scene.shop.folder.path();
     let maps = folder.join("cache/pbr-vr/maps");
     let start = |output: &str, facts: &str, more: &[&str]| {
         let common = ["render", "scene.toml", "-o", output, "--json", facts, "--size", "48x48", "--validate"];
@@ -197,7 +197,7 @@ fn two_processes_at_once_and_no_cache() {
 #[test]
 fn a_cache_that_cannot_be_written_is_told_once_and_stops_nothing() {
     let scene = Scene::new();
-    let folder = scene.shop.0.path();
+    let folder = scene.shop.folder.path();
     fs::create_dir(folder.join("cache")).expect("a folder");
     fs::write(folder.join("cache/pbr-vr"), "a file where a folder should be").expect("a file");
     let output = finish(program(folder, &["render", "scene.toml", "-o", "a.png", "--size", "32x32"]));

@@ -46,7 +46,7 @@ fn number(row: &Value, name: &str) -> f64 {
 fn what_is_worse_is_found_to_be_worse() {
     let shop = Workshop::new();
     scene(&shop);
-    let folder = shop.0.path();
+    let folder = shop.folder.path();
     let arguments = ["measure", "causes", "scene.toml", "-o", "out", "--panorama", "sky.exr", "--picture", "48x36"];
     let arguments = [&arguments[..], &["--validate"]].concat();
     let said = succeeds(program(folder, &arguments));

@@ -21,7 +21,7 @@ const SMALL_PICTURE: [&str; 13] = {
 fn picture(workshop: &Workshop, layer: &FaultLayer, arguments: &[&str], (number, folder): (u64, &Path)) -> Ran {
     let out = folder.join("out");
     let out = out.to_str().expect("a path in UTF-8");
-    let mut command = command(workshop.0.path());
+    let mut command = command(workshop.folder.path());
     command.args(arguments.iter().map(|argument| argument.replace("OUT", out)));
     command.env("XDG_CACHE_HOME", folder.join("cache")).envs(layer.failing(number, &folder.join("calls")));
     end(command, folder)
@@ -30,7 +30,7 @@ fn picture(workshop: &Workshop, layer: &FaultLayer, arguments: &[&str], (number,
 #[test]
 fn commands_survive_each_failing_call_or_end_with_one_line() {
     let workshop = small_world();
-    let layer = FaultLayer::install(workshop.0.path());
+    let layer = FaultLayer::install(workshop.folder.path());
     let render = ["render", "scene.toml", "-o", "OUT/picture.png"];
     let situations = [
         ("render --light open", SMALL_PICTURE.to_vec()),
@@ -46,7 +46,7 @@ fn commands_survive_each_failing_call_or_end_with_one_line() {
 #[test]
 fn light_is_baked_whatever_call_fails_or_one_line_says_that_it_is_not() {
     let workshop = small_world();
-    let layer = FaultLayer::install(workshop.0.path());
+    let layer = FaultLayer::install(workshop.folder.path());
     let light = ["--lightmap-size", "256", "--lightmap-samples", "8", "--probe-size", "16", "--shadow-size", "256"];
     let render = ["render", "scene.toml", "-o", "OUT/picture.png", "--light", "baked"];
     for (situation, arguments) in [
@@ -64,8 +64,8 @@ fn a_window_survives_each_failing_call_or_ends_with_one_line() {
     let displays: Option<Vec<Display>> = (0..RUNS).map(|_| Display::start()).collect();
     let Some(displays) = displays.map(Mutex::new) else { return };
     let workshop = small_world();
-    let layer = FaultLayer::install(workshop.0.path());
-    let files = entries(workshop.0.path());
+    let layer = FaultLayer::install(workshop.folder.path());
+    let files = entries(workshop.folder.path());
     // What commands call, too, is tried with them.
     let mut tried = known(|number, folder| picture(&workshop, &layer, &SMALL_PICTURE, (number, folder)));
     try_calls("window", &mut tried, |number, folder| {

@@ -143,14 +143,14 @@ impl Job {
     /// Kills it at so many points of its run, each time in a new folder.
     fn kill(&self, count: usize) {
         let undisturbed = shop();
-        let inputs: BTreeSet<PathBuf> = files(undisturbed.0.path()).into_keys().collect();
+        let inputs: BTreeSet<PathBuf> = files(undisturbed.folder.path()).into_keys().collect();
         let started = Instant::now();
-        let mut child = self.start(undisturbed.0.path(), &[]);
+        let mut child = self.start(undisturbed.folder.path(), &[]);
         let has_ended = || child.try_wait().expect("a child").is_some();
-        let changes = wait_for(Point::After(PATIENCE), undisturbed.0.path(), has_ended);
+        let changes = wait_for(Point::After(PATIENCE), undisturbed.folder.path(), has_ended);
         let took = started.elapsed();
         let told = self.succeeds(child);
-        let whole: BTreeMap<PathBuf, Vec<u8>> = files(undisturbed.0.path())
+        let whole: BTreeMap<PathBuf, Vec<u8>> = files(undisturbed.folder.path())
             .into_keys()
             .filter(|path| !inputs.contains(path))
             .map(|path| (path.clone(), fs::read(undisturbed.path(&path.to_string_lossy())).expect("a file")))
@@ -161,7 +161,7 @@ impl Job {
         let (mut ended, mut left) = (0, 0);
         for (i, point) in points(count, took, changes).enumerate() {
             let shop = shop();
-            let folder = shop.0.path();
+            let folder = shop.folder.path();
             // Every other time there is an older result.
             if self.replaces && i % 4 >= 2 {
                 for name in self.outputs {

@@ -51,7 +51,7 @@ fn screenshot(program: &mut Program, hands: &Hands, workshop: &Workshop) -> Pict
 
 /// Everything that lies in the folder is whole.
 fn check(workshop: &Workshop, before: &str, said: &[String], when: &str) {
-    for path in files(workshop.0.path()).into_keys().filter(|path| !is_temporary(path)) {
+    for path in files(workshop.folder.path()).into_keys().filter(|path| !is_temporary(path)) {
         let name = path.file_name().expect("a name").to_string_lossy().into_owned();
         let bytes = fs::read(workshop.path(&path.to_string_lossy())).expect("a file");
         if name.starts_with("pbr-vr-") {
@@ -81,7 +81,7 @@ fn the_window_is_killed_while_it_writes_and_starts_again() {
     let count = kills(1);
     for i in 0..count {
         let (workshop, scene) = small_scene();
-        let folder = workshop.0.path();
+        let folder = workshop.folder.path();
         let before = fs::read_to_string(&scene).expect("the scene");
         let (mut program, hands) = start(&display, folder, &[]);
         let first = screenshot(&mut program, &hands, &workshop);

@@ -20,11 +20,11 @@ const RESIZES: u64 = 150;
 const SCENES_VARIABLE: &str = "PBR_VR_LONG_RUN_SCENES";
 const SCENES: u64 = 90;
 const BAKES_VARIABLE: &str = "PBR_VR_LONG_RUN_BAKES";
-const BAKES: u64 = 15;
+const BAKES: u64 = 30;
 
 /// The scene in a window, without baked light.
 fn start(display: &Display, workshop: &Workshop) -> Program {
-    let mut command = command(workshop.0.path());
+    let mut command = command(workshop.folder.path());
     command.args(["view", "scene.toml", "--on", "window", "--validate", "--light", "direct"]).envs(ONE_HEAP);
     Program::spawn(display, command)
 }

@@ -15,8 +15,8 @@ fn a_lost_gpu_is_opened_again_with_all_that_was_changed_and_once_a_minute_only()
     let Some(display) = Display::start() else { return };
     let (workshop, _) = small_scene();
     workshop.panorama("night.exr", 64, |[x, _, _]| [0.1 + 0.1 * x as f32, 0.1, 0.2]);
-    let layer = FaultLayer::install(workshop.0.path());
-    let mut command = command(workshop.0.path());
+    let layer = FaultLayer::install(workshop.folder.path());
+    let mut command = command(workshop.folder.path());
     let flags = ["--on", "window", "--light", "open", "--validate", "--report", "report.json"];
     command.args(["view", "scene.toml"]).args(flags).envs(layer.environment());
     let mut program = Program::spawn(&display, command);
@@ -63,8 +63,8 @@ fn a_lost_gpu_is_opened_again_with_all_that_was_changed_and_once_a_minute_only()
 fn a_gpu_that_is_lost_while_the_first_scene_is_loaded_is_opened_again() {
     let Some(display) = Display::start() else { return };
     let (workshop, _) = small_scene();
-    let layer = FaultLayer::install(workshop.0.path());
-    let mut command = command(workshop.0.path());
+    let layer = FaultLayer::install(workshop.folder.path());
+    let mut command = command(workshop.folder.path());
     let flags = ["--on", "window", "--light", "open", "--validate"];
     command.args(["view", "scene.toml"]).args(flags).envs(layer.environment());
     layer.lose_in("vkQueuePresentKHR");

@@ -21,7 +21,7 @@ struct Visit<'a> {
 impl<'a> Visit<'a> {
     fn begin(display: &Display, workshop: &'a Workshop, more: &[&str]) -> Self {
         let more = [&["--light", "open", "-vv"], more].concat();
-        let mut program = Program::start(display, workshop.0.path(), "scene.toml", &more);
+        let mut program = Program::start(display, workshop.folder.path(), "scene.toml", &more);
         program.wait_for("window");
         Self { workshop, program, hands: Hands::on(display), shots: 0 }
     }
@@ -102,7 +102,7 @@ fn every_choice_changes_the_picture_as_the_command_line_does() {
     let (workshop, _) = small_scene();
     workshop.panorama("night.exr", 64, |_| [0.01, 0.01, 0.02]);
     let mut visit = Visit::begin(&display, &workshop, &[]);
-    let folder = workshop.0.path();
+    let folder = workshop.folder.path();
     let first = visit.shot();
     assert!(flip(&first, &rendered(folder, &[])) < 1e-4);
 
@@ -156,7 +156,7 @@ fn a_click_shows_the_material_there_and_its_factors_change_the_picture() {
     let text = std::fs::read_to_string(&scene).expect("the scene");
     std::fs::write(&scene, text + lamp).expect("a test file");
     let mut visit = Visit::begin(&display, &workshop, &[]);
-    let folder = workshop.0.path();
+    let folder = workshop.folder.path();
     let first = visit.shot();
     // Sections below have room then.
     visit.click("Light");
@@ -222,7 +222,7 @@ fn a_view_is_saved_under_a_typed_name_and_typing_gives_no_commands() {
     visit.choose("camera", "front");
     visit.choose("camera", "chp");
     assert!(flip(&visit.shot(), &turned) < 1e-4);
-    assert!(flip(&rendered(workshop.0.path(), &["--camera", "chp"]), &turned) < 1e-4);
+    assert!(flip(&rendered(workshop.folder.path(), &["--camera", "chp"]), &turned) < 1e-4);
     visit.end();
 }
 
@@ -321,7 +321,7 @@ fn a_drag_is_drawn_coarsely_and_the_rest_whole() {
 fn escape_ends_it_at_once_while_it_loads() {
     let Some(display) = Display::start() else { return };
     let (workshop, _) = small_scene();
-    let mut program = command(workshop.0.path());
+    let mut program = command(workshop.folder.path());
     // Validation waits for everything to be destroyed.
     program.args(["view", "--on", "window", "--no-cache"]);
     let program = Program::spawn(&display, program);

@@ -30,11 +30,11 @@ fn shop() -> Workshop {
 const SMALL: [&str; 4] = ["--size", "48x32", "--light", "direct"];
 
 fn render(shop: &Workshop, arguments: &[&str]) -> String {
-    succeeds(program(shop.0.path(), &[&["render", "scene.toml", "--validate"], &SMALL[..], arguments].concat()))
+    succeeds(program(shop.folder.path(), &[&["render", "scene.toml", "--validate"], &SMALL[..], arguments].concat()))
 }
 
 fn fails(shop: &Workshop, arguments: &[&str]) -> (Option<i32>, String) {
-    let output = finish(program(shop.0.path(), &[&["render", "scene.toml"], &SMALL[..], arguments].concat()));
+    let output = finish(program(shop.folder.path(), &[&["render", "scene.toml"], &SMALL[..], arguments].concat()));
     (output.status.code(), String::from_utf8_lossy(&output.stderr).into_owned())
 }
 
@@ -58,7 +58,7 @@ fn a_turntable_goes_around_and_gives_the_same_bytes_again() {
     let shop = shop();
     let said = render(&shop, &["-o", "turn.png", "--turntable", "6", "--json", "facts.json"]);
     assert!(said.contains("turn-0001.png to turn-0006.png"), "{said}");
-    let first = pictures(shop.0.path(), "turn-");
+    let first = pictures(shop.folder.path(), "turn-");
     let names: Vec<&str> = first.iter().map(|(name, _)| name.as_str()).collect();
     assert_eq!(names, [1, 2, 3, 4, 5, 6].map(|i| format!("turn-000{i}.png")));
     let facts = json(&shop.path("facts.json"));
@@ -73,14 +73,14 @@ fn a_turntable_goes_around_and_gives_the_same_bytes_again() {
     // Elsewhere, from nothing: the same bytes.
     let again = self::shop();
     render(&again, &["-o", "turn.png", "--turntable", "6"]);
-    assert!(pictures(again.0.path(), "turn-") == first, "other bytes");
+    assert!(pictures(again.folder.path(), "turn-") == first, "other bytes");
     // There is nothing left to do; a damaged and a missing picture are drawn again.
     assert!(render(&shop, &["-o", "turn.png", "--turntable", "6"]).contains("6 of 6 pictures are there"));
     fs::write(shop.path("turn-0002.png"), "damaged").expect("a file");
     fs::remove_file(shop.path("turn-0005.png")).expect("a file");
     let said = render(&shop, &["-o", "turn.png", "--turntable", "6"]);
     assert!(said.contains("4 of 6 pictures are there"), "{said}");
-    assert!(pictures(shop.0.path(), "turn-") == first, "other bytes after mending");
+    assert!(pictures(shop.folder.path(), "turn-") == first, "other bytes after mending");
 }
 
 #[test]
@@ -88,28 +88,28 @@ fn pictures_of_other_settings_or_another_scene_are_not_kept() {
     let shop = shop();
     let turn = |more: &[&str]| render(&shop, &[&["-o", "t.png", "--turntable", "3"], more].concat());
     turn(&[]);
-    let before = pictures(shop.0.path(), "t-");
+    let before = pictures(shop.folder.path(), "t-");
     let said = turn(&["--exposure", "1"]);
     assert!(said.contains("all pictures are drawn again") && !said.contains("are there already"), "{said}");
-    let brighter = pictures(shop.0.path(), "t-");
+    let brighter = pictures(shop.folder.path(), "t-");
     assert!(before.iter().zip(&brighter).all(|(a, b)| a.1 != b.1), "old pictures were kept");
     // A material's colour, in a file that the description does not name.
     shop.write("m.mtl", &material([0.1, 0.6, 0.3], 1.0, 0.3));
     assert!(turn(&["--exposure", "1"]).contains("all pictures are drawn again"));
-    let green = pictures(shop.0.path(), "t-");
+    let green = pictures(shop.folder.path(), "t-");
     assert!(green.iter().zip(&brighter).all(|(a, b)| a.1 != b.1), "old pictures were kept");
     // Somebody else's pictures of these names are not taken for its own.
     fs::remove_file(shop.path("t-sequence.json")).expect("the record");
     fs::write(shop.path("t-0002.png"), "mine").expect("a file");
     assert!(!turn(&["--exposure", "1"]).contains("are there already"));
-    assert!(pictures(shop.0.path(), "t-") == green, "other bytes");
+    assert!(pictures(shop.folder.path(), "t-") == green, "other bytes");
 }
 
 #[test]
 fn a_path_leads_from_camera_to_camera() {
     let shop = shop();
     render(&shop, &["-o", "way.png", "--path", "front,side,back", "--frames", "7"]);
-    assert_eq!(pictures(shop.0.path(), "way-").len(), 7);
+    assert_eq!(pictures(shop.folder.path(), "way-").len(), 7);
     for (camera, file) in [("front", "way-0001.png"), ("back", "way-0007.png")] {
         render(&shop, &["-o", "still.png", "--camera", camera]);
         assert_same(&shop, "still.png", file, true);
@@ -119,7 +119,7 @@ fn a_path_leads_from_camera_to_camera() {
     let reference =
         ["-o", "ref.exr", "--path", "front,front", "--frames", "2", "--shading", "reference", "--average", "3"];
     render(&shop, &reference);
-    let both = pictures(shop.0.path(), "ref-");
+    let both = pictures(shop.folder.path(), "ref-");
     assert!(both.len() == 2 && both[0].1 == both[1].1, "each picture is an average of its own");
     let (code, error) = fails(&shop, &["-o", "way.png", "--path", "front,nowhere", "--frames", "3"]);
     assert!(code == Some(2) && error.contains("nowhere") && error.contains("front, side, back"), "{error}");
@@ -131,22 +131,22 @@ fn a_path_leads_from_camera_to_camera() {
 fn an_interrupted_sequence_goes_on_where_it_ended() {
     let shop = shop();
     let arguments = ["-o", "t.png", "--turntable", "40", "--shading", "reference", "--average", "40"];
-    let child = program(shop.0.path(), &[&["render", "scene.toml"], &SMALL[..], &arguments].concat());
+    let child = program(shop.folder.path(), &[&["render", "scene.toml"], &SMALL[..], &arguments].concat());
     wait_until("pictures", || shop.path("t-0003.png").exists());
     signal(child.id(), "INT");
     let output = finish(child);
     let error = String::from_utf8_lossy(&output.stderr).into_owned();
     assert_eq!(output.status.code(), Some(1), "{error}");
     assert!(error.contains("interrupted after") && error.contains("of 40 pictures"), "{error}");
-    let done = pictures(shop.0.path(), "t-");
+    let done = pictures(shop.folder.path(), "t-");
     assert!((3..40).contains(&done.len()), "{} pictures", done.len());
     let said = render(&shop, &arguments);
     assert!(said.contains(&format!("{} of 40 pictures are there", done.len())), "{said}");
-    let all = pictures(shop.0.path(), "t-");
+    let all = pictures(shop.folder.path(), "t-");
     assert!(all.len() == 40 && all[..done.len()] == done, "what was there was drawn again");
     let straight = self::shop();
     render(&straight, &arguments);
-    assert!(pictures(straight.0.path(), "t-") == all, "other bytes than without an interruption");
+    assert!(pictures(straight.folder.path(), "t-") == all, "other bytes than without an interruption");
 }
 
 /// Whether a process has a handler of its own for SIGINT, which ends it at once before.
@@ -164,7 +164,7 @@ fn an_interrupted_reference_keeps_the_picture_so_far() {
     let shop = shop();
     let arguments =
         ["render", "scene.toml", "-o", "r.png", "--shading", "reference", "--frames", "1000000", "--json", "f.json"];
-    let child = program(shop.0.path(), &[&arguments, &SMALL[..]].concat());
+    let child = program(shop.folder.path(), &[&arguments, &SMALL[..]].concat());
     wait_until("handler", || handles_interrupts(child.id()));
     // The handler is there just before the first frame.
     std::thread::sleep(std::time::Duration::from_secs(1));
@@ -190,7 +190,12 @@ fn fake_ffmpeg(shop: &Workshop, script: &str) -> String {
 #[cfg(unix)]
 fn with_path(shop: &Workshop, path: &str, arguments: &[&str]) -> (Option<i32>, String, String) {
     let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_pbr-vr"));
-    command.args(["render", "scene.toml"]).args(SMALL).args(arguments).current_dir(shop.0.path()).env("PATH", path);
+    command
+        .args(["render", "scene.toml"])
+        .args(SMALL)
+        .args(arguments)
+        .current_dir(shop.folder.path())
+        .env("PATH", path);
     command.env("XDG_CACHE_HOME", shop.path("cache")).env_remove("DISPLAY").env_remove("WAYLAND_DISPLAY");
     let output = command.output().expect("the program");
     let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
@@ -214,9 +219,9 @@ fn a_video_is_made_where_ffmpeg_is_there_and_told_of_where_it_is_not() {
     let after = |flag: &str| words[words.iter().position(|word| *word == flag).expect("a flag") + 1];
     assert_eq!((after("-framerate"), after("-frames:v"), after("-start_number")), ("24", "3", "1"));
     assert!(after("-i").ends_with("100%%-%04d.png"), "{given}");
-    assert_eq!(pictures(shop.0.path(), "100%-").len(), 3);
+    assert_eq!(pictures(shop.folder.path(), "100%-").len(), 3);
     let path = fake_ffmpeg(&shop, "echo 'no such encoder' >&2; exit 1");
     let (code, _, error) = with_path(&shop, &path, &turn);
     assert!(code == Some(1) && error.contains("no such encoder"), "{error}");
-    assert!(pictures(shop.0.path(), ".pbr-vr").is_empty(), "a part of a video is left");
+    assert!(pictures(shop.folder.path(), ".pbr-vr").is_empty(), "a part of a video is left");
 }

@@ -121,7 +121,7 @@ fn a_budget_is_kept_told_and_seen() {
 #[test]
 fn the_command_line_takes_storage_and_budget() {
     let floor = Floor::new(67);
-    let folder = floor.shop.0.path();
+    let folder = floor.shop.folder.path();
     let common = ["render", "scene.toml", "-o", "a.png", "--size", "32x32", "--json", "a.json", "--no-cache"];
     let facts = |more: &[&str]| {
         succeeds(program(folder, &[&common, more].concat()));

@@ -34,7 +34,7 @@ fn run(mut command: Command) -> Ran {
 
 /// The program on a weak GPU, under validation; on the machine's own without a name.
 fn on(gpu: Option<(&FaultLayer, &str)>, workshop: &Workshop, arguments: &[&str]) -> Command {
-    let mut command = command(workshop.0.path());
+    let mut command = command(workshop.folder.path());
     command.args(arguments).arg("--validate");
     command.envs(gpu.into_iter().flat_map(|(layer, gpu)| layer.weak(gpu)));
     command
@@ -47,7 +47,7 @@ fn picture(path: &Path) -> Picture {
 #[test]
 fn what_the_least_gpu_lacks_is_said_in_one_line() {
     let workshop = small_world();
-    let layer = FaultLayer::install(workshop.0.path());
+    let layer = FaultLayer::install(workshop.folder.path());
     for arguments in [&["render", "scene.toml", "-o", "a.png"][..], &["bake", "sky.exr", "-o", "baked"]] {
         let ran = run(on(Some((&layer, "minimum")), &workshop, arguments));
         assert_eq!((ran.code, ran.lines.len()), (Some(1), 1), "{:?}", ran.lines);
@@ -61,7 +61,7 @@ fn what_the_least_gpu_lacks_is_said_in_one_line() {
 #[test]
 fn validation_sees_the_weak_gpu() {
     let workshop = small_world();
-    let layer = FaultLayer::install(workshop.0.path());
+    let layer = FaultLayer::install(workshop.folder.path());
     let arguments = [&["render", "scene.toml", "-o", "a.png", "--light", "open"][..], &SMALL[..6]].concat();
     let ran = run(on(Some((&layer, "sets:1")), &workshop, &arguments));
     let told = |line: &String| line.contains("maxBoundDescriptorSets");
@@ -71,7 +71,7 @@ fn validation_sees_the_weak_gpu() {
 #[test]
 fn a_gpu_without_options_draws_the_same() {
     let workshop = small_world();
-    let layer = FaultLayer::install(workshop.0.path());
+    let layer = FaultLayer::install(workshop.folder.path());
     let light = ["--lightmap-size", "256", "--lightmap-samples", "8", "--probe-size", "16"];
     let small = &SMALL[..6];
     let shadows = &["--light", "direct", "--shadow-size", "256"];
@@ -100,7 +100,7 @@ fn textures_and_shadow_maps_are_no_larger_than_the_gpu_allows() {
     let workshop = Workshop::new();
     // Of Vulkan's limits, 4096 texels is the least.
     textured(&workshop, &[stripes(8192, 2, 120), stripes(64, 64, 60)], 1.0);
-    let layer = FaultLayer::install(workshop.0.path());
+    let layer = FaultLayer::install(workshop.folder.path());
     let render = [&["render", "wall.toml", "--size", "64x48"], &COARSE_LIGHT[..]].concat();
     let ran = run(on(Some((&layer, "bare")), &workshop, &[&render[..], &["-o", "bare.png"]].concat()));
     assert_eq!((ran.code, ran.lines.len()), (Some(0), 1), "{:?}", ran.lines);
@@ -128,7 +128,7 @@ fn little_memory_is_enough_or_one_line_says_that_it_is_not() {
     let workshop = Workshop::new();
     // 5.3 MiB each, of which a picture shows so little that all texels are needed.
     textured(&workshop, &[10, 20, 30, 40].map(|green| stripes(1024, 1024, green)), 1.0 / 64.0);
-    let layer = FaultLayer::install(workshop.0.path());
+    let layer = FaultLayer::install(workshop.folder.path());
     let render =
         [&["render", "wall.toml", "-o", "a.png", "--size", "64x48", "--textures", "raw"], &COARSE_LIGHT[..]].concat();
     let mut endings = Vec::new();
@@ -154,7 +154,7 @@ fn a_window_opens_on_weak_gpus() {
     let Some(display) = Display::start() else { return };
     for gpu in ["bare", "memory:64"] {
         let workshop = small_world();
-        let layer = FaultLayer::install(workshop.0.path());
+        let layer = FaultLayer::install(workshop.folder.path());
         let arguments = [&["view", "scene.toml", "--on", "window"], &COARSE_LIGHT[..]].concat();
         let mut program = Program::spawn(&display, on(Some((&layer, gpu)), &workshop, &arguments));
         program.wait_for("window");
@@ -179,7 +179,7 @@ fn a_scene_is_as_fine_as_the_memory_that_others_leave() {
     textured(&workshop, &[10, 20, 30, 40].map(|green| stripes(1024, 1024, green)), 1.0);
     let text = std::fs::read_to_string(workshop.path("wall.toml")).expect("a scene");
     ["little.toml", "again.toml"].iter().for_each(|name| drop(workshop.write(name, &text)));
-    let layer = FaultLayer::install(workshop.0.path());
+    let layer = FaultLayer::install(workshop.folder.path());
     layer.set_budget(PLENTY);
     let arguments = [&["view", "wall.toml", "--on", "window", "--textures", "raw"], &COARSE_LIGHT[..]].concat();
     let mut command = on(None, &workshop, &arguments);
@@ -213,7 +213,7 @@ fn a_shown_scene_gives_memory_back_while_others_need_it() {
     let Some(display) = Display::start() else { return };
     let workshop = Workshop::new();
     four_large(&workshop);
-    let layer = FaultLayer::install(workshop.0.path());
+    let layer = FaultLayer::install(workshop.folder.path());
     layer.set_budget(PLENTY);
     let arguments = [&["view", "wall.toml", "--on", "window", "--textures", "raw"], &COARSE_LIGHT[..]].concat();
     let mut command = on(None, &workshop, &arguments);

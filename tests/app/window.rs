@@ -39,7 +39,7 @@ pub fn assert_clean((code, errors): (Option<i32>, String)) {
 fn it_opens_draws_and_ends_after_its_frames() {
     let Some(display) = Display::start() else { return };
     let (workshop, _) = small_scene();
-    let mut program = Program::start(&display, workshop.0.path(), "scene.toml", &["--frames", "3"]);
+    let mut program = Program::start(&display, workshop.folder.path(), "scene.toml", &["--frames", "3"]);
     let line = program.wait_for("window");
     assert!(line.contains("1280x720"), "{line}");
     assert_clean(program.end());
@@ -49,7 +49,7 @@ fn it_opens_draws_and_ends_after_its_frames() {
 fn it_survives_resizes_hiding_and_every_key() {
     let Some(display) = Display::start() else { return };
     let (workshop, _) = small_scene();
-    let mut program = Program::start(&display, workshop.0.path(), "scene.toml", &[]);
+    let mut program = Program::start(&display, workshop.folder.path(), "scene.toml", &[]);
     program.wait_for("window");
     let hands = Hands::on(&display);
     let mut random = random();
@@ -83,7 +83,7 @@ fn it_survives_resizes_hiding_and_every_key() {
 fn it_rests_while_minimised_and_goes_on_afterwards() {
     let Some(display) = Display::start() else { return };
     let (workshop, _) = small_scene();
-    let mut program = Program::start(&display, workshop.0.path(), "scene.toml", &["--frames", "1000000"]);
+    let mut program = Program::start(&display, workshop.folder.path(), "scene.toml", &["--frames", "1000000"]);
     program.wait_for("window");
     let hands = Hands::on(&display);
     hands.resize([64, 64]);
@@ -103,7 +103,7 @@ fn it_rests_while_minimised_and_goes_on_afterwards() {
 fn a_screenshot_is_what_render_writes_and_keys_change_it() {
     let Some(display) = Display::start() else { return };
     let (workshop, _) = small_scene();
-    let mut program = Program::start(&display, workshop.0.path(), "scene.toml", &[]);
+    let mut program = Program::start(&display, workshop.folder.path(), "scene.toml", &[]);
     program.wait_for("window");
     let hands = Hands::on(&display);
     hands.press(&[P]);
@@ -123,7 +123,7 @@ fn a_screenshot_is_what_render_writes_and_keys_change_it() {
     let shot = |n: u32| Picture::read(&workshop.path(&format!("pbr-vr-{n}.png"))).expect("a picture");
     let rendered = |camera: &str| {
         let file = format!("{camera}.png");
-        let output = command(workshop.0.path())
+        let output = command(workshop.folder.path())
             .args(["render", "scene.toml", "-o", &file, "--size", "1280x720", "--camera", camera])
             .output()
             .expect("the program");
@@ -151,7 +151,7 @@ fn dropped_files_are_shown_or_refused_and_refusals_change_nothing() {
     let text = "environment = { panorama = \"sky.exr\" }\n[[model]]\nfile = \"red.obj\"\n";
     workshop.write("red.toml", text);
     workshop.panorama("night.exr", 64, |_| [0.001, 0.001, 0.01]);
-    let mut program = Program::start(&display, workshop.0.path(), "scene.toml", &[]);
+    let mut program = Program::start(&display, workshop.folder.path(), "scene.toml", &[]);
     program.wait_for("window");
     let hands = Hands::on(&display);
     hands.resize([320, 200]);
@@ -188,7 +188,7 @@ fn dropped_files_are_shown_or_refused_and_refusals_change_nothing() {
 fn without_a_display_window_fails_and_auto_writes_a_picture() {
     let (workshop, _) = small_scene();
     let run = |display: Option<&str>, on: &str| -> Output {
-        let mut command = command(workshop.0.path());
+        let mut command = command(workshop.folder.path());
         if let Some(display) = display {
             command.env("DISPLAY", display);
         }
@@ -216,7 +216,7 @@ fn a_scene_that_does_not_load_is_one_line_and_no_window_is_left() {
     let Some(display) = Display::start() else { return };
     let (workshop, _) = small_scene();
     workshop.write("broken.toml", "environment = 3\n");
-    let program = Program::start(&display, workshop.0.path(), "broken.toml", &[]);
+    let program = Program::start(&display, workshop.folder.path(), "broken.toml", &[]);
     let (code, errors) = program.end();
     assert_eq!((code, errors.lines().count()), (Some(1), 1), "{errors}");
     assert!(errors.contains("broken.toml:1"), "{errors}");

@@ -65,8 +65,9 @@ impl Place {
     /// With a small scene.
     pub fn new() -> Self {
         let shop = small_world();
-        let names =
-            entries(shop.0.path()).into_iter().map(|(path, bytes)| (path.file_name().expect("a name").into(), bytes));
+        let names = entries(shop.folder.path())
+            .into_iter()
+            .map(|(path, bytes)| (path.file_name().expect("a name").into(), bytes));
         Self { before: names.collect(), driver: tempfile::tempdir().expect("a temporary folder") }
     }
 

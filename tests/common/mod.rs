@@ -24,31 +24,34 @@ use std::fs;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
-use std::sync::LazyLock;
+use std::sync::{Arc, LazyLock, OnceLock};
 use std::time::{Duration, Instant};
 
 use pbr_vr::asset::Cache;
 use pbr_vr::asset::picture::Picture;
 use pbr_vr::context::Setup;
-use pbr_vr::gpu::GpuOptions;
+use pbr_vr::gpu::{Gpu, GpuOptions};
 use pbr_vr::reference::brdf::Geometry;
 use pbr_vr::reference::energy::Scattering;
 use pbr_vr::reference::split_sum::SplitSum;
 use pbr_vr::render::{LightDetail, LightModel, RenderSettings, Shading};
 use pbr_vr::scene::Model;
 use pbr_vr::scene::staging::{Stage, Staging};
-use pbr_vr::view::{RenderRequest, render};
+use pbr_vr::view::{RenderRequest, render_on};
 
-/// A folder for one test's files.
-pub struct Workshop(pub tempfile::TempDir);
+/// A folder for one test's files, and the GPU that its pictures are drawn on: as it is the same for all, they share pipelines.
+pub struct Workshop {
+    pub folder: tempfile::TempDir,
+    gpu: OnceLock<Arc<Gpu>>,
+}
 
 impl Workshop {
     pub fn new() -> Self {
-        Self(tempfile::tempdir().expect("a temporary folder"))
+        Self { folder: tempfile::tempdir().expect("a temporary folder"), gpu: OnceLock::new() }
     }
 
     pub fn path(&self, name: &str) -> PathBuf {
-        self.0.path().join(name)
+        self.folder.path().join(name)
     }
 
     pub fn write(&self, name: &str, text: &str) -> PathBuf {
@@ -103,8 +106,23 @@ impl Workshop {
             },
             ..RenderRequest::new(scene, output)
         };
-        let facts = render(&request, &setup(Some(&light()))).expect("a render without validation messages");
+        let gpu = self.gpu.get_or_init(|| Gpu::open(validated()).expect("a GPU"));
+        let context = setup(Some(&light())).with(gpu);
+        let facts = render_on(&request, &context).expect("a render");
+        gpu.messages().check().expect("no validation messages");
         facts.files.iter().map(|file| Picture::read(file).expect("the written picture")).collect()
+    }
+}
+
+impl Drop for Workshop {
+    /// Destroying the device may add messages, for example about leaks.
+    fn drop(&mut self) {
+        let Some(gpu) = self.gpu.take() else { return };
+        let messages = gpu.messages();
+        drop(gpu);
+        if !std::thread::panicking() {
+            messages.check().expect("no validation messages");
+        }
     }
 }
 

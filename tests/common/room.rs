@@ -66,7 +66,7 @@ impl Room {
         );
         let environment = "environment = { panorama = \"sky.exr\" }\n";
         workshop.write("scene.toml", &format!("{environment}{}{}{floor}{camera}", part("gold.part"), part("red.part")));
-        let headset = Headset::install(workshop.0.path(), &script);
+        let headset = Headset::install(workshop.folder.path(), &script);
         Self { workshop, headset, script }
     }
 
@@ -77,7 +77,7 @@ impl Room {
 
     pub fn view_with(&self, more: &[&str]) -> Ran {
         let arguments = ["view", "scene.toml", "--on", "headset", "--report", "report.json", "--light", "direct"];
-        self.headset.run(self.workshop.0.path(), &[&arguments, more].concat())
+        self.headset.run(self.workshop.folder.path(), &[&arguments, more].concat())
     }
 
     /// What the program itself says of its time in the headset.

@@ -27,10 +27,10 @@ fn scene(shop: &Workshop, obj: &str, mtl: &str, distance: f32, more: &str) -> Pa
 
 #[test]
 fn a_white_furnace_hides_a_white_dielectric() {
+    let shop = Workshop::new();
+    shop.panorama("sky.exr", 64, |_| WHITE);
     for geometry in [Geometry::Smith, Geometry::Karis2013] {
         for roughness in [0.05, 0.3, 0.6, 1.0] {
-            let shop = Workshop::new();
-            shop.panorama("sky.exr", 64, |_| WHITE);
             let scene = scene(&shop, &sphere("m.mtl"), &material(WHITE, 0.0, roughness), 3.5, "");
             let picture = &shop.render(&scene, &PictureOptions { geometry, ..PictureOptions::default() })[0];
             let worst = picture.pixels.iter().flatten().map(|v| (v - 1.0).abs()).fold(0.0, f32::max);
@@ -51,10 +51,10 @@ fn on_sphere(x: u32, y: u32, size: u32, distance: f64) -> Option<(DVec3, DVec3)>
 
 #[test]
 fn a_white_furnace_shows_a_metal_that_scatters_once_by_its_directional_albedo() {
+    let shop = Workshop::new();
+    shop.panorama("sky.exr", 64, |_| WHITE);
     for geometry in [Geometry::Smith, Geometry::Karis2013] {
         for roughness in [0.05, 0.3, 0.6, 1.0] {
-            let shop = Workshop::new();
-            shop.panorama("sky.exr", 64, |_| WHITE);
             let (size, distance) = (384, 3.5);
             let scene = scene(&shop, &sphere("m.mtl"), &material(WHITE, 1.0, roughness), distance, "");
             let options = PictureOptions {
@@ -132,12 +132,12 @@ fn a_point_light_gives_the_radiance_that_the_f64_brdf_says() {
         [unit(-0.7, 0.2, 0.4), unit(-0.6, 0.4, 0.5)],
     ];
     let away = 2.0;
+    let shop = Workshop::new();
+    shop.panorama("sky.exr", 16, |_| BLACK);
     for ([v, l], geometry) in directions.into_iter().flat_map(|d| [(d, Geometry::Smith), (d, Geometry::Karis2013)]) {
         for [roughness, metallic, ior] in
             [[0.3, 0.0, 1.5], [0.6, 1.0, 1.5], [1.0, 1.0, 1.5], [0.8, 0.5, 1.5], [0.2, 0.0, 2.0]]
         {
-            let shop = Workshop::new();
-            shop.panorama("sky.exr", 16, |_| BLACK);
             shop.write("m.mtl", &format!("{}Ni {ior}\n", material([0.5; 3], metallic, roughness)));
             shop.write("model.obj", &square("m.mtl"));
             let ([ex, ey, ez], [lx, ly, lz]) = (v.to_array(), (away * l).to_array());

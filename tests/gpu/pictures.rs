@@ -102,7 +102,7 @@ fn the_same_command_gives_the_same_bytes() {
         let bytes = files.each_ref().map(|file| {
             let scene = scene.to_str().expect("a path");
             let options = ["--validate", "--no-cache", "--light", "direct", "--size", "160x120"];
-            succeeds(program(shop.0.path(), &[&["render", scene, "-o", file], &options[..]].concat()));
+            succeeds(program(shop.folder.path(), &[&["render", scene, "-o", file], &options[..]].concat()));
             std::fs::read(shop.path(file)).expect("the written picture")
         });
         assert!(bytes[0] == bytes[1], ".{extension} differs between two runs");

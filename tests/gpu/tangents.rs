@@ -7,14 +7,14 @@ use pbr_vr::render::Shading;
 #[test]
 fn normal_mapped_cells_look_like_real_geometry() {
     let Some(folder) = scenes("the normal and tangent test models") else { return };
+    let shop = Workshop::new();
+    shop.panorama("sky.exr", 16, |_| [0.0; 3]);
     for (name, file, bowls) in [
         ("NormalTangentTest", "obj/NormalTangentTest.obj", 30),
         ("NormalTangentMirrorTest", "obj/NormalTangentMirrorTest.obj", 40),
         ("NormalTangentTest", "NormalTangentTest.gltf", 30),
         ("NormalTangentMirrorTest", "NormalTangentMirrorTest.gltf", 40),
     ] {
-        let shop = Workshop::new();
-        shop.panorama("sky.exr", 16, |_| [0.0; 3]);
         let model = folder.join("gltf-targets").join(name).join(file);
         let text = format!(
             "environment = {{ panorama = \"sky.exr\" }}\n[[model]]\nfile = {:?}\n\

@@ -13,7 +13,7 @@ fn start(display: &Display, room: &Room, arguments: &[&str]) -> Program {
     std::fs::create_dir_all(room.workshop.path("nothing/pbr-vr")).expect("a folder");
     room.workshop.write("nothing/pbr-vr/panel.json", "{ \"shown\": false }");
     let mut command = command(
-        room.workshop.0.path(),
+        room.workshop.folder.path(),
         &[&["view", "scene.toml", "--light", "direct", "--validate"], arguments].concat(),
     );
     command.envs(room.headset.environment());
@@ -24,7 +24,7 @@ fn start(display: &Display, room: &Room, arguments: &[&str]) -> Program {
 fn headset_and_mirror_go_on_after_a_lost_gpu() {
     let Some(display) = Display::start() else { return };
     let room = Room::with(patient());
-    let folder = room.workshop.0.path();
+    let folder = room.workshop.folder.path();
     let layer = FaultLayer::install(folder);
     let flags = ["view", "scene.toml", "--light", "direct", "--validate", "--frames", "60", "--report", "report.json"];
     let mut command = command(folder, &flags);

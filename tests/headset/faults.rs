@@ -66,8 +66,8 @@ fn a_session_survives_each_failing_call_or_ends_with_one_line() {
     let displays: Option<Vec<Display>> = (0..RUNS).map(|_| Display::start()).collect();
     let Some(displays) = displays.map(Mutex::new) else { return };
     let workshop = small_world();
-    let layer = FaultLayer::install(workshop.0.path());
-    let files = entries(workshop.0.path());
+    let layer = FaultLayer::install(workshop.folder.path());
+    let files = entries(workshop.folder.path());
     let run = |number: u64, folder: &Path| {
         let place = folder.join("out");
         for (path, bytes) in files.iter().filter(|(path, _)| path.is_file()) {

@@ -29,9 +29,9 @@ fn a_long_run_keeps_memory_and_descriptors_flat_and_leaks_nothing() {
     workshop.write("scene.toml", "environment = { panorama = \"sky.exr\" }\n[[model]]\nfile = \"ball.obj\"\n");
     let turn = |frame, yaw| Waypoint { frame, position: [0.0, 1.6, 0.0], rotation_degrees: [yaw, 0.0, 0.0] };
     let script = Script { size: [16, 16], hz: 0.1, head: vec![turn(1, 0.0), turn(frames, 720.0)], ..Script::default() };
-    let headset = Headset::install(workshop.0.path(), &script);
+    let headset = Headset::install(workshop.folder.path(), &script);
     let arguments = ["view", "scene.toml", "--on", "headset", "--frames", &frames.to_string()];
-    let mut child = headset.start(workshop.0.path(), &arguments);
+    let mut child = headset.start(workshop.folder.path(), &arguments);
     let mut samples = Vec::new();
     while child.try_wait().expect("a child").is_none() {
         samples.extend(Held::by(child.id(), headset.frame()));
@@ -49,7 +49,7 @@ fn scenes_and_panoramas_that_change_on_the_headset_leave_nothing_behind() {
     let Some(display) = Display::start() else { return };
     let frames = length(FRAMES_VARIABLE, FRAMES_OF_CHANGES);
     let workshop = Workshop::new();
-    let folder = workshop.0.path();
+    let folder = workshop.folder.path();
     let assets = workshop.path("assets");
     fill_playlist(&assets);
     let script = Script { size: [16, 16], hz: 0.1, ..Script::default() };

@@ -7,7 +7,7 @@ use crate::common::room::{Room, patient};
 #[test]
 fn the_headset_goes_on_with_another_gpu() {
     let room = Room::with(patient());
-    let folder = room.workshop.0.path();
+    let folder = room.workshop.folder.path();
     let layer = FaultLayer::install(folder);
     let arguments = ["view", "scene.toml", "--on", "headset", "--light", "direct", "--frames", "40"];
     let child = room.headset.start_with(folder, &arguments, layer.environment());

@@ -240,7 +240,7 @@ fn script() -> Script {
 #[test]
 fn a_client_gets_poses_shows_pictures_and_leaves_when_told() {
     let workshop = Workshop::new();
-    let headset = Headset::install(workshop.0.path(), &script());
+    let headset = Headset::install(workshop.folder.path(), &script());
     let said = run(&headset, vk::ImageLayout::TRANSFER_SRC_OPTIMAL);
     for line in ["height 1\n", "height 1.5\n", "height 2\n"] {
         assert!(said.contains(line), "no {line} in {said}");
@@ -267,7 +267,7 @@ fn a_client_gets_poses_shows_pictures_and_leaves_when_told() {
 #[test]
 fn an_image_in_the_wrong_layout_is_caught_by_the_validation_layer_and_by_nothing_else() {
     let workshop = Workshop::new();
-    let headset = Headset::install(workshop.0.path(), &script());
+    let headset = Headset::install(workshop.folder.path(), &script());
     let said = run(&headset, vk::ImageLayout::SHADER_READ_ONLY_OPTIMAL);
     assert!(said.contains("validation: ") && said.contains("SHADER_READ_ONLY_OPTIMAL"), "{said}");
     assert!(headset.calls_of("Submit").iter().all(|call| call["code"] == 0));

@@ -30,7 +30,7 @@ fn both_eyes_are_shown_what_render_writes_for_a_camera_at_the_head() {
     room.view(3).assert_clean();
     let size = format!("{}x{}", SIZE[0], SIZE[1]);
     let arguments = ["render", "scene.toml", "-o", "out.png", "--stereo", "--size", &size, "--light", "direct"];
-    let output = command(room.workshop.0.path(), &arguments).output().expect("the program");
+    let output = command(room.workshop.folder.path(), &arguments).output().expect("the program");
     assert!(output.status.success());
     let written = ["left", "right"].map(|name| {
         let file = room.workshop.path(&format!("out-{name}.png"));
@@ -361,7 +361,7 @@ fn a_signal_ends_it_with_report_summary_and_shutdown() {
     for name in ["INT", "TERM"] {
         let room = Room::with(patient());
         let arguments = ["view", "scene.toml", "--on", "headset", "--report", "report.json", "--light", "direct"];
-        let child = room.headset.start(room.workshop.0.path(), &arguments);
+        let child = room.headset.start(room.workshop.folder.path(), &arguments);
         wait_until("frames", || room.headset.frame() >= 10);
         signal(child.id(), name);
         let ran = crate::common::headset::finish(child);
@@ -376,8 +376,9 @@ fn a_signal_ends_it_with_report_summary_and_shutdown() {
 #[test]
 fn a_second_signal_ends_it_at_once() {
     let room = Room::with(Script { block_submit: vec![Block { frame: 5, seconds: 600.0 }], ..patient() });
-    let child =
-        room.headset.start(room.workshop.0.path(), &["view", "scene.toml", "--on", "headset", "--light", "direct"]);
+    let child = room
+        .headset
+        .start(room.workshop.folder.path(), &["view", "scene.toml", "--on", "headset", "--light", "direct"]);
     wait_until("frames", || !room.headset.calls_of("SubmitBlocks").is_empty());
     signal(child.id(), "INT");
     std::thread::sleep(std::time::Duration::from_millis(500));

@@ -25,8 +25,8 @@ fn scene() -> Workshop {
 fn start_with(start: Start, on: &str) -> Ran {
     let workshop = scene();
     let script = Script { size: [32, 32], start, ..Script::default() };
-    let headset = Headset::install(workshop.0.path(), &script);
-    headset.run(workshop.0.path(), &["view", "scene.toml", "--on", on, "--frames", "2"])
+    let headset = Headset::install(workshop.folder.path(), &script);
+    headset.run(workshop.folder.path(), &["view", "scene.toml", "--on", on, "--frames", "2"])
 }
 
 /// Asked for a headset it fails, and says `parts` in one line; left to choose, it says the same and writes a picture.
@@ -46,7 +46,9 @@ fn without_a_runtime_it_says_so_at_once() {
     assert_falls_back(&["headset", "SteamVR"], |on| {
         let workshop = scene();
         finish(
-            command(workshop.0.path(), &["view", "scene.toml", "--on", on, "--validate"]).spawn().expect("a program"),
+            command(workshop.folder.path(), &["view", "scene.toml", "--on", on, "--validate"])
+                .spawn()
+                .expect("a program"),
         )
     });
 }
@@ -56,13 +58,13 @@ fn a_registry_that_names_nothing_or_half_an_installation_is_told() {
     for is_there in [false, true] {
         assert_falls_back(&["headset"], |on| {
             let workshop = scene();
-            let headset = Headset::install(workshop.0.path(), &Script::default());
+            let headset = Headset::install(workshop.folder.path(), &Script::default());
             let elsewhere = workshop.path("elsewhere");
             if is_there {
                 fs::create_dir(&elsewhere).expect("a folder");
             }
             headset.write_registry(&elsewhere);
-            headset.run(workshop.0.path(), &["view", "scene.toml", "--on", on, "--frames", "2"])
+            headset.run(workshop.folder.path(), &["view", "scene.toml", "--on", on, "--frames", "2"])
         });
     }
 }
@@ -74,14 +76,14 @@ fn a_runtime_without_its_library_is_named_by_doctor_and_by_view() {
         [(None, ["lacks its library", "vrclient"]), (Some("junk"), ["library", "cannot be loaded"])]
     {
         let workshop = scene();
-        let headset = Headset::install(workshop.0.path(), &Script::default());
+        let headset = Headset::install(workshop.folder.path(), &Script::default());
         let library = workshop.path("headset").join(INSTALLED);
         match contents {
             None => fs::remove_file(&library).expect("the library"),
             Some(junk) => fs::write(&library, junk).expect("junk"),
         }
-        headset.run(workshop.0.path(), &["view", "scene.toml", "--on", "headset"]).assert_fails_with(&parts);
-        let doctor = headset.run(workshop.0.path(), &["doctor"]);
+        headset.run(workshop.folder.path(), &["view", "scene.toml", "--on", "headset"]).assert_fails_with(&parts);
+        let doctor = headset.run(workshop.folder.path(), &["doctor"]);
         let line = doctor.out.lines().find(|line| line.starts_with("headset")).expect("a line");
         assert!(parts.iter().all(|part| line.contains(part)) && !line.contains("connect"), "{line}");
     }
@@ -91,9 +93,9 @@ fn a_runtime_without_its_library_is_named_by_doctor_and_by_view() {
 fn a_registry_that_is_not_json_is_told() {
     assert_falls_back(&["headset"], |on| {
         let workshop = scene();
-        let headset = Headset::install(workshop.0.path(), &Script::default());
+        let headset = Headset::install(workshop.folder.path(), &Script::default());
         workshop.write("headset/openvrpaths.vrpath", "{ \"runtime\": [");
-        headset.run(workshop.0.path(), &["view", "scene.toml", "--on", on, "--frames", "2"])
+        headset.run(workshop.folder.path(), &["view", "scene.toml", "--on", on, "--frames", "2"])
     });
 }
 
@@ -159,8 +161,8 @@ fn nothing_of_a_failed_start_is_left_running() {
     }
     let workshop = scene();
     let script = Script { start: Start { hang: true, ..Start::default() }, ..Script::default() };
-    let headset = Headset::install(workshop.0.path(), &script);
-    headset.run(workshop.0.path(), &["view", "scene.toml", "--on", "headset"]).assert_fails_with(&["headset"]);
+    let headset = Headset::install(workshop.folder.path(), &script);
+    headset.run(workshop.folder.path(), &["view", "scene.toml", "--on", "headset"]).assert_fails_with(&["headset"]);
     let processes: Vec<u64> = headset.calls().iter().filter_map(|call| call["process"].as_u64()).collect();
     assert!(!processes.is_empty());
     for process in processes {

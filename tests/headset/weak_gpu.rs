@@ -10,7 +10,7 @@ use crate::desktop::{Display, ESCAPE, Hands, Program};
 #[test]
 fn a_gpu_without_options_shows_what_others_show() {
     let room = Room::with(patient());
-    let folder = room.workshop.0.path();
+    let folder = room.workshop.folder.path();
     let layer = FaultLayer::install(folder);
     let arguments = ["view", "scene.toml", "--on", "headset", "--light", "direct", "--frames", "4"];
     let ran = finish(room.headset.start_with(folder, &arguments, layer.weak("bare")));
@@ -26,7 +26,7 @@ fn a_gpu_without_options_shows_what_others_show() {
 fn frames_go_on_while_textures_give_memory_back() {
     let Some(display) = Display::start() else { return };
     let room = Room::with(patient());
-    let folder = room.workshop.0.path();
+    let folder = room.workshop.folder.path();
     four_large(&room.workshop);
     let layer = FaultLayer::install(folder);
     layer.set_budget(200);
