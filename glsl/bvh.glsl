@@ -23,8 +23,26 @@ struct BvhTriangle {
     uint material_and_flags;
 };
 
-layout(RAY_NODES, scalar) readonly buffer BvhNodes { BvhNode bvh_nodes[]; };
-layout(RAY_TRIANGLES, scalar) readonly buffer BvhTriangles { BvhTriangle bvh_triangles[]; };
+// Both in vectors of four where they can be: Mesa's renderer on a CPU reads a buffer by a loop over its lanes for each access.
+const uint NODE_VECTORS = 5;
+struct BvhTriangleWords { uvec4 first, second; uvec2 third; };
+layout(RAY_NODES, std430) readonly buffer BvhNodes { uvec4 bvh_node_vectors[]; };
+layout(RAY_TRIANGLES, scalar) readonly buffer BvhTriangles { BvhTriangleWords bvh_triangle_words[]; };
+
+BvhNode bvh_node(uint index)
+{
+    uint at = NODE_VECTORS * index;
+    uvec4 a = bvh_node_vectors[at], b = bvh_node_vectors[at + 1u], x = bvh_node_vectors[at + 2u];
+    uvec4 y = bvh_node_vectors[at + 3u], z = bvh_node_vectors[at + 4u];
+    return BvhNode(uintBitsToFloat(a.xyz), a.w, b.x, b.y, b.zw, x.xy, x.zw, y.xy, y.zw, z.xy, z.zw);
+}
+
+BvhTriangle bvh_triangle(uint index)
+{
+    BvhTriangleWords words = bvh_triangle_words[index];
+    return BvhTriangle(uintBitsToFloat(words.first.xyz), uintBitsToFloat(uvec3(words.first.w, words.second.xy)),
+        uintBitsToFloat(uvec3(words.second.zw, words.third.x)), words.third.y);
+}
 
 // The upper bits of `material_and_flags`: the material is alpha-tested; no path from a camera meets the
 // triangle's back, as that of a closed surface; it is part of a sphere light.
@@ -47,15 +65,15 @@ struct RayHit {
 };
 
 // The normal of a triangle, not of unit length: away from its back.
-vec3 bvh_normal(uint triangle)
+vec3 bvh_normal(uint index)
 {
-    vec3 a = bvh_triangles[triangle].a;
-    return cross(bvh_triangles[triangle].b - a, bvh_triangles[triangle].c - a);
+    BvhTriangle triangle = bvh_triangle(index);
+    return cross(triangle.b - triangle.a, triangle.c - triangle.a);
 }
 
 bool is_masked(uint triangle)
 {
-    return rays_have(RAYS_HOLES) && (bvh_triangles[triangle].material_and_flags & BVH_MASKED) != 0u;
+    return rays_have(RAYS_HOLES) && (bvh_triangle(triangle).material_and_flags & BVH_MASKED) != 0u;
 }
 
 // Whether a hit on an alpha-tested triangle, by a ray at this cosine to its normal, is in a hole.
@@ -105,9 +123,9 @@ uint bvh_children(BvhNode node, vec3 o, vec3 inverse, float t, uint octant)
 // The point where the ray meets a triangle, with t below 0 if it does not: from the volumes that the direction spans with
 // each edge (Plücker coordinates). Sums and differences of corners lose fewer digits than their products, neighbours get the
 // same volume for their edge, and the slack closes the gaps at corners: no ray passes between neighbours.
-RayHit bvh_triangle(uint index, vec3 o, vec3 d)
+RayHit bvh_meet(uint index, vec3 o, vec3 d)
 {
-    BvhTriangle triangle = bvh_triangles[index];
+    BvhTriangle triangle = bvh_triangle(index);
     precise vec3 a = triangle.a - o, b = triangle.b - o, c = triangle.c - o;
     precise vec3 volumes =
         vec3(dot(cross(c - b, c + b), d), dot(cross(a - c, a + c), d), dot(cross(b - a, b + a), d));
@@ -141,13 +159,13 @@ RayHit bvh_trace(vec3 o, vec3 d, float t, bool any)
         if (group.y > 0x00ffffffu)
             stack[top++] = group;
         uint slot = (highest - 24u) ^ octant;
-        BvhNode node = bvh_nodes[group.x + uint(bitCount(group.y & 0xffu & ~(0xffffffffu << slot)))];
+        BvhNode node = bvh_node(group.x + uint(bitCount(group.y & 0xffu & ~(0xffffffffu << slot))));
         uint hits = bvh_children(node, o, inverse, t, octant);
         group = uvec2(node.first_child, (hits & 0xff000000u) | (node.exponents_and_inner >> 24u));
         for (uint triangles = hits & 0x00ffffffu; triangles != 0u;) {
             uint bit = uint(findMSB(triangles));
             triangles &= ~(1u << bit);
-            RayHit hit = bvh_triangle(node.first_triangle + bit, o, d);
+            RayHit hit = bvh_meet(node.first_triangle + bit, o, d);
             if (hit.t < 0.0 || hit.t >= t)
                 continue;
             if (is_masked(hit.triangle) && is_hole(hit, bvh_cosine(hit, d)))

@@ -36,14 +36,14 @@ float emitter_density(uint triangle)
 {
     if (!rays_have(RAYS_EMITTERS))
         return 0.0;
-    Material material = materials[bvh_triangles[triangle].material_and_flags & BVH_MATERIAL];
+    Material material = materials[bvh_triangle(triangle).material_and_flags & BVH_MATERIAL];
     return emitter_scale * dot(material.emission, vec3(1.0));
 }
 
 // Whether a triangle's back is never seen.
 bool is_one_sided(uint triangle)
 {
-    return (bvh_triangles[triangle].material_and_flags & BVH_ONE_SIDED) != 0u;
+    return (bvh_triangle(triangle).material_and_flags & BVH_ONE_SIDED) != 0u;
 }
 
 // Share of the light of a triangle's points that leaves to one side.
@@ -78,7 +78,7 @@ RayHit sample_emitter(vec2 u)
 bool emitter_light(PathPoint p, vec2 u, out EmitterLight light)
 {
     RayHit hit = sample_emitter(u);
-    BvhTriangle triangle = bvh_triangles[hit.triangle];
+    BvhTriangle triangle = bvh_triangle(hit.triangle);
     vec3 place = hit.weights.x * triangle.a + hit.weights.y * triangle.b + hit.weights.z * triangle.c;
     vec3 to = (frame.world_from_models * vec4(place, 1.0)).xyz - p.position;
     hit.t = light.far = length(to);

@@ -194,7 +194,7 @@ RayHit texel_hit(LightmapTexel texel, vec2 part)
 // The point of a hit as a texel of that side sees it.
 PathPoint texel_point(RayHit hit, bool back)
 {
-    BvhTriangle triangle = bvh_triangles[hit.triangle];
+    BvhTriangle triangle = bvh_triangle(hit.triangle);
     vec3 g = normalize_or(mat3(frame.world_from_models) * bvh_normal(hit.triangle), vec3(0.0, 1.0, 0.0));
     PathPoint p = ray_point(hit, back ? g : -g);
     // Off the triangle's edge: from a place on the very line where a wall meets the floor, rays would pass the floor.

@@ -261,7 +261,7 @@ void main()
     uint index = work.first + gl_GlobalInvocationID.x;
     LightmapTexel texel = lightmap_texels[index];
     uvec4 bases = pcg4d(uvec4(index, 0u, 1u, work.sequence));
-    BvhTriangle triangle = bvh_triangles[texel.triangle & ~LIGHTMAP_BACK];
+    BvhTriangle triangle = bvh_triangle(texel.triangle & ~LIGHTMAP_BACK);
     vec3 edge = mat3(frame.world_from_models) * (triangle.b - triangle.a);
     bool counts = (work.flags & WORK_COUNTS) != 0u, is_seen = lightmap_surfaces[index].places != 0u;
     KnownSky known = known_sky(counts ? lightmap_sums[index].sky : lightmap_sums[index].kept.xy);

@@ -33,7 +33,7 @@ const uint MOST_HITS = 8;
 // Whether it is part of a sphere light, which is added to what probes show.
 bool is_of_sphere(RayHit hit)
 {
-    return (bvh_triangles[hit.triangle].material_and_flags & BVH_SPHERE) != 0u;
+    return (bvh_triangle(hit.triangle).material_and_flags & BVH_SPHERE) != 0u;
 }
 
 vec3 given_back(RayHit hit, vec3 d_world)

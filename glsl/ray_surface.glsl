@@ -110,7 +110,7 @@ vec2 ray_metallic_roughness(RayHit hit, Material material, vec2 uv)
 
 bool is_hole(RayHit hit, float cosine)
 {
-    Material material = materials[bvh_triangles[hit.triangle].material_and_flags & BVH_MATERIAL];
+    Material material = materials[bvh_triangle(hit.triangle).material_and_flags & BVH_MATERIAL];
     float alpha = ray_base(hit, material, ray_uv(hit)).a;
     if ((material.flags & MATERIAL_BLENDS) == 0u)
         return alpha < material.alpha_cutoff;
@@ -173,13 +173,13 @@ vec3 ray_emission_of(RayHit hit, Material material, vec2 uv)
 
 vec3 emission_of_hit(RayHit hit)
 {
-    return ray_emission_of(hit, materials[bvh_triangles[hit.triangle].material_and_flags & BVH_MATERIAL], ray_uv(hit));
+    return ray_emission_of(hit, materials[bvh_triangle(hit.triangle).material_and_flags & BVH_MATERIAL], ray_uv(hit));
 }
 
 // What a ray of unit direction d met.
 PathPoint ray_point(RayHit hit, vec3 d)
 {
-    BvhTriangle triangle = bvh_triangles[hit.triangle];
+    BvhTriangle triangle = bvh_triangle(hit.triangle);
     Material material = materials[triangle.material_and_flags & BVH_MATERIAL];
     vec2 uv = ray_uv(hit);
     mat3 turn = mat3(frame.world_from_models);
