@@ -6,6 +6,8 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 use ash::vk;
 use gpu_allocator::vulkan::Allocation;
 
+use super::pipeline_store::RawPipeline;
+
 /// Objects taken out under one lock.
 pub(super) const BATCH: usize = 8;
 
@@ -16,7 +18,7 @@ pub(super) enum Deferred {
     Sampler(vk::Sampler),
     DescriptorSetLayout(vk::DescriptorSetLayout),
     DescriptorPool(vk::DescriptorPool),
-    Pipeline(vk::Pipeline, vk::PipelineLayout),
+    Pipeline(RawPipeline),
     CommandPool(vk::CommandPool, vk::QueryPool),
 }
 
@@ -41,7 +43,7 @@ impl Deferred {
                 Self::Sampler(sampler) => device.destroy_sampler(sampler, None),
                 Self::DescriptorSetLayout(layout) => device.destroy_descriptor_set_layout(layout, None),
                 Self::DescriptorPool(pool) => device.destroy_descriptor_pool(pool, None),
-                Self::Pipeline(pipeline, layout) => {
+                Self::Pipeline(RawPipeline { pipeline, layout }) => {
                     device.destroy_pipeline(pipeline, None);
                     device.destroy_pipeline_layout(layout, None);
                 }

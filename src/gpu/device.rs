@@ -18,7 +18,7 @@ use super::instance::{Instance, Messages, listed, names, split};
 use super::limits::Limits;
 use super::logical_device::LogicalDevice;
 use super::pipeline_cache::PipelineCache;
-use super::pipeline_store::{PipelineStore, RawPipeline};
+use super::pipeline_store::PipelineStore;
 use crate::{Error, Result};
 
 /// How to open a GPU.
@@ -417,8 +417,8 @@ impl Drop for Gpu {
         unsafe {
             let _ = self.device.device_wait_idle();
             self.destroy_finished(u64::MAX, Duration::MAX);
-            for RawPipeline { pipeline, layout } in self.pipelines.drain() {
-                drop(Deferred::Pipeline(pipeline, layout).destroy(&self.device));
+            for raw in self.pipelines.drain() {
+                Deferred::Pipeline(raw).destroy(&self.device);
             }
             ManuallyDrop::drop(&mut self.allocator);
         }

@@ -176,8 +176,8 @@ impl Pipeline {
 
 impl Drop for Pipeline {
     fn drop(&mut self) {
-        if let Some(RawPipeline { pipeline, layout }) = self.gpu.pipelines.release(self.raw) {
-            self.gpu.defer_destruction(Deferred::Pipeline(pipeline, layout));
+        if let Some(unused) = self.gpu.pipelines.release(self.raw) {
+            self.gpu.defer_destruction(Deferred::Pipeline(unused));
         }
     }
 }

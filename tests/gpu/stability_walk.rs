@@ -11,10 +11,10 @@ use pbr_vr::scene::Scene;
 const SIZE: [u32; 2] = [160, 90];
 /// Of a walk; at 90 Hz, 3.3 s.
 const STEPS: usize = 300;
-/// Of these, what is drawn: its middle.
-const FRAMES: usize = 150;
 /// What that is at a brisk pace.
 const FARTHEST_METRES: f32 = 5.0;
+/// Steps that are drawn: those in its middle.
+const FRAMES: usize = 150;
 /// A flash is so far from what the pixel is otherwise, and so far from everything around it; of 255.
 const APART_IN_TIME: i16 = 64;
 const APART_IN_SPACE: i16 = 32;

@@ -90,7 +90,7 @@ fn white_things_are_invisible_in_a_furnace() {
         for (name, meshes) in cases {
             let scene = world(meshes, vec![metal.clone(), chalk.clone()], vec![], uniform(1.0));
             let from = eye([0.3, 1.6, 2.2], [0.0, -0.1, 0.0], 45.0);
-            let taken = take(gpu, &scene, &from, Shot::reference(BAKED, 24, 64));
+            let taken = take(gpu, &scene, &from, Shot::reference(BAKED, 24, 128));
             assert_mean(name, &taken, 1.0, 0.002);
             assert!((taken.mean() - 1.0).abs() < 0.005, "{name}");
             let most = taken.pixels.iter().map(|p| (p - 1.0).abs()).fold(0.0, f64::max);
@@ -113,7 +113,7 @@ fn a_lamp_in_a_ball_is_the_integrating_sphere() {
             let size = 16;
             for (from, fov) in [([0.0, 0.0, 0.01], 20.0), ([0.0, 0.0, 0.8], 60.0)] {
                 let from = eye(from, [0.0, 0.0, -1.0], fov);
-                let taken = take(gpu, &scene, &from, Shot::reference(BAKED, size, 32));
+                let taken = take(gpu, &scene, &from, Shot::reference(BAKED, size, 64));
                 let mut sum = 0.0;
                 for pixel in 0..taken.pixels.len() {
                     let (p, ..) = seen(&scene, &from, size, pixel).unwrap();
@@ -140,7 +140,7 @@ fn a_lamp_near_the_wall_of_a_ball_gives_as_much_as_one_in_the_middle() {
                 uniform(0.0),
             );
             let brdf = Brdf::new(&scene.materials[0]);
-            let taken = take(gpu, &scene, &from, Shot::reference(BAKED, 16, 48));
+            let taken = take(gpu, &scene, &from, Shot::reference(BAKED, 16, 96));
             // Less what comes straight from the lamp.
             let direct = |pixel: usize| {
                 let (p, ..) = seen(&scene, &from, 16, pixel).unwrap();
