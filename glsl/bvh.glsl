@@ -62,6 +62,7 @@ struct RayHit {
     float t; // in lengths of the direction
     uint triangle;
     vec3 weights; // of a, b, c; their sum is 1
+    vec3 transmission; // by which holes before it, or all of them if nothing was met, multiply light
 };
 
 // The normal of a triangle, not of unit length: away from its back.
@@ -78,6 +79,8 @@ bool is_masked(uint triangle)
 
 // Whether a hit on an alpha-tested triangle, by a ray at this cosine to its normal, is in a hole.
 bool is_hole(RayHit hit, float cosine);
+// By which such a hole multiplies light that goes through.
+vec3 hole_transmission(RayHit hit);
 
 // Reciprocals that stay finite: a ray along an axis still has a sign on the other two.
 vec3 bvh_inverse(vec3 d)
@@ -130,7 +133,7 @@ RayHit bvh_meet(uint index, vec3 o, vec3 d)
     precise vec3 volumes =
         vec3(dot(cross(c - b, c + b), d), dot(cross(a - c, a + c), d), dot(cross(b - a, b + a), d));
     float sum = volumes.x + volumes.y + volumes.z;
-    RayHit hit = RayHit(-1.0, index, volumes / sum);
+    RayHit hit = RayHit(-1.0, index, volumes / sum, vec3(1.0));
     if (sum != 0.0 && min(hit.weights.x, min(hit.weights.y, hit.weights.z)) >= -EDGE_SLACK)
         hit.t = dot(hit.weights.x * a + hit.weights.y * b + hit.weights.z * c, d) / dot(d, d);
     return hit;
@@ -148,7 +151,9 @@ RayHit bvh_trace(vec3 o, vec3 d, float t, bool any)
     vec3 inverse = bvh_inverse(d);
     uvec3 forwards = uvec3(greaterThanEqual(inverse, vec3(0.0)));
     uint octant = 4u * forwards.x + 2u * forwards.y + forwards.z;
-    RayHit nearest = RayHit(-1.0, 0u, vec3(0.0));
+    RayHit nearest = RayHit(-1.0, 0u, vec3(0.0), vec3(1.0));
+    vec3 transmission = vec3(1.0);
+    float tinted = -1.0; // where the farthest hole of a sheet is
     uvec2 stack[BVH_STACK];
     uint top = 0u;
     // Of nodes: the first one, and the bits of those met with the bits of which children are nodes.
@@ -168,17 +173,30 @@ RayHit bvh_trace(vec3 o, vec3 d, float t, bool any)
             RayHit hit = bvh_meet(node.first_triangle + bit, o, d);
             if (hit.t < 0.0 || hit.t >= t)
                 continue;
-            if (is_masked(hit.triangle) && is_hole(hit, bvh_cosine(hit, d)))
+            if (is_masked(hit.triangle) && is_hole(hit, bvh_cosine(hit, d))) {
+                if (rays_have(RAYS_TINTS)) {
+                    transmission *= hole_transmission(hit);
+                    tinted = max(tinted, hit.t);
+                }
                 continue;
+            }
             nearest = hit;
             if (any)
                 return nearest;
             t = hit.t;
         }
         if (group.y <= 0x00ffffffu) {
-            if (top == 0u)
-                return nearest;
-            group = stack[--top];
+            if (top == 0u) {
+                nearest.transmission = transmission;
+                if (!rays_have(RAYS_TINTS) || nearest.t < 0.0 || tinted <= nearest.t)
+                    return nearest;
+                // Sheets behind the hit were looked through, too: once more, up to the hit.
+                transmission = vec3(1.0);
+                tinted = -1.0;
+                group = uvec2(0u, 0x80000000u);
+            } else {
+                group = stack[--top];
+            }
         }
     }
 }

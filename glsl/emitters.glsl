@@ -71,7 +71,7 @@ RayHit sample_emitter(vec2 u)
     }
     float before = low > 0u ? emitters[low - 1u].cumulative : 0.0;
     float part = clamp((u.x - before) / max(emitters[low].cumulative - before, TINY), 0.0, 1.0), root = sqrt(part);
-    return RayHit(0.0, emitters[low].triangle, vec3(1.0 - root, root * (1.0 - u.y), root * u.y));
+    return RayHit(0.0, emitters[low].triangle, vec3(1.0 - root, root * (1.0 - u.y), root * u.y), vec3(1.0));
 }
 
 // One point's light for p; false where none comes, or where something blocks it.
@@ -94,7 +94,8 @@ bool emitter_light(PathPoint p, vec2 u, out EmitterLight light)
         return false;
     if (!is_shining(hit, light.radiance))
         return false;
-    return trace_ray(ray_origin(p), light.l, hit.t - 2.0 * rounding, true).t < 0.0;
+    light.radiance *= ray_transmission(ray_origin(p), light.l, hit.t - 2.0 * rounding);
+    return light.radiance != vec3(0.0);
 }
 
 #endif

@@ -16,7 +16,12 @@
 #include "sphere_lights.glsl"
 #endif
 
+#ifdef TWO_SOURCES
+layout(location = 0, index = 0) out vec4 colour;
+layout(location = 0, index = 1) out vec4 behind; // by which what is behind is multiplied
+#else
 layout(location = 0) out vec4 colour;
+#endif
 
 // Phong has neither metals nor mirror images of the surroundings, only an ambient term, the sun and the point lights.
 vec3 phong(Surface s)
@@ -191,6 +196,15 @@ void main()
     else
         colour = display_value(value_of(s));
     colour.a = s.alpha;
+#ifdef TWO_SOURCES
+    colour.rgb *= s.alpha;
+    behind = vec4((1.0 - s.alpha) * s.transmission, 1.0 - s.alpha);
+#else
+    if (TINTS) { // what goes through is as bright, but keeps its colour
+        colour.a = 1.0 - (1.0 - s.alpha) * luminance(s.transmission);
+        colour.rgb *= s.alpha / max(colour.a, TINY);
+    }
+#endif
 #ifdef LATE_DEPTH
     gl_FragStencilRefARB = 0; // no stencil is tested: see Gpu::wants_late_depth
 #endif

@@ -33,7 +33,7 @@ vec3 towards_over_matt(RayHit hit, float cosine)
 {
     Material material = materials[bvh_triangle(hit.triangle).material_and_flags & BVH_MATERIAL];
     vec2 uv = ray_uv(hit);
-    vec3 base_color = ray_base(hit, material, uv).rgb;
+    vec3 base_color = ray_base(hit, material, uv);
     vec2 metallic_roughness = ray_metallic_roughness(hit, material, uv);
     float metallic = metallic_roughness.x, roughness = metallic_roughness.y;
     Energy energy = Energy(table_mean(brdf_table, roughness), MULTI_SCATTER, material.dielectric_f0);

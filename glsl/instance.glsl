@@ -19,6 +19,7 @@ struct Material {
     vec3 emission; // radiance, W/(m^2 sr)
     uint flags;
     float dielectric_f0;
+    vec3 transmission; // by which light is multiplied that goes through
 };
 
 // What few vertices have, parallel to them.

@@ -188,7 +188,7 @@ RayHit texel_hit(LightmapTexel texel, vec2 part)
     vec3 weights = area != 0.0 ? vec3(0.0, cross2(p, ac) / area, cross2(ab, p) / area) : vec3(0.0);
     weights.x = 1.0 - weights.y - weights.z;
     weights = max(weights, vec3(0.0));
-    return RayHit(0.0, triangle, weights / (weights.x + weights.y + weights.z));
+    return RayHit(0.0, triangle, weights / (weights.x + weights.y + weights.z), vec3(1.0));
 }
 
 // The point of a hit as a texel of that side sees it.
@@ -241,11 +241,12 @@ vec3 glossy_radiance(RayHit hit, vec3 d, out float density)
             far = distance(lights[i].position, p.position);
         }
         bool faces = dot(p.side, l) > 0.0 && irradiance != vec3(0.0);
-        if (!faces || trace_ray(ray_origin(p), l, far, true).t >= 0.0)
+        vec3 transmission = faces ? ray_transmission(ray_origin(p), l, far) : vec3(0.0);
+        if (transmission == vec3(0.0))
             continue;
         if (is_lamp)
             density += lamp_density(dot(p.side, l), far) / float(lamp_count());
-        sum += irradiance * max(dot(p.s.n, l), 0.0) * brdf(p.s, l, energy, at_v);
+        sum += transmission * irradiance * max(dot(p.s.n, l), 0.0) * brdf(p.s, l, energy, at_v);
     }
     return sum;
 }

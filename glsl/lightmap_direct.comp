@@ -17,10 +17,11 @@ vec3 given_back_of_lamp(PathPoint p, PointLight lamp, out float density)
     vec3 irradiance = light_irradiance(lamp, p.position, l) * max(dot(p.s.n, l), 0.0);
     float far = distance(lamp.position, p.position), cosine = dot(p.side, l);
     density = 0.0;
-    if (cosine <= 0.0 || trace_ray(ray_origin(p), l, far, true).t >= 0.0)
+    vec3 transmission = cosine > 0.0 ? ray_transmission(ray_origin(p), l, far) : vec3(0.0);
+    if (transmission == vec3(0.0))
         return vec3(0.0);
     density = lamp_density(cosine, far);
-    return given_back_of(p.s, l) * irradiance;
+    return given_back_of(p.s, l) * transmission * irradiance;
 }
 
 // The same of the sun, by one of its disc's points.
@@ -28,9 +29,10 @@ vec3 given_back_of_sun(PathPoint p, vec2 u)
 {
     vec3 l = sample_disc(u, frame.sun.towards, frame.sun.sine);
     float cosine = dot(p.s.n, l);
-    if (cosine <= 0.0 || dot(p.side, l) <= 0.0 || trace_ray(ray_origin(p), l, 1e30, true).t >= 0.0)
+    if (cosine <= 0.0 || dot(p.side, l) <= 0.0)
         return vec3(0.0);
-    return given_back_of(p.s, l) * frame.sun.irradiance * cosine;
+    vec3 irradiance = frame.sun.irradiance * ray_transmission(ray_origin(p), l, 1e30);
+    return irradiance != vec3(0.0) ? given_back_of(p.s, l) * irradiance * cosine : vec3(0.0);
 }
 
 const uint PROBES = 8;
@@ -100,7 +102,7 @@ Shining shining(LightmapTexel texel, uint index, uint seen)
         RayHit hit = trace_ray(ray_origin(p), d, 1e30, false);
         if (hit.t >= 0.0) {
             float area = hit_cosine(hit, d) / max(hit.t * hit.t, TINY), side = emitted_to_side(hit.triangle, is_back(hit, d));
-            vec3 radiance = emission_of_hit(hit);
+            vec3 radiance = emission_of_hit(hit) * hit.transmission;
             add(sum, p, d, radiance, radiance != vec3(0.0) ? emitter_density(hit.triangle) : 0.0, area, side);
         }
         count += 1.0;

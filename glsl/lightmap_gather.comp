@@ -56,12 +56,13 @@ Light relay_light(PathPoint p, vec3 origin, Relay relay, out vec3 l, out float f
         return Light(vec3(0.0), vec3(0.0));
     // Light that comes twice from beside a lamp, as within its shade, is as hard to find.
     vec3 soft = textureLod(given_back_of_soft, relay.address, 0.0).rgb;
-    RayHit lit = RayHit(far, relay.triangle & ~RELAY_GLOSSY, relay.weights);
+    RayHit lit = RayHit(far, relay.triangle & ~RELAY_GLOSSY, relay.weights, vec3(1.0));
     bool glossy = (relay.triangle & RELAY_GLOSSY) != 0u;
     Light given = given_towards(lit, l, -dot(relay.side, l), relay.radiance, soft, glossy, relay.density);
-    if (given.steady + given.bounced == vec3(0.0) || trace_ray(origin, l, far * (1.0 - 1e-5), true).t >= 0.0)
+    if (given.steady + given.bounced == vec3(0.0))
         return Light(vec3(0.0), vec3(0.0));
-    float scale = cosine * area / (cosine * INV_PI * area + relay.density);
+    vec3 transmission = ray_transmission(origin, l, far * (1.0 - 1e-5));
+    vec3 scale = transmission * (cosine * area / (cosine * INV_PI * area + relay.density));
     return Light(scale * given.steady, scale * given.bounced);
 }
 
@@ -84,8 +85,9 @@ vec3 drawn_sky_light(PathPoint p, vec3 origin, uvec4 bits, out vec3 d, out vec3 
 {
     d = world_from_panorama(sample_panorama(bits, 0u));
     vec3 light = sky_light(p.s.n, d, true);
-    bool blocked = light == vec3(0.0) || dot(p.side, d) <= 0.0 || trace_ray(origin, d, 1e30, true).t >= 0.0;
-    seen = blocked ? vec3(0.0) : light;
+    seen = vec3(0.0);
+    if (light != vec3(0.0) && dot(p.side, d) > 0.0)
+        seen = light * ray_transmission(origin, d, 1e30);
     return light;
 }
 
@@ -93,7 +95,7 @@ vec3 drawn_sky_light(PathPoint p, vec3 origin, uvec4 bits, out vec3 d, out vec3 
 // one sees it.
 bool gathered(PathPoint p, RayHit hit, vec3 d, vec3 sky, out Light light, out vec3 shining)
 {
-    light = Light(sky, vec3(0.0));
+    light = Light(sky * hit.transmission, vec3(0.0));
     shining = vec3(0.0);
     if (hit.t < 0.0)
         return true;
@@ -106,9 +108,10 @@ bool gathered(PathPoint p, RayHit hit, vec3 d, vec3 sky, out Light light, out ve
     float here = max(dot(p.s.n, d), 0.0) * INV_PI * area;
     // Relays give the rest, and points that are drawn of what shines.
     float share = rays_have(RAYS_RELAYS) ? here / max(here + direct.a, TINY) : 1.0;
-    light = Light(PI * share * given.steady, PI * share * given.bounced);
+    vec3 arriving = PI * share * hit.transmission;
+    light = Light(arriving * given.steady, arriving * given.bounced);
     if (has_emitters())
-        shining = PI * emission_of_hit(hit) * (here / max(here + emitter_density(hit.triangle), TINY));
+        shining = PI * hit.transmission * emission_of_hit(hit) * (here / max(here + emitter_density(hit.triangle), TINY));
     return true;
 }
 

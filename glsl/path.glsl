@@ -10,12 +10,7 @@
 #include "ray_surface.glsl"
 #include "scatter.glsl"
 #include "sky_relay.glsl"
-
-// What is traced, the order of render::Transport.
-layout(constant_id = 16) const uint TRANSPORT = 0;
-const uint TRANSPORT_NONE = 0;   // nothing blocks light or gives it back
-const uint TRANSPORT_DIRECT = 1; // lamps and the sun cast shadows
-const uint TRANSPORT_ALL = 2;
+#include "transport.glsl"
 
 // No real scene's paths get there: each bounce beyond the third survives with the path's own brightness as its chance.
 const uint MOST_BOUNCES = 256;
@@ -144,9 +139,7 @@ vec3 relayed_light(PathPoint p, Scatter m, mat3 world_from_surface, bool first, 
     vec3 radiance = lamp_light(lit, of_lit, lamp, l_lamp, lamp_far) * count;
     vec3 light = scattered_part(m, c.l_surface, first) * radiance * c.area
         / (scatter_density(m, c.l_surface) * c.area + from_lamp);
-    if (light == vec3(0.0) || trace_ray(ray_origin(p), c.l, c.far, true).t >= 0.0)
-        return vec3(0.0);
-    return light;
+    return light != vec3(0.0) ? light * hit.transmission * ray_transmission(ray_origin(p), c.l, c.far) : light;
 }
 
 // The same for the panorama, which shines through windows that paths from the eye find too rarely.
@@ -170,9 +163,7 @@ vec3 relayed_sky(PathPoint p, Scatter m, mat3 world_from_surface, bool first, uv
     float of_sky = scatter_density(of_lit, d_lit) + panorama_density(d_panorama, sky_place(lit.position, lit.side));
     vec3 light = scattered_part(m, c.l_surface, first) * scattered(of_lit, d_lit) * panorama_radiance(d_panorama)
         * (c.area / (scatter_density(m, c.l_surface) * c.area * of_sky + from_sky));
-    if (light == vec3(0.0) || trace_ray(ray_origin(p), c.l, c.far, true).t >= 0.0)
-        return vec3(0.0);
-    return light;
+    return light != vec3(0.0) ? light * hit.transmission * ray_transmission(ray_origin(p), c.l, c.far) : light;
 }
 
 // The weight of light from the panorama along l at a point that a path found with density `arrival` and drew l there with
@@ -185,11 +176,11 @@ float unrelayed(PathPoint p, vec3 l, float arrival, float density)
     return found / max(found + relay_density(p.position, l, dot(p.side, l)), TINY);
 }
 
-// Whether nothing blocks light along l; `casts`: it does where lamps and the sun alone cast shadows.
-bool is_free(PathPoint p, vec3 l, float far, bool casts)
+// What arrives of light along l; `casts`: things block it where lamps and the sun alone cast shadows.
+vec3 arriving(PathPoint p, vec3 l, float far, bool casts)
 {
     bool is_traced = TRANSPORT == TRANSPORT_ALL || (casts && TRANSPORT == TRANSPORT_DIRECT);
-    return !is_traced || trace_ray(ray_origin(p), l, far, true).t < 0.0;
+    return is_traced ? ray_transmission(ray_origin(p), l, far) : vec3(1.0);
 }
 
 // What lamps add directly: every one at the first point, one of them at each later one. `arrival`: the density per area with which
@@ -209,8 +200,8 @@ vec3 lamps_light(PathPoint p, Scatter m, bool first, float arrival, inout uvec4 
         vec3 light = lamp_light(p, m, lamp, l, far) * (first ? 1.0 : float(lamps));
         if (arrival >= 0.0)
             light *= arrival / max(arrival + lamp_density(dot(p.side, l), far), TINY);
-        if (light != vec3(0.0) && is_free(p, l, far, true))
-            sum += light;
+        if (light != vec3(0.0))
+            sum += light * arriving(p, l, far, true);
     }
     return sum;
 }
@@ -222,7 +213,7 @@ vec3 sky_light(PathPoint p, Scatter m, mat3 world_from_surface, uint place, bool
     float density;
     vec3 light = panorama_light(m, world_from_surface, place, bits, first, l, density);
     light *= ambient_share(p, l) * unrelayed(p, l, arrival, density);
-    return light != vec3(0.0) && is_free(p, l, 1e30, sun_density(l) > 0.0) ? light : vec3(0.0);
+    return light != vec3(0.0) ? light * arriving(p, l, 1e30, sun_density(l) > 0.0) : light;
 }
 
 // What a surface that shines adds, by one of its points.
@@ -272,12 +263,15 @@ vec3 transported_light(PathPoint p, uvec4 seed)
         float density = scatter_density(m, l);
         throughput *= mirrored ? f_schlick(m.f0, m.v.z) / m.specular_share : scattered_part(m, l, first) / density;
         vec3 l_world = world_from_surface * l;
-        RayHit hit = RayHit(-1.0, 0u, vec3(0.0));
+        RayHit hit = RayHit(-1.0, 0u, vec3(0.0), vec3(1.0));
         bool at_sun = TRANSPORT == TRANSPORT_DIRECT && sun_density(l_world) > 0.0;
-        if (at_sun && trace_ray(ray_origin(p), l_world, 1e30, true).t >= 0.0)
+        if (at_sun)
+            throughput *= ray_transmission(ray_origin(p), l_world, 1e30);
+        if (throughput == vec3(0.0))
             break;
         if (TRANSPORT == TRANSPORT_ALL)
             hit = trace_ray(ray_origin(p), l_world, 1e30, false);
+        throughput *= hit.transmission;
         if (first && !is_shown(hit.t < 0.0 && sun_density(l_world) > 0.0))
             break;
         if (hit.t < 0.0) {

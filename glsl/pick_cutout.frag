@@ -3,8 +3,6 @@
 #extension GL_GOOGLE_include_directive : require
 #include "holes.glsl"
 
-layout(location = 3) flat in uint material_index;
-
 layout(location = 0) out uint picked;
 
 void main()

@@ -2,11 +2,7 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "instance.glsl"
-
-layout(push_constant, scalar) uniform Draw {
-    mat4 clip_from_models;
-    uint instance;
-} draw;
+#include "placed.glsl"
 
 layout(location = 0) in vec3 position_local;
 layout(location = 1) in vec2 uv_in;
@@ -15,6 +11,7 @@ layout(location = 0) out vec2 uv;
 layout(location = 1) flat out float alpha_cutoff; // below 0: alpha is coverage
 layout(location = 2) out float opacity;
 layout(location = 3) flat out uint material_index;
+layout(location = 4) out vec3 position_models;
 
 void main()
 {
@@ -25,5 +22,7 @@ void main()
     alpha_cutoff = (material.flags & MATERIAL_BLENDS) != 0u ? -1.0 : material.alpha_cutoff;
     bool is_coloured = (material.flags & MATERIAL_VERTEX_COLOURS) != 0u;
     opacity = material.opacity * (is_coloured ? unpacked_colour(vertex_extras[gl_VertexIndex]).a : 1.0);
-    gl_Position = draw.clip_from_models * (instances[draw.instance].world_from_local * vec4(position_local, 1.0));
+    vec4 position = instances[draw.instance].world_from_local * vec4(position_local, 1.0);
+    position_models = position.xyz;
+    gl_Position = draw.clip_from_models * position;
 }

@@ -6,10 +6,10 @@
 #include "surface.glsl"
 #include "shadows.glsl"
 
-// The share of a lamp's light that nothing blocks.
-float unblocked(PointLight light)
+// What reaches the surface of a lamp's light, 0 to 1.
+vec3 unblocked(PointLight light)
 {
-    return LAMP_SHADOWS == LAMP_SHADOWS_NONE ? 1.0 : lamp_visibility(light, position_world, triangle_normal());
+    return LAMP_SHADOWS == LAMP_SHADOWS_NONE ? vec3(1.0) : lamp_visibility(light, position_world, triangle_normal());
 }
 
 // `at_v`: the table's entry at n.v.
@@ -37,8 +37,8 @@ vec3 point_lights_phong(Surface s, vec3 position)
         vec3 l;
         PointLight light = scene_light(i);
         vec3 irradiance = light_irradiance(light, position, l);
-        float nl = max(dot(s.n, l), 0.0) * unblocked(light);
-        sum += irradiance * nl * (diffuse_lambert(s.base_color) + f0 * phong_specular(s.n, s.v, l, s.roughness));
+        vec3 lit = max(dot(s.n, l), 0.0) * unblocked(light);
+        sum += irradiance * lit * (diffuse_lambert(s.base_color) + f0 * phong_specular(s.n, s.v, l, s.roughness));
     }
     return sum;
 }

@@ -5,6 +5,7 @@
 #include "cube.glsl"
 #include "given_back.glsl"
 #include "probe_box.glsl"
+#include "tone.glsl"
 
 layout(local_size_x = 8, local_size_y = 8) in;
 layout(PROBE_DIRECT) uniform sampler2DArray given_back_of_direct;
@@ -52,8 +53,8 @@ vec4 radiance_along(vec3 d)
     vec3 origin = (frame.world_from_models * vec4(begin, 1.0)).xyz, d_world = mat3(frame.world_from_models) * d;
     RayHit hit = trace_ray(origin, d_world, 1e30, false);
     if (hit.t < 0.0)
-        return vec4(0.0, 0.0, 0.0, 1.0);
-    vec3 light = given_back(hit, d_world);
+        return vec4(0.0, 0.0, 0.0, luminance(hit.transmission));
+    vec3 light = hit.transmission * given_back(hit, d_world);
     float wall = distance(work.position, box_exit(work.position, d, work.walls_low, work.walls_high)), t = hit.t;
     if (wall > NO_WALL)
         return vec4(light, 0.0);

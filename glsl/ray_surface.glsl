@@ -91,13 +91,24 @@ vec3 ray_map_at(RayHit hit, Material material, vec2 uv, uint map, int side)
     return vec3(wrapped(uv.x, wraps & 3u, margin), wrapped(uv.y, wraps >> 2u & 3u, margin), material.textures);
 }
 
-// Base color and alpha of a hit.
-vec4 ray_base(RayHit hit, Material material, vec2 uv)
+// By which the base color map and colours of vertices multiply base color and alpha at a hit.
+vec4 ray_base_factors(RayHit hit, Material material, vec2 uv)
 {
-    vec4 base = vec4(material.base_color, material.opacity);
+    vec4 factors = vec4(1.0);
     if (has_map(MAP_BASE_COLOR))
-        base *= textureLod(ray_base_color, ray_map_at(hit, material, uv, MAP_BASE_COLOR, textureSize(ray_base_color, 0).x), 0.0);
-    return rays_have(RAYS_EXTRAS) && (material.flags & MATERIAL_VERTEX_COLOURS) != 0u ? base * ray_colour(hit) : base;
+        factors = textureLod(ray_base_color, ray_map_at(hit, material, uv, MAP_BASE_COLOR, textureSize(ray_base_color, 0).x), 0.0);
+    return rays_have(RAYS_EXTRAS) && (material.flags & MATERIAL_VERTEX_COLOURS) != 0u ? factors * ray_colour(hit) : factors;
+}
+
+bool is_tinting(Material material)
+{
+    return rays_have(RAYS_TINTS) && (material.flags & MATERIAL_TRANSMITS) != 0u;
+}
+
+// Base color of a hit. Of a sheet, colours of maps and vertices are those of what goes through.
+vec3 ray_base(RayHit hit, Material material, vec2 uv)
+{
+    return is_tinting(material) ? material.base_color : material.base_color * ray_base_factors(hit, material, uv).rgb;
 }
 
 vec2 ray_metallic_roughness(RayHit hit, Material material, vec2 uv)
@@ -111,7 +122,7 @@ vec2 ray_metallic_roughness(RayHit hit, Material material, vec2 uv)
 bool is_hole(RayHit hit, float cosine)
 {
     Material material = materials[bvh_triangle(hit.triangle).material_and_flags & BVH_MATERIAL];
-    float alpha = ray_base(hit, material, ray_uv(hit)).a;
+    float alpha = material.opacity * ray_base_factors(hit, material, ray_uv(hit)).a;
     if ((material.flags & MATERIAL_BLENDS) == 0u)
         return alpha < material.alpha_cutoff;
     if ((material.flags & MATERIAL_TRANSMITS) != 0u)
@@ -119,6 +130,12 @@ bool is_hole(RayHit hit, float cosine)
     // As many rays are stopped as the surface covers of what is behind. No two rays meet it in the same place.
     uvec4 place = uvec4(floatBitsToUint(hit.weights.xy), floatBitsToUint(hit.t), hit.triangle);
     return unit_from_bits(pcg4d(place).x) >= alpha;
+}
+
+vec3 hole_transmission(RayHit hit)
+{
+    Material material = materials[bvh_triangle(hit.triangle).material_and_flags & BVH_MATERIAL];
+    return is_tinting(material) ? material.transmission * ray_base_factors(hit, material, ray_uv(hit)).rgb : vec3(1.0);
 }
 
 vec4 ray_frame(RayCorner corner)
@@ -194,8 +211,9 @@ PathPoint ray_point(RayHit hit, vec3 d)
     p.s.n = front * (turn * ray_normal_of(hit, material, uv));
     p.s.v = -d;
     p.s.nv = clamp(dot(p.s.n, p.s.v), MIN_COS, 1.0);
-    p.s.base_color = ray_base(hit, material, uv).rgb;
+    p.s.base_color = ray_base(hit, material, uv);
     p.s.alpha = 1.0; // rays pass through what is not covered
+    p.s.transmission = vec3(1.0);
     p.s.emission = ray_emission_of(hit, material, uv);
     p.s.metallic = metallic_roughness.x;
     p.s.roughness = metallic_roughness.y;
@@ -221,6 +239,14 @@ RayHit trace_ray(vec3 o, vec3 d, float far, bool any)
 {
     mat3 turn = mat3(frame.world_from_models);
     return bvh_trace((o - frame.world_from_models[3].xyz) * turn, d * turn, far, any);
+}
+
+// What a ray lets arrive of light from `far` metres away: nothing where something blocks it, and less of some colours behind
+// sheets that change them.
+vec3 ray_transmission(vec3 o, vec3 d, float far)
+{
+    RayHit hit = trace_ray(o, d, far, true);
+    return hit.t >= 0.0 ? vec3(0.0) : hit.transmission;
 }
 
 // Where rays begin: clear of the triangle they leave, on the side that they are seen from.

@@ -15,6 +15,7 @@ struct Surface {
     float occlusion;
     vec3 emission; // radiance, W/(m^2 sr)
     float alpha;   // coverage
+    vec3 transmission; // by which what is not covered is multiplied
 };
 
 vec3 f0_of(Surface s)

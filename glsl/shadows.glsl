@@ -2,6 +2,7 @@
 #ifndef PBR_VR_SHADOWS
 #define PBR_VR_SHADOWS
 
+#include "ray_features.glsl"
 #include "shared.glsl"
 #include "shadow_place.glsl"
 
@@ -67,8 +68,20 @@ float soft_shadow(sampler2DArrayShadow shadows, sampler2DArray depths, ShadowPla
     return sum / float(FILTER_TAPS);
 }
 
-// The share of a lamp's light that reaches a point; `n`: the triangle's own normal there, on the side that is seen.
-float lamp_visibility(PointLight light, vec3 position, vec3 n)
+// By which sheets before a place multiply its light: over 3 by 3 texels. Those are not lit through themselves.
+vec3 transmission_to(sampler2DArray transmission, ShadowPlace place, float layer)
+{
+    if (!rays_have(RAYS_TINTS) || TINTS)
+        return vec3(1.0);
+    vec2 half_texel = 0.5 / vec2(textureSize(transmission, 0).xy);
+    vec3 sum = vec3(0.0);
+    for (int i = 0; i < 4; ++i)
+        sum += textureLod(transmission, vec3(place.uv + half_texel * vec2(2 * (i & 1) - 1, 2 * (i >> 1) - 1), layer), 0.0).rgb;
+    return 0.25 * sum;
+}
+
+// What reaches a point of a lamp's light; `n`: the triangle's own normal there, on the side that is seen.
+vec3 lamp_visibility(PointLight light, vec3 position, vec3 n)
 {
     vec3 q = position - light.position;
     ShadowPlace place = lamp_place(q, n, light.shadow_near, light.radius, float(textureSize(lamp_shadows, 0).x));
@@ -79,7 +92,8 @@ float lamp_visibility(PointLight light, vec3 position, vec3 n)
         lit = soft_shadow(lamp_shadows, lamp_depths, place, layer);
     else
         lit = sharp_shadow(lamp_shadows, place, layer);
-    return light.shadow_layer < 0 ? 1.0 : dot(n, q) < 0.0 ? lit : 0.0;
+    vec3 through = lit * transmission_to(lamp_transmission, place, layer);
+    return light.shadow_layer < 0 ? vec3(1.0) : dot(n, q) < 0.0 ? through : vec3(0.0);
 }
 
 // A row of the sun's matrix: an axis over the map's size along it.
@@ -89,8 +103,8 @@ vec3 frame_row(int i)
     return vec3(m[0][i], m[1][i], m[2][i]);
 }
 
-// The share of the sun's light that reaches a point; `n`: the triangle's own normal there, on the side that is seen.
-float sun_visibility_at(vec3 position, vec3 n)
+// What reaches a point of the sun's light; `n`: the triangle's own normal there, on the side that is seen.
+vec3 sun_visibility_at(vec3 position, vec3 n)
 {
     vec3 p = (frame.sun_shadow.place_from_world * vec4(position, 1.0)).xyz;
     // A plane's normal in the map's units: by the transposed inverse, the map's axes being perpendicular.
@@ -99,7 +113,7 @@ float sun_visibility_at(vec3 position, vec3 n)
     ShadowPlace place = sun_place(p, gradient, frame.sun_shadow.spread, float(textureSize(sun_shadows, 0).x));
     float lit = soft_shadow(sun_shadows, sun_depths, place, 0.0);
     // A surface turned away from it is its own shadow.
-    return gradient.z > 0.0 ? lit : 0.0;
+    return gradient.z > 0.0 ? lit * transmission_to(sun_transmission, place, 0.0) : vec3(0.0);
 }
 
 #endif

@@ -65,6 +65,7 @@ layout(constant_id = 19) const bool EMITS = true;
 layout(constant_id = 20) const uint VERTEX_COLOURS = 0;
 layout(constant_id = 21) const uint SECOND_UV = 0; // bit i: map i is looked up by the second texture coordinates
 layout(constant_id = 22) const bool BLENDS = false;  // alpha is coverage
+layout(constant_id = 25) const bool TINTS = false;   // what is behind is seen in another colour
 layout(constant_id = 23) const uint SPHERE_LIGHTS = 0;
 
 // LAMP_SHADOWS: the order of render::shadow_plan::LampShadows.
@@ -144,6 +145,8 @@ layout(SCENE_BRDF_TABLE) uniform sampler2DArray brdf_table;
 layout(SCENE_LIGHTMAP) uniform sampler2DArray lightmap; // layers: see LIGHTMAP_KINDS; fronts before backs
 layout(SCENE_LAMP_SHADOWS) uniform sampler2DArrayShadow lamp_shadows;
 layout(SCENE_LAMP_DEPTHS) uniform sampler2DArray lamp_depths; // the same image
+layout(SCENE_LAMP_TRANSMISSION) uniform sampler2DArray lamp_transmission;
+layout(SCENE_SUN_TRANSMISSION) uniform sampler2DArray sun_transmission;
 layout(SCENE_SUN_SHADOW) uniform sampler2DArrayShadow sun_shadows; // one layer
 layout(SCENE_SUN_DEPTH) uniform sampler2DArray sun_depths;
 

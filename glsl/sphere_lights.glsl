@@ -10,14 +10,15 @@
 // A sphere is seen under a disc of at most this sine: surfaces that touch it see half of all directions.
 const float MOST_SPHERE_SINE = 0.9;
 
-// The share of a sphere's light that nothing blocks, with a sharp edge: a soft one hardly shows in a mirror image, and a frame took half
+// What reaches a place of a sphere's light, with a sharp edge: a soft one hardly shows in a mirror image, and a frame took half
 // as long again for it. All is in the models' space.
-float sphere_visibility(SphereLight light, vec3 p, vec3 n)
+vec3 sphere_visibility(SphereLight light, vec3 p, vec3 n)
 {
     vec3 q = p - light.position;
     ShadowPlace place = lamp_place(q, n, light.shadow_near, 0.0, float(textureSize(lamp_shadows, 0).x));
-    float lit = sharp_shadow(lamp_shadows, place, float(light.shadow_layer) + place.layer);
-    return light.shadow_layer < 0 ? 1.0 : dot(n, q) < 0.0 ? lit : 0.0;
+    float layer = float(light.shadow_layer) + place.layer;
+    vec3 lit = sharp_shadow(lamp_shadows, place, layer) * transmission_to(lamp_transmission, place, layer);
+    return light.shadow_layer < 0 ? vec3(1.0) : dot(n, q) < 0.0 ? lit : vec3(0.0);
 }
 
 // Single scattering of their light, but for the share `even`, which comes with the irradiance. `variance`: of the normals within the
@@ -34,7 +35,7 @@ vec3 mirrored_spheres(Surface s, float even, float variance)
         vec3 l = mat3(frame.world_from_models) * normalize_or(to, vec3(0.0, 1.0, 0.0));
         float sine = sqrt(radius2 / far2), cosine = disc_cosine(dot(s.n, l), sine);
         if (cosine > 0.0)
-            sum += light.intensity * (cosine / far2 * sphere_visibility(light, p, n)) * disc_specular(s.n, s.v, l, f0, alpha, sine, GEOMETRY);
+            sum += light.intensity * sphere_visibility(light, p, n) * (cosine / far2) * disc_specular(s.n, s.v, l, f0, alpha, sine, GEOMETRY);
     }
     return (1.0 - even) * sum;
 }

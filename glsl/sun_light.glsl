@@ -7,10 +7,10 @@
 #include "surface.glsl"
 #include "shadows.glsl"
 
-// The part of the disc that the surface sees, 0 to 1.
-float sun_visibility()
+// What reaches the surface of the disc's light, 0 to 1.
+vec3 sun_visibility()
 {
-    return SUN_SHADOW ? sun_visibility_at(position_world, triangle_normal()) : 1.0;
+    return SUN_SHADOW ? sun_visibility_at(position_world, triangle_normal()) : vec3(1.0);
 }
 
 // Irradiance from the sun, W/m^2.

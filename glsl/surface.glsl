@@ -2,6 +2,7 @@
 #ifndef SURFACE_GLSL
 #define SURFACE_GLSL
 
+#include "draw.glsl"
 #include "instance.glsl"
 #include "math.glsl"
 #include "brdf.glsl"
@@ -68,15 +69,20 @@ void cut_out(float above);
 Surface read_surface()
 {
     Surface s;
-    vec4 base = vec4(base_color_metallic.rgb, emission_opacity.w);
-    if (VERTEX_COLOURS != COLOURS_OF_NOTHING)
-        base *= vertex_colour;
+    vec4 factors = VERTEX_COLOURS != COLOURS_OF_NOTHING ? vertex_colour : vec4(1.0);
     if (HAS_BASE_COLOR_MAP)
-        base *= SURFACE_TEXEL(base_color_map, map_uv(MAP_BASE_COLOR));
+        factors *= SURFACE_TEXEL(base_color_map, map_uv(MAP_BASE_COLOR));
+    vec4 base = vec4(base_color_metallic.rgb, emission_opacity.w) * factors;
     if (ALPHA_MASK)
         cut_out(base.a - surface_factors.y);
     s.base_color = base.rgb;
     s.alpha = BLENDS ? base.a : 1.0;
+    s.transmission = vec3(1.0);
+    if (TINTS) {
+        // Colours of maps and vertices are those of what goes through.
+        s.transmission = materials[instances[draw.instance].material].transmission * factors.rgb;
+        s.base_color = base_color_metallic.rgb;
+    }
     s.emission = EMITS ? emission_opacity.rgb * SURFACE_TEXEL(emission_map, map_uv(MAP_EMISSION)).rgb : vec3(0.0);
     if (VERTEX_COLOURS == COLOURS_OF_EMISSION)
         s.emission *= vertex_colour.rgb;

@@ -50,8 +50,9 @@ pub struct MaterialDesc {
     pub vertex_alpha: bool,
     /// Whether it is not seen from behind.
     pub culls_backs: bool,
-    /// Whether what it does not cover is seen through a sheet like glass: at slanted views there is less of it.
-    pub transmits: bool,
+    /// Of a sheet like glass: by which it multiplies light that goes through where it does not cover, linear RGB, 0 to 1. The base
+    /// color map multiplies this instead of the base color. At slanted views less goes through.
+    pub transmission: Option<Vec3>,
     /// Whether its emission is its colour, which vertices may have, too.
     pub unlit: bool,
     /// What the file does not say and was taken from something else, or for granted.
@@ -87,6 +88,15 @@ pub enum AlphaUse {
     Mask(f32),
     /// Coverage: the share of what is behind that is hidden.
     Blend,
+    /// The same, of the opacity alone: the map's alpha means nothing.
+    Opacity,
+}
+
+impl AlphaUse {
+    /// Whether alpha is coverage.
+    pub fn blends(self) -> bool {
+        matches!(self, Self::Blend | Self::Opacity)
+    }
 }
 
 /// A map of a material.
@@ -157,30 +167,36 @@ impl MaterialDesc {
             alpha: AlphaUse::Opaque,
             vertex_alpha: false,
             culls_backs: false,
-            transmits: false,
+            transmission: None,
             unlit: false,
             guesses: Vec::new(),
         }
     }
 
-    /// Makes a thin sheet of it, with no refraction: of light that meets it, `share` is what its base color's luminance lets
-    /// straight through, less what a smooth surface reflects. That is what it does not cover; what it covers is a mirror of all
-    /// that is reflected, and the base color of what does not transmit.
-    pub fn transmit(&mut self, share: f32) {
+    /// Makes a thin sheet of it, with no refraction: of light that meets it, `share` times its base color goes straight through,
+    /// less what a smooth surface reflects. What it covers is a mirror of all that is reflected, and the base color of what does
+    /// not transmit, there without its map. `inside`: by which what is behind its surface multiplies light.
+    /// From behind it is the same sheet.
+    pub fn transmit(&mut self, share: f32, inside: Vec3) {
         // Of light from all sides, by Schlick's form; shaders make it more at slanted views.
         let reflectance = self.dielectric_f0 + (1.0 - self.dielectric_f0) / 21.0;
         let color = self.base_color.alone;
         let luminance = tone::luminance(color.as_dvec3()) as f32;
         let mirrored = share * reflectance;
-        let coverage = 1.0 - share * (1.0 - reflectance) * luminance;
+        let coverage = 1.0 - share * (1.0 - reflectance);
         let covering = (Vec3::splat(mirrored) + (1.0 - share) * color) / coverage;
+        self.transmission = Some(inside * self.base_color.of(self.base_color_map.is_some()));
+        self.culls_backs = false;
         self.base_color = Factor::same(covering.min(Vec3::ONE));
         self.metallic = Factor::same(mirrored / (mirrored + (1.0 - share) * luminance));
-        // Alpha of an opaque material's map means nothing, and its red one is not to be that of a mirror.
-        (self.base_color_map, self.metallic_map) = (None, None);
-        // Alpha counts where a material is blended.
-        self.opacity = coverage * if self.alpha == AlphaUse::Blend { self.opacity } else { 1.0 };
-        (self.alpha, self.transmits) = (AlphaUse::Blend, true);
+        // Its red is not to be that of a mirror.
+        self.metallic_map = None;
+        // Alpha of an opaque material's map means nothing, and counts where a material is blended.
+        let (opacity, alpha) = match self.alpha {
+            AlphaUse::Blend => (self.opacity, AlphaUse::Blend),
+            _ => (1.0, AlphaUse::Opacity),
+        };
+        (self.opacity, self.alpha) = (coverage * opacity, alpha);
         // Coverage divides all that a surface sends.
         self.emissive = Factor::same((self.emissive.alone / coverage).min(Vec3::splat(MAX_EMISSION)));
     }

@@ -33,6 +33,8 @@ pub struct Mtl {
     /// Specular colour of the Phong model.
     pub ks: Option<[f32; 3]>,
     pub ke: Option<[f32; 3]>,
+    /// By which light is multiplied that goes through.
+    pub tf: Option<[f32; 3]>,
     /// Phong exponent.
     pub ns: Option<f32>,
     /// 1 is opaque; from `d`, or 1 − `Tr`.
@@ -164,6 +166,8 @@ fn read_key(
         "ka" => material.ka = colour(value).ok(),
         "ks" => material.ks = Some(colour(value)?),
         "ke" => material.ke = Some(colour(value)?),
+        // Of one that is not glass it may be anything.
+        "tf" => material.tf = colour(value).ok(),
         "ns" => material.ns = Some(number(value)?),
         "illum" => material.illum = number(value).ok().map(|model| model as u32),
         // `-halo` makes it depend on the view; the number comes last in either case.
@@ -208,9 +212,6 @@ fn unread(key: &str, value: &str) -> Option<&'static str> {
     Some(match key {
         "" | "newmtl" | "sharpness" | "pcr" | "anisor" => return None,
         _ if key.starts_with('#') => return None,
-        // Rhino writes 0 where nothing shines through.
-        "tf" if !differs_from(1.0) || !differs_from(0.0) => return None,
-        "tf" => "coloured transmission is not modelled",
         "map_ks" => "a colour of highlights is not modelled; dielectrics mirror as Ni says, metals their base colour",
         "map_ns" => "exponents of highlights are not read from pictures; give roughness as map_Pr",
         "map_refl" => "strengths of reflection are not read; give metalness as map_Pm",

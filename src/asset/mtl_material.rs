@@ -91,6 +91,11 @@ fn is_glass(mtl: &Mtl) -> bool {
     is_opaque && is_black && is_dielectric && matches!(mtl.illum, Some(4 | 6 | 7 | 9))
 }
 
+/// The colour of glass. Rhino writes 0 where nothing shines through.
+fn transmission(mtl: &Mtl) -> Vec3 {
+    mtl.tf.map(Vec3::from).filter(|tf| *tf != Vec3::ZERO).map_or(Vec3::ONE, |tf| tf.clamp(Vec3::ZERO, Vec3::ONE))
+}
+
 struct Interpreter<'a> {
     /// Names of pictures that were warned of, by library.
     warned: HashSet<(PathBuf, String)>,
@@ -137,9 +142,16 @@ impl Interpreter<'_> {
             alpha: if opacity < 1.0 { AlphaUse::Blend } else { AlphaUse::Guessed },
             ..MaterialDesc::plain(&mtl.name, Vec3::ZERO, 0.0, 0.0)
         };
+        let transmission = transmission(mtl);
         if is_glass(mtl) {
-            desc.base_color = Factor::same(Vec3::ONE);
-            desc.transmit(1.0);
+            desc.base_color = Factor::same(transmission);
+            desc.transmit(1.0, Vec3::ONE);
+        } else if transmission != Vec3::ONE {
+            self.report.warn(format!(
+                "{}: material {}: Tf: colours what goes through glass alone: illum 4, 6, 7 or 9 with Kd 0 0 0 and without d",
+                file::short_name(&mtl.path),
+                mtl.name
+            ));
         }
         desc
     }

@@ -108,6 +108,8 @@ pub(super) struct Options {
     pub(super) compressed_textures: bool,
     /// Arrays of cubes.
     pub(super) cube_arrays: bool,
+    /// Blending with two colours of a fragment.
+    pub(super) two_sources: bool,
     /// VK_EXT_memory_budget.
     pub(super) memory_budget: bool,
     /// What is asked of [`super::Gpu::wants_late_depth`].
@@ -201,6 +203,7 @@ fn examine(instance: &Instance, physical: vk::PhysicalDevice, goal: Goal<'_>) ->
         ("anisotropic filtering", features.options.anisotropy),
         ("block-compressed textures (BC5, BC7)", features.options.compressed_textures),
         ("arrays of cubes, for probes", features.options.cube_arrays),
+        ("two-source blending, for coloured glass", features.options.two_sources),
         ("reporting free memory", features.options.memory_budget),
         ("presenting to windows", has_swapchain),
     ];
@@ -245,6 +248,7 @@ impl Features {
             anisotropy: core.sampler_anisotropy == vk::TRUE,
             compressed_textures: core.texture_compression_bc == vk::TRUE,
             cube_arrays: core.image_cube_array == vk::TRUE,
+            two_sources: core.dual_src_blend == vk::TRUE,
             memory_budget: has_extension(instance, physical, ext::memory_budget::NAME),
             late_depth: driver == vk::DriverId::MESA_LLVMPIPE
                 && has_extension(instance, physical, ext::shader_stencil_export::NAME),

@@ -228,6 +228,11 @@ impl Gpu {
         self.options.cube_arrays
     }
 
+    /// Whether pipelines may have [`super::Blend::TwoSources`].
+    pub fn blends_two_sources(&self) -> bool {
+        self.options.two_sources
+    }
+
     /// Whether several samples a pixel are drawn sooner where depth is tested after shading, by shaders that write a stencil
     /// reference, used or not (`VK_EXT_shader_stencil_export`).
     ///

@@ -75,7 +75,8 @@ fn create(instance: &Instance, chosen: &Candidate, present: bool, asked: &[CStri
         .full_draw_index_uint32(true)
         .sampler_anisotropy(chosen.options.anisotropy)
         .texture_compression_bc(chosen.options.compressed_textures)
-        .image_cube_array(chosen.options.cube_arrays);
+        .image_cube_array(chosen.options.cube_arrays)
+        .dual_src_blend(chosen.options.two_sources);
     let mut extensions: Vec<*const c_char> = asked.iter().map(|name| name.as_ptr()).collect();
     if chosen.options.memory_budget {
         extensions.push(ext::memory_budget::NAME.as_ptr());

@@ -54,7 +54,7 @@ pub use instance::{Instance, Messages, foreign_call, validation_available};
 pub use limits::{SAMPLED_IN_STAGE, STORAGE_IN_STAGE};
 #[cfg(test)]
 pub use pipeline::pipelines_of_this_thread;
-pub use pipeline::{Constant, DepthBias, DepthState, GraphicsDesc, Pipeline};
+pub use pipeline::{Blend, Constant, DepthBias, DepthState, GraphicsDesc, Pipeline};
 pub use rendering::{Attachments, ColourAttachment, DepthAttachment, LoadOp, StoreOp};
 pub use sampler::{AddressMode, Compare, Sampler};
 pub use shader::compute_shaders;

@@ -38,8 +38,8 @@ pub struct GraphicsDesc<'a> {
     pub depth: Option<DepthState>,
     /// 1 or 4.
     pub samples: u32,
-    /// Source-over with straight alpha, in all colour attachments.
-    pub blend: bool,
+    /// In all colour attachments.
+    pub blend: Blend,
 }
 
 impl Default for GraphicsDesc<'_> {
@@ -57,9 +57,25 @@ impl Default for GraphicsDesc<'_> {
             colours: &[],
             depth: None,
             samples: 1,
-            blend: false,
+            blend: Blend::None,
         }
     }
+}
+
+/// How fragments are blended with what is there.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Blend {
+    /// They replace it.
+    None,
+    /// Source-over with straight alpha.
+    Over,
+    /// Their first colour is added, and their second one multiplies what is there: one attachment at most, and only where
+    /// [`Gpu::blends_two_sources`].
+    TwoSources,
+    /// They multiply it.
+    Multiply,
+    /// It stays.
+    Keep,
 }
 
 /// Depth test and writes of a pipeline.
@@ -288,14 +304,22 @@ fn rasterization(bias: Option<DepthBias>) -> vk::PipelineRasterizationStateCreat
         .line_width(1.0)
 }
 
-fn blend(on: bool) -> vk::PipelineColorBlendAttachmentState {
+fn blend(blend: Blend) -> vk::PipelineColorBlendAttachmentState {
+    let mask = if blend == Blend::Keep { vk::ColorComponentFlags::empty() } else { vk::ColorComponentFlags::RGBA };
+    let (source, behind, alpha_behind) = match blend {
+        Blend::None | Blend::Keep | Blend::Over => {
+            (vk::BlendFactor::SRC_ALPHA, vk::BlendFactor::ONE_MINUS_SRC_ALPHA, vk::BlendFactor::ONE_MINUS_SRC_ALPHA)
+        }
+        Blend::TwoSources => (vk::BlendFactor::ONE, vk::BlendFactor::SRC1_COLOR, vk::BlendFactor::SRC1_ALPHA),
+        Blend::Multiply => (vk::BlendFactor::ZERO, vk::BlendFactor::SRC_COLOR, vk::BlendFactor::ONE),
+    };
     vk::PipelineColorBlendAttachmentState::default()
-        .color_write_mask(vk::ColorComponentFlags::RGBA)
-        .blend_enable(on)
-        .src_color_blend_factor(vk::BlendFactor::SRC_ALPHA)
-        .dst_color_blend_factor(vk::BlendFactor::ONE_MINUS_SRC_ALPHA)
+        .color_write_mask(mask)
+        .blend_enable(!matches!(blend, Blend::None | Blend::Keep))
+        .src_color_blend_factor(source)
+        .dst_color_blend_factor(behind)
         .src_alpha_blend_factor(vk::BlendFactor::ONE)
-        .dst_alpha_blend_factor(vk::BlendFactor::ONE_MINUS_SRC_ALPHA)
+        .dst_alpha_blend_factor(alpha_behind)
 }
 
 /// Specialization constants in the form Vulkan takes.

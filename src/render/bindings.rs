@@ -36,6 +36,8 @@ pub const SCENE: SetBindings = SetBindings {
         ("SCENE_PROBE_ODD", Sampled),
         ("SCENE_VERTEX_EXTRAS", Storage),
         ("SCENE_COUNTED_LIGHTS", Uniform),
+        ("SCENE_LAMP_TRANSMISSION", Sampled),
+        ("SCENE_SUN_TRANSMISSION", Sampled),
     ],
 };
 

@@ -51,7 +51,7 @@ impl BoundScene {
         lighting: Lighting,
         baked: Option<BakedLight>,
     ) -> Result<Self> {
-        let shadows = ShadowMaps::new(gpu, &resources.shadow_plan, lighting.sun.is_some())?;
+        let shadows = ShadowMaps::new(gpu, &resources, lighting.sun.is_some())?;
         let set = scene_set(gpu, layouts, (&resources, &shadows), &lighting, baked.as_ref())?;
         let (edits, unwritten) = Default::default();
         Ok(Self { resources, lighting, baked, shadows, edits, unwritten, set })
@@ -77,7 +77,7 @@ impl BoundScene {
 
     /// Puts the scene under another light.
     pub fn set_lighting(&mut self, gpu: &Arc<Gpu>, layouts: &Layouts, lighting: Lighting) -> Result<()> {
-        let shadows = ShadowMaps::new(gpu, &self.resources.shadow_plan, lighting.sun.is_some())?;
+        let shadows = ShadowMaps::new(gpu, &self.resources, lighting.sun.is_some())?;
         self.set = scene_set(gpu, layouts, (&self.resources, &shadows), &lighting, self.baked.as_ref())?;
         if let Some(baked) = &mut self.baked {
             baked.set_panorama(&lighting)?;
@@ -250,15 +250,17 @@ fn scene_set(
         Binding::Sampled(&maps.specular[1], &clamped),
         Binding::Sampled(&table.image, &clamped),
         Binding::Sampled(&lightmap, &clamped),
-        Binding::Sampled(&shadows.lamps, &compared),
-        Binding::Sampled(&shadows.lamps, &nearest),
-        Binding::Sampled(&shadows.sun, &compared),
-        Binding::Sampled(&shadows.sun, &nearest),
+        Binding::Sampled(&shadows.lamps.depth, &compared),
+        Binding::Sampled(&shadows.lamps.depth, &nearest),
+        Binding::Sampled(&shadows.sun.depth, &compared),
+        Binding::Sampled(&shadows.sun.depth, &nearest),
         Binding::Uniform(blocks, PROBES_BYTES),
         Binding::Sampled(even, &clamped),
         Binding::Sampled(odd, &clamped),
         Binding::Storage(&resources.geometry.extras),
         Binding::Uniform(&resources.lights, COUNTED_LIGHTS_BYTES),
+        Binding::Sampled(&shadows.lamps.transmission, &clamped),
+        Binding::Sampled(&shadows.sun.transmission, &clamped),
     ];
     DescriptorSet::new(gpu, "scene", &layouts.scene, &bindings)
 }

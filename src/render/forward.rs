@@ -14,7 +14,7 @@ use super::scene_resources::{ATTRIBUTES, PackedVertex};
 use super::settings::{RenderSettings, Shading};
 use super::shared::{constant, ray_feature};
 use crate::Result;
-use crate::gpu::{Commands, Constant, Cull, DepthState, Format, GraphicsDesc, Pipeline};
+use crate::gpu::{Blend, Commands, Constant, Cull, DepthState, Format, GraphicsDesc, Pipeline};
 use crate::reference::energy::Scattering;
 use crate::scene::MaterialFeatures;
 
@@ -120,9 +120,19 @@ impl ForwardPass {
                 .chain([(constant::SEVERAL_PROBES, u32::from(kind == ProbeUse::SEVERAL))])
                 .collect();
             let stages = stages(kind > 0);
-            let fragment = if features.alpha_mask { stages.cutout } else { stages.surface };
             // The reference covers by chance instead.
-            let blend = features.blends && !is_reference;
+            let blends = features.blends && !is_reference;
+            let blend = match () {
+                () if blends && features.tints && gpu.blends_two_sources() => Blend::TwoSources,
+                () if blends => Blend::Over,
+                () => Blend::None,
+            };
+            let fragment = match blend {
+                Blend::TwoSources if kind > 0 => "tinted_probes.frag",
+                Blend::TwoSources => "tinted.frag",
+                _ if features.alpha_mask => stages.cutout,
+                _ => stages.surface,
+            };
             Pipeline::graphics(
                 gpu,
                 &GraphicsDesc {
@@ -133,7 +143,7 @@ impl ForwardPass {
                     push_bytes: size_of::<Push>() as u32,
                     vertex_stride: size_of::<PackedVertex>() as u32,
                     vertex_attributes: &ATTRIBUTES,
-                    depth: Some(if blend { DepthState::TEST } else { DepthState::WRITE }),
+                    depth: Some(if blends { DepthState::TEST } else { DepthState::WRITE }),
                     blend,
                     ..desc
                 },
@@ -211,7 +221,7 @@ impl ForwardPass {
     }
 }
 
-fn constants(features: MaterialFeatures, multiple: bool) -> [Constant; 10] {
+fn constants(features: MaterialFeatures, multiple: bool) -> [Constant; 11] {
     [
         (constant::HAS_BASE_COLOR_MAP, u32::from(features.base_color_map)),
         (constant::HAS_NORMAL_MAP, u32::from(features.normal_map)),
@@ -223,6 +233,7 @@ fn constants(features: MaterialFeatures, multiple: bool) -> [Constant; 10] {
         (constant::VERTEX_COLOURS, features.vertex_colours as u32),
         (constant::SECOND_UV, features.second_uv),
         (constant::BLENDS, u32::from(features.blends)),
+        (constant::TINTS, u32::from(features.tints)),
     ]
 }
 

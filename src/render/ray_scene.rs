@@ -162,7 +162,9 @@ impl LazyRayScene {
 
     /// A constant of shaders that trace rays: the scene's features, and `more` that the scene alone does not say.
     pub fn features(&self, model: Model, more: u32) -> Constant {
-        (constant::RAY_FEATURES, if model == Model::Everything { u32::MAX } else { self.features | more })
+        // Without sheets that tint there are no maps of what they let through.
+        let everything = if model == Model::Everything { !ray_feature::TINTS } else { 0 };
+        (constant::RAY_FEATURES, self.features | more | everything)
     }
 
     /// Another: the number of lamps.

@@ -74,6 +74,11 @@ impl SceneResources {
         Replaced { are_shown: true, left: std::mem::replace(&mut self.textures, textures) }
     }
 
+    /// Whether something colours the light behind it.
+    pub fn tints(&self) -> bool {
+        self.variants.iter().any(|features| features.tints)
+    }
+
     /// The combinations that pipelines are made for: those of edited materials can show any factors.
     pub fn variants_for(&self, edits: &SceneEdits) -> Vec<MaterialFeatures> {
         let mut variants = self.variants.clone();
@@ -281,6 +286,7 @@ fn material_block(material: &Material, textures: u32) -> MaterialBlock {
         textures,
         opacity: material.opacity,
         dielectric_f0: material.dielectric_f0,
+        transmission: material.transmission.unwrap_or(Vec3::ONE).into(),
         emission: material.emissive_factor.into(),
         flags: material_flags(material),
     }
@@ -297,7 +303,7 @@ fn material_flags(material: &Material) -> u32 {
     maps | bit(material.vertex_colours, material_flag::VERTEX_COLOURS)
         | bit(material.blends, material_flag::BLENDS)
         | bit(tints, material_flag::UNLIT)
-        | bit(material.transmits, material_flag::TRANSMITS)
+        | bit(material.transmission.is_some(), material_flag::TRANSMITS)
 }
 
 fn light_block(light: &PointLight, (shadow_layer, shadow_near): (i32, f32)) -> LightBlock {

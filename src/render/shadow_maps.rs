@@ -10,14 +10,14 @@ use glam::{Mat4, Vec3, Vec4};
 use super::draws::{CullOptions, Draw, DrawList, Order};
 use super::eye::Eye;
 use super::scene_resources::SceneResources;
-use super::shadow_plan::{FACES, LampMap, ShadowPlan, face_tangent};
+use super::shadow_plan::{FACES, LampMap, face_tangent};
 use super::shared::SunShadowBlock;
 use super::sun_view::SunView;
-use super::surface_pass::SurfacePass;
+use super::surface_pass::{SurfacePass, TRANSMISSION};
 use crate::Result;
 use crate::gpu::{
-    Attachments, Commands, DEPTH_FORMAT, DepthAttachment, DescriptorSet, Gpu, Image, ImageAccess, ImageDesc,
-    ImageUsageFlags, Shape, Subresource,
+    Attachments, ColourAttachment, Commands, DEPTH_FORMAT, DepthAttachment, DescriptorSet, Gpu, Image, ImageAccess,
+    ImageDesc, ImageUsageFlags, Shape, Subresource,
 };
 use crate::reference::sun::Sun;
 
@@ -29,12 +29,67 @@ pub struct Placement {
     pub towards_sun: Option<Vec3>,
 }
 
+/// Layers as lights see the scene.
+pub struct ShadowImages {
+    /// Of what blocks light.
+    pub depth: Arc<Image>,
+    /// By which sheets before that multiply light; a single texel that is never read where none colours any.
+    pub transmission: Arc<Image>,
+}
+
+impl ShadowImages {
+    fn new(gpu: &Arc<Gpu>, name: &str, (side, layers): (u32, u32), tints: bool) -> Result<Self> {
+        let image = |what: &str, format, (side, layers), usage| {
+            let flat = ImageDesc::flat(format, [side; 2], usage | ImageUsageFlags::SAMPLED);
+            Image::new(gpu, &format!("{name} {what}"), ImageDesc { shape: Shape::Layers(layers), ..flat })
+        };
+        Ok(Self {
+            depth: image("depth", DEPTH_FORMAT, (side, layers), ImageUsageFlags::DEPTH_STENCIL_ATTACHMENT)?,
+            transmission: image(
+                "transmission",
+                TRANSMISSION,
+                if tints { (side, layers) } else { (1, 1) },
+                ImageUsageFlags::COLOR_ATTACHMENT,
+            )?,
+        })
+    }
+
+    fn prepare_fresh(&self, commands: &mut Commands<'_>) {
+        commands.prepare_fresh(&self.depth, ImageAccess::Depth);
+        commands.prepare_fresh(&self.transmission, ImageAccess::Colour);
+    }
+
+    fn prepare_to_read(&self, commands: &mut Commands<'_>) {
+        commands.prepare(&self.depth, ImageAccess::DepthSampled);
+        commands.prepare(&self.transmission, ImageAccess::Sampled);
+    }
+
+    /// Draws into one layer, cleared to what is farthest.
+    fn render(&self, commands: &mut Commands<'_>, layer: u32, tints: bool, record: impl FnOnce(&mut Commands<'_>)) {
+        let at = Subresource { mip: 0, layer };
+        let depth = Some(DepthAttachment::cleared(self.depth.attachment_of(at), 0.0));
+        let colours: Vec<ColourAttachment<'_>> = tints
+            .then(|| ColourAttachment::cleared(self.transmission.attachment_of(at), [1.0; 4]))
+            .into_iter()
+            .collect();
+        commands.render(&Attachments { colours: &colours, depth, area: self.depth.desc().size }, record);
+    }
+
+    fn bytes(&self) -> u64 {
+        let bytes = |image: &Image| {
+            let [width, height] = image.desc().size.map(u64::from);
+            width * height * u64::from(image.desc().shape.layers()) * size_of::<f32>() as u64
+        };
+        bytes(&self.depth) + bytes(&self.transmission)
+    }
+}
+
 /// The maps, and what they show.
 pub struct ShadowMaps {
     /// Six layers for each lamp of the plan.
-    pub lamps: Arc<Image>,
+    pub lamps: ShadowImages,
     /// One layer; a single texel without a sun.
-    pub sun: Arc<Image>,
+    pub sun: ShadowImages,
     /// One per layer of the lamps, in the lamp's space, and whether that moves with the models.
     eyes: Vec<(Eye, bool)>,
     /// `world_from_models` of the last drawing.
@@ -48,20 +103,17 @@ pub struct ShadowMaps {
 }
 
 impl ShadowMaps {
-    /// Makes images for a plan; nothing is drawn yet.
+    /// Makes images for a scene's plan; nothing is drawn yet.
     ///
     /// # Errors
     /// No memory.
-    pub fn new(gpu: &Arc<Gpu>, plan: &ShadowPlan, has_sun: bool) -> Result<Self> {
-        let usage = ImageUsageFlags::DEPTH_STENCIL_ATTACHMENT | ImageUsageFlags::SAMPLED;
-        let image = |name, side, layers| {
-            let flat = ImageDesc::flat(DEPTH_FORMAT, [side; 2], usage);
-            Image::new(gpu, name, ImageDesc { shape: Shape::Layers(layers), ..flat })
-        };
+    pub fn new(gpu: &Arc<Gpu>, resources: &SceneResources, has_sun: bool) -> Result<Self> {
+        let (plan, tints) = (&resources.shadow_plan, resources.tints());
         let has_sun = has_sun && plan.casts;
+        let sun_side = if has_sun { plan.sun_side } else { 1 };
         Ok(Self {
-            lamps: image("lamp shadows", plan.face, plan.layers())?,
-            sun: image("sun shadow", if has_sun { plan.sun_side } else { 1 }, 1)?,
+            lamps: ShadowImages::new(gpu, "lamp shadow", (plan.face, plan.layers()), tints)?,
+            sun: ShadowImages::new(gpu, "sun shadow", (sun_side, 1), tints)?,
             eyes: plan
                 .maps
                 .iter()
@@ -78,11 +130,7 @@ impl ShadowMaps {
 
     /// GPU memory, bytes.
     pub fn bytes(&self) -> u64 {
-        let bytes = |image: &Image| {
-            let [width, height] = image.desc().size.map(u64::from);
-            width * height * u64::from(image.desc().shape.layers()) * size_of::<f32>() as u64
-        };
-        bytes(&self.lamps) + bytes(&self.sun)
+        self.lamps.bytes() + self.sun.bytes()
     }
 
     /// The sun's map as shaders read it; all 0 without one.
@@ -116,8 +164,8 @@ impl ShadowMaps {
                 self.drawings += 1;
             }
         }
-        commands.prepare(&self.lamps, ImageAccess::DepthSampled);
-        commands.prepare(&self.sun, ImageAccess::DepthSampled);
+        self.lamps.prepare_to_read(commands);
+        self.sun.prepare_to_read(commands);
     }
 
     fn draw_lamps(
@@ -128,13 +176,13 @@ impl ShadowMaps {
         world_from_models: Mat4,
     ) {
         let models_from_world = world_from_models.inverse();
-        commands.prepare_fresh(&self.lamps, ImageAccess::Depth);
+        self.lamps.prepare_fresh(commands);
         for (layer, (eye, moves)) in (0..).zip(&self.eyes) {
             // As for the picture, models that are moved together are drawn by moving the eye the opposite way.
             let to_models = if *moves { Mat4::IDENTITY } else { models_from_world };
             let eye = Eye { world_from_view: to_models * eye.world_from_view, ..*eye };
             self.draws.fill(&resources.draws, &[eye], CullOptions::default());
-            render(commands, &self.lamps, layer, |commands| {
+            self.lamps.render(commands, layer, pass.tints(), |commands| {
                 pass.draw(commands, resources, set, self.draws.calls(), eye.clip_from_world());
             });
         }
@@ -149,23 +197,17 @@ impl ShadowMaps {
         towards: Vec3,
     ) {
         let view = SunView::new(resources.draws.iter().map(Draw::bounds), world_from_models, towards);
-        commands.prepare_fresh(&self.sun, ImageAccess::Depth);
+        self.sun.prepare_fresh(commands);
         // All is in view, and what is nearest is as good as any order.
         let all = CullOptions { frusta: false, backs: false, order: Order::Listed };
         let anywhere = Eye::symmetric(Mat4::IDENTITY, 90.0, 1.0, 1.0);
         self.draws.fill(&resources.draws, &[anywhere], all);
-        render(commands, &self.sun, 0, |commands| {
+        self.sun.render(commands, 0, pass.tints(), |commands| {
             let clip_from_models = view.clip_from_world() * world_from_models;
             pass.draw(commands, resources, set, self.draws.calls(), clip_from_models);
         });
         self.sun_view = Some(view);
     }
-}
-
-/// Draws into one layer, cleared to what is farthest.
-fn render(commands: &mut Commands<'_>, image: &Image, layer: u32, record: impl FnOnce(&mut Commands<'_>)) {
-    let depth = Some(DepthAttachment::cleared(image.attachment_of(Subresource { mip: 0, layer }), 0.0));
-    commands.render(&Attachments { colours: &[], depth, area: image.desc().size }, record);
 }
 
 /// The view of one face of a lamp's map, as `reference::shadow::lamp_place` looks it up.

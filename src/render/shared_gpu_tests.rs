@@ -86,6 +86,7 @@ impl Blocks {
             emission: counter.list(),
             flags: counter.next() as u32,
             dielectric_f0: counter.next(),
+            transmission: counter.list(),
         });
         let lights = std::array::from_fn(|_| LightBlock {
             position: counter.list(),
@@ -128,11 +129,12 @@ impl Blocks {
         }
         for material in self.materials {
             let MaterialBlock { base_color, metallic, roughness, alpha_cutoff, textures, opacity, .. } = material;
-            let MaterialBlock { emission, flags, dielectric_f0, .. } = material;
+            let MaterialBlock { emission, flags, dielectric_f0, transmission, .. } = material;
             numbers.extend(base_color);
             numbers.extend([metallic, roughness, alpha_cutoff, textures as f32, opacity]);
             numbers.extend(emission);
             numbers.extend([flags as f32, dielectric_f0]);
+            numbers.extend(transmission);
         }
         numbers
     }
@@ -209,6 +211,7 @@ fn features_of_rays_have_the_same_bits_as_in_glsl() {
         ("GLOSSY", ray_feature::GLOSSY),
         ("EXTRAS", ray_feature::EXTRAS),
         ("SKYRELAYS", ray_feature::SKY_RELAYS),
+        ("TINTS", ray_feature::TINTS),
         ("MAPS", ray_feature::MAPS),
     ];
     assert_eq!(constants(RAY_FEATURES, "uint", "RAYS_"), ours.map(|(name, bit)| (name.to_owned(), bit)));
@@ -244,6 +247,7 @@ fn specialization_constants_have_their_ids() {
         ("VERTEX_COLOURS", constant::VERTEX_COLOURS),
         ("SECOND_UV", constant::SECOND_UV),
         ("BLENDS", constant::BLENDS),
+        ("TINTS", constant::TINTS),
         ("SPHERE_LIGHTS", constant::SPHERE_LIGHTS),
     ];
     assert_eq!(declared.collect::<Vec<_>>(), ours);

@@ -9,7 +9,8 @@ use super::draws::DrawCall;
 use super::pipeline_request::PipelineRequest;
 use super::scene_resources::{PackedVertex, SceneResources};
 use crate::Result;
-use crate::gpu::{Commands, Cull, DepthState, DescriptorSet, Format, GraphicsDesc, Pipeline};
+use crate::gpu::{Blend, Commands, Cull, DepthState, DescriptorSet, Format, GraphicsDesc, Pipeline};
+use crate::scene::MaterialFeatures;
 
 /// Push constants of `glsl/placed.vert`.
 #[repr(C)]
@@ -28,13 +29,26 @@ const ATTRIBUTES: [(Format, u32); 2] = [
 /// What [`SurfacePass::picking`] draws into.
 pub const PICKED: Format = Format::R32_UINT;
 
-/// Pipelines for whole surfaces and for those with holes.
+/// What [`SurfacePass::shadow`] draws into beside depth, where it [`tints`](SurfacePass::tints).
+pub const TRANSMISSION: Format = Format::A2B10G10R10_UNORM_PACK32;
+
+/// How surfaces are drawn.
+#[derive(Clone, Copy, PartialEq)]
+enum Look {
+    Whole,
+    /// With holes.
+    Cutout,
+    /// As sheets that colour light, after all others: the nearest of those is where it ends.
+    Tinting,
+}
+
+/// Pipelines for each [`Look`] that the scene's surfaces have.
 pub struct SurfacePass {
     whole: Pipeline,
-    /// Only where the scene has some.
     cutout: Option<Pipeline>,
-    /// Of each of the scene's variants, whether it has holes.
-    has_holes: Vec<bool>,
+    tinting: Option<Pipeline>,
+    /// Of each of the scene's variants.
+    looks: Vec<Look>,
     /// Whether only those faces are drawn that a picture shows.
     as_seen: bool,
 }
@@ -43,26 +57,31 @@ pub struct SurfacePass {
 struct Kind<'a> {
     name: &'a str,
     fragments: [Option<&'a str>; 2],
+    /// Of sheets that colour light, if they differ; without it they are surfaces with holes.
+    tinting: Option<&'a str>,
     colours: &'a [Format],
     as_seen: bool,
 }
 
 impl SurfacePass {
-    /// Draws depth alone.
+    /// Draws depth, and what of light sheets before it let through.
     pub fn shadow(request: &PipelineRequest) -> Result<Self> {
         let fragments = [None, Some("shadow_cutout.frag")];
-        Self::new(request, Kind { name: "shadow", fragments, colours: &[], as_seen: false })
+        let tints = request.variants.iter().any(|features| features.tints);
+        let (tinting, colours) =
+            if tints { (Some("shadow_tint.frag"), &[TRANSMISSION][..]) } else { Default::default() };
+        Self::new(request, Kind { name: "shadow", fragments, tinting, colours, as_seen: false })
     }
 
     /// Draws one more than the index of each fragment's material, into a target of [`PICKED`].
     pub fn picking(request: &PipelineRequest) -> Result<Self> {
         let fragments = [Some("pick.frag"), Some("pick_cutout.frag")];
-        Self::new(request, Kind { name: "pick", fragments, colours: &[PICKED], as_seen: true })
+        Self::new(request, Kind { name: "pick", fragments, tinting: None, colours: &[PICKED], as_seen: true })
     }
 
     fn new(PipelineRequest { gpu, layouts, variants, .. }: &PipelineRequest, kind: Kind<'_>) -> Result<Self> {
-        let Kind { name, fragments: [whole, cutout], colours, as_seen } = kind;
-        let pipeline = |fragment| {
+        let Kind { name, fragments: [whole, cutout], tinting, colours, as_seen } = kind;
+        let pipeline = |fragment, depth, blend| {
             Pipeline::graphics(
                 gpu,
                 &GraphicsDesc {
@@ -74,14 +93,32 @@ impl SurfacePass {
                     push_bytes: size_of::<Push>() as u32,
                     vertex_stride: size_of::<PackedVertex>() as u32,
                     vertex_attributes: &ATTRIBUTES,
-                    depth: Some(DepthState::WRITE),
+                    depth: Some(depth),
+                    blend,
                     ..GraphicsDesc::default()
                 },
             )
         };
-        let has_holes: Vec<bool> = variants.iter().map(|features| features.alpha_mask || features.blends).collect();
-        let cutout = has_holes.contains(&true).then(|| pipeline(cutout)).transpose()?;
-        Ok(Self { whole: pipeline(whole)?, cutout, has_holes, as_seen })
+        let look = |features: &MaterialFeatures| match () {
+            () if features.tints && tinting.is_some() => Look::Tinting,
+            () if features.alpha_mask || features.blends => Look::Cutout,
+            () => Look::Whole,
+        };
+        let looks: Vec<Look> = variants.iter().map(look).collect();
+        let blend = if tinting.is_some() { Blend::Keep } else { Blend::None };
+        let write = |fragment| pipeline(fragment, DepthState::WRITE, blend);
+        Ok(Self {
+            whole: write(whole)?,
+            cutout: looks.contains(&Look::Cutout).then(|| write(cutout)).transpose()?,
+            tinting: tinting.map(|stage| pipeline(Some(stage), DepthState::TEST, Blend::Multiply)).transpose()?,
+            looks,
+            as_seen,
+        })
+    }
+
+    /// Whether it has an attachment of [`TRANSMISSION`].
+    pub fn tints(&self) -> bool {
+        self.tinting.is_some()
     }
 
     /// Draws, with reversed depth; to be called while rendering into a map or target.
@@ -95,17 +132,24 @@ impl SurfacePass {
     ) {
         let clip_from_models = clip_from_models.to_cols_array_2d();
         commands.bind_mesh(&resources.geometry.vertices, &resources.geometry.indices);
-        let mut last: Option<(bool, &DrawCall)> = None;
-        for call in calls {
-            let cutout = self.cutout.as_ref().filter(|_| self.has_holes[call.variant as usize]);
-            let pipeline = cutout.unwrap_or(&self.whole);
-            if last.is_none_or(|(holes, _)| holes != cutout.is_some()) {
+        let mut last: Option<(Look, &DrawCall)> = None;
+        let look = |call: &DrawCall| self.looks[call.variant as usize];
+        let blocks = calls.iter().filter(|call| look(call) != Look::Tinting);
+        for call in blocks.chain(calls.iter().filter(|call| look(call) == Look::Tinting)) {
+            let look = look(call);
+            let special = match look {
+                Look::Whole => None,
+                Look::Cutout => self.cutout.as_ref(),
+                Look::Tinting => self.tinting.as_ref(),
+            };
+            let pipeline = special.unwrap_or(&self.whole);
+            if last.is_none_or(|(last, _)| last != look) {
                 commands.bind_pipeline(pipeline);
             }
             if last.is_none() {
                 commands.bind_set(pipeline, 1, scene_set, &[]);
             }
-            if cutout.is_some() {
+            if special.is_some() {
                 commands.bind_set(pipeline, 2, &resources.textures.sets[call.textures as usize], &[]);
             }
             if last.is_none_or(|(_, last)| last.instance != call.instance) {
@@ -116,7 +160,7 @@ impl SurfacePass {
                 commands.cull(faces(call));
             }
             commands.draw_indexed(call.indices.clone(), 1);
-            last = Some((cutout.is_some(), call));
+            last = Some((look, call));
         }
         commands.cull(Cull::Nothing);
     }

@@ -11,7 +11,7 @@ use super::frame_set::FrameSet;
 use super::layouts;
 use crate::Result;
 use crate::gpu::{
-    AddressMode, Attachments, Binding, Buffer, BufferKind, ColourAttachment, Commands, DescriptorSet,
+    AddressMode, Attachments, Binding, Blend, Buffer, BufferKind, ColourAttachment, Commands, DescriptorSet,
     DescriptorSetLayout, Format, FrameContext, Gpu, GraphicsDesc, Image, ImageAccess, ImageDesc, ImageUsageFlags,
     Pipeline, Rect, Sampler,
 };
@@ -150,7 +150,7 @@ impl UiRenderer {
             sets: &[&self.frame_layout, &self.layout],
             push_bytes: size_of::<Push>() as u32,
             colours: &[format],
-            blend: true,
+            blend: Blend::Over,
             ..GraphicsDesc::default()
         };
         self.pipelines.push((format, Pipeline::graphics(&self.gpu, &desc)?));

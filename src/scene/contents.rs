@@ -103,8 +103,9 @@ pub struct Material {
     pub culls_backs: bool,
     /// Whether colours of vertices multiply base color and alpha.
     pub vertex_colours: bool,
-    /// Whether what it does not cover is seen through a sheet like glass: at slanted views there is less of it.
-    pub transmits: bool,
+    /// Of a sheet like glass: by which it and the base color map multiply light that goes through where it does not cover. At
+    /// slanted views less goes through.
+    pub transmission: Option<Vec3>,
     /// Whether its emission is its colour.
     pub unlit: bool,
 }
@@ -122,6 +123,12 @@ impl Material {
     /// Base color, normal, ORM and emissive map.
     pub fn maps(&self) -> [Option<usize>; 4] {
         [self.base_color_map, self.normal_map, self.orm_map, self.emissive_map]
+    }
+
+    /// Whether light that goes through it changes its colour.
+    pub fn tints(&self) -> bool {
+        let is_clear = |color: Vec3| color == Vec3::ONE && self.base_color_map.is_none() && !self.vertex_colours;
+        self.blends && self.transmission.is_some_and(|color| !is_clear(color))
     }
 
     /// Whether a map is looked up by second texture coordinates.

@@ -41,7 +41,7 @@ impl Material {
             blends: false,
             culls_backs: false,
             vertex_colours: false,
-            transmits: false,
+            transmission: None,
             unlit: false,
         }
     }
@@ -96,7 +96,7 @@ impl Plan<'_> {
         let mask = one_channel(&self.desc.mask_map);
         let alpha = match self.desc.alpha {
             AlphaUse::Guessed => Alpha::Guessed,
-            AlphaUse::Opaque => Alpha::Opaque,
+            AlphaUse::Opaque | AlphaUse::Opacity => Alpha::Opaque,
             // What is cut out depends on all of the map's alpha.
             AlphaUse::Mask(_) if self.desc.vertex_alpha => Alpha::Blend,
             AlphaUse::Mask(cutoff) => Alpha::Mask(cutoff.to_bits()),
@@ -158,10 +158,13 @@ impl Plan<'_> {
         let own_roughness = desc.roughness.of(is_read(1));
         let metallic = desc.metallic.of(is_read(2));
         let uses_alpha = base_color.is_some_and(|b| b.result.uses_alpha);
+        // A sheet's map colours what goes through it.
+        let map_factors =
+            if desc.transmission.is_some() { [Vec3::ONE, factor(base_color)] } else { [factor(base_color), Vec3::ONE] };
         Material {
             name: desc.name.clone(),
-            base_color_factor: desc.base_color.of(has_colour(base_color)) * factor(base_color),
-            opacity: if desc.alpha == AlphaUse::Blend { desc.opacity } else { 1.0 },
+            base_color_factor: desc.base_color.of(has_colour(base_color)) * map_factors[0],
+            opacity: if desc.alpha.blends() { desc.opacity } else { 1.0 },
             metallic_factor: metallic * factor(orm).z,
             // A map that is widened where normals lose detail includes the factor.
             roughness_factor: match orm {
@@ -180,10 +183,10 @@ impl Plan<'_> {
             occludes: ranges[0][0] < 1.0,
             // Above 1 all of it is a hole.
             alpha_cutoff: self.alpha_cutoff().filter(|cutoff| uses_alpha || desc.vertex_alpha || *cutoff > 1.0),
-            blends: desc.alpha == AlphaUse::Blend && (uses_alpha || desc.vertex_alpha || desc.opacity < 1.0),
+            blends: desc.alpha.blends() && (uses_alpha || desc.vertex_alpha || desc.opacity < 1.0),
             culls_backs: desc.culls_backs,
             vertex_colours: false,
-            transmits: desc.transmits,
+            transmission: desc.transmission.map(|color| color * map_factors[1]),
             unlit: desc.unlit,
         }
     }
@@ -192,7 +195,7 @@ impl Plan<'_> {
         match self.desc.alpha {
             AlphaUse::Guessed => Some(ALPHA_CUTOFF),
             AlphaUse::Mask(cutoff) => Some(cutoff),
-            AlphaUse::Opaque | AlphaUse::Blend => None,
+            AlphaUse::Opaque | AlphaUse::Blend | AlphaUse::Opacity => None,
         }
     }
 

@@ -400,17 +400,22 @@ fn glass_of_an_illumination_model_lets_light_through() {
     let folder = Folder::new();
     let of = |text: &str| only(&folder, text).0;
     let glass = of("Kd 0 0 0\nillum 7\nNi 1.5\nPr 0");
-    assert!(glass.blends && glass.transmits && (glass.opacity - 0.04 - 0.96 / 21.0).abs() < 1e-6);
+    assert!(glass.blends && glass.transmission == Some(Vec3::ONE) && (glass.opacity - 0.04 - 0.96 / 21.0).abs() < 1e-6);
     assert_eq!((glass.base_color_factor, glass.metallic_factor, glass.roughness_factor), (Vec3::ONE, 1.0, 0.0));
+    let bottle = of("Kd 0 0 0\nillum 4\nTf 0.2 0.8 0.1");
+    assert!(bottle.tints() && bottle.transmission == Some(Vec3::new(0.2, 0.8, 0.1)) && bottle.opacity == glass.opacity);
+    assert_eq!(of("Kd 0 0 0\nillum 4\nTf 0 0 0").transmission, Some(Vec3::ONE));
+    let (_, _, warnings) = only(&folder, "Kd 0.1 0 0\nillum 4\nTf 1 0 0");
+    assert!(warnings[0].contains("material a: Tf: colours what goes through glass alone"), "{warnings:?}");
     let diamond = of("Kd 0 0 0\nillum 6\nNi 2.4");
     assert!((diamond.dielectric_f0 - (1.4f32 / 3.4).powi(2)).abs() < 1e-6 && diamond.opacity > 0.2);
     // As programs write it for anything, or with other words for what is covered; metal.
     for other in
         ["Kd 0.1 0 0\nillum 7", "Kd 0 0 0\nillum 2", "Kd 0 0 0\nPm 1\nillum 7", "Kd 0 0 0\nmap_d vary.png\nillum 7"]
     {
-        assert!(!of(other).transmits, "{other}");
+        assert!(of(other).transmission.is_none(), "{other}");
     }
     let covered = of("Kd 0 0 0\nd 0.5\nillum 9");
-    assert!(covered.blends && !covered.transmits && covered.opacity == 0.5);
+    assert!(covered.blends && covered.transmission.is_none() && covered.opacity == 0.5);
     assert_eq!(of("Kd 1 1 1\nNi 1.45").dielectric_f0, 0.04);
 }

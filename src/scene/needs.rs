@@ -66,6 +66,8 @@ pub struct MaterialFeatures {
     pub second_uv: u32,
     /// Coverage by alpha, over what is behind.
     pub blends: bool,
+    /// What is behind is seen in another colour.
+    pub tints: bool,
 }
 
 impl MaterialFeatures {
@@ -81,6 +83,7 @@ impl MaterialFeatures {
         vertex_colours: VertexColours::None,
         second_uv: 0,
         blends: false,
+        tints: false,
     };
 
     /// The same for any factors of base color, metallic and roughness.
@@ -90,8 +93,8 @@ impl MaterialFeatures {
 
     /// Everything but what only this material's vertices have, or what changes its picture.
     fn everything(material: &Material) -> Self {
-        let Self { vertex_colours, second_uv, blends, .. } = Self::of(material);
-        Self { vertex_colours, second_uv, blends, ..Self::EVERYTHING }
+        let Self { vertex_colours, second_uv, blends, tints, .. } = Self::of(material);
+        Self { vertex_colours, second_uv, blends, tints, ..Self::EVERYTHING }
     }
 
     fn of(material: &Material) -> Self {
@@ -114,6 +117,7 @@ impl MaterialFeatures {
             },
             second_uv: (0..).zip(material.lookups).map(|(i, lookup)| u32::from(lookup.second_uv) << i).sum(),
             blends: material.blends,
+            tints: material.tints(),
         }
     }
 }

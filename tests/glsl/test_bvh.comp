@@ -10,7 +10,9 @@ struct Ray {
     float far;
 };
 struct Met {
-    RayHit nearest;
+    float t;
+    uint triangle;
+    vec3 weights;
     uint any;
 };
 layout(set = 0, binding = 0, scalar) readonly buffer Rays { Ray rays[]; };
@@ -21,6 +23,11 @@ bool is_hole(RayHit hit, float cosine)
     return false;
 }
 
+vec3 hole_transmission(RayHit hit)
+{
+    return vec3(1.0);
+}
+
 void main()
 {
     uint i = gl_GlobalInvocationID.x;
@@ -28,5 +35,6 @@ void main()
         return;
     Ray ray = rays[i];
     RayHit any = bvh_trace(ray.o, ray.d, ray.far, true);
-    met[i] = Met(bvh_trace(ray.o, ray.d, ray.far, false), any.t >= 0.0 ? 1u : 0u);
+    RayHit nearest = bvh_trace(ray.o, ray.d, ray.far, false);
+    met[i] = Met(nearest.t, nearest.triangle, nearest.weights, any.t >= 0.0 ? 1u : 0u);
 }

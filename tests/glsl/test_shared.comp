@@ -58,5 +58,8 @@ void main()
         put(materials[i].emission.z);
         put(float(materials[i].flags));
         put(materials[i].dielectric_f0);
+        put(materials[i].transmission.x);
+        put(materials[i].transmission.y);
+        put(materials[i].transmission.z);
     }
 }

@@ -1,13 +1,17 @@
 //! Alpha of models: opaque, masked and blended surfaces, and colours of vertices, against what they must give exactly.
 
-use glam::DVec3;
+use std::sync::Arc;
+
+use glam::{DVec3, Vec3};
 use image::{Rgba, RgbaImage};
+use pbr_vr::gpu::Gpu;
 use pbr_vr::reference::brdf::f_schlick;
-use pbr_vr::render::{LightModel, Shading};
+use pbr_vr::render::{Eye, LightModel, Shading};
+use pbr_vr::scene::Scene;
 use serde_json::{Value, json};
 
 use crate::common::Workshop;
-use crate::common::colour::{Look, assert_near, front, loaded, loaded_with_warnings, look, see};
+use crate::common::colour::{EYE_Z, Look, assert_near, front, loaded, loaded_with_warnings, look, see};
 use crate::common::gltf::{Gltf, Shape};
 use crate::common::stage::with_gpu;
 
@@ -90,36 +94,158 @@ fn the_reference_covers_by_chance_as_much_as_pictures_do() {
     });
 }
 
-/// A sheet that transmits, before a narrow wall that shines: what it mirrors is dark.
+/// Sees what is in the middle of [`front`]'s picture.
+fn keyhole() -> Eye {
+    Eye::looking(Vec3::new(0.0, 0.0, EYE_Z as f32), Vec3::ZERO, 0.4, 1.0)
+}
+
+fn glass(colour: [f64; 3], more: &Value) -> Value {
+    let mut material = json!({
+        "pbrMetallicRoughness": {"baseColorFactor": [colour[0], colour[1], colour[2], 1], "metallicFactor": 0, "roughnessFactor": 0},
+        "doubleSided": true, "extensions": {"KHR_materials_transmission": {"transmissionFactor": 1}},
+    });
+    more.as_object()
+        .into_iter()
+        .flatten()
+        .for_each(|(key, value)| material["pbrMetallicRoughness"][key] = value.clone());
+    material
+}
+
+/// A plate at a height, turned about the axis Y.
+fn sheet(z: f32, degrees: f64) -> Shape {
+    let (sine, cosine) = degrees.to_radians().sin_cos();
+    let mut sheet = Shape::plate([-1.5, 1.5], [-1.5, 1.5], 0.0);
+    let turned = |[x, y, _]: [f32; 3]| [x * cosine as f32, y, z - x * sine as f32];
+    sheet.positions.iter_mut().for_each(|p| *p = turned(*p));
+    sheet.normals.fill([sine as f32, 0.0, cosine as f32]);
+    sheet
+}
+
+/// What is seen in pictures and by each exact light through sheets before a narrow wall that shines: what they mirror is dark.
+fn assert_through(gpu: &Arc<Gpu>, name: &str, scene: &Scene, want: DVec3) {
+    for samples in [1, 4] {
+        let look_at = Look { samples, size: [8; 2], ..Look::default() };
+        for seen in look(gpu, scene, &[keyhole(), keyhole()], look_at) {
+            assert_near(&format!("{name}, {samples} samples"), seen.mean(), want, 1e-4, 5e-3);
+        }
+    }
+    let reference = Look { shading: Shading::Reference, frames: 32, size: [32; 2], ..Look::default() };
+    for light in [LightModel::Open, LightModel::Direct, LightModel::Baked] {
+        let mean = look(gpu, scene, &[keyhole()], Look { light, ..reference }).remove(0).mean();
+        // Each sample is 0 or the wall's light; where nothing is traced each shows one colour, three times as bright.
+        let channels = if light == LightModel::Baked || want == DVec3::splat(want.x) { 1.0 } else { 3.0 };
+        let through = want / (BLUE_WALL * channels);
+        let deviation =
+            BLUE_WALL * channels * (through * (1.0 - through)).map(f64::sqrt) / f64::from(32 * 32 * 32).sqrt();
+        assert_near(&format!("{name}, {light:?}"), mean, want, 4.5 * deviation.max_element(), 5e-3);
+    }
+}
+
+const BLUE_WALL: DVec3 = DVec3::new(BLUE[0], BLUE[1], BLUE[2]);
+
+fn with_wall() -> Gltf {
+    let mut gltf = Gltf::new();
+    let wall = gltf.material(glowing(BLUE, 1.0));
+    gltf.show(&Shape::plate([-0.3, 0.3], [-1.5, 1.5], -1.0), wall);
+    gltf
+}
+
 #[test]
 fn glass_lets_through_what_fresnel_leaves() {
     let shop = Workshop::new();
     with_gpu(|gpu| {
         for degrees in [0.0f64, 60.0, 75.0] {
-            let mut gltf = Gltf::new();
-            let wall = gltf.material(glowing(BLUE, 1.0));
-            gltf.show(&Shape::plate([-0.3, 0.3], [-1.5, 1.5], -1.0), wall);
-            let glass = gltf.material(json!({
-                "pbrMetallicRoughness": {"metallicFactor": 0, "roughnessFactor": 0}, "doubleSided": true,
-                "extensions": {"KHR_materials_transmission": {"transmissionFactor": 1}},
-            }));
-            let (sine, cosine) = degrees.to_radians().sin_cos();
-            let mut sheet = Shape::plate([-1.5, 1.5], [-1.5, 1.5], 0.0);
-            let turned = |[x, y, _]: [f32; 3]| [x * cosine as f32, y, -x * sine as f32];
-            sheet.positions.iter_mut().for_each(|p| *p = turned(*p));
-            sheet.normals.fill([sine as f32, 0.0, cosine as f32]);
-            gltf.show(&sheet, glass);
+            let mut gltf = with_wall();
+            let material = gltf.material(glass([1.0; 3], &json!({})));
+            gltf.show(&sheet(0.0, degrees), material);
             let (scene, _) = loaded_with_warnings(&gltf.write(&shop, "glass.gltf"), 0.0);
-            let want = DVec3::from(BLUE) * (1.0 - f_schlick(DVec3::splat(0.04), cosine).x);
-            let picture = see(gpu, &scene, Look::default()).about([0.0; 2], 1);
-            // The pixels about the middle are seen up to 0.3 degrees aside.
-            assert_near(&format!("{degrees}°"), picture, want, 0.0, 1e-2);
-            let reference = Look { shading: Shading::Reference, frames: 1024, size: [32; 2], ..Look::default() };
-            for light in [LightModel::Open, LightModel::Baked] {
-                let mean = see(gpu, &scene, Look { light, ..reference }).about([0.0; 2], 2);
-                // By chance 3 to 25 % are 0, of 1024 frames in 25 pixels.
-                assert_near(&format!("{degrees}°, {light:?}"), mean, want, 4.0 * 0.6 * 0.5 / 160.0, 1e-2);
+            let fresnel = f_schlick(DVec3::splat(0.04), degrees.to_radians().cos()).x;
+            assert_through(gpu, &format!("{degrees}°"), &scene, BLUE_WALL * (1.0 - fresnel));
+        }
+    });
+}
+
+#[test]
+fn glass_colours_what_is_behind_by_factor_texture_and_vertices() {
+    let shop = Workshop::new();
+    let [red, green] = [[0.9, 0.3, 0.05], [0.2, 0.7, 1.0]];
+    with_gpu(|gpu| {
+        let clear = 1.0 - f_schlick(DVec3::splat(0.04), 1.0).x;
+        let mut one = with_wall();
+        let material = one.material(glass(red, &json!({})));
+        one.show(&sheet(0.0, 0.0), material);
+        let mut two = with_wall();
+        for (colour, z) in [(red, 0.5), (green, -0.5)] {
+            let material = two.material(glass(colour, &json!({})));
+            two.show(&sheet(z, 0.0), material);
+        }
+        let mut painted = with_wall();
+        let texture = painted.texture(&RgbaImage::from_pixel(4, 4, Rgba([255, 188, 99, 77])), json!({}));
+        let material = painted.material(glass(red, &json!({"baseColorTexture": {"index": texture}})));
+        painted.show(&sheet(0.0, 0.0).coloured(|_| [1.0, 0.5, 1.0, 1.0]), material);
+        let decoded = |byte: f64| ((byte / 255.0 + 0.055) / 1.055).powf(2.4);
+        let texel = DVec3::new(1.0, 0.5 * decoded(188.0), decoded(99.0));
+        let (red, green) = (DVec3::from(red), DVec3::from(green));
+        for (name, gltf, want) in [
+            ("one", one, clear * red),
+            ("two", two, clear * clear * red * green),
+            ("texture and vertices", painted, clear * red * texel),
+        ] {
+            let (scene, _) = loaded_with_warnings(&gltf.write(&shop, "coloured.gltf"), 0.0);
+            assert_through(gpu, name, &scene, BLUE_WALL * want);
+        }
+    });
+}
+
+/// What lights a floor.
+#[derive(Clone, Copy, Debug)]
+enum Above {
+    Panel,
+    Lamp,
+    Sun,
+}
+
+/// Below a coloured sheet a grey floor has its colour, in pictures and in the exact one.
+#[test]
+fn light_through_coloured_glass_has_its_colour() {
+    let shop = Workshop::new();
+    let colour = [1.0, 0.5, 0.1];
+    let lit = |glass_colour: [f64; 3], by: Above| {
+        let mut gltf = Gltf::new();
+        let floor = gltf.material(painted([0.5, 0.5, 0.5, 1.0], "OPAQUE"));
+        gltf.show(&Shape::plate([-1.2, 1.2], [-1.2, 1.2], 0.0), floor);
+        let material = gltf.material(glass(glass_colour, &json!({})));
+        gltf.show(&sheet(1.0, 0.0), material);
+        match by {
+            Above::Panel => {
+                let panel = gltf.material(glowing([20.0; 3], 1.0));
+                gltf.show(&Shape::plate([-1.0, 1.0], [0.5, 1.5], 3.0), panel);
             }
+            Above::Lamp => {
+                gltf.light(json!({"type": "point", "intensity": 60.0}), json!({"translation": [1.0, 0, 4]}));
+            }
+            // It shines along −Z.
+            Above::Sun => gltf.light(json!({"type": "directional", "intensity": 3.0}), json!({})),
+        }
+        loaded_with_warnings(&gltf.write(&shop, "floor.gltf"), 0.0).0
+    };
+    let from_aside = Eye::looking(Vec3::new(0.0, -2.5, 0.6), Vec3::ZERO, 8.0, 1.0);
+    with_gpu(|gpu| {
+        for by in [Above::Panel, Above::Lamp, Above::Sun] {
+            let seen = |shading, frames, colour| {
+                let what = Look { light: LightModel::Baked, shading, size: [16; 2], frames, ..Look::default() };
+                look(gpu, &lit(colour, by), &[from_aside], what).remove(0).mean()
+            };
+            let [picture, exact] =
+                [(Shading::Pbr, 1), (Shading::Reference, 64)].map(|(shading, frames)| seen(shading, frames, colour));
+            let clear = seen(Shading::Pbr, 1, [1.0; 3]);
+            println!("{by:?}: {picture}, exact {exact}, picture without colour {clear}");
+            for light in [picture, exact] {
+                assert_near(&format!("{by:?}"), light / light.x, DVec3::from(colour), 0.001, 0.004);
+            }
+            assert_near(&format!("{by:?}, picture"), picture, exact, 0.0, 0.025);
+            // Shadows of clear glass are its coverage in sixteenths.
+            assert!((clear.x / picture.x - 1.0).abs() < 0.07, "{by:?}: {clear} without colour");
         }
     });
 }

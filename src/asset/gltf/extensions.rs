@@ -6,7 +6,7 @@ use super::source::Source;
 use crate::Result;
 use crate::error::{MAX_QUOTED, shortened};
 
-const READ: [&str; 9] = [
+const READ: [&str; 10] = [
     "KHR_lights_punctual",
     "KHR_texture_transform",
     "KHR_materials_emissive_strength",
@@ -14,12 +14,13 @@ const READ: [&str; 9] = [
     "KHR_materials_specular",
     "KHR_materials_transmission",
     "KHR_materials_unlit",
+    "KHR_materials_volume",
     "KHR_mesh_quantization",
     meshopt::NAME,
 ];
 
 /// Those of materials that are not drawn, and what a picture lacks without each.
-const NOT_DRAWN: [(&str, &str); 9] = [
+const NOT_DRAWN: [(&str, &str); 8] = [
     ("KHR_materials_anisotropy", "its highlights are not stretched"),
     ("KHR_materials_clearcoat", "drawn without its clear coat"),
     ("KHR_materials_diffuse_transmission", "no light shines through it"),
@@ -28,7 +29,6 @@ const NOT_DRAWN: [(&str, &str); 9] = [
     ("KHR_materials_pbrSpecularGlossiness", "drawn as a material of metalness and roughness"),
     ("KHR_materials_sheen", "drawn without its sheen"),
     ("KHR_materials_variants", "drawn in its first variant"),
-    ("KHR_materials_volume", "its surface is that of a thin sheet"),
 ];
 
 /// Other forms of pictures, where a file has a usual one as well; a map without warns of itself.

@@ -147,6 +147,30 @@ struct Transmission {
     transmission_texture: Option<TextureInfo>,
 }
 
+/// What a closed body of it does to light on its way through.
+#[derive(Deserialize)]
+#[serde(default, rename_all = "camelCase")]
+struct Volume {
+    thickness_factor: f32,
+    attenuation_distance: f32,
+    attenuation_color: [f32; 3],
+}
+
+impl Default for Volume {
+    fn default() -> Self {
+        Self { thickness_factor: 0.0, attenuation_distance: f32::INFINITY, attenuation_color: [1.0; 3] }
+    }
+}
+
+impl Volume {
+    /// By which light is multiplied at each of the two surfaces that it goes through, by Beer and Lambert's law.
+    fn per_surface(&self) -> Vec3 {
+        let distances = self.thickness_factor.max(0.0) / self.attenuation_distance.max(f32::MIN_POSITIVE);
+        let color = Vec3::from(self.attenuation_color).clamp(Vec3::ZERO, Vec3::ONE);
+        color.powf(0.5 * distances.min(f32::MAX))
+    }
+}
+
 struct Reader<'a> {
     source: &'a Source<'a>,
     /// The material in words.
@@ -331,8 +355,9 @@ impl Reader<'_> {
             self.warn(&format!("{key}: not supported with a texture or a mask; drawn as if it were not transparent"));
             return Ok(());
         }
-        self.source.warn_once(key, &format!("{}: {key}: light goes straight through it, uncolored and sharp", self.of));
-        desc.transmit(share);
+        self.source
+            .warn_once(key, &format!("{}: {key}: light goes straight through it, neither bent nor blurred", self.of));
+        desc.transmit(share, self.extension::<Volume>("KHR_materials_volume")?.unwrap_or_default().per_surface());
         Ok(())
     }
 

@@ -236,8 +236,8 @@ fn light_goes_through_what_transmits() {
     // Of a white sheet no light is lost: what does not go through comes back, from a clear one as from a mirror.
     for share in [1.0, 0.6] {
         let (glass, warning) = of(share, [1.0; 3], json!({"emissiveFactor": [0.5, 0, 0]}));
-        assert_eq!(warning, format!("{key}light goes straight through it, uncolored and sharp"));
-        assert!(glass.alpha == AlphaUse::Blend && glass.transmits);
+        assert_eq!(warning, format!("{key}light goes straight through it, neither bent nor blurred"));
+        assert_eq!((glass.alpha, glass.transmission), (AlphaUse::Opacity, Some(Vec3::ONE)));
         let through = share * (1.0 - 0.04 - 0.96 / 21.0);
         assert!(
             (1.0 - glass.opacity - through).abs() < 1e-6 && (glass.base_color.alone - 1.0).abs().max_element() < 1e-6
@@ -245,12 +245,31 @@ fn light_goes_through_what_transmits() {
         assert!((glass.opacity * glass.emissive.alone.x - 0.5).abs() < 1e-6);
         assert!(glass.opacity * glass.metallic.alone <= 1.0 - through && (share < 1.0 || glass.metallic.alone == 1.0));
     }
-    // Of a green one a part is.
-    let (green, _) = of(1.0, [0.0, 1.0, 0.0], json!({}));
-    assert!((green.opacity - 1.0 + 0.7152 * (1.0 - 0.04 - 0.96 / 21.0)).abs() < 1e-6);
-    assert!((green.opacity * green.base_color.alone.y - 0.04 - 0.96 / 21.0).abs() < 1e-6);
+    // A green one mirrors as much, and only green goes through. Where a part transmits, the rest is as green.
+    let (green, _) = of(1.0, [0.0, 1.0, 0.0], json!({"doubleSided": false}));
+    assert!((green.opacity - 0.04 - 0.96 / 21.0).abs() < 1e-6 && !green.culls_backs);
+    assert_eq!((green.base_color.alone, green.transmission), (Vec3::ONE, Some(Vec3::Y)));
+    let (green, _) = of(0.5, [0.0, 1.0, 0.0], json!({}));
+    let covers = green.opacity * green.base_color.alone - 0.5 * (0.04 + 0.96 / 21.0);
+    assert!((covers - 0.5 * Vec3::Y).abs().max_element() < 1e-6, "{covers}");
     let (black, _) = of(1.0, [0.0; 3], json!({}));
-    assert!(black.opacity == 1.0 && black.base_color.alone.is_finite());
+    assert!(black.transmission == Some(Vec3::ZERO) && black.base_color.alone.is_finite());
+    // A body of it multiplies light by its attenuation color at as many distances as it is thick, half at each surface.
+    let volume = |more: serde_json::Value| {
+        let glass = json!({"KHR_materials_transmission": {"transmissionFactor": 1}, "KHR_materials_volume": more});
+        let base = json!({"baseColorFactor": [1, 0.5, 1, 1], "metallicFactor": 0});
+        read(json!({"pbrMetallicRoughness": base, "extensions": glass})).0.transmission.expect("glass").to_array()
+    };
+    let color = [0.25, 1.0, 0.0];
+    for (more, want) in [
+        (json!({"thicknessFactor": 4, "attenuationDistance": 4, "attenuationColor": color}), [0.5, 0.5, 0.0]),
+        (json!({"thicknessFactor": 4, "attenuationDistance": 1, "attenuationColor": color}), [0.0625, 0.5, 0.0]),
+        (json!({"thicknessFactor": 4, "attenuationColor": color}), [1.0, 0.5, 1.0]),
+        (json!({"attenuationDistance": 1, "attenuationColor": color}), [1.0, 0.5, 1.0]),
+        (json!({"thicknessFactor": 3e38, "attenuationDistance": -1, "attenuationColor": [2, 1, 0.5]}), [1.0, 0.5, 0.0]),
+    ] {
+        assert_eq!(volume(more.clone()), want, "{more}");
+    }
     let texture = json!({"extensions": {"KHR_materials_transmission":
         {"transmissionFactor": 1, "transmissionTexture": {"index": 0}}}});
     for (share, other) in [(0.5, json!({"alphaMode": "MASK"})), (1.0, texture)] {
@@ -272,7 +291,7 @@ fn light_goes_through_what_transmits() {
     assert!((opaque - 0.04 - 0.96 / 21.0).abs() < 1e-6 && (blended - 0.1 * opaque).abs() < 1e-6, "{opaque}, {blended}");
     let both = json!({"KHR_materials_unlit": {}, "KHR_materials_transmission": {"transmissionFactor": 1}});
     let (unlit, _) = read(json!({"pbrMetallicRoughness": {"metallicFactor": 0}, "extensions": both}));
-    assert!(unlit.unlit && !unlit.transmits && unlit.alpha == AlphaUse::Opaque);
+    assert!(unlit.unlit && unlit.transmission.is_none() && unlit.alpha == AlphaUse::Opaque);
     good(json!({"extensions": {"KHR_materials_transmission": {}}}));
     good(json!({"extensions": {"KHR_materials_transmission": {"transmissionFactor": 1}}})); // metals do not
 }
