@@ -21,6 +21,7 @@ struct ShadowPlace {
     float layer; // of the lamp's six, 0 for the sun
     float depth;
     vec2 slope;  // change of depth per uv on the plane through the point
+    vec2 back;   // from uv to where the point would be if it had not been moved; of the sun's map
     vec2 spread; // radius of the light's disc in uv, seen through a hole, per depth between hole and point
 };
 
@@ -52,23 +53,27 @@ ShadowPlace lamp_place(vec3 q, vec3 n, float near, float radius, float texels)
     place.depth = near / along;
     float height = min(dot(m, p), -LEAST_SLANT * along);
     place.slope = near / (UV * height) * sides * m.xy;
+    place.back = vec2(0.0);
     place.spread = vec2(UV * radius / near);
     return place;
 }
 
-// Of a point in the sun's map, `p` by u, v and depth; `gradient`: the normal of the point's plane there, its last number
-// towards the sun. The plane is moved towards the light as far as it changes from a tap to the farthest of the four texels
-// compared there, and a quarter more.
-ShadowPlace sun_place(vec3 p, vec3 gradient, vec2 spread, float texels)
+// Of a point in the sun's map, `p` by u, v and depth; `gradient`: the normal of the point's plane, each number in metres of the map's
+// size along its axis, the last one towards the sun; `size2`: squares of the sizes.
+ShadowPlace sun_place(vec3 p, vec3 gradient, vec3 size2, vec2 spread, float texels)
 {
+    // Metres that the receiver is moved along its normal, as for lamps: texels are as large everywhere.
+    float offset = (LEAST_OFFSET_TEXELS * sqrt(max(size2.x, size2.y)) + NORMAL_OFFSET_TEXELS * (abs(gradient.x) + abs(gradient.y))) / texels;
+    vec3 moved = offset * gradient / size2;
+    p += moved;
     ShadowPlace place;
+    place.back = -moved.xy;
     place.uv = p.xy;
     place.layer = 0.0;
     place.spread = spread;
     float steepest = max(gradient.z, LEAST_SLANT * length(gradient));
     place.slope = -gradient.xy / steepest;
-    vec2 change = abs(place.slope) / texels;
-    place.depth = p.z + NORMAL_OFFSET_TEXELS * (change.x + change.y);
+    place.depth = p.z;
     return place;
 }
 

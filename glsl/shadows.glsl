@@ -33,20 +33,29 @@ float shadow_tap(sampler2DArrayShadow shadows, ShadowPlace place, float layer, v
     return texture(shadows, vec4(place.uv + offset, layer, place.depth + dot(place.slope, offset)));
 }
 
+// By which sheets before a tap's place multiply its light. They are not lit through themselves.
+vec3 transmission_tap(sampler2DArray transmission, ShadowPlace place, float layer, vec2 offset)
+{
+    bool is_tinted = rays_have(RAYS_TINTS) && !TINTS;
+    return is_tinted ? textureLod(transmission, vec3(place.uv + offset, layer), 0.0).rgb : vec3(1.0);
+}
+
 // Over 3 by 3 texels: four taps between them.
-float sharp_shadow(sampler2DArrayShadow shadows, ShadowPlace place, float layer)
+vec3 sharp_shadow(sampler2DArrayShadow shadows, sampler2DArray transmission, ShadowPlace place, float layer)
 {
     vec2 half_texel = 0.5 / vec2(textureSize(shadows, 0).xy);
-    float sum = 0.0;
-    for (int i = 0; i < 4; ++i)
-        sum += shadow_tap(shadows, place, layer, half_texel * vec2(2 * (i & 1) - 1, 2 * (i >> 1) - 1));
+    vec3 sum = vec3(0.0);
+    for (int i = 0; i < 4; ++i) {
+        vec2 offset = half_texel * vec2(2 * (i & 1) - 1, 2 * (i >> 1) - 1);
+        sum += shadow_tap(shadows, place, layer, offset) * transmission_tap(transmission, place, layer, offset);
+    }
     return 0.25 * sum;
 }
 
 // A light with a size: Fernando, "Percentage-Closer Soft Shadows" (2005). First the mean depth of what blocks within
 // reach, then a filter as wide as the light is, seen through a hole there. Loops end at once where all or nothing blocks;
 // a branch would not spare a software renderer the work.
-float soft_shadow(sampler2DArrayShadow shadows, sampler2DArray depths, ShadowPlace place, float layer)
+vec3 soft_shadow(sampler2DArrayShadow shadows, sampler2DArray depths, sampler2DArray transmission, ShadowPlace place, float layer)
 {
     vec2 texel = 1.0 / vec2(textureSize(shadows, 0).xy);
     vec2 reach = clamp(place.spread * (1.0 - place.depth), texel, vec2(WIDEST));
@@ -60,24 +69,17 @@ float soft_shadow(sampler2DArrayShadow shadows, sampler2DArray depths, ShadowPla
         depth += blocks * stored;
     }
     vec2 width = clamp(place.spread * (depth / max(blockers, 1.0) - place.depth), 0.5 * texel, vec2(WIDEST));
-    float sum = blockers > 0.0 ? 0.0 : float(FILTER_TAPS);
+    vec3 sum = blockers > 0.0 ? vec3(0.0) : transmission_tap(transmission, place, layer, vec2(0.0));
     int taps = blockers > 0.0 && blockers < float(SEARCH_TAPS) ? FILTER_TAPS : 0;
+    // At its foot a shadow is looked up where the receiver was moved to: walls would be lit along the edge of a roof without
+    // thickness. A wide penumbra would be moved with it.
+    vec2 narrow = 0.5 * texel / width, back = (1.0 - max(narrow.x * narrow.x, narrow.y * narrow.y)) * place.back;
     d = vec2(1.0, 0.0);
-    for (int i = 0; i < taps; ++i, d = turned(d))
-        sum += shadow_tap(shadows, place, layer, width * (disc_radius(i, FILTER_TAPS) * d));
-    return sum / float(FILTER_TAPS);
-}
-
-// By which sheets before a place multiply its light: over 3 by 3 texels. Those are not lit through themselves.
-vec3 transmission_to(sampler2DArray transmission, ShadowPlace place, float layer)
-{
-    if (!rays_have(RAYS_TINTS) || TINTS)
-        return vec3(1.0);
-    vec2 half_texel = 0.5 / vec2(textureSize(transmission, 0).xy);
-    vec3 sum = vec3(0.0);
-    for (int i = 0; i < 4; ++i)
-        sum += textureLod(transmission, vec3(place.uv + half_texel * vec2(2 * (i & 1) - 1, 2 * (i >> 1) - 1), layer), 0.0).rgb;
-    return 0.25 * sum;
+    for (int i = 0; i < taps; ++i, d = turned(d)) {
+        vec2 offset = back + width * (disc_radius(i, FILTER_TAPS) * d);
+        sum += shadow_tap(shadows, place, layer, offset) * transmission_tap(transmission, place, layer, offset) / float(FILTER_TAPS);
+    }
+    return sum;
 }
 
 // What reaches a point of a lamp's light; `n`: the triangle's own normal there, on the side that is seen.
@@ -86,14 +88,13 @@ vec3 lamp_visibility(PointLight light, vec3 position, vec3 n)
     vec3 q = position - light.position;
     ShadowPlace place = lamp_place(q, n, light.shadow_near, light.radius, float(textureSize(lamp_shadows, 0).x));
     float layer = float(light.shadow_layer) + place.layer;
-    float lit = 1.0;
+    vec3 lit = vec3(1.0);
     // A lamp without a map lights everything; a surface turned away from it is its own shadow.
     if (LAMP_SHADOWS == LAMP_SHADOWS_SOFT)
-        lit = soft_shadow(lamp_shadows, lamp_depths, place, layer);
+        lit = soft_shadow(lamp_shadows, lamp_depths, lamp_transmission, place, layer);
     else
-        lit = sharp_shadow(lamp_shadows, place, layer);
-    vec3 through = lit * transmission_to(lamp_transmission, place, layer);
-    return light.shadow_layer < 0 ? vec3(1.0) : dot(n, q) < 0.0 ? through : vec3(0.0);
+        lit = sharp_shadow(lamp_shadows, lamp_transmission, place, layer);
+    return light.shadow_layer < 0 ? vec3(1.0) : dot(n, q) < 0.0 ? lit : vec3(0.0);
 }
 
 // A row of the sun's matrix: an axis over the map's size along it.
@@ -110,10 +111,10 @@ vec3 sun_visibility_at(vec3 position, vec3 n)
     // A plane's normal in the map's units: by the transposed inverse, the map's axes being perpendicular.
     vec3 size2 = 1.0 / vec3(dot(frame_row(0), frame_row(0)), dot(frame_row(1), frame_row(1)), dot(frame_row(2), frame_row(2)));
     vec3 gradient = (mat3(frame.sun_shadow.place_from_world) * n) * size2;
-    ShadowPlace place = sun_place(p, gradient, frame.sun_shadow.spread, float(textureSize(sun_shadows, 0).x));
-    float lit = soft_shadow(sun_shadows, sun_depths, place, 0.0);
+    ShadowPlace place = sun_place(p, gradient, size2, frame.sun_shadow.spread, float(textureSize(sun_shadows, 0).x));
+    vec3 lit = soft_shadow(sun_shadows, sun_depths, sun_transmission, place, 0.0);
     // A surface turned away from it is its own shadow.
-    return gradient.z > 0.0 ? lit * transmission_to(sun_transmission, place, 0.0) : vec3(0.0);
+    return gradient.z > 0.0 ? lit : vec3(0.0);
 }
 
 #endif

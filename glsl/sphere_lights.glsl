@@ -16,8 +16,7 @@ vec3 sphere_visibility(SphereLight light, vec3 p, vec3 n)
 {
     vec3 q = p - light.position;
     ShadowPlace place = lamp_place(q, n, light.shadow_near, 0.0, float(textureSize(lamp_shadows, 0).x));
-    float layer = float(light.shadow_layer) + place.layer;
-    vec3 lit = sharp_shadow(lamp_shadows, place, layer) * transmission_to(lamp_transmission, place, layer);
+    vec3 lit = sharp_shadow(lamp_shadows, lamp_transmission, place, float(light.shadow_layer) + place.layer);
     return light.shadow_layer < 0 ? vec3(1.0) : dot(n, q) < 0.0 ? lit : vec3(0.0);
 }
 

@@ -25,6 +25,8 @@ pub struct ShadowPlace {
     pub depth: f64,
     /// Change of depth per uv on the plane through the point.
     pub slope: DVec2,
+    /// From `uv` to where the point would be if it had not been moved; of the sun's map.
+    pub back: DVec2,
     /// Radius of the light's disc in uv, seen through a hole, per depth between hole and point.
     pub spread: DVec2,
 }
@@ -60,18 +62,22 @@ pub fn lamp_place(q: DVec3, n: DVec3, near: f64, radius: f64, texels: f64) -> Sh
         layer: 2 * axis as u32 + u32::from(negative),
         depth: near / along,
         slope: near / (uv * height) * sides * m.truncate(),
+        back: DVec2::ZERO,
         spread: DVec2::splat(uv * radius / near),
     }
 }
 
-/// The place of a point in the sun's map, `p` by u, v and depth; `gradient`: the normal of the point's plane there, its last
-/// number towards the sun; `spread` as in [`ShadowPlace`], `texels` along the map. The plane is moved towards the light as far
-/// as it changes from a tap to the farthest of the four texels compared there, and a quarter more.
-pub fn sun_place(p: DVec3, gradient: DVec3, spread: DVec2, texels: f64) -> ShadowPlace {
+/// The place of a point in the sun's map, `p` by u, v and depth; `gradient`: the unit normal of the point's plane, each number
+/// in metres of the map's size along its axis, the last one towards the sun; `size2`: squares of the sizes, m²; `spread` as in
+/// [`ShadowPlace`], `texels` along the map. The receiver is moved along its normal, as for lamps.
+pub fn sun_place(p: DVec3, gradient: DVec3, size2: DVec3, spread: DVec2, texels: f64) -> ShadowPlace {
+    let least = LEAST_OFFSET_TEXELS * size2.truncate().max_element().sqrt();
+    let offset = (least + NORMAL_OFFSET_TEXELS * gradient.truncate().abs().element_sum()) / texels;
+    let moved = offset * gradient / size2;
+    let p = p + moved;
     let steepest = gradient.z.max(LEAST_SLANT * gradient.length());
     let slope = -gradient.truncate() / steepest;
-    let depth = p.z + NORMAL_OFFSET_TEXELS * slope.abs().element_sum() / texels;
-    ShadowPlace { uv: p.truncate(), layer: 0, depth, slope, spread }
+    ShadowPlace { uv: p.truncate(), layer: 0, depth: p.z, slope, back: -moved.truncate(), spread }
 }
 
 /// The distance along the ray from `from` in direction `d` at which it meets a triangle, in lengths of `d`: Möller and
@@ -137,16 +143,21 @@ mod tests {
 
     #[test]
     fn a_plane_in_the_suns_map_is_nearer_than_all_four_texels() {
-        let gradient = DVec3::new(-0.3, 0.2, 0.9);
+        let n = DVec3::new(-0.3, 0.2, 0.9).normalize();
+        let sizes = DVec3::new(3.0, 2.0, 5.0);
+        let gradient = n * sizes;
         let p = DVec3::new(0.4, 0.6, 0.5);
-        let place = sun_place(p, gradient, DVec2::ONE, 100.0);
+        let place = sun_place(p, gradient, sizes * sizes, DVec2::ONE, 100.0);
+        let moved = (DVec3::from((place.uv, place.depth)) - p) * sizes;
+        assert!(moved.cross(n).length() < 1e-12 && moved.length() < 0.03, "{moved}");
         for (x, y) in [(-0.01, -0.01), (0.01, -0.01), (-0.01, 0.01), (0.01, 0.01)] {
             // The plane's own depth a texel away: where the gradient is perpendicular to the step.
             let there = p.z - (gradient.x * x + gradient.y * y) / gradient.z;
-            assert!(place.depth > there && place.depth - p.z < 0.01, "{place:?}, {there}");
+            let here = place.depth + place.slope.dot(p.truncate() - place.uv);
+            assert!(here > there && here - p.z < 0.02, "{place:?}, {there}");
             assert!((p.z + place.slope.dot(DVec2::new(x, y)) - there).abs() < 1e-12);
         }
-        assert!(sun_place(p, -gradient, DVec2::ONE, 100.0).slope.is_finite());
+        assert!(sun_place(p, -gradient, sizes * sizes, DVec2::ONE, 100.0).slope.is_finite());
     }
 
     #[test]

@@ -14,6 +14,7 @@ struct Input {
     near: f32,
     radius: f32,
     texels: f32,
+    sizes: [f32; 3],
 }
 
 #[repr(C)]
@@ -26,6 +27,8 @@ struct Output {
     spread: [f32; 2],
     sun_depth: f32,
     sun_slope: [f32; 2],
+    sun_uv: [f32; 2],
+    sun_back: [f32; 2],
 }
 
 #[test]
@@ -39,7 +42,8 @@ fn places_in_maps_agree() {
             let n = if i % 16 > 0 && n.dot(q) > 0.0 { -n } else { n };
             let near = 10f64.powf(-1.0 - 3.0 * random.unit()) as f32;
             let radius = if i % 3 == 0 { 0.0 } else { random.unit() as f32 };
-            Input { q: q.as_vec3().into(), n: n.as_vec3().into(), near, radius, texels: 1024.0 }
+            let sizes = [(); 3].map(|()| 10f64.powf(3.0 * random.unit() - 1.0) as f32);
+            Input { q: q.as_vec3().into(), n: n.as_vec3().into(), near, radius, texels: 1024.0, sizes }
         })
         .collect();
     let mut judge = Judge::default();
@@ -61,9 +65,12 @@ fn places_in_maps_agree() {
             &want.slope.to_array(),
             [1e-6 * near / q.length() / slant, 1e-6 / slant],
         );
-        let sun = sun_place(q, n, DVec2::splat(radius), 1024.0);
+        let sizes = DVec3::from(input.sizes.map(f64::from));
+        let sun = sun_place(q, n * sizes, sizes * sizes, DVec2::splat(radius), 1024.0);
         judge.near("sun's slope", input, &got.sun_slope, &sun.slope.to_array(), [1e-5, 1e-5]);
-        let slip = 1e-6 * (1.0 + q.z.abs() + sun.slope.abs().element_sum());
+        let slip = 1e-6 * (1.0 + q.abs().max_element() + (sun.depth - q.z).abs());
         judge.near("sun's depth", input, &[got.sun_depth], &[sun.depth], [slip, 0.0]);
+        judge.near("the way back", input, &got.sun_back, &sun.back.to_array(), [1e-9, 1e-5]);
+        judge.near("sun's uv", input, &got.sun_uv, &sun.uv.to_array(), [slip, 1e-6]);
     }
 }

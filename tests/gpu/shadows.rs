@@ -311,6 +311,28 @@ fn the_suns_shadow_lies_where_rays_say_and_begins_at_the_foot() {
     });
 }
 
+/// A room whose walls have no thickness, from within: shadow maps know its edges to half a texel.
+#[test]
+fn no_sun_shines_through_the_edges_of_thin_walls() {
+    with_gpu(|gpu| {
+        let room = [block([-2.0, 0.0, -1.5], [2.0, 2.5, 1.5]), block([-0.2, 0.0, -0.3], [0.2, 0.2, 0.3])].concat();
+        let brightest = |triangles: &[Triangle], towards, eye: &Eye| {
+            let picture = draw_needed(gpu, &sunny(triangles, towards).0, eye);
+            picture.into_iter().map(|pixel| pixel[0]).collect::<Vec<f32>>()
+        };
+        for towards in [[0.80, 0.18, 0.58], [-0.3, 0.8, 0.5], [0.6, 0.5, -0.6]].map(|t| DVec3::from(t).normalize()) {
+            let lit = brightest(&floor(), DVec3::Y, &eye([0.0, 1.0, 1.0], [0.0; 3])).into_iter().fold(0.0, f32::max);
+            let mut bright = 0;
+            for target in [[-2.0, 2.5, -1.5], [2.0, 2.5, 1.5], [-2.0, 0.0, 1.5], [2.0, 0.0, -1.5]] {
+                let inside = eye([0.1, 1.2, 0.05], target);
+                bright += brightest(&room, towards, &inside).into_iter().filter(|light| *light > 0.1 * lit).count();
+            }
+            println!("sun at {towards:.2}: {bright} bright pixels");
+            assert!(bright < 30, "sun at {towards:.2}: {bright} bright pixels");
+        }
+    });
+}
+
 #[test]
 fn the_suns_penumbra_has_the_width_of_its_disc() {
     with_gpu(|gpu| {
