@@ -6,7 +6,7 @@ use super::light_detail::LightDetail;
 use crate::context::Context;
 use crate::reference::shadow::FACE_TANGENT;
 use crate::scene::sphere_lights::SphereLight;
-use crate::scene::{Bounds, PointLight, Scene};
+use crate::scene::{Bounds, Material, PointLight, Scene};
 
 /// Layers of a lamp's map.
 pub const FACES: u32 = 6;
@@ -81,6 +81,8 @@ impl ShadowPlan {
             None => (sun_side(SUN_SIDE, info.memory), MOST_BYTES),
             Some(side) => (side, MOST_BYTES),
         };
+        // What sheets let through takes as much as depth.
+        let budget = if scene.materials.iter().any(Material::tints) { budget / 2 } else { budget };
         let most = context.gpu.max_image_size();
         if sun_side > most && casts {
             let told = format!("{} allows {most} texels a side: the sun's shadow map has no more", info.name);

@@ -95,6 +95,30 @@ fn a_gpu_without_options_draws_the_same() {
     assert_eq!((ran.code, ran.lines.len()), (Some(0), 0), "{:?}", ran.lines);
 }
 
+/// Without blending of two sources what goes through is as bright.
+#[test]
+fn coloured_glass_is_grey_where_two_sources_cannot_be_blended() {
+    let world = small_world();
+    world.write("pane.mtl", "newmtl glass\nKd 0 0 0\nillum 4\nTf 1 0.3 0.1\n");
+    let corners = "v -1 -1 0\nv 1 -1 0\nv 1 1 0\nv -1 1 0\nvn 0 0 1\n";
+    world.write("pane.obj", &format!("mtllib pane.mtl\nusemtl glass\n{corners}f 1//1 2//1 3//1 4//1\n"));
+    let layer = FaultLayer::install(world.folder.path());
+    let [whole, bare] = [(None, 0), (Some((&layer, "bare")), 1)].map(|(gpu, lines)| {
+        let file = format!("pane-{lines}.exr");
+        let render = ["render", "pane.obj", "--panorama", "sky.exr", "--light", "open", "-o", &file];
+        let ran = run(on(gpu, &world, &[&render[..], &SMALL[..6]].concat()));
+        assert_eq!((ran.code, ran.lines.len()), (Some(0), lines), "{:?}", ran.lines);
+        assert!(ran.lines.iter().all(|line| line.contains("coloured glass keeps its colour")), "{:?}", ran.lines);
+        let picture = picture(&world.path(&file));
+        let of = |channel: usize| picture.pixels.iter().map(|pixel| f64::from(pixel[channel])).sum::<f64>();
+        [0, 1, 2].map(of)
+    });
+    println!("{whole:?}, without {bare:?}");
+    let luminance = |[r, g, b]: [f64; 3]| 0.2126 * r + 0.7152 * g + 0.0722 * b;
+    assert!((luminance(whole) / luminance(bare) - 1.0).abs() < 0.1, "{whole:?}, {bare:?}");
+    assert!(whole[2] / whole[0] < 0.5 * bare[2] / bare[0], "{whole:?}, {bare:?}");
+}
+
 #[test]
 fn textures_and_shadow_maps_are_no_larger_than_the_gpu_allows() {
     let workshop = Workshop::new();

@@ -8,8 +8,8 @@ use pbr_vr::asset::{Panorama, Report, Storage, TextureOptions};
 use pbr_vr::context::Context;
 use pbr_vr::gpu::{FrameRing, Gpu, Subresource, read_image};
 use pbr_vr::render::{
-    Eye, FRAME_BYTES, FRAMES_IN_FLIGHT, FrameInputs, LightModel, Output, RenderSettings, Renderer, Shading,
-    StandardError, TextureSettings,
+    Eye, FRAME_BYTES, FRAMES_IN_FLIGHT, FrameInputs, LightDetail, LightModel, Output, RenderSettings, Renderer,
+    Shading, StandardError, TextureSettings,
 };
 use pbr_vr::scene::{LoadOptions, Scene, load};
 
@@ -24,11 +24,19 @@ pub struct Look {
     pub size: [u32; 2],
     pub samples: u32,
     pub frames: u64,
+    pub detail: LightDetail,
 }
 
 impl Default for Look {
     fn default() -> Self {
-        Self { light: LightModel::Open, shading: Shading::Pbr, size: [64; 2], samples: 1, frames: 1 }
+        Self {
+            light: LightModel::Open,
+            shading: Shading::Pbr,
+            size: [64; 2],
+            samples: 1,
+            frames: 1,
+            detail: LightDetail::default(),
+        }
     }
 }
 
@@ -99,10 +107,11 @@ pub fn loaded(path: &Path, sky: f32) -> Scene {
 
 /// Draws a scene for all eyes at once.
 pub fn look(gpu: &Arc<Gpu>, scene: &Scene, eyes: &[Eye], look: Look) -> Vec<Seen> {
-    let Look { light, shading, size, samples, frames } = look;
+    let Look { light, shading, size, samples, frames, detail } = look;
     let textures = TextureSettings { storage: Some(Storage::Raw), anisotropy: Some(1), ..Default::default() };
     let settings = RenderSettings {
         light,
+        light_detail: detail,
         shading,
         samples,
         output: Output::Linear,

@@ -6,7 +6,7 @@ use glam::{DVec3, Vec3};
 use image::{Rgba, RgbaImage};
 use pbr_vr::gpu::Gpu;
 use pbr_vr::reference::brdf::f_schlick;
-use pbr_vr::render::{Eye, LightModel, Shading};
+use pbr_vr::render::{Eye, LightDetail, LightModel, Shading};
 use pbr_vr::scene::Scene;
 use serde_json::{Value, json};
 
@@ -233,7 +233,8 @@ fn light_through_coloured_glass_has_its_colour() {
     with_gpu(|gpu| {
         for by in [Above::Panel, Above::Lamp, Above::Sun] {
             let seen = |shading, frames, colour| {
-                let what = Look { light: LightModel::Baked, shading, size: [16; 2], frames, ..Look::default() };
+                let detail = LightDetail { lightmap_size: Some(256), lightmap_samples: 16, ..LightDetail::default() };
+                let what = Look { light: LightModel::Baked, shading, size: [16; 2], frames, detail, ..Look::default() };
                 look(gpu, &lit(colour, by), &[from_aside], what).remove(0).mean()
             };
             let [picture, exact] =

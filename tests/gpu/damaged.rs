@@ -43,7 +43,12 @@ fn what_can_be_loaded_can_be_drawn() {
             let shading = if number % 4 == 0 { Shading::Reference } else { Shading::Pbr };
             let light = if number % 8 == 0 { LightModel::Baked } else { LightModel::Direct };
             // It holds no number that is none, or below 0.
-            look(gpu, &scene, &[eye], Look { light, shading, size: [32, 18], samples: 4, frames: 2 });
+            look(
+                gpu,
+                &scene,
+                &[eye],
+                Look { light, shading, size: [32, 18], samples: 4, frames: 2, ..Look::default() },
+            );
             drawn += 1;
         }
     });
