@@ -77,10 +77,9 @@ bool is_masked(uint triangle)
     return rays_have(RAYS_HOLES) && (bvh_triangle(triangle).material_and_flags & BVH_MASKED) != 0u;
 }
 
-// Whether a hit on an alpha-tested triangle, by a ray at this cosine to its normal, is in a hole.
-bool is_hole(RayHit hit, float cosine);
-// By which such a hole multiplies light that goes through.
-vec3 hole_transmission(RayHit hit);
+// Whether a hit on an alpha-tested triangle, by a ray at this cosine to its normal, is in a hole, and by which that multiplies
+// light that goes through.
+bool is_hole(RayHit hit, float cosine, out vec3 through);
 
 // Reciprocals that stay finite: a ray along an axis still has a sign on the other two.
 vec3 bvh_inverse(vec3 d)
@@ -173,9 +172,10 @@ RayHit bvh_trace(vec3 o, vec3 d, float t, bool any)
             RayHit hit = bvh_meet(node.first_triangle + bit, o, d);
             if (hit.t < 0.0 || hit.t >= t)
                 continue;
-            if (is_masked(hit.triangle) && is_hole(hit, bvh_cosine(hit, d))) {
+            vec3 through;
+            if (is_masked(hit.triangle) && is_hole(hit, bvh_cosine(hit, d), through)) {
                 if (rays_have(RAYS_TINTS)) {
-                    transmission *= hole_transmission(hit);
+                    transmission *= through;
                     tinted = max(tinted, hit.t);
                 }
                 continue;

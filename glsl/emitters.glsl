@@ -55,7 +55,8 @@ float emitted_to_side(uint triangle, bool back)
 // Whether light leaves a point with this emission: holes have none.
 bool is_shining(RayHit hit, vec3 emission)
 {
-    return emission != vec3(0.0) && !(is_masked(hit.triangle) && is_hole(hit, 1.0));
+    vec3 through;
+    return emission != vec3(0.0) && !(is_masked(hit.triangle) && is_hole(hit, 1.0, through));
 }
 
 // A point of all that shines.

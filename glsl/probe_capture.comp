@@ -54,7 +54,7 @@ vec4 radiance_along(vec3 d)
     RayHit hit = trace_ray(origin, d_world, 1e30, false);
     if (hit.t < 0.0)
         return vec4(0.0, 0.0, 0.0, luminance(hit.transmission));
-    vec3 light = hit.transmission * given_back(hit, d_world);
+    vec3 through = hit.transmission, light = through * given_back(hit, d_world);
     float wall = distance(work.position, box_exit(work.position, d, work.walls_low, work.walls_high)), t = hit.t;
     if (wall > NO_WALL)
         return vec4(light, 0.0);
@@ -63,9 +63,10 @@ vec4 radiance_along(vec3 d)
         float from = t * (1.0 + 1e-4) + 1e-5 * wall;
         hit = trace_ray(origin + from * d_world, d_world, 1e30, false);
         t = hit.t < 0.0 ? 1e30 : from + hit.t;
+        through *= hit.transmission;
         // Otherwise what was met first may be the wall of a room that is no box.
         if (t >= BEFORE_WALL * wall && t < BEYOND_WALL * wall && !is_back(hit, d_world))
-            light = mix(given_back(hit, d_world), light, share);
+            light = mix(through * given_back(hit, d_world), light, share);
     }
     return vec4(light, 0.0);
 }

@@ -119,10 +119,12 @@ vec2 ray_metallic_roughness(RayHit hit, Material material, vec2 uv)
     return vec2(material.metallic, material.roughness) * textureLod(ray_orm, at, 0.0).bg;
 }
 
-bool is_hole(RayHit hit, float cosine)
+bool is_hole(RayHit hit, float cosine, out vec3 through)
 {
     Material material = materials[bvh_triangle(hit.triangle).material_and_flags & BVH_MATERIAL];
-    float alpha = material.opacity * ray_base_factors(hit, material, ray_uv(hit)).a;
+    vec4 factors = ray_base_factors(hit, material, ray_uv(hit));
+    float alpha = material.opacity * factors.a;
+    through = is_tinting(material) ? material.transmission * factors.rgb : vec3(1.0);
     if ((material.flags & MATERIAL_BLENDS) == 0u)
         return alpha < material.alpha_cutoff;
     if ((material.flags & MATERIAL_TRANSMITS) != 0u)
@@ -130,12 +132,6 @@ bool is_hole(RayHit hit, float cosine)
     // As many rays are stopped as the surface covers of what is behind. No two rays meet it in the same place.
     uvec4 place = uvec4(floatBitsToUint(hit.weights.xy), floatBitsToUint(hit.t), hit.triangle);
     return unit_from_bits(pcg4d(place).x) >= alpha;
-}
-
-vec3 hole_transmission(RayHit hit)
-{
-    Material material = materials[bvh_triangle(hit.triangle).material_and_flags & BVH_MATERIAL];
-    return is_tinting(material) ? material.transmission * ray_base_factors(hit, material, ray_uv(hit)).rgb : vec3(1.0);
 }
 
 vec4 ray_frame(RayCorner corner)

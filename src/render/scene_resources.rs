@@ -181,10 +181,6 @@ impl SceneResources {
             }
         };
         let drawn: Vec<DrawnMaterial> = (0..scene.materials.len()).map(&mut drawn).collect();
-        if variants.all.iter().any(|features| features.tints) && !gpu.blends_two_sources() {
-            let told = "no blending of two sources; what is seen through coloured glass keeps its colour";
-            context.report.warn(format!("{}: {told}", gpu.info().name));
-        }
         let spheres = match mirrors::any(scene, settings.model) {
             true => SphereLight::all(geometry, &scene.materials),
             false => Vec::new(),
@@ -217,6 +213,10 @@ impl SceneResources {
             textures,
             draws,
         };
+        if resources.tints() && !gpu.blends_two_sources() {
+            let told = "no blending of two sources; what is seen through coloured glass keeps its colour";
+            context.report.warn(format!("{}: {told}", gpu.info().name));
+        }
         Ok((resources, clusters))
     }
 }

@@ -159,11 +159,11 @@ impl Plan<'_> {
         let metallic = desc.metallic.of(is_read(2));
         let uses_alpha = base_color.is_some_and(|b| b.result.uses_alpha);
         // A sheet's map colours what goes through it.
-        let map_factors =
-            if desc.transmission.is_some() { [Vec3::ONE, factor(base_color)] } else { [factor(base_color), Vec3::ONE] };
+        let map_factor = factor(base_color);
+        let map_covers = if desc.transmission.is_some() { Vec3::ONE } else { map_factor };
         Material {
             name: desc.name.clone(),
-            base_color_factor: desc.base_color.of(has_colour(base_color)) * map_factors[0],
+            base_color_factor: desc.base_color.of(has_colour(base_color)) * map_covers,
             opacity: if desc.alpha.blends() { desc.opacity } else { 1.0 },
             metallic_factor: metallic * factor(orm).z,
             // A map that is widened where normals lose detail includes the factor.
@@ -186,7 +186,7 @@ impl Plan<'_> {
             blends: desc.alpha.blends() && (uses_alpha || desc.vertex_alpha || desc.opacity < 1.0),
             culls_backs: desc.culls_backs,
             vertex_colours: false,
-            transmission: desc.transmission.map(|color| color * map_factors[1]),
+            transmission: desc.transmission.map(|color| color * map_factor),
             unlit: desc.unlit,
         }
     }

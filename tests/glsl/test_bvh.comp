@@ -18,14 +18,10 @@ struct Met {
 layout(set = 0, binding = 0, scalar) readonly buffer Rays { Ray rays[]; };
 layout(set = 0, binding = 1, scalar) writeonly buffer AllMet { Met met[]; };
 
-bool is_hole(RayHit hit, float cosine)
+bool is_hole(RayHit hit, float cosine, out vec3 through)
 {
+    through = vec3(1.0);
     return false;
-}
-
-vec3 hole_transmission(RayHit hit)
-{
-    return vec3(1.0);
 }
 
 void main()
