@@ -130,7 +130,7 @@ fn maya() {
             ("glassSG", [0.5, 0.6, 0.7], 0.0, 0.5),
             ("initialShadingGroup", [0.5; 3], 0.0, 0.5),
         ],
-        warnings: &["a.mtl:14: Tf: ", "a.mtl:6: map_Kd E:/projects/", "a.mtl: material blinn1SG: Kd 0 "],
+        warnings: &["a.mtl:6: map_Kd E:/projects/", "a.mtl: material blinn1SG: Kd 0 ", "a.mtl: material glassSG: Tf: "],
     };
     let scene = check(&shop, &obj, mtl, &expected);
     assert!(scene.materials[0].base_color_map.is_some());
