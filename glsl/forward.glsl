@@ -4,6 +4,7 @@
 
 #include "shared.glsl"
 #include "brdf.glsl"
+#include "clearcoat.glsl"
 #include "energy.glsl"
 #include "environment.glsl"
 #include "openness.glsl"
@@ -126,7 +127,28 @@ Surface widened_for_point_lights(Surface s, float variance)
     return s;
 }
 
-vec3 physically_based(Surface s)
+// What a clear coat leaves of the light of what is below.
+float left_by_clearcoat(Surface s, Surface coat)
+{
+    Energy energy = Energy(table_mean(brdf_table, coat.roughness), MULTI_SCATTER, CLEARCOAT_F0);
+    return under_clearcoat(s.clearcoat, energy, table_entry(brdf_table, coat.nv, coat.roughness));
+}
+
+// What the environment gives all layers.
+Split layered_environment(Surface s)
+{
+    Split split = environment(s, lobe_of(s));
+    if (CLEARCOAT) {
+        Surface coat = clearcoat_layer(s);
+        float left = left_by_clearcoat(s, coat);
+        split.diffuse *= left;
+        split.specular = left * split.specular + s.clearcoat * environment(coat, lobe_of(coat)).specular;
+    }
+    return split;
+}
+
+// What one layer sends to the eye of all light.
+vec3 layer_light(Surface s)
 {
     SpecularLobe lobe = lobe_of(s);
     Split split = environment(s, lobe);
@@ -134,6 +156,15 @@ vec3 physically_based(Surface s)
     float variance = normal_variance();
     vec3 points = point_lights(widened_for_point_lights(s, variance), position_world, energy, lobe.entry);
     return split.diffuse + split.specular + points + sun_light(s, variance, energy, lobe.entry);
+}
+
+vec3 physically_based(Surface s)
+{
+    vec3 light = layer_light(s);
+    if (!CLEARCOAT)
+        return light;
+    Surface coat = clearcoat_layer(s);
+    return left_by_clearcoat(s, coat) * light + s.clearcoat * layer_light(coat);
 }
 
 // D, F and G for the first light, or for one at the eye if the scene has none.
@@ -159,9 +190,9 @@ vec3 light_of(Surface s)
     if (SHADING == SHADING_PHONG)
         return phong(s) + s.emission;
     if (SHADING == SHADING_DIFFUSE)
-        return environment(s, lobe_of(s)).diffuse;
+        return layered_environment(s).diffuse;
     if (SHADING == SHADING_SPECULAR)
-        return environment(s, lobe_of(s)).specular;
+        return layered_environment(s).specular;
     if (SHADING == SHADING_IRRADIANCE)
         return environment_even(s.n).over_pi;
     return physically_based(s) + s.emission;

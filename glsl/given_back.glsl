@@ -3,6 +3,7 @@
 #define GIVEN_BACK_GLSL
 
 #include "shared.glsl"
+#include "clearcoat.glsl"
 #include "energy.glsl"
 #include "ray_surface.glsl"
 
@@ -13,11 +14,21 @@ vec3 total_albedo(Energy energy, vec3 base_color, float metallic, vec2 at)
     return min(specular + diffuse_even(energy, base_color, metallic, at), vec3(1.0));
 }
 
-// The same as if the surface were matt.
+// The same with the surface's clear coat, which is seen at this cosine, or from all around if it is below 0.
+vec3 coated_albedo(Surface s, float cosine, vec3 albedo)
+{
+    if (!rays_have(RAYS_CLEARCOAT) || s.clearcoat <= 0.0)
+        return albedo;
+    Energy energy = Energy(table_mean(brdf_table, s.clearcoat_roughness), MULTI_SCATTER, CLEARCOAT_F0);
+    vec2 at = cosine < 0.0 ? energy.mean : table_entry(brdf_table, cosine, s.clearcoat_roughness);
+    return mix(vec3(1.0), albedo, under_clearcoat(s.clearcoat, energy, at));
+}
+
+// Share that a surface gives back as if it were matt.
 vec3 matt_albedo(Surface s)
 {
     Energy energy = Energy(table_mean(brdf_table, s.roughness), MULTI_SCATTER, s.dielectric_f0);
-    return total_albedo(energy, s.base_color, s.metallic, energy.mean);
+    return coated_albedo(s, -1.0, total_albedo(energy, s.base_color, s.metallic, energy.mean));
 }
 
 // Share that is given back over that of even light. As the BRDF is reciprocal, it holds for where light comes from, too.

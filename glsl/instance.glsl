@@ -20,7 +20,12 @@ struct Material {
     uint flags;
     float dielectric_f0;
     vec3 transmission; // by which light is multiplied that goes through
+    float clearcoat;
+    float clearcoat_roughness;
 };
+
+// Least roughness of a clear coat: its lobe is narrower than a texel of any panorama, and never taken for a mirror's.
+const float MIN_CLEARCOAT_ROUGHNESS = 0.011;
 
 // What few vertices have, parallel to them.
 struct VertexExtra {

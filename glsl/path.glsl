@@ -57,7 +57,14 @@ vec3 lamp_light(PathPoint p, Scatter m, PointLight lamp, out vec3 l, out float f
     vec3 irradiance = light_irradiance(lamp, p.position, l);
     far = distance(lamp.position, p.position);
     float nl = dot(p.s.n, l);
-    return nl > 0.0 ? irradiance * nl * brdf(p.s, l, m.energy, m.at_v) : vec3(0.0);
+    if (nl <= 0.0)
+        return vec3(0.0);
+    vec3 sum = nl * brdf(p.s, l, m.energy, m.at_v);
+    if (rays_have(RAYS_CLEARCOAT)) {
+        Surface coat = clearcoat_layer(p.s);
+        sum = m.coat.left * sum + p.s.clearcoat * max(dot(coat.n, l), 0.0) * brdf(coat, l, m.coat.energy, m.coat.at_v);
+    }
+    return irradiance * sum;
 }
 
 // One sample of the panorama, weighted against `sample_scatter` by the balance heuristic (Veach (1997), eq. 9.8): with a
@@ -261,7 +268,7 @@ vec3 transported_light(PathPoint p, uvec4 seed)
         if (l.z <= 0.0 || (first && mirrored && PART == PART_SOFT_DIFFUSE))
             break;
         float density = scatter_density(m, l);
-        throughput *= mirrored ? f_schlick(m.f0, m.v.z) / m.specular_share : scattered_part(m, l, first) / density;
+        throughput *= mirrored ? mirrored_weight(m) : scattered_part(m, l, first) / density;
         vec3 l_world = world_from_surface * l;
         RayHit hit = RayHit(-1.0, 0u, vec3(0.0), vec3(1.0));
         bool at_sun = TRANSPORT == TRANSPORT_DIRECT && sun_density(l_world) > 0.0;

@@ -139,6 +139,16 @@ vec4 ray_frame(RayCorner corner)
     return vec4(unpackSnorm2x16(corner.frame.x), unpackSnorm2x16(corner.frame.y));
 }
 
+// The interpolated normal, without a map.
+vec3 ray_own_normal(RayHit hit)
+{
+    uint first = 3u * hit.triangle;
+    vec3 n = vec3(0.0);
+    for (uint i = 0u; i < 3u; ++i)
+        n += hit.weights[i] * frame_normal(ray_frame(ray_corners[first + i]));
+    return normalize_or(n, vec3(0.0, 1.0, 0.0));
+}
+
 // The normal map's vector; see surface.glsl's `mapped_normal`.
 vec3 ray_normal_of(RayHit hit, Material material, vec2 uv)
 {
@@ -189,6 +199,15 @@ vec3 emission_of_hit(RayHit hit)
     return ray_emission_of(hit, materials[bvh_triangle(hit.triangle).material_and_flags & BVH_MATERIAL], ray_uv(hit));
 }
 
+void set_clearcoat(inout Surface s, RayHit hit, Material material, vec2 uv, vec3 n)
+{
+    s.clearcoat = material.clearcoat;
+    if (has_map(MAP_ORM) && s.clearcoat > 0.0)
+        s.clearcoat *= textureLod(ray_orm, ray_map_at(hit, material, uv, MAP_ORM, textureSize(ray_orm, 0).x), 0.0).a;
+    s.clearcoat_roughness = max(material.clearcoat_roughness, MIN_CLEARCOAT_ROUGHNESS);
+    s.clearcoat_n = n;
+}
+
 // What a ray of unit direction d met.
 PathPoint ray_point(RayHit hit, vec3 d)
 {
@@ -214,6 +233,9 @@ PathPoint ray_point(RayHit hit, vec3 d)
     p.s.metallic = metallic_roughness.x;
     p.s.roughness = metallic_roughness.y;
     p.s.dielectric_f0 = material.dielectric_f0;
+    p.s.clearcoat = 0.0;
+    if (rays_have(RAYS_CLEARCOAT))
+        set_clearcoat(p.s, hit, material, uv, front * (turn * ray_own_normal(hit)));
     p.s.occlusion = 1.0; // rays find out themselves what light reaches
     return p;
 }

@@ -4,12 +4,27 @@
 
 #include "shared.glsl"
 #include "brdf.glsl"
+#include "clearcoat.glsl"
 #include "energy.glsl"
+#include "ray_features.glsl"
 #include "sampling.glsl"
 #include "shading_point.glsl"
 
 // Below this alpha the lobe (0.006 degrees) is narrower than a texel of a 16k panorama by far, and a mirror.
 const float MIRROR_ALPHA = 1e-4;
+
+// A clear coat for light from all around; local space is the base's.
+struct Coat {
+    float factor;
+    mat3 base_from_coat; // Z: its normal
+    vec3 v; // in its own space
+    float roughness;
+    float alpha;
+    float left;  // what it leaves of the base's light
+    float share; // of the samples
+    Energy energy;
+    vec2 at_v;
+};
 
 // The BRDF at one point, for light from all around.
 struct Scatter {
@@ -23,7 +38,38 @@ struct Scatter {
     bool mirror;
     Energy energy;
     vec2 at_v; // the table's entry
+    Coat coat;
 };
+
+Coat make_coat(Surface s, vec3 v, mat3 world_from_surface)
+{
+    Coat c;
+    c.factor = s.clearcoat;
+    c.base_from_coat = basis(s.clearcoat_n * world_from_surface);
+    v = v * c.base_from_coat;
+    c.v = normalize(vec3(v.xy, max(v.z, MIN_COS)));
+    c.roughness = s.clearcoat_roughness;
+    c.alpha = c.roughness * c.roughness;
+    c.energy = Energy(table_mean(brdf_table, c.roughness), MULTI_SCATTER, CLEARCOAT_F0);
+    c.at_v = table_entry(brdf_table, c.v.z, c.roughness);
+    c.left = under_clearcoat(c.factor, c.energy, c.at_v);
+    // As of the base's specular part; none where there is no coat.
+    c.share = c.factor > 0.0 ? max(1.0 - c.left, 0.1) : 0.0;
+    return c;
+}
+
+// The coat's part of the BRDF times its own n.l, for unit l of the base's space.
+float coat_scattered(Coat c, vec3 l)
+{
+    l = l * c.base_from_coat;
+    if (l.z <= 0.0)
+        return 0.0;
+    vec3 h = c.v + l, f0 = vec3(CLEARCOAT_F0);
+    float single = f_schlick(f0, 0.5 * length(h)).x * d_ggx(vec3(0.0, 0.0, 1.0), h, c.alpha)
+        * v_environment(l.z, c.v.z, c.roughness, GEOMETRY);
+    vec2 at_l = table_entry(brdf_table, l.z, c.roughness);
+    return c.factor * l.z * (single + multiple(c.energy, multiple_share(c.energy, f0), at_l, c.at_v).x);
+}
 
 Scatter make_scatter(Surface s, mat3 world_from_surface)
 {
@@ -44,6 +90,8 @@ Scatter make_scatter(Surface s, mat3 world_from_surface)
     float specular = max(f.r, max(f.g, f.b)), matte = max(diffuse.r, max(diffuse.g, diffuse.b));
     // Never below a tenth: the specular part has peaks that cosine samples do not find.
     m.specular_share = matte > 0.0 ? max(specular / (specular + matte), 0.1) : 1.0;
+    if (rays_have(RAYS_CLEARCOAT))
+        m.coat = make_coat(s, m.v, world_from_surface);
     return m;
 }
 
@@ -59,28 +107,47 @@ vec3 scattered(Scatter m, vec3 l)
         sum = beyond_single(m.energy, m.base_color, m.metallic, table_entry(brdf_table, l.z, m.roughness), m.at_v);
     if (!m.mirror)
         sum += f_schlick(m.f0, vh) * (d_ggx(vec3(0.0, 0.0, 1.0), h, m.alpha) * v_environment(l.z, m.v.z, m.roughness, GEOMETRY));
-    return sum * l.z;
+    return rays_have(RAYS_CLEARCOAT) ? sum * (m.coat.left * l.z) + coat_scattered(m.coat, l) : sum * l.z;
 }
 
 // The diffuse part of it; with GEOMETRY_SMITH alone.
 vec3 scattered_diffuse(Scatter m, vec3 l)
 {
     vec2 at_l = table_entry(brdf_table, l.z, m.roughness);
-    return (1.0 - m.metallic) * l.z * diffuse_kelemen2001(m.energy, m.base_color, at_l, m.at_v);
+    float left = rays_have(RAYS_CLEARCOAT) ? m.coat.left : 1.0;
+    return (left * (1.0 - m.metallic) * l.z) * diffuse_kelemen2001(m.energy, m.base_color, at_l, m.at_v);
 }
 
 // Density of `sample_scatter`, 1/sr; of a mirror that of its other directions.
 float scatter_density(Scatter m, vec3 l)
 {
-    float matte = (1.0 - m.specular_share) * l.z * INV_PI;
-    return m.mirror ? matte : matte + m.specular_share * pdf_vndf(m.v, m.v + l, m.alpha);
+    float density = (1.0 - m.specular_share) * l.z * INV_PI;
+    if (!m.mirror)
+        density += m.specular_share * pdf_vndf(m.v, m.v + l, m.alpha);
+    if (rays_have(RAYS_CLEARCOAT) && m.coat.share > 0.0)
+        density = mix(density, pdf_vndf(m.coat.v, m.coat.v + l * m.coat.base_from_coat, m.coat.alpha), m.coat.share);
+    return density;
+}
+
+// By which a mirror's own light is multiplied where `sample_scatter` has drawn it.
+vec3 mirrored_weight(Scatter m)
+{
+    vec3 weight = f_schlick(m.f0, m.v.z) / m.specular_share;
+    return rays_have(RAYS_CLEARCOAT) ? weight * (m.coat.left / (1.0 - m.coat.share)) : weight;
 }
 
 // A direction, and whether it is a mirror's own, which has no density: then light is weighted by Fresnel over the share.
 vec3 sample_scatter(Scatter m, uvec4 bits, out bool mirrored)
 {
     vec2 u = units_from_bits(bits.xy);
-    bool specular = unit_from_bits(bits.z) < m.specular_share;
+    float which = unit_from_bits(bits.z);
+    mirrored = false;
+    if (rays_have(RAYS_CLEARCOAT)) {
+        if (which < m.coat.share)
+            return m.coat.base_from_coat * reflect(-m.coat.v, sample_vndf(m.coat.v, u, m.coat.alpha));
+        which = (which - m.coat.share) / (1.0 - m.coat.share);
+    }
+    bool specular = which < m.specular_share;
     mirrored = specular && m.mirror;
     if (mirrored)
         return vec3(-m.v.xy, m.v.z);

@@ -16,6 +16,9 @@ struct Surface {
     vec3 emission; // radiance, W/(m^2 sr)
     float alpha;   // coverage
     vec3 transmission; // by which what is not covered is multiplied
+    float clearcoat; // share that has a clear coat
+    float clearcoat_roughness;
+    vec3 clearcoat_n; // its normal, as n
 };
 
 vec3 f0_of(Surface s)

@@ -15,7 +15,7 @@
 
 layout(BASE_COLOR_MAP) uniform sampler2D base_color_map;
 layout(NORMAL_MAP) uniform sampler2D normal_map;
-layout(ORM_MAP) uniform sampler2D orm_map; // occlusion, roughness, metallic
+layout(ORM_MAP) uniform sampler2D orm_map; // occlusion, roughness, metallic, clear coat
 layout(EMISSION_MAP) uniform sampler2D emission_map;
 
 layout(location = 0) centroid in vec4 covered_position;
@@ -86,14 +86,22 @@ Surface read_surface()
     s.emission = EMITS ? emission_opacity.rgb * SURFACE_TEXEL(emission_map, map_uv(MAP_EMISSION)).rgb : vec3(0.0);
     if (VERTEX_COLOURS == COLOURS_OF_EMISSION)
         s.emission *= vertex_colour.rgb;
-    vec3 maps = HAS_ORM_MAP ? SURFACE_TEXEL(orm_map, map_uv(MAP_ORM)).rgb : vec3(1.0);
+    vec4 maps = HAS_ORM_MAP ? SURFACE_TEXEL(orm_map, map_uv(MAP_ORM)) : vec4(1.0);
     s.occlusion = maps.r;
     s.roughness = maps.g * surface_factors.x;
     s.metallic = METALNESS == METALNESS_MIXED ? maps.b * base_color_metallic.a : float(METALNESS == METALNESS_METAL);
     s.dielectric_f0 = surface_factors.z;
-    vec3 n = mapped_normal();
+    vec3 n = mapped_normal(), own_n = normalize_or(normal_world, vec3(0.0, 1.0, 0.0));
     // Cloth and leaves are seen from behind, too.
     s.n = gl_FrontFacing ? n : -n;
+    s.clearcoat_n = gl_FrontFacing ? own_n : -own_n;
+    s.clearcoat = 0.0;
+    s.clearcoat_roughness = 1.0;
+    if (CLEARCOAT) {
+        Material material = materials[instances[draw.instance].material];
+        s.clearcoat = material.clearcoat * maps.a;
+        s.clearcoat_roughness = max(material.clearcoat_roughness, MIN_CLEARCOAT_ROUGHNESS);
+    }
     s.v = normalize_or(frame.eyes[eye].world_from_view[3].xyz - position_world, s.n);
     // A mapped normal may lean away from the eye; the surface is seen all the same.
     s.nv = clamp(dot(s.n, s.v), MIN_COS, 1.0);

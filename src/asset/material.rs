@@ -31,6 +31,11 @@ pub struct MaterialDesc {
     pub roughness: Factor<f32>,
     /// Reflectance at normal incidence of the part that is no metal.
     pub dielectric_f0: f32,
+    /// The share that has a clear coat, 0 to 1: a dielectric layer of index 1.5 and of this roughness, which normal maps do not turn.
+    pub clearcoat: f32,
+    pub clearcoat_roughness: f32,
+    /// Multiplies the share.
+    pub clearcoat_map: Option<MapDesc>,
     /// Radiance, W/(m² sr).
     pub emissive: Factor<Vec3>,
     /// sRGB; alpha as `alpha` says.
@@ -155,6 +160,9 @@ impl MaterialDesc {
             metallic: Factor::same(metallic),
             roughness: Factor::same(roughness),
             dielectric_f0: DIELECTRIC_F0,
+            clearcoat: 0.0,
+            clearcoat_roughness: 0.0,
+            clearcoat_map: None,
             emissive: Factor::same(Vec3::ZERO),
             base_color_map: None,
             mask_map: None,
@@ -205,7 +213,7 @@ impl MaterialDesc {
     pub fn origins(&self) -> Vec<String> {
         let normals = self.normals.as_ref().map(|normals| &normals.map);
         let maps = [&self.base_color_map, &self.mask_map, &self.occlusion_map, &self.roughness_map, &self.metallic_map];
-        let maps = maps.into_iter().chain([&self.emissive_map]).flatten().chain(normals);
+        let maps = maps.into_iter().chain([&self.emissive_map, &self.clearcoat_map]).flatten().chain(normals);
         maps.map(|map| map.origin.clone()).collect()
     }
 }

@@ -84,8 +84,9 @@ impl MipChain {
     /// An ORM map; roughness is raised where `normals` lose detail.
     pub fn orm(texture: Texture, normals: Option<&NormalLoss>, storage: Storage, report: &Report) -> Self {
         let plain = Self::without_levels(&texture, TexelFormat::Rgba8);
+        let block = if texture.texels().all(|texel| texel[3] == 255) { Block::Opaque } else { Block::Alpha };
         let levels = report.time("mips", || mips::orm_levels(texture, normals));
-        Self { levels, ..plain }.stored(storage, Block::Opaque, report)
+        Self { levels, ..plain }.stored(storage, block, report)
     }
 
     /// Bytes of the levels from `first` on.

@@ -70,19 +70,19 @@ pub fn normal_levels(texture: &Texture) -> Vec<Vec<u8>> {
     std::iter::once(first).chain(means.iter().map(|l| l.texels.iter().flat_map(|n| write(*n)).collect())).collect()
 }
 
-/// All levels of an ORM map (occlusion, roughness, metallic) as RGBA bytes, level 0 unchanged. Roughness is averaged as
+/// All levels of an ORM map (occlusion, roughness, metallic, clear coat) as RGBA bytes, level 0 unchanged. Roughness is averaged as
 /// α² = roughness⁴, and widened by the variance that the material's normal map loses at that size
 /// (`reference::mip::widened`).
 pub fn orm_levels(texture: Texture, normals: Option<&NormalLoss>) -> Vec<Vec<u8>> {
     let unit = |v: u8| f32::from(v) / 255.0;
-    let read = |[o, r, m, _]: [u8; 4]| [unit(o), unit(r).powi(4), unit(m)];
+    let read = |[o, r, m, c]: [u8; 4]| [unit(o), unit(r).powi(4), unit(m), unit(c)];
     let chain = smaller_levels(&texture, read);
-    let bytes = |level: &Level<3>| -> Vec<u8> {
+    let bytes = |level: &Level<4>| -> Vec<u8> {
         let widths = normals.and_then(|normals| normals.widths(level.size));
-        let write = |(i, [o, alpha_squared, m]): (usize, &[f32; 3])| {
+        let write = |(i, [o, alpha_squared, m, c]): (usize, &[f32; 4])| {
             let added = widths.as_ref().map_or(0.0, |widths| widths[i]);
             let roughness = (alpha_squared + added).min(1.0).powf(0.25);
-            [byte(*o), byte(roughness), byte(*m), 255]
+            [byte(*o), byte(roughness), byte(*m), byte(*c)]
         };
         level.texels.iter().enumerate().flat_map(write).collect()
     };

@@ -66,7 +66,7 @@ fn every_kind_of_level_agrees_with_its_f64_twin() {
             close(&colour[i], &truth, &what("colour", i));
         }
         let surface = orm_levels(noisy.clone(), None);
-        let read = |t| DVec4::new(unit(t).x, unit(t).y.powi(4), unit(t).z, 1.0);
+        let read = |t| DVec4::new(unit(t).x, unit(t).y.powi(4), unit(t).z, unit(t).w);
         for (i, (_, truth)) in reference(&noisy, read).iter().enumerate().skip(1) {
             let truth: Vec<f64> = truth.iter().flat_map(|t| [t.x, t.y.powf(0.25), t.z, t.w]).collect();
             close(&surface[i], &truth, &what("surface", i));

@@ -43,6 +43,8 @@ pub struct Mtl {
     pub ior: Option<f32>,
     pub metallic: Option<f32>,
     pub roughness: Option<f32>,
+    pub clearcoat: Option<f32>,
+    pub clearcoat_roughness: Option<f32>,
     pub map_kd: Option<Map>,
     pub map_ke: Option<Map>,
     pub map_ka: Option<Map>,
@@ -50,6 +52,7 @@ pub struct Mtl {
     pub map_d: Option<Map>,
     pub map_metallic: Option<Map>,
     pub map_roughness: Option<Map>,
+    pub map_clearcoat: Option<Map>,
     /// `norm`: always a normal map.
     pub norm: Option<Map>,
     /// `bump` or `map_Bump`: a height map, or a normal map (many exporters write it so).
@@ -176,6 +179,8 @@ fn read_key(
         "tr" => material.dissolve = material.dissolve.or(Some(1.0 - number(value)?)),
         "ni" => material.ior = Some(number(value)?),
         "pm" => material.metallic = Some(number(value)?),
+        "pc" => material.clearcoat = Some(number(value)?),
+        "pcr" => material.clearcoat_roughness = Some(number(value)?),
         "pr" => material.roughness = Some(number(value)?),
         "map_kd" => material.map_kd = map()?,
         "map_ke" => material.map_ke = map()?,
@@ -184,6 +189,7 @@ fn read_key(
         "map_d" | "map_opacity" => material.map_d = map()?,
         "map_pm" | "map_metallic" => material.map_metallic = map()?,
         "map_pr" | "map_roughness" => material.map_roughness = map()?,
+        "map_pc" => material.map_clearcoat = map()?,
         "norm" | "map_norm" | "map_normal" => material.norm = map()?,
         "bump" | "map_bump" => material.bump = map()?,
         "map_orm" => set_packed(material, &map()?, [Pick::Red, Pick::Green, Pick::Blue]),
@@ -210,7 +216,7 @@ fn set_packed(material: &mut Mtl, map: &Option<Map>, picks: [Pick; 3]) {
 fn unread(key: &str, value: &str) -> Option<&'static str> {
     let differs_from = |nothing: f32| value.split_whitespace().any(|word| word.parse() != Ok(nothing));
     Some(match key {
-        "" | "newmtl" | "sharpness" | "pcr" | "anisor" => return None,
+        "" | "newmtl" | "sharpness" | "anisor" => return None,
         _ if key.starts_with('#') => return None,
         "map_ks" => "a colour of highlights is not modelled; dielectrics mirror as Ni says, metals their base colour",
         "map_ns" => "exponents of highlights are not read from pictures; give roughness as map_Pr",
@@ -219,9 +225,9 @@ fn unread(key: &str, value: &str) -> Option<&'static str> {
         "disp" | "map_disp" => "displacement is not modelled; give heights as map_Bump",
         "decal" => "decals are not modelled",
         "map_tr" => "pictures of transparency are not read; give coverage as map_d",
-        "ps" | "pc" | "aniso" if !differs_from(0.0) => return None,
+        "ps" | "aniso" if !differs_from(0.0) => return None,
         "ps" | "map_ps" => "sheen is not modelled",
-        "pc" | "map_pc" | "map_pcr" => "clear coats are not modelled",
+        "map_pcr" => "roughness of clear coats is not read from pictures; give it as Pcr",
         "aniso" | "map_aniso" => "anisotropic highlights are not modelled; they are drawn round",
         "map_aat" => return None,
         _ => "unknown key; ignored",
@@ -370,9 +376,9 @@ mod tests {
         let silent = b"newmtl a\nKa 1 1 1\nillum 2\nNi 1.45\nTf 1 1 1\nPs 0\nPc 0.0\nPcr 0.03\naniso 0\nanisor 0\n# c\n\nmap_Kd -mm 0 1 -clamp off a.png";
         assert_eq!(parsed(silent).1, [""; 0]);
         let loud = b"newmtl a\nmap_Ns e.png\nmap_refl r.png\nrefl -type sphere s.png\nmap_Ks k.png\ndisp d.png\n\
-            Pc 1\nshiny 3\nmap_Kd -clamp on -t 1 0 0 -mm 0 2 a.png\nnewmtl b\nmap_ks k.png\nPc 1\nshiny 4\nmap_Kd -clamp on a.png";
+            map_Pcr c.png\nshiny 3\nmap_Kd -clamp on -t 1 0 0 -mm 0 2 a.png\nnewmtl b\nmap_ks k.png\nmap_Pcr c.png\nshiny 4\nmap_Kd -clamp on a.png";
         let (_, warnings) = parsed(loud);
-        let keys = ["map_Ns", "map_refl", "refl", "map_Ks", "disp", "Pc", "shiny", "map_Kd -t"];
+        let keys = ["map_Ns", "map_refl", "refl", "map_Ks", "disp", "map_Pcr", "shiny", "map_Kd -t"];
         assert_eq!(warnings.len(), keys.len() + 1, "{warnings:#?}");
         for (number, key) in keys.iter().enumerate() {
             assert!(warnings[number].starts_with(&format!("a.mtl:{}: {key}: ", number + 2)), "{}", warnings[number]);

@@ -123,6 +123,7 @@ impl Interpreter<'_> {
         let roughness_map = self.map(mtl, mtl.map_roughness.as_ref(), Pick::Red);
         let metallic_map = self.map(mtl, mtl.map_metallic.as_ref(), Pick::Red);
         let emissive_map = self.map(mtl, mtl.map_ke.as_ref(), Pick::Red);
+        let clearcoat_map = self.map(mtl, mtl.map_clearcoat.as_ref(), Pick::Red);
         let opacity = self.opacity(mtl);
         let mut desc = MaterialDesc {
             base_color: self.base_color(mtl, base_color_map.is_some()),
@@ -130,6 +131,11 @@ impl Interpreter<'_> {
             metallic: self.metallic(mtl, metallic_map.is_some()),
             roughness: self.roughness(mtl, roughness_map.is_some()),
             dielectric_f0: dielectric_f0(mtl),
+            clearcoat: self
+                .factor(mtl, ("Pc", mtl.clearcoat), clearcoat_map.is_some(), 0.0)
+                .of(clearcoat_map.is_some()),
+            clearcoat_roughness: self.factor(mtl, ("Pcr", mtl.clearcoat_roughness), false, 0.0).alone,
+            clearcoat_map,
             emissive: self.emissive(mtl, emissive_map.is_some()),
             base_color_map,
             mask_map,

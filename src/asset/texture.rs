@@ -113,9 +113,9 @@ impl Texture {
         self.pixels.chunks_exact_mut(4).for_each(|texel| texel[3] = 255);
     }
 
-    /// Packs three channels into red, green and blue, resized to the largest of them; absent ones become 255. `None` if
+    /// Packs channels into red, green, blue and alpha, resized to the largest of them; absent ones become 255. `None` if
     /// all are absent.
-    pub fn packed(name: String, channels: [Option<&Channel>; 3]) -> Option<Self> {
+    pub fn packed(name: String, channels: [Option<&Channel>; 4]) -> Option<Self> {
         let width = channels.iter().flatten().map(|c| c.width).max()?;
         let height = channels.iter().flatten().map(|c| c.height).max()?;
         let mut pixels = vec![255; width as usize * height as usize * 4];
@@ -416,10 +416,11 @@ mod tests {
 
     #[test]
     fn packing_fills_and_resizes() {
-        let packed = Texture::packed("p".into(), [None, Some(&grey(2, &[10, 20])), Some(&grey(1, &[7]))]).unwrap();
+        let packed =
+            Texture::packed("p".into(), [None, Some(&grey(2, &[10, 20])), Some(&grey(1, &[7])), None]).unwrap();
         assert_eq!((packed.width, packed.height), (2, 1));
         assert_eq!(packed.pixels, [255, 10, 7, 255, 255, 20, 7, 255]);
-        assert_eq!(Texture::packed("p".into(), [None; 3]), None);
+        assert_eq!(Texture::packed("p".into(), [None; 4]), None);
     }
 
     #[test]

@@ -1,10 +1,11 @@
 //! Reference implementations in f64, without Vulkan: BRDF terms, sampling, integrals, colour, picture metrics.
 //!
-//! `math`, `brdf`, `disc`, `energy`, `sampling`, `cube`, `octahedral`, `openness`, `tone`, `probe`, `shadow` and `split_sum` are the twins
+//! `math`, `brdf`, `clearcoat`, `disc`, `energy`, `sampling`, `cube`, `octahedral`, `openness`, `tone`, `probe`, `shadow` and `split_sum` are the twins
 //! of the files of the same name in `glsl/` (`probe` of `probe_box.glsl`, `shadow` of `shadow_place.glsl`, `reprojection` of
 //! `mirror.frag`): same functions, same arguments, same constants.
 
 pub mod brdf;
+pub mod clearcoat;
 pub mod cube;
 pub mod disc;
 pub mod energy;

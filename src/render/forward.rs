@@ -221,7 +221,7 @@ impl ForwardPass {
     }
 }
 
-fn constants(features: MaterialFeatures, multiple: bool) -> [Constant; 11] {
+fn constants(features: MaterialFeatures, multiple: bool) -> [Constant; 12] {
     [
         (constant::HAS_BASE_COLOR_MAP, u32::from(features.base_color_map)),
         (constant::HAS_NORMAL_MAP, u32::from(features.normal_map)),
@@ -234,6 +234,7 @@ fn constants(features: MaterialFeatures, multiple: bool) -> [Constant; 11] {
         (constant::SECOND_UV, features.second_uv),
         (constant::BLENDS, u32::from(features.blends)),
         (constant::TINTS, u32::from(features.tints)),
+        (constant::CLEARCOAT, u32::from(features.clearcoat)),
     ]
 }
 

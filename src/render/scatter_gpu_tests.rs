@@ -15,6 +15,7 @@ use crate::gpu::{
 use crate::precompute::BrdfTable;
 use crate::precompute::harness_tests::{Judge, Random, with_gpu};
 use crate::reference::brdf::{Geometry, f0_from_metallic, specular};
+use crate::reference::clearcoat::Clearcoat;
 use crate::reference::energy::{Curve, Energy, Scattering};
 use crate::reference::split_sum::SplitSum;
 
@@ -27,7 +28,28 @@ struct Input {
     metallic: f32,
     dielectric_f0: f32,
     roughness: f32,
+    clearcoat: f32,
+    clearcoat_roughness: f32,
+    clearcoat_n: [f32; 3],
     bits: [u32; 4],
+}
+
+impl Input {
+    /// White of index 1.5, half rough, without a coat.
+    fn plain(v: Vec3, l: Vec3, bits: [u32; 4]) -> Self {
+        Self {
+            v: v.into(),
+            l: l.into(),
+            base_color: [1.0; 3],
+            metallic: 0.0,
+            dielectric_f0: 0.04,
+            roughness: 0.5,
+            clearcoat: 0.0,
+            clearcoat_roughness: 1.0,
+            clearcoat_n: [0.0, 0.0, 1.0],
+            bits,
+        }
+    }
 }
 
 #[repr(C)]
@@ -81,13 +103,16 @@ const GRID: [u32; 2] = [256, 512];
 #[test]
 fn samples_have_the_density_that_is_said() {
     with_gpu(|gpu| {
-        for (metallic, roughness, base_color, cosine) in [
-            (0.0f32, 1.0f32, 0.8f32, 0.9),
-            (0.0, 0.4, 0.5, 0.3),
-            (1.0, 0.5, 0.9, 0.7),
-            (1.0, 1.0, 1.0, 0.1),
-            (0.5, 0.7, 0.3, 0.5),
-            (0.0, 0.3, 0.0, 0.8),
+        // The last: factor, roughness and inclination of a clear coat.
+        for (metallic, roughness, base_color, cosine, [clearcoat, clearcoat_roughness, inclination]) in [
+            (0.0f32, 1.0f32, 0.8f32, 0.9, [0.0f32; 3]),
+            (0.0, 0.4, 0.5, 0.3, [0.0; 3]),
+            (1.0, 0.5, 0.9, 0.7, [0.0; 3]),
+            (1.0, 1.0, 1.0, 0.1, [0.0; 3]),
+            (0.5, 0.7, 0.3, 0.5, [0.0; 3]),
+            (0.0, 0.3, 0.0, 0.8, [0.0; 3]),
+            (0.0, 0.8, 0.1, 0.8, [1.0, 0.3, 0.0]),
+            (1.0, 0.6, 0.9, 0.4, [0.7, 0.5, 0.3]),
         ] {
             let v = slanted(cosine, 0.4).as_vec3();
             let mut random = Random(3);
@@ -98,13 +123,13 @@ fn samples_have_the_density_that_is_said() {
             let mut bits = || [0; 4].map(|_: u32| random.bits() as u32);
             let count = GRID[0] * GRID[1];
             let input = |i: u32| Input {
-                v: v.into(),
-                l: cell(i).into(),
                 base_color: [base_color; 3],
                 metallic,
-                dielectric_f0: 0.04,
                 roughness,
-                bits: bits(),
+                clearcoat,
+                clearcoat_roughness,
+                clearcoat_n: [inclination.sin(), 0.0, inclination.cos()],
+                ..Input::plain(v, cell(i), bits())
             };
             let inputs: Vec<Input> = (0..count).map(input).collect();
             let outputs = run(gpu, &inputs);
@@ -116,7 +141,7 @@ fn samples_have_the_density_that_is_said() {
             let ratio = |o: &&Output| f64::from(o.sample_value[0]) / f64::from(o.sample_density);
             let sampled = above.iter().map(ratio).sum::<f64>() / f64::from(count);
             let most = above.iter().map(ratio).fold(0.0, f64::max);
-            let name = format!("metallic {metallic}, roughness {roughness}, n.v {cosine}");
+            let name = format!("metallic {metallic}, roughness {roughness}, n.v {cosine}, coat {clearcoat}");
             println!("{name}: density {density:.4} for {part:.4}; {sampled:.4} for {value:.4}; at most {most:.2}");
             assert!((density - part).abs() < 0.006, "{name}: {density}, not {part}");
             assert!((sampled / value - 1.0).abs() < 0.01, "{name}: {sampled}, not {value}");
@@ -133,13 +158,10 @@ fn mirrors_have_a_direction_of_their_own() {
             let mut random = Random(5);
             let v = slanted(0.6, 1.0).as_vec3();
             let mut input = |_| Input {
-                v: v.into(),
-                l: [0.0, 0.0, 1.0],
                 base_color: [0.5; 3],
                 metallic,
-                dielectric_f0: 0.04,
                 roughness: 0.0,
-                bits: [0; 4].map(|_: u32| random.bits() as u32),
+                ..Input::plain(v, Vec3::Z, [0; 4].map(|_: u32| random.bits() as u32))
             };
             let inputs: Vec<Input> = (0..4096).map(&mut input).collect();
             let outputs = run(gpu, &inputs);
@@ -161,12 +183,18 @@ fn the_value_agrees() {
     let mut inputs = Vec::new();
     let roughnesses = [0.2f32, 0.35, 0.5, 0.75, 1.0];
     for i in 0..4000usize {
-        let [v, l] = [0; 2].map(|_| slanted(0.05 + 0.95 * random.unit(), TAU * random.unit()).as_vec3().to_array());
+        let [v, l] = [0; 2].map(|_| slanted(0.05 + 0.95 * random.unit(), TAU * random.unit()).as_vec3());
         let base_color = random.colour().as_vec3().into();
+        // A coat on every second one, inclined where it is seen from above.
+        let inclined = slanted(0.9 + 0.1 * random.unit(), TAU * random.unit()).as_vec3();
+        let clearcoat_n = if inclined.dot(v) > 0.05 { inclined } else { Vec3::Z }.into();
         let metallic = [0.0, 1.0, random.unit() as f32][i % 3];
         let dielectric_f0 = [0.04, 0.5 * random.unit() as f32][i % 2];
-        inputs.push(Input { v, l, base_color, metallic, dielectric_f0, roughness: roughnesses[i % 5], bits: [0; 4] });
+        let (roughness, clearcoat) = (roughnesses[i % 5], [0.0, 0.7][i / 5 % 2]);
+        let coat = Input { clearcoat, clearcoat_roughness: 0.4, clearcoat_n, ..Input::plain(v, l, [0; 4]) };
+        inputs.push(Input { base_color, metallic, dielectric_f0, roughness, ..coat });
     }
+    let coats = [0.0, 0.7].map(|factor| Clearcoat::new(factor, f64::from(0.4f32), Scattering::Multiple));
     let terms = roughnesses.map(|r| {
         let r = f64::from(r);
         (Energy::new(r, Geometry::Smith, Scattering::Multiple), Curve::new(r, Geometry::Smith))
@@ -180,7 +208,9 @@ fn the_value_agrees() {
         let (metallic, roughness) = (f64::from(input.metallic), f64::from(input.roughness));
         let f0 = f0_from_metallic(base_color, metallic, energy.dielectric_f0);
         let single = specular(DVec3::Z, v, l, f0, roughness, Geometry::Smith);
-        let want = (single + energy.beyond_single(base_color, metallic, curve.at(l.z), curve.at(v.z))) * l.z;
+        let base = (single + energy.beyond_single(base_color, metallic, curve.at(l.z), curve.at(v.z))) * l.z;
+        let (coat, n) = (&coats[i / 5 % 2], Vec3::from(input.clearcoat_n).as_dvec3());
+        let want = coat.left(n.dot(v)) * base + coat.scattered(n, v, l);
         // The table's entries are good to 2e-4; what is lost is a difference from 1, and divided by another.
         judge.near("scattered", input, &output.value, &want.to_array(), [1e-3, 2e-3]);
         assert!(output.density > 0.0 && output.share >= 0.1 && output.share <= 1.0);

@@ -291,6 +291,8 @@ fn material_block(material: &Material, textures: u32) -> MaterialBlock {
         opacity: material.opacity,
         dielectric_f0: material.dielectric_f0,
         transmission: material.transmission.unwrap_or(Vec3::ONE).into(),
+        clearcoat: material.clearcoat_factor,
+        clearcoat_roughness: material.clearcoat_roughness,
         emission: material.emissive_factor.into(),
         flags: material_flags(material),
     }

@@ -117,6 +117,9 @@ pub struct MaterialBlock {
     pub dielectric_f0: f32,
     /// By which light is multiplied that goes through it.
     pub transmission: [f32; 3],
+    /// The share that has a clear coat, and the coat's roughness.
+    pub clearcoat: f32,
+    pub clearcoat_roughness: f32,
 }
 
 /// Bits of [`MaterialBlock::flags`], as in `glsl/instance.glsl`.
@@ -208,7 +211,7 @@ const _: () = {
     assert!(size_of::<FrameBlock>() == 144 * MAX_EYES + 188 + size_of::<[SphereLightBlock; MAX_SPHERE_LIGHTS]>());
     assert!(offset_of!(InstanceBlock, material) == 64 && size_of::<InstanceBlock>() == 68);
     assert!(offset_of!(MaterialBlock, metallic) == 12 && offset_of!(MaterialBlock, emission) == 32);
-    assert!(size_of::<MaterialBlock>() == 64 && size_of::<VertexExtraBlock>() == 16);
+    assert!(size_of::<MaterialBlock>() == 72 && size_of::<VertexExtraBlock>() == 16);
     assert!(offset_of!(LightBlock, radius) == 12 && offset_of!(LightBlock, intensity) == 16);
     assert!(offset_of!(LightBlock, shadow_near) == 28 && offset_of!(LightBlock, shadow_layer) == 32);
     assert!(offset_of!(LightBlock, along) == 36 && size_of::<LightBlock>() == 56);
@@ -243,6 +246,7 @@ pub mod constant {
     pub const SPHERE_LIGHTS: u32 = 23;
     pub const RAY_FEATURES: u32 = 24;
     pub const TINTS: u32 = 25;
+    pub const CLEARCOAT: u32 = 26;
 }
 
 /// What rays may meet or be sent to in a scene: bits of [`constant::RAY_FEATURES`], described in `glsl/ray_features.glsl`.
@@ -254,6 +258,7 @@ pub mod ray_feature {
     pub const EXTRAS: u32 = 16;
     pub const SKY_RELAYS: u32 = 32;
     pub const TINTS: u32 = 64;
+    pub const CLEARCOAT: u32 = 128;
     /// Shifted by the number of a map, as [`material_flag::SECOND_UV`].
     pub const MAPS: u32 = 256;
 }

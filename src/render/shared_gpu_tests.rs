@@ -87,6 +87,8 @@ impl Blocks {
             flags: counter.next() as u32,
             dielectric_f0: counter.next(),
             transmission: counter.list(),
+            clearcoat: counter.next(),
+            clearcoat_roughness: counter.next(),
         });
         let lights = std::array::from_fn(|_| LightBlock {
             position: counter.list(),
@@ -129,12 +131,14 @@ impl Blocks {
         }
         for material in self.materials {
             let MaterialBlock { base_color, metallic, roughness, alpha_cutoff, textures, opacity, .. } = material;
-            let MaterialBlock { emission, flags, dielectric_f0, transmission, .. } = material;
+            let MaterialBlock { emission, flags, dielectric_f0, transmission, clearcoat, clearcoat_roughness, .. } =
+                material;
             numbers.extend(base_color);
             numbers.extend([metallic, roughness, alpha_cutoff, textures as f32, opacity]);
             numbers.extend(emission);
             numbers.extend([flags as f32, dielectric_f0]);
             numbers.extend(transmission);
+            numbers.extend([clearcoat, clearcoat_roughness]);
         }
         numbers
     }
@@ -212,6 +216,7 @@ fn features_of_rays_have_the_same_bits_as_in_glsl() {
         ("EXTRAS", ray_feature::EXTRAS),
         ("SKYRELAYS", ray_feature::SKY_RELAYS),
         ("TINTS", ray_feature::TINTS),
+        ("CLEARCOAT", ray_feature::CLEARCOAT),
         ("MAPS", ray_feature::MAPS),
     ];
     assert_eq!(constants(RAY_FEATURES, "uint", "RAYS_"), ours.map(|(name, bit)| (name.to_owned(), bit)));
@@ -248,6 +253,7 @@ fn specialization_constants_have_their_ids() {
         ("SECOND_UV", constant::SECOND_UV),
         ("BLENDS", constant::BLENDS),
         ("TINTS", constant::TINTS),
+        ("CLEARCOAT", constant::CLEARCOAT),
         ("SPHERE_LIGHTS", constant::SPHERE_LIGHTS),
     ];
     assert_eq!(declared.collect::<Vec<_>>(), ours);

@@ -80,6 +80,9 @@ pub struct Material {
     pub roughness_factor: f32,
     /// Reflectance at normal incidence of the part that is no metal.
     pub dielectric_f0: f32,
+    /// The share that has a clear coat, 0 to 1; the ORM map's alpha multiplies it.
+    pub clearcoat_factor: f32,
+    pub clearcoat_roughness: f32,
     /// Radiance, W/(m² sr).
     pub emissive_factor: Vec3,
     /// Indices into [`Scene::textures`].

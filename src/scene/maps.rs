@@ -58,10 +58,10 @@ pub enum TextureTask {
         alpha: Alpha,
     },
     Normal(Normals),
-    /// Occlusion, roughness, metallic; the bits of the roughness factor with its map, and without it, and of the
+    /// Occlusion, roughness, metallic, clear coat; the bits of the roughness factor with its map, and without it, and of the
     /// occlusion's strength.
     Orm {
-        maps: [Option<OneChannel>; 3],
+        maps: [Option<OneChannel>; 4],
         normals: Option<Normals>,
         roughness: [u32; 2],
         strength: u32,
@@ -79,8 +79,8 @@ pub struct TextureResult {
     pub uses_alpha: bool,
     /// Whether the texture's roughness includes the material's factor.
     pub holds_roughness: bool,
-    /// Which of the task's pictures could be read: the colour, or occlusion, roughness, metallic.
-    pub read: [bool; 3],
+    /// Which of the task's pictures could be read: the colour, or occlusion, roughness, metallic, clear coat.
+    pub read: [bool; 4],
     /// Those that could not be read, with the error.
     pub problems: Vec<(ImageSource, String)>,
 }
@@ -93,7 +93,7 @@ impl TextureResult {
             ranges: [[255; 2]; 3],
             uses_alpha: false,
             holds_roughness: false,
-            read: [false; 3],
+            read: [false; 4],
             problems: Vec::new(),
         }
     }
@@ -192,7 +192,7 @@ impl<'a> Pictures<'a> {
             TextureTask::Normal(normals) => match self.normal_map(normals) {
                 Ok(texture) => {
                     let texture = texture.map(|t| MipChain::normal(&t, self.options.storage, self.report));
-                    TextureResult { texture, read: [true; 3], ..TextureResult::nothing() }
+                    TextureResult { texture, read: [true; 4], ..TextureResult::nothing() }
                 }
                 Err(problem) => {
                     TextureResult { problems: vec![(normals.image().clone(), problem)], ..TextureResult::nothing() }
@@ -265,17 +265,17 @@ impl<'a> Pictures<'a> {
         Ok((!flat).then_some(texture))
     }
 
-    /// Packs the channels that vary. Constant roughness and metallic become factors; occlusion has no factor, so it stays in
-    /// the texture if it is below 1. With a normal map roughness varies between levels, so the texture holds all of it.
+    /// Packs the channels that vary. Constant roughness and metallic become factors; occlusion and clear coat stay in the
+    /// texture if they are below 1. With a normal map roughness varies between levels, so the texture holds all of it.
     fn orm(
         &self,
-        maps: &[Option<OneChannel>; 3],
+        maps: &[Option<OneChannel>; 4],
         normals: Option<&Normals>,
         roughness: [f32; 2],
         strength: f32,
     ) -> TextureResult {
         let mut made = TextureResult::nothing();
-        let mut channels: [Option<Cow<'_, Channel>>; 3] =
+        let mut channels: [Option<Cow<'_, Channel>>; 4] =
             maps.each_ref().map(|map| map.as_ref().and_then(|map| self.channel(map, &mut made.problems)));
         if let Some(occlusion) = channels[0].as_mut().filter(|_| strength < 1.0) {
             occlusion.to_mut().weaken(strength);
@@ -283,9 +283,8 @@ impl<'a> Pictures<'a> {
         let channels = channels.each_ref().map(Option::as_deref);
         made.read = channels.map(|channel| channel.is_some());
         let constants = channels.map(|channel| channel.and_then(Channel::constant));
-        let darkens = constants[0].is_some_and(|occlusion| occlusion < 255);
-        let varies = |i: usize| channels[i].filter(|_| constants[i].is_none() || (i == 0 && darkens));
-        let varying = [varies(0), varies(1), varies(2)];
+        let is_factor = |i: usize| constants[i].is_some_and(|value| value == 255 || i == 1 || i == 2);
+        let varying = [0, 1, 2, 3].map(|i| channels[i].filter(|_| !is_factor(i)));
         let names = maps.iter().zip(&varying).filter_map(|(map, varies)| map.as_ref().filter(|_| varies.is_some()));
         let name = names.map(|map| file::short_name(map.image.place())).collect::<Vec<_>>().join("+");
         let factor = |i: usize| constants[i].map_or(1.0, |value| f32::from(value) / 255.0);
@@ -423,8 +422,8 @@ fn from_entry(entry: Ktx2, task: &TextureTask) -> Option<TextureResult> {
     let (factor, [uses_alpha, holds_roughness, has_texture], ranges) = facts(&entry)?;
     let texture = if has_texture { Some(MipChain::from_ktx2(entry)?) } else { None };
     let read = match task {
-        TextureTask::BaseColor { colour, .. } => [colour.is_some(); 3],
-        TextureTask::Normal(_) => [true; 3],
+        TextureTask::BaseColor { colour, .. } => [colour.is_some(); 4],
+        TextureTask::Normal(_) => [true; 4],
         TextureTask::Orm { maps, .. } => maps.each_ref().map(Option::is_some),
     };
     Some(TextureResult {

@@ -28,6 +28,8 @@ impl Material {
             metallic_factor: metallic,
             roughness_factor: roughness,
             dielectric_f0: DIELECTRIC_F0,
+            clearcoat_factor: 0.0,
+            clearcoat_roughness: 0.0,
             emissive_factor: Vec3::ZERO,
             base_color_map: None,
             normal_map: None,
@@ -120,8 +122,9 @@ impl Plan<'_> {
         })
     }
 
-    fn orm_maps(&self) -> [&Option<MapDesc>; 3] {
-        [&self.desc.occlusion_map, &self.desc.roughness_map, &self.desc.metallic_map]
+    fn orm_maps(&self) -> [&Option<MapDesc>; 4] {
+        let desc = self.desc;
+        [&desc.occlusion_map, &desc.roughness_map, &desc.metallic_map, &desc.clearcoat_map]
     }
 
     /// Includes the roughness factor with the map, and the one for when the map is absent or broken.
@@ -172,6 +175,8 @@ impl Plan<'_> {
                 _ => own_roughness * factor(orm).y,
             },
             dielectric_f0: desc.dielectric_f0,
+            clearcoat_factor: desc.clearcoat,
+            clearcoat_roughness: desc.clearcoat_roughness,
             emissive_factor: desc.emissive.of(has_colour(emissive)) * factor(emissive),
             base_color_map: base_color.and_then(|b| b.texture),
             normal_map: normal.and_then(|normal| normal.texture),
@@ -179,7 +184,7 @@ impl Plan<'_> {
             emissive_map: emissive.and_then(|e| e.texture),
             lookups: self.lookups(),
             metallic_range: ranges[2].map(|value| value * metallic),
-            roughness_range: ranges[1].map(|value| value * own_roughness),
+            roughness_range: with_clearcoat(desc, ranges[1].map(|value| value * own_roughness)),
             occludes: ranges[0][0] < 1.0,
             // Above 1 all of it is a hole.
             alpha_cutoff: self.alpha_cutoff().filter(|cutoff| uses_alpha || desc.vertex_alpha || *cutoff > 1.0),
@@ -203,11 +208,22 @@ impl Plan<'_> {
     fn lookups(&self) -> [Lookup; 4] {
         let desc = self.desc;
         let normal = desc.normals.as_ref().map(|normals| &normals.map);
-        let orm = [&desc.roughness_map, &desc.metallic_map, &desc.occlusion_map].into_iter().flatten().next();
+        let orm = [&desc.roughness_map, &desc.metallic_map, &desc.occlusion_map, &desc.clearcoat_map]
+            .into_iter()
+            .flatten()
+            .next();
         let colour = desc.base_color_map.as_ref().or(desc.mask_map.as_ref());
         let lookup = |map: &MapDesc| Lookup { sampling: map.sampling, second_uv: map.second_uv };
         // Roughness that normals lose has their place.
         [colour, normal, orm.or(normal), desc.emissive_map.as_ref()].map(|map| map.map_or(Lookup::default(), lookup))
+    }
+}
+
+/// The roughness of all layers.
+fn with_clearcoat(desc: &MaterialDesc, [least, most]: [f32; 2]) -> [f32; 2] {
+    match desc.clearcoat {
+        0.0 => [least, most],
+        _ => [least.min(desc.clearcoat_roughness), most.max(desc.clearcoat_roughness)],
     }
 }
 

@@ -68,6 +68,8 @@ pub struct MaterialFeatures {
     pub blends: bool,
     /// What is behind is seen in another colour.
     pub tints: bool,
+    /// A clear coat.
+    pub clearcoat: bool,
 }
 
 impl MaterialFeatures {
@@ -84,6 +86,7 @@ impl MaterialFeatures {
         second_uv: 0,
         blends: false,
         tints: false,
+        clearcoat: false,
     };
 
     /// The same for any factors of base color, metallic and roughness.
@@ -93,8 +96,8 @@ impl MaterialFeatures {
 
     /// Everything but what only this material's vertices have, or what changes its picture.
     fn everything(material: &Material) -> Self {
-        let Self { vertex_colours, second_uv, blends, tints, .. } = Self::of(material);
-        Self { vertex_colours, second_uv, blends, tints, ..Self::EVERYTHING }
+        let Self { vertex_colours, second_uv, blends, tints, clearcoat, .. } = Self::of(material);
+        Self { vertex_colours, second_uv, blends, tints, clearcoat, ..Self::EVERYTHING }
     }
 
     fn of(material: &Material) -> Self {
@@ -118,6 +121,7 @@ impl MaterialFeatures {
             second_uv: (0..).zip(material.lookups).map(|(i, lookup)| u32::from(lookup.second_uv) << i).sum(),
             blends: material.blends,
             tints: material.tints(),
+            clearcoat: material.clearcoat_factor > 0.0,
         }
     }
 }

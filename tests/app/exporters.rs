@@ -103,9 +103,11 @@ fn blender_with_pbr_keys() {
     let expected = Expected {
         triangles: 2,
         materials: &[("Car paint", [0.3, 0.0, 0.0], 0.7, 0.35), ("maps", [1.0; 3], 1.0, 1.0)],
-        warnings: &["a.mtl:16: Pc: "],
+        warnings: &[],
     };
     let scene = check(&shop, &format!("{BLENDER_OBJ}{CORNERS}{UVS}{faces}"), mtl, &expected);
+    let coats: Vec<_> = scene.materials.iter().map(|m| [m.clearcoat_factor, m.clearcoat_roughness]).collect();
+    assert_eq!(coats, [[0.8, 0.03], [0.0, 0.03]]);
     assert!(scene.materials[1].orm_map.is_some());
 }
 

@@ -5,7 +5,8 @@
 
 struct Input {
     vec3 v, l, base_color;
-    float metallic, dielectric_f0, roughness;
+    float metallic, dielectric_f0, roughness, clearcoat, clearcoat_roughness;
+    vec3 clearcoat_n;
     uvec4 bits;
 };
 struct Output {
@@ -32,6 +33,9 @@ void main()
     s.metallic = i.metallic;
     s.dielectric_f0 = i.dielectric_f0;
     s.roughness = i.roughness;
+    s.clearcoat = i.clearcoat;
+    s.clearcoat_roughness = i.clearcoat_roughness;
+    s.clearcoat_n = i.clearcoat_n;
     s.occlusion = 1.0;
     s.n = vec3(0.0, 0.0, 1.0);
     s.v = i.v;

@@ -61,5 +61,7 @@ void main()
         put(materials[i].transmission.x);
         put(materials[i].transmission.y);
         put(materials[i].transmission.z);
+        put(materials[i].clearcoat);
+        put(materials[i].clearcoat_roughness);
     }
 }

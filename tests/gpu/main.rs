@@ -6,6 +6,7 @@
 mod common;
 
 mod blending;
+mod clearcoat;
 mod damaged;
 mod draws;
 mod edits;

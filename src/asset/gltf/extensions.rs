@@ -6,9 +6,10 @@ use super::source::Source;
 use crate::Result;
 use crate::error::{MAX_QUOTED, shortened};
 
-const READ: [&str; 10] = [
+const READ: [&str; 11] = [
     "KHR_lights_punctual",
     "KHR_texture_transform",
+    "KHR_materials_clearcoat",
     "KHR_materials_emissive_strength",
     "KHR_materials_ior",
     "KHR_materials_specular",
@@ -20,9 +21,8 @@ const READ: [&str; 10] = [
 ];
 
 /// Those of materials that are not drawn, and what a picture lacks without each.
-const NOT_DRAWN: [(&str, &str); 8] = [
+const NOT_DRAWN: [(&str, &str); 7] = [
     ("KHR_materials_anisotropy", "its highlights are not stretched"),
-    ("KHR_materials_clearcoat", "drawn without its clear coat"),
     ("KHR_materials_diffuse_transmission", "no light shines through it"),
     ("KHR_materials_dispersion", "it does not split light into colours"),
     ("KHR_materials_iridescence", "drawn without its play of colours"),

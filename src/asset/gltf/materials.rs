@@ -70,6 +70,7 @@ struct Maps {
     normal: Option<Map>,
     roughness: Option<Map>,
     occlusion: Option<Map>,
+    clearcoat: Option<Map>,
     emissive: Option<Map>,
 }
 
@@ -77,7 +78,7 @@ impl Maps {
     /// All there are, in the order in which they choose texture coordinates: tangents belong to those of the normals.
     fn all(&mut self) -> impl Iterator<Item = &mut Map> {
         let first = [&mut self.normal, &mut self.base_color, &mut self.roughness];
-        first.into_iter().chain([&mut self.emissive, &mut self.occlusion]).flatten()
+        first.into_iter().chain([&mut self.emissive, &mut self.occlusion, &mut self.clearcoat]).flatten()
     }
 }
 
@@ -171,6 +172,16 @@ impl Volume {
     }
 }
 
+#[derive(Default, Deserialize)]
+#[serde(default, rename_all = "camelCase")]
+struct Clearcoat {
+    clearcoat_factor: f32,
+    clearcoat_texture: Option<TextureInfo>,
+    clearcoat_roughness_factor: f32,
+    clearcoat_roughness_texture: Option<TextureInfo>,
+    clearcoat_normal_texture: Option<TextureInfo>,
+}
+
 struct Reader<'a> {
     source: &'a Source<'a>,
     /// The material in words.
@@ -183,10 +194,12 @@ impl Reader<'_> {
         extensions::warn_of_material(self.source, &self.of, self.material);
         let glossy = self.glossy()?;
         let surface = self.material.pbr_metallic_roughness.as_ref().or(glossy.as_ref());
-        let mut maps = self.maps(surface, images)?;
+        let clearcoat = self.clearcoat()?;
+        let mut maps = self.maps(surface, &clearcoat, images)?;
         self.drop_unpackable(&mut maps);
         let coordinates = self.choose_coordinates(&mut maps);
         let mut desc = self.factors(surface)?;
+        (desc.clearcoat, desc.clearcoat_roughness) = (clearcoat.clearcoat_factor, clearcoat.clearcoat_roughness_factor);
         self.set_alpha(&mut desc);
         self.set_maps(&mut desc, maps);
         if self.material.extensions.contains_key("KHR_materials_unlit") {
@@ -234,7 +247,26 @@ impl Reader<'_> {
         }))
     }
 
-    fn maps(&self, surface: Option<&MetallicRoughness>, images: &mut Images) -> Result<Maps> {
+    /// With factors in 0 to 1, and without a map that does nothing.
+    fn clearcoat(&self) -> Result<Clearcoat> {
+        let key = "KHR_materials_clearcoat";
+        let mut coat: Clearcoat = self.extension(key)?.unwrap_or_default();
+        coat.clearcoat_factor = self.clamped("clearcoatFactor", coat.clearcoat_factor, 1.0);
+        coat.clearcoat_roughness_factor =
+            self.clamped("clearcoatRoughnessFactor", coat.clearcoat_roughness_factor, 1.0);
+        if coat.clearcoat_factor == 0.0 {
+            return Ok(Clearcoat::default());
+        }
+        if coat.clearcoat_roughness_texture.is_some() {
+            self.warn(&format!("{key}: clearcoatRoughnessTexture is not supported; its factor is used alone"));
+        }
+        if coat.clearcoat_normal_texture.is_some() {
+            self.warn(&format!("{key}: clearcoatNormalTexture is not supported; the coat is drawn without bumps"));
+        }
+        Ok(coat)
+    }
+
+    fn maps(&self, surface: Option<&MetallicRoughness>, coat: &Clearcoat, images: &mut Images) -> Result<Maps> {
         let mut map = |key, info: Option<&TextureInfo>, pick| match info {
             Some(info) => maps::map(self.source, images, (&self.of, key), info, pick),
             None => Ok(None),
@@ -247,17 +279,23 @@ impl Reader<'_> {
             roughness: map("metallicRoughnessTexture", roughness, Pick::Green)?,
             occlusion: map("occlusionTexture", self.material.occlusion_texture.as_ref(), Pick::Red)?,
             emissive: map("emissiveTexture", self.material.emissive_texture.as_ref(), Pick::Red)?,
+            clearcoat: map("clearcoatTexture", coat.clearcoat_texture.as_ref(), Pick::Red)?,
         })
     }
 
-    /// Occlusion, roughness and metalness become one picture, so that they must be sampled alike.
+    /// Occlusion, roughness, metalness and clear coat become one picture, so that they must be sampled alike.
     fn drop_unpackable(&self, maps: &mut Maps) {
-        let (Some(occlusion), Some(roughness)) = (&maps.occlusion, &maps.roughness) else { return };
-        let alike =
-            occlusion.coordinates == roughness.coordinates && occlusion.desc.sampling == roughness.desc.sampling;
-        if !alike {
+        let differ = |a: &Option<Map>, b: &Option<Map>| match (a, b) {
+            (Some(a), Some(b)) => a.coordinates != b.coordinates || a.desc.sampling != b.desc.sampling,
+            _ => false,
+        };
+        if differ(&maps.occlusion, &maps.roughness) {
             self.warn("occlusionTexture: it is not sampled as metallicRoughnessTexture; drawn without occlusion");
             maps.occlusion = None;
+        }
+        if differ(&maps.clearcoat, &maps.roughness) || differ(&maps.clearcoat, &maps.occlusion) {
+            self.warn("clearcoatTexture: it is not sampled as metallicRoughnessTexture; its factor is used alone");
+            maps.clearcoat = None;
         }
     }
 
@@ -340,6 +378,7 @@ impl Reader<'_> {
         desc.metallic_map = desc.roughness_map.clone().map(|map| MapDesc { pick: Pick::Blue, ..map });
         desc.occlusion_map = desc_of(maps.occlusion);
         desc.emissive_map = desc_of(maps.emissive);
+        desc.clearcoat_map = desc_of(maps.clearcoat);
     }
 
     /// Makes a thin sheet of what light goes through.
@@ -372,5 +411,6 @@ impl Reader<'_> {
         desc.metallic = Factor::same(1.0);
         desc.roughness = Factor::same(1.0);
         (desc.normals, desc.occlusion_map, desc.roughness_map, desc.metallic_map) = (None, None, None, None);
+        (desc.clearcoat, desc.clearcoat_map) = (0.0, None);
     }
 }

@@ -181,10 +181,32 @@ fn unlit_materials_shine() {
 }
 
 #[test]
+fn clear_coats() {
+    let with = |coat: serde_json::Value| json!({"name": "Car", "extensions": {"KHR_materials_clearcoat": coat}});
+    let none = good(with(json!({"clearcoatRoughnessFactor": 0.5, "clearcoatTexture": {"index": 0}})));
+    assert!(none.clearcoat == 0.0 && none.clearcoat_map.is_none());
+    let coat = good(with(json!({"clearcoatFactor": 0.5, "clearcoatRoughnessFactor": 0.25})));
+    assert_eq!((coat.clearcoat, coat.clearcoat_roughness), (0.5, 0.25));
+    let mapped = good(with(json!({"clearcoatFactor": 1, "clearcoatTexture": {"index": 0}})));
+    assert_eq!(mapped.clearcoat_map.map(|map| map.pick), Some(Pick::Red));
+    for (more, problem) in [
+        (json!({"clearcoatFactor": 2}), "clearcoatFactor: 2 is not in 0..=1; 1 is used"),
+        (
+            json!({"clearcoatFactor": 1, "clearcoatNormalTexture": {"index": 0}}),
+            "clearcoatNormalTexture is not supported",
+        ),
+        (json!({"clearcoatFactor": 1, "clearcoatRoughnessTexture": {"index": 0}}), "clearcoatRoughnessTexture is not"),
+    ] {
+        let (desc, warning) = read(with(more));
+        assert!(desc.clearcoat == 1.0 && warning.contains(problem), "{warning}");
+    }
+}
+
+#[test]
 fn extensions_of_materials() {
     good(json!({"extensions": {"KHR_materials_ior": {}, "KHR_texture_transform": {}, "OTHER_thing": 1}}));
-    let (_, warning) = read(json!({"name": "Car", "extensions": {"KHR_materials_clearcoat": {"clearcoatFactor": 1}}}));
-    assert_eq!(warning, "a.glb: material Car: KHR_materials_clearcoat is not supported; drawn without its clear coat");
+    let (_, warning) = read(json!({"name": "Car", "extensions": {"KHR_materials_sheen": {}}}));
+    assert_eq!(warning, "a.glb: material Car: KHR_materials_sheen is not supported; drawn without its sheen");
     let glossy = json!({"diffuseFactor": [0.5, 0, 0, 1], "diffuseTexture": {"index": 0}, "glossinessFactor": 0.75});
     let (desc, warning) = read(json!({"extensions": {"KHR_materials_pbrSpecularGlossiness": glossy}}));
     assert!(warning.contains("drawn as a material of metalness and roughness"));

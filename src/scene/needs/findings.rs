@@ -109,6 +109,7 @@ fn maps(materials: &[MaterialFinding]) -> Vec<Finding> {
             &|m| m.features.blends,
             "no material lets through what is behind: all is drawn once, in any order",
         ),
+        finding("clear coats", &|m| m.features.clearcoat, "every surface is a single layer"),
         finding("emission", &|m| m.features.emits, "no material shines"),
         finding("vertex colours", &|m| m.features.vertex_colours != VertexColours::None, "all are white"),
         finding(
