@@ -89,10 +89,9 @@ fn under_even_light_a_coat_on_white_is_white() {
 fn coats_mirror_a_panorama_as_in_the_exact_picture() {
     let shop = Workshop::new();
     shop.panorama("sky.exr", 128, |d| {
-        let bright = if d[2] > 0.6 { 6.0 } else { 0.3 };
-        [bright, 0.5 + 0.5 * d[0] as f32, 1.0 + d[1] as f32]
+        [0.3 + 5.0 * d[2].max(0.0).powi(2) as f32, 0.5 + 0.5 * d[0] as f32, 1.0 + d[1] as f32]
     });
-    for (coat_roughness, nv, bound) in [(0.05, 0.9, 0.01), (0.3, 0.6, 0.03), (0.1, 0.3, 0.04)] {
+    for (coat_roughness, nv, bound) in [(0.05, 0.9, 0.01), (0.3, 0.6, 0.03), (0.2, 0.3, 0.04)] {
         let mtl = |factor: f32| format!("{}Pc {factor}\nPcr {coat_roughness}\n", material([0.02; 3], 0.0, 0.9));
         let v = slanted(nv, 0.5);
         // What it adds; the base has errors of its own.
