@@ -1,8 +1,10 @@
 //! The pictures of a glTF file: files beside it, or bytes inside it.
 
+use std::collections::HashMap;
 use std::path::PathBuf;
 use std::sync::Arc;
 
+use super::glossy::Glossy;
 use super::source::{Source, label};
 use super::uri;
 use crate::Result;
@@ -10,21 +12,56 @@ use crate::asset::image_source::ImageSource;
 use crate::asset::image_source::MAX_FILE_BYTES;
 use crate::error::{MAX_QUOTED, shortened};
 
-/// The pictures that materials have asked for; `None`: it cannot be used, which is warned of.
+/// The pictures that materials have asked for.
 #[derive(Default)]
-pub struct Images(Vec<Option<Option<ImageSource>>>);
+pub struct Images {
+    /// By index. `None` within: it cannot be used, which is warned of.
+    pictures: Vec<Option<Option<ImageSource>>>,
+    /// Base color, and roughness with metalness, by what they are made of.
+    converted: HashMap<PathBuf, Option<[ImageSource; 2]>>,
+}
 
 impl Images {
     /// A picture by its index.
     pub fn get(&mut self, source: &Source<'_>, index: usize) -> Option<ImageSource> {
-        if self.0.is_empty() {
-            self.0.resize(source.document.images.len(), None);
+        if self.pictures.is_empty() {
+            self.pictures.resize(source.document.images.len(), None);
         }
-        let Some(known) = self.0.get_mut(index) else {
+        let Some(known) = self.pictures.get_mut(index) else {
             source.warn_once(format!("image {index}"), &format!("there is no image {index}; drawn without"));
             return None;
         };
         known.get_or_insert_with(|| picture_or_warning(source, index)).clone()
+    }
+
+    /// Base color, and roughness with metalness, of a material of diffuse and specular textures; `None`: one of them cannot be
+    /// read, which is warned of. `of`: the material in words.
+    ///
+    /// # Errors
+    /// All pictures of the file together are too large.
+    pub fn converted(
+        &mut self,
+        source: &Source<'_>,
+        of: &str,
+        glossy: &Glossy,
+        [diffuse, specular]: [Option<&ImageSource>; 2],
+    ) -> Result<Option<[ImageSource; 2]>> {
+        let [a, b] = [diffuse, specular].map(|image| image.map_or("".into(), |image| image.place().to_string_lossy()));
+        let factors = (glossy.diffuse_factor, glossy.specular_factor, glossy.glossiness_factor);
+        let place = PathBuf::from(format!("{a}+{b} {factors:?}"));
+        if let Some(known) = self.converted.get(&place) {
+            return Ok(known.clone());
+        }
+        let made = glossy.pictures(&place, diffuse, specular);
+        if let Err(error) = &made {
+            source.warn_once(place.to_string_lossy(), &format!("{of}: {error}; drawn by its factors"));
+        }
+        let made = made.ok();
+        for picture in made.iter().flatten() {
+            source.count_bytes(picture.read()?.len())?;
+        }
+        self.converted.insert(place, made.clone());
+        Ok(made)
     }
 }
 

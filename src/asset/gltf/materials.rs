@@ -7,10 +7,12 @@ use serde::Deserialize;
 
 use super::document::{Material, MetallicRoughness, TextureInfo};
 use super::extensions;
+use super::glossy::{self, Glossy};
 use super::images::Images;
 use super::maps::{self, Coordinates, Map};
 use super::source::{Source, label};
 use crate::Result;
+use crate::asset::image_source::ImageSource;
 use crate::asset::material::{
     AlphaUse, Factor, MAX_EMISSION, MapDesc, MaterialDesc, NormalsDesc, NormalsKind, f0_from_ior,
 };
@@ -79,21 +81,6 @@ impl Maps {
     fn all(&mut self) -> impl Iterator<Item = &mut Map> {
         let first = [&mut self.normal, &mut self.base_color, &mut self.roughness];
         first.into_iter().chain([&mut self.emissive, &mut self.occlusion, &mut self.clearcoat]).flatten()
-    }
-}
-
-/// What `KHR_materials_pbrSpecularGlossiness` has that we have, too.
-#[derive(Deserialize)]
-#[serde(default, rename_all = "camelCase")]
-struct Glossy {
-    diffuse_factor: [f32; 4],
-    diffuse_texture: Option<TextureInfo>,
-    glossiness_factor: f32,
-}
-
-impl Default for Glossy {
-    fn default() -> Self {
-        Self { diffuse_factor: [1.0; 4], diffuse_texture: None, glossiness_factor: 1.0 }
     }
 }
 
@@ -192,8 +179,10 @@ struct Reader<'a> {
 impl Reader<'_> {
     fn read(&self, images: &mut Images) -> Result<(MaterialDesc, [Option<Coordinates>; 2])> {
         extensions::warn_of_material(self.source, &self.of, self.material);
-        let glossy = self.glossy()?;
-        let surface = self.material.pbr_metallic_roughness.as_ref().or(glossy.as_ref());
+        let own = self.material.pbr_metallic_roughness.as_ref();
+        let glossy = if own.is_none() { self.glossy()? } else { None };
+        let as_own = glossy.as_ref().map(Glossy::as_metallic_roughness);
+        let surface = own.or(as_own.as_ref());
         let clearcoat = self.clearcoat()?;
         let mut maps = self.maps(surface, &clearcoat, images)?;
         self.drop_unpackable(&mut maps);
@@ -202,6 +191,9 @@ impl Reader<'_> {
         (desc.clearcoat, desc.clearcoat_roughness) = (clearcoat.clearcoat_factor, clearcoat.clearcoat_roughness_factor);
         self.set_alpha(&mut desc);
         self.set_maps(&mut desc, maps);
+        if let Some(glossy) = &glossy {
+            self.set_glossy(&mut desc, glossy, images)?;
+        }
         if self.material.extensions.contains_key("KHR_materials_unlit") {
             self.shine(&mut desc);
         } else {
@@ -235,16 +227,13 @@ impl Reader<'_> {
         Ok(factor * (by_ior * luminance(color.as_dvec3()) as f32).min(1.0))
     }
 
-    /// A material of the model before metalness and roughness as one of these.
-    fn glossy(&self) -> Result<Option<MetallicRoughness>> {
-        let glossy: Option<Glossy> = self.extension("KHR_materials_pbrSpecularGlossiness")?;
-        Ok(glossy.map(|glossy| MetallicRoughness {
-            base_color_factor: Some(glossy.diffuse_factor),
-            base_color_texture: glossy.diffuse_texture,
-            metallic_factor: Some(0.0),
-            roughness_factor: Some(1.0 - glossy.glossiness_factor),
-            metallic_roughness_texture: None,
-        }))
+    /// Of the model before metalness and roughness, with factors in 0 to 1.
+    fn glossy(&self) -> Result<Option<Glossy>> {
+        let Some(mut glossy) = self.extension::<Glossy>(glossy::NAME)? else { return Ok(None) };
+        glossy.diffuse_factor = glossy.diffuse_factor.map(|value| self.clamped("diffuseFactor", value, 1.0));
+        glossy.specular_factor = glossy.specular_factor.map(|value| self.clamped("specularFactor", value, 1.0));
+        glossy.glossiness_factor = self.clamped("glossinessFactor", glossy.glossiness_factor, 1.0);
+        Ok(Some(glossy))
     }
 
     /// With factors in 0 to 1, and without a map that does nothing.
@@ -271,12 +260,16 @@ impl Reader<'_> {
             Some(info) => maps::map(self.source, images, (&self.of, key), info, pick),
             None => Ok(None),
         };
+        let keys = match self.material.pbr_metallic_roughness {
+            Some(_) => ["baseColorTexture", "metallicRoughnessTexture"],
+            None => ["diffuseTexture", "specularGlossinessTexture"],
+        };
         let base_color = surface.and_then(|surface| surface.base_color_texture.as_ref());
         let roughness = surface.and_then(|surface| surface.metallic_roughness_texture.as_ref());
         Ok(Maps {
-            base_color: map("baseColorTexture", base_color, Pick::Red)?,
+            base_color: map(keys[0], base_color, Pick::Red)?,
             normal: map("normalTexture", self.material.normal_texture.as_ref(), Pick::Red)?,
-            roughness: map("metallicRoughnessTexture", roughness, Pick::Green)?,
+            roughness: map(keys[1], roughness, Pick::Green)?,
             occlusion: map("occlusionTexture", self.material.occlusion_texture.as_ref(), Pick::Red)?,
             emissive: map("emissiveTexture", self.material.emissive_texture.as_ref(), Pick::Red)?,
             clearcoat: map("clearcoatTexture", coat.clearcoat_texture.as_ref(), Pick::Red)?,
@@ -289,6 +282,11 @@ impl Reader<'_> {
             (Some(a), Some(b)) => a.coordinates != b.coordinates || a.desc.sampling != b.desc.sampling,
             _ => false,
         };
+        let is_glossy = self.material.pbr_metallic_roughness.is_none();
+        if is_glossy && differ(&maps.base_color, &maps.roughness) {
+            self.warn("specularGlossinessTexture: it is not sampled as diffuseTexture; drawn without");
+            maps.roughness = None;
+        }
         if differ(&maps.occlusion, &maps.roughness) {
             self.warn("occlusionTexture: it is not sampled as metallicRoughnessTexture; drawn without occlusion");
             maps.occlusion = None;
@@ -379,6 +377,32 @@ impl Reader<'_> {
         desc.occlusion_map = desc_of(maps.occlusion);
         desc.emissive_map = desc_of(maps.emissive);
         desc.clearcoat_map = desc_of(maps.clearcoat);
+    }
+
+    /// Makes metalness and roughness of what the material has as maps and factors.
+    fn set_glossy(&self, desc: &mut MaterialDesc, glossy: &Glossy, images: &mut Images) -> Result<()> {
+        let maps = [desc.base_color_map.take(), desc.roughness_map.take()];
+        desc.metallic_map = None;
+        let [diffuse, specular] = maps.each_ref().map(|map| map.as_ref().map(|map| &map.image));
+        let is_mapped = specular.is_some() || (diffuse.is_some() && !glossy.is_dielectric());
+        if is_mapped && let Some(converted) = images.converted(self.source, &self.of, glossy, [diffuse, specular])? {
+            let map = |own: &Option<MapDesc>, other: &Option<MapDesc>, image: &ImageSource, pick| {
+                let own = own.as_ref().or(other.as_ref())?;
+                Some(MapDesc { image: image.clone(), pick, ..own.clone() })
+            };
+            let ([diffuse, specular], [base_color, roughness]) = (&maps, &converted);
+            desc.base_color_map = map(diffuse, specular, base_color, Pick::Red);
+            desc.roughness_map = map(specular, diffuse, roughness, Pick::Green);
+            desc.metallic_map = map(specular, diffuse, roughness, Pick::Blue);
+            (desc.base_color, desc.metallic, desc.roughness) =
+                (Factor::same(Vec3::ONE), Factor::same(1.0), Factor::same(1.0));
+            return Ok(());
+        }
+        let plain = glossy.plain();
+        [desc.base_color_map, _] = maps;
+        desc.base_color = Factor::same(plain.base_color);
+        (desc.metallic, desc.dielectric_f0) = (Factor::same(plain.metallic), plain.dielectric_f0);
+        Ok(())
     }
 
     /// Makes a thin sheet of what light goes through.

@@ -4,8 +4,8 @@ use glam::{Vec2, Vec3, vec2, vec3};
 use serde_json::{Value, json};
 
 use super::build_tests::{Build, only};
-use crate::asset::material::{AlphaUse, Factor, MaterialDesc, NormalsKind, Sampling, Wrap};
-use crate::asset::texture::Pick;
+use crate::asset::material::{AlphaUse, Factor, MapDesc, MaterialDesc, NormalsKind, Sampling, Wrap};
+use crate::asset::texture::{Encoding, Pick, Texture};
 
 /// A triangle with two sets of texture coordinates and this material, three textures with pictures inside the file.
 fn build(material: Value) -> Build {
@@ -180,6 +180,57 @@ fn unlit_materials_shine() {
     assert!(desc.emissive_map == desc.base_color_map && desc.emissive_map.is_some());
 }
 
+/// A picture of two texels as PNG.
+fn png(texels: [[u8; 4]; 2]) -> String {
+    let mut bytes = std::io::Cursor::new(Vec::new());
+    let picture = image::RgbaImage::from_raw(2, 1, texels.concat()).expect("two texels");
+    picture.write_to(&mut bytes, image::ImageFormat::Png).expect("a picture");
+    let hex: String = bytes.into_inner().iter().map(|byte| format!("%{byte:02x}")).collect();
+    format!("data:image/png,{hex}")
+}
+
+/// A dielectric without pictures keeps its reflectance, and its diffuse texture is its base color. With a specular texture
+/// both become pictures of base color, roughness and metalness.
+#[test]
+fn specular_and_glossiness() {
+    let with = |glossy: Value| json!({"extensions": {"KHR_materials_pbrSpecularGlossiness": glossy}});
+    let dielectric = good(with(json!({
+        "diffuseFactor": [0.5, 0, 0, 1], "diffuseTexture": {"index": 0}, "glossinessFactor": 0.75, "specularFactor": [0.1, 0.1, 0.1],
+    })));
+    assert_eq!((dielectric.metallic.alone, dielectric.roughness.alone), (0.0, 0.25));
+    assert!((dielectric.dielectric_f0 - 0.1).abs() < 1e-6 && dielectric.base_color_map.is_some());
+    assert!((dielectric.base_color.alone - vec3(0.5, 0.0, 0.0)).abs().max_element() < 1e-6);
+    let gold = good(with(json!({"diffuseFactor": [0, 0, 0, 1], "specularFactor": [1.0, 0.8, 0.3]})));
+    assert_eq!((gold.metallic.alone, gold.roughness.alone), (1.0, 0.0));
+    assert!((gold.base_color.alone - vec3(1.0, 0.8, 0.3)).abs().max_element() < 1e-6);
+
+    // A red dielectric beside gold, half as glossy.
+    let mut two = build(with(json!({"diffuseTexture": {"index": 0}, "specularGlossinessTexture": {"index": 1}})));
+    let (diffuse, specular) = ([[200, 0, 0, 99], [0, 0, 0, 255]], [[56, 56, 56, 255], [255, 230, 150, 128]]);
+    two.json["images"] = json!([{"uri": png(diffuse)}, {"uri": png(specular)}]);
+    let (model, warnings) = two.load();
+    assert_eq!(warnings, [""; 0]);
+    let desc = model.unwrap().materials.remove(0);
+    assert_eq!((desc.base_color.alone, desc.metallic.alone, desc.roughness.alone), (Vec3::ONE, 1.0, 1.0));
+    let pixels = |map: &Option<MapDesc>| {
+        Texture::load(&map.as_ref().expect("a map").image, Encoding::Linear).expect("a picture").pixels
+    };
+    let near = |got: Vec<u8>, want: [u8; 8]| {
+        assert!(got.iter().zip(want).all(|(a, b)| a.abs_diff(b) <= 2), "{got:?}, not {want:?}");
+    };
+    near(pixels(&desc.base_color_map), [200, 0, 0, 99, 255, 230, 150, 255]);
+    near(pixels(&desc.roughness_map), [255, 0, 0, 255, 255, 127, 255, 255]);
+    assert_eq!(
+        [desc.roughness_map, desc.metallic_map].map(|map| map.map(|map| map.pick)),
+        [Some(Pick::Green), Some(Pick::Blue)]
+    );
+
+    // Pictures that are none: the factors alone.
+    let (broken, warning) =
+        read(with(json!({"specularGlossinessTexture": {"index": 1}, "specularFactor": [0.04, 0.04, 0.04]})));
+    assert!(warning.contains("drawn by its factors") && broken.roughness_map.is_none(), "{warning}");
+}
+
 #[test]
 fn clear_coats() {
     let with = |coat: serde_json::Value| json!({"name": "Car", "extensions": {"KHR_materials_clearcoat": coat}});
@@ -207,11 +258,6 @@ fn extensions_of_materials() {
     good(json!({"extensions": {"KHR_materials_ior": {}, "KHR_texture_transform": {}, "OTHER_thing": 1}}));
     let (_, warning) = read(json!({"name": "Car", "extensions": {"KHR_materials_sheen": {}}}));
     assert_eq!(warning, "a.glb: material Car: KHR_materials_sheen is not supported; drawn without its sheen");
-    let glossy = json!({"diffuseFactor": [0.5, 0, 0, 1], "diffuseTexture": {"index": 0}, "glossinessFactor": 0.75});
-    let (desc, warning) = read(json!({"extensions": {"KHR_materials_pbrSpecularGlossiness": glossy}}));
-    assert!(warning.contains("drawn as a material of metalness and roughness"));
-    assert_eq!((desc.base_color.alone, desc.metallic.alone, desc.roughness.alone), (vec3(0.5, 0.0, 0.0), 0.0, 0.25));
-    assert!(desc.base_color_map.is_some());
     let broken = build(json!({"extensions": {"KHR_materials_ior": {"ior": []}}}));
     assert!(broken.problem().contains("material 0: KHR_materials_ior: invalid type"));
 }

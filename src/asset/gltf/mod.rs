@@ -6,6 +6,7 @@ mod deform;
 mod document;
 mod extensions;
 mod geometry;
+mod glossy;
 mod images;
 mod maps;
 mod materials;
