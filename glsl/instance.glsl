@@ -41,6 +41,7 @@ const uint MATERIAL_BLENDS = 2;
 const uint MATERIAL_SECOND_UV = 4;
 const uint MATERIAL_UNLIT = 64;
 const uint MATERIAL_TRANSMITS = 128;
+const uint MATERIAL_CLEARCOAT_BUMPS = 1u << 24; // the normal map shows in the clear coat
 // From this bit on for each map how coordinates beyond 0 to 1 are meant, two bits for u and two for v: the order of
 // asset::material::Wrap.
 const uint MATERIAL_WRAPS = 8;

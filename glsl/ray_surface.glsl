@@ -205,7 +205,7 @@ void set_clearcoat(inout Surface s, RayHit hit, Material material, vec2 uv, vec3
     if (has_map(MAP_ORM) && s.clearcoat > 0.0)
         s.clearcoat *= textureLod(ray_orm, ray_map_at(hit, material, uv, MAP_ORM, textureSize(ray_orm, 0).x), 0.0).a;
     s.clearcoat_roughness = max(material.clearcoat_roughness, MIN_CLEARCOAT_ROUGHNESS);
-    s.clearcoat_n = n;
+    s.clearcoat_n = (material.flags & MATERIAL_CLEARCOAT_BUMPS) != 0u ? s.n : n;
 }
 
 // What a ray of unit direction d met.

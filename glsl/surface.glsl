@@ -101,6 +101,8 @@ Surface read_surface()
         Material material = materials[instances[draw.instance].material];
         s.clearcoat = material.clearcoat * maps.a;
         s.clearcoat_roughness = max(material.clearcoat_roughness, MIN_CLEARCOAT_ROUGHNESS);
+        if ((material.flags & MATERIAL_CLEARCOAT_BUMPS) != 0u)
+            s.clearcoat_n = s.n;
     }
     s.v = normalize_or(frame.eyes[eye].world_from_view[3].xyz - position_world, s.n);
     // A mapped normal may lean away from the eye; the surface is seen all the same.

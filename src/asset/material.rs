@@ -31,9 +31,11 @@ pub struct MaterialDesc {
     pub roughness: Factor<f32>,
     /// Reflectance at normal incidence of the part that is no metal.
     pub dielectric_f0: f32,
-    /// The share that has a clear coat, 0 to 1: a dielectric layer of index 1.5 and of this roughness, which normal maps do not turn.
+    /// The share that has a clear coat, 0 to 1: a dielectric layer of index 1.5 and of this roughness.
     pub clearcoat: f32,
     pub clearcoat_roughness: f32,
+    /// Whether the normal map shows in the coat, too.
+    pub clearcoat_bumps: bool,
     /// Multiplies the share.
     pub clearcoat_map: Option<MapDesc>,
     /// Radiance, W/(m² sr).
@@ -162,6 +164,7 @@ impl MaterialDesc {
             dielectric_f0: DIELECTRIC_F0,
             clearcoat: 0.0,
             clearcoat_roughness: 0.0,
+            clearcoat_bumps: false,
             clearcoat_map: None,
             emissive: Factor::same(Vec3::ZERO),
             base_color_map: None,

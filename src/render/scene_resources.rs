@@ -310,6 +310,7 @@ fn material_flags(material: &Material) -> u32 {
         | bit(material.blends, material_flag::BLENDS)
         | bit(tints, material_flag::UNLIT)
         | bit(material.transmission.is_some(), material_flag::TRANSMITS)
+        | bit(material.clearcoat_bumps, material_flag::CLEARCOAT_BUMPS)
 }
 
 fn light_block(light: &PointLight, (shadow_layer, shadow_near): (i32, f32)) -> LightBlock {

@@ -134,6 +134,8 @@ pub mod material_flag {
     pub const TRANSMITS: u32 = 128;
     /// The first bit of the first map's u; two bits each.
     pub const WRAPS: u32 = 8;
+    /// The normal map shows in the clear coat.
+    pub const CLEARCOAT_BUMPS: u32 = 1 << 24;
 }
 
 /// What few vertices have: an element of `SCENE_VERTEX_EXTRAS` and of `RAY_CORNER_EXTRAS`.

@@ -83,6 +83,8 @@ pub struct Material {
     /// The share that has a clear coat, 0 to 1; the ORM map's alpha multiplies it.
     pub clearcoat_factor: f32,
     pub clearcoat_roughness: f32,
+    /// Whether the normal map shows in the coat, too.
+    pub clearcoat_bumps: bool,
     /// Radiance, W/(m² sr).
     pub emissive_factor: Vec3,
     /// Indices into [`Scene::textures`].

@@ -6,7 +6,9 @@ use pbr_vr::reference::brdf::{Geometry, f0_from_metallic, specular};
 use pbr_vr::reference::clearcoat::Clearcoat;
 use pbr_vr::reference::energy::{Curve, Energy, Scattering};
 use pbr_vr::render::{LightModel, Shading};
+use serde_json::json;
 
+use crate::common::gltf::{Gltf, Shape};
 use crate::common::{PictureOptions, Workshop, material, pixel, square};
 
 const SIDE: u32 = 33;
@@ -138,4 +140,36 @@ fn a_coat_has_a_map_of_its_own_and_no_bumps() {
             "{shading:?}: {both:?} over {bumps:?}, but {all:?} over {none:?}"
         );
     }
+}
+
+/// Where the coat names the surface's normal map, both are inclined.
+#[test]
+fn a_coat_with_the_normal_map_of_its_surface_has_its_bumps() {
+    let shop = Workshop::new();
+    shop.panorama("sky.exr", 64, |d| [0.2 + 2.0 * d[0].max(0.0) as f32; 3]);
+    let inclined = image::RgbaImage::from_pixel(8, 8, image::Rgba([200, 128, 230, 255]));
+    let picture = |has_bumps: bool, shading, frames| {
+        let mut gltf = Gltf::new();
+        let normal = gltf.texture(&inclined, json!({}));
+        let mut coat = json!({"clearcoatFactor": 1, "clearcoatRoughnessFactor": 0.05});
+        if has_bumps {
+            coat["clearcoatNormalTexture"] = json!({"index": normal});
+        }
+        // Nothing below the coat mirrors.
+        let material = gltf.material(json!({
+            "pbrMetallicRoughness": {"baseColorFactor": [0, 0, 0, 1], "metallicFactor": 0},
+            "normalTexture": {"index": normal}, "extensions": {"KHR_materials_clearcoat": coat, "KHR_materials_ior": {"ior": 1}},
+        }));
+        gltf.show(&Shape::plate([-1.0, 1.0], [-1.0, 1.0], 0.0), material);
+        gltf.write(&shop, "coat.gltf");
+        let text = "environment = { panorama = \"sky.exr\" }\n[[model]]\nfile = \"coat.gltf\"\n[[camera]]\nname = \"c\"\n\
+             position = [0, 0, 20]\ntarget = [0, 0, 0]\nvertical_fov_degrees = 0.1\n";
+        mean(&shop.render(&shop.write("scene.toml", text), &open(shading, frames)).remove(0)).x
+    };
+    let [with, without] = [true, false].map(|has_bumps| {
+        let [fast, exact] = [picture(has_bumps, Shading::Pbr, 1), picture(has_bumps, Shading::Reference, 32)];
+        assert!((fast / exact - 1.0).abs() < 0.05, "bumps {has_bumps}: {fast} against {exact}");
+        exact
+    });
+    assert!(with > 1.5 * without, "{with} with bumps, {without} without");
 }

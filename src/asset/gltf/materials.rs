@@ -189,6 +189,7 @@ impl Reader<'_> {
         let coordinates = self.choose_coordinates(&mut maps);
         let mut desc = self.factors(surface)?;
         (desc.clearcoat, desc.clearcoat_roughness) = (clearcoat.clearcoat_factor, clearcoat.clearcoat_roughness_factor);
+        desc.clearcoat_bumps = self.has_bumps(&clearcoat);
         self.set_alpha(&mut desc);
         self.set_maps(&mut desc, maps);
         if let Some(glossy) = &glossy {
@@ -249,10 +250,17 @@ impl Reader<'_> {
         if coat.clearcoat_roughness_texture.is_some() {
             self.warn(&format!("{key}: clearcoatRoughnessTexture is not supported; its factor is used alone"));
         }
-        if coat.clearcoat_normal_texture.is_some() {
-            self.warn(&format!("{key}: clearcoatNormalTexture is not supported; the coat is drawn without bumps"));
+        if coat.clearcoat_normal_texture.is_some() && !self.has_bumps(&coat) {
+            self.warn(&format!("{key}: a clearcoatNormalTexture that is not the normalTexture is not supported; the coat is drawn without bumps"));
         }
         Ok(coat)
+    }
+
+    /// Whether a coat has the surface's own bumps.
+    fn has_bumps(&self, coat: &Clearcoat) -> bool {
+        let [own, of_coat] =
+            [&self.material.normal_texture, &coat.clearcoat_normal_texture].map(|info| info.as_ref().map(|t| t.index));
+        own.is_some() && own == of_coat
     }
 
     fn maps(&self, surface: Option<&MetallicRoughness>, coat: &Clearcoat, images: &mut Images) -> Result<Maps> {

@@ -239,12 +239,15 @@ fn clear_coats() {
     let coat = good(with(json!({"clearcoatFactor": 0.5, "clearcoatRoughnessFactor": 0.25})));
     assert_eq!((coat.clearcoat, coat.clearcoat_roughness), (0.5, 0.25));
     let mapped = good(with(json!({"clearcoatFactor": 1, "clearcoatTexture": {"index": 0}})));
-    assert_eq!(mapped.clearcoat_map.map(|map| map.pick), Some(Pick::Red));
+    assert_eq!(mapped.clearcoat_map.as_ref().map(|map| map.pick), Some(Pick::Red));
+    let mut bumpy = with(json!({"clearcoatFactor": 1, "clearcoatNormalTexture": {"index": 0}}));
+    bumpy["normalTexture"] = json!({"index": 0});
+    assert!(good(bumpy).clearcoat_bumps && !mapped.clearcoat_bumps);
     for (more, problem) in [
         (json!({"clearcoatFactor": 2}), "clearcoatFactor: 2 is not in 0..=1; 1 is used"),
         (
             json!({"clearcoatFactor": 1, "clearcoatNormalTexture": {"index": 0}}),
-            "clearcoatNormalTexture is not supported",
+            "clearcoatNormalTexture that is not the normalTexture",
         ),
         (json!({"clearcoatFactor": 1, "clearcoatRoughnessTexture": {"index": 0}}), "clearcoatRoughnessTexture is not"),
     ] {
