@@ -13,6 +13,7 @@ use super::document::{MetallicRoughness, TextureInfo};
 use crate::asset::image_source::ImageSource;
 use crate::asset::material::DIELECTRIC_F0;
 use crate::asset::mips::srgb_to_linear;
+use crate::asset::mtl_material::DEFAULT_ROUGHNESS;
 use crate::asset::texture::{Encoding, Texture};
 use crate::reference::tone::{luminance, srgb_encode};
 use crate::{Error, Result};
@@ -68,15 +69,26 @@ impl Glossy {
         }
     }
 
-    /// The surface by its factors, for a diffuse color of them or with a texture.
+    /// Without a specular texture: the surface by its factors, for a diffuse color of them or with a texture. Factors of a texture that
+    /// cannot be used say nothing: then it is an ordinary dielectric.
     pub fn plain(&self) -> Plain {
         let [r, g, b, _] = self.diffuse_factor;
-        plain(Vec3::new(r, g, b), self.specular_factor.into())
+        let specular = match self.specular_glossiness_texture {
+            Some(_) => Vec3::splat(DIELECTRIC_F0),
+            None => self.specular_factor.into(),
+        };
+        plain(Vec3::new(r, g, b), specular)
     }
 
-    /// Whether no texel can be a metal.
-    pub fn is_dielectric(&self) -> bool {
-        Vec3::from(self.specular_factor).max_element() <= MOST_DIELECTRIC_F0
+    /// The same of its roughness.
+    pub fn plain_roughness(&self) -> f32 {
+        if self.specular_glossiness_texture.is_some() { DEFAULT_ROUGHNESS } else { 1.0 - self.glossiness_factor }
+    }
+
+    /// Whether a diffuse texture alone may have texels of metal.
+    pub fn may_be_metal(&self) -> bool {
+        let most = Vec3::from(self.specular_factor).max_element();
+        self.specular_glossiness_texture.is_none() && most > MOST_DIELECTRIC_F0
     }
 
     /// Base color with alpha, and roughness (green) with metalness (blue), as pictures that include all factors but alpha's.

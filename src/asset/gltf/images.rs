@@ -54,7 +54,7 @@ impl Images {
         }
         let made = glossy.pictures(&place, diffuse, specular);
         if let Err(error) = &made {
-            source.warn_once(place.to_string_lossy(), &format!("{of}: {error}; drawn by its factors"));
+            source.warn_once(place.to_string_lossy(), &format!("{of}: {error}; drawn without"));
         }
         let made = made.ok();
         for picture in made.iter().flatten() {

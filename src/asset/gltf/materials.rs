@@ -392,7 +392,7 @@ impl Reader<'_> {
         let maps = [desc.base_color_map.take(), desc.roughness_map.take()];
         desc.metallic_map = None;
         let [diffuse, specular] = maps.each_ref().map(|map| map.as_ref().map(|map| &map.image));
-        let is_mapped = specular.is_some() || (diffuse.is_some() && !glossy.is_dielectric());
+        let is_mapped = specular.is_some() || (diffuse.is_some() && glossy.may_be_metal());
         if is_mapped && let Some(converted) = images.converted(self.source, &self.of, glossy, [diffuse, specular])? {
             let map = |own: &Option<MapDesc>, other: &Option<MapDesc>, image: &ImageSource, pick| {
                 let own = own.as_ref().or(other.as_ref())?;
@@ -410,6 +410,7 @@ impl Reader<'_> {
         [desc.base_color_map, _] = maps;
         desc.base_color = Factor::same(plain.base_color);
         (desc.metallic, desc.dielectric_f0) = (Factor::same(plain.metallic), plain.dielectric_f0);
+        desc.roughness = Factor::same(glossy.plain_roughness());
         Ok(())
     }
 

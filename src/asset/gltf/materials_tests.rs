@@ -225,10 +225,18 @@ fn specular_and_glossiness() {
         [Some(Pick::Green), Some(Pick::Blue)]
     );
 
-    // Pictures that are none: the factors alone.
-    let (broken, warning) =
-        read(with(json!({"specularGlossinessTexture": {"index": 1}, "specularFactor": [0.04, 0.04, 0.04]})));
-    assert!(warning.contains("drawn by its factors") && broken.roughness_map.is_none(), "{warning}");
+    // Pictures that are none: what their factors multiply is not known.
+    for extra in [json!({}), json!({"diffuseTexture": {"index": 2}})] {
+        let mut glossy = json!({"specularGlossinessTexture": {"index": 1}, "diffuseFactor": [0.5, 0.5, 0.5, 1]});
+        glossy.as_object_mut().unwrap().extend(extra.as_object().unwrap().clone());
+        let (plain, warning) = read(with(glossy));
+        assert!(
+            warning.ends_with("drawn without") && plain.roughness_map.is_none() && plain.metallic_map.is_none(),
+            "{warning}"
+        );
+        assert_eq!((plain.metallic.alone, plain.roughness.alone, plain.dielectric_f0), (0.0, 0.5, 0.04));
+        assert!((plain.base_color.alone - 0.5).abs().max_element() < 1e-6);
+    }
 }
 
 #[test]
