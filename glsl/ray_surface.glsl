@@ -199,13 +199,16 @@ vec3 emission_of_hit(RayHit hit)
     return ray_emission_of(hit, materials[bvh_triangle(hit.triangle).material_and_flags & BVH_MATERIAL], ray_uv(hit));
 }
 
-void set_clearcoat(inout Surface s, RayHit hit, Material material, vec2 uv, vec3 n)
+// The coat of a hit; `own_from_local`: turns normals to the world and to the ray's side.
+void set_clearcoat(inout Surface s, RayHit hit, Material material, vec2 uv, mat3 own_from_local)
 {
     s.clearcoat = material.clearcoat;
     if (has_map(MAP_ORM) && s.clearcoat > 0.0)
         s.clearcoat *= textureLod(ray_orm, ray_map_at(hit, material, uv, MAP_ORM, textureSize(ray_orm, 0).x), 0.0).a;
     s.clearcoat_roughness = max(material.clearcoat_roughness, MIN_CLEARCOAT_ROUGHNESS);
-    s.clearcoat_n = (material.flags & MATERIAL_CLEARCOAT_BUMPS) != 0u ? s.n : n;
+    s.clearcoat_n = s.n;
+    if (has_map(MAP_NORMAL) && (material.flags & MATERIAL_CLEARCOAT_BUMPS) == 0u)
+        s.clearcoat_n = own_from_local * ray_own_normal(hit);
 }
 
 // What a ray of unit direction d met.
@@ -235,7 +238,7 @@ PathPoint ray_point(RayHit hit, vec3 d)
     p.s.dielectric_f0 = material.dielectric_f0;
     p.s.clearcoat = 0.0;
     if (rays_have(RAYS_CLEARCOAT))
-        set_clearcoat(p.s, hit, material, uv, front * (turn * ray_own_normal(hit)));
+        set_clearcoat(p.s, hit, material, uv, front * turn);
     p.s.occlusion = 1.0; // rays find out themselves what light reaches
     return p;
 }

@@ -4,7 +4,7 @@ use std::io::Cursor;
 use std::path::Path;
 
 use image::imageops::{self, FilterType};
-use image::{DynamicImage, GrayImage, ImageError, ImageFormat, ImageReader, Limits};
+use image::{DynamicImage, GrayImage, ImageError, ImageFormat, ImageReader, Limits, RgbaImage};
 
 use super::contained::contained;
 use super::image_source::ImageSource;
@@ -126,6 +126,17 @@ impl Texture {
             }
         }
         Some(Self { name, width, height, encoding: Encoding::Linear, pixels })
+    }
+
+    /// The same in another size, with its bytes interpolated.
+    pub fn resized(self, width: u32, height: u32) -> Self {
+        let Self { name, encoding, .. } = self;
+        if (self.width, self.height) == (width, height) {
+            return Self { name, width, height, encoding, pixels: self.pixels };
+        }
+        let picture = RgbaImage::from_raw(self.width, self.height, self.pixels).unwrap_or_else(|| RgbaImage::new(1, 1));
+        let pixels = imageops::resize(&picture, width, height, FilterType::Triangle).into_raw();
+        Self { name, width, height, encoding, pixels }
     }
 
     /// Converts a picture named by `bump` to a normal map. A picture that is one already (mostly blue, vectors of about

@@ -18,6 +18,7 @@ pub struct Clearcoat {
 }
 
 impl Clearcoat {
+    /// Over this share of a surface, with a roughness in [0, 1].
     pub fn new(factor: f64, roughness: f64, scattering: Scattering) -> Self {
         let energy = Energy::new(roughness, Geometry::Smith, scattering);
         Self { factor, roughness, energy, curve: Curve::new(roughness, Geometry::Smith) }

@@ -4,8 +4,8 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use glam::Vec3;
+use image::ExtendedColorType;
 use image::codecs::tga::TgaEncoder;
-use image::{ExtendedColorType, RgbaImage, imageops};
 use rayon::prelude::*;
 use serde::Deserialize;
 
@@ -23,7 +23,7 @@ pub const NAME: &str = "KHR_materials_pbrSpecularGlossiness";
 /// Above it no dielectric mirrors; a diamond's is 0.17.
 const MOST_DIELECTRIC_F0: f32 = 0.2;
 
-/// Of pictures, texels.
+/// Most texels along a side of the pictures that are made.
 const MAX_SIDE: u32 = 8192;
 
 /// The extension. All factors are linear.
@@ -54,6 +54,7 @@ impl Default for Glossy {
 pub struct Plain {
     pub base_color: Vec3,
     pub metallic: f32,
+    pub roughness: f32,
     pub dielectric_f0: f32,
 }
 
@@ -73,16 +74,10 @@ impl Glossy {
     /// cannot be used say nothing: then it is an ordinary dielectric.
     pub fn plain(&self) -> Plain {
         let [r, g, b, _] = self.diffuse_factor;
-        let specular = match self.specular_glossiness_texture {
-            Some(_) => Vec3::splat(DIELECTRIC_F0),
-            None => self.specular_factor.into(),
-        };
-        plain(Vec3::new(r, g, b), specular)
-    }
-
-    /// The same of its roughness.
-    pub fn plain_roughness(&self) -> f32 {
-        if self.specular_glossiness_texture.is_some() { DEFAULT_ROUGHNESS } else { 1.0 - self.glossiness_factor }
+        match self.specular_glossiness_texture {
+            Some(_) => plain(Vec3::new(r, g, b), Vec3::splat(DIELECTRIC_F0), DEFAULT_ROUGHNESS),
+            None => plain(Vec3::new(r, g, b), self.specular_factor.into(), 1.0 - self.glossiness_factor),
+        }
     }
 
     /// Whether a diffuse texture alone may have texels of metal.
@@ -138,12 +133,7 @@ fn byte(value: f32) -> u8 {
 /// White where there is no texture.
 fn texels(texture: Option<Texture>, [width, height]: [u32; 2]) -> Vec<u8> {
     let size = width as usize * height as usize * 4;
-    let Some(texture) = texture else { return vec![255; size] };
-    if [texture.width, texture.height] == [width, height] {
-        return texture.pixels;
-    }
-    let picture = RgbaImage::from_raw(texture.width, texture.height, texture.pixels);
-    picture.map_or(vec![255; size], |p| imageops::resize(&p, width, height, imageops::FilterType::Triangle).into_raw())
+    texture.map_or_else(|| vec![255; size], |texture| texture.resized(width, height).pixels)
 }
 
 /// Not compressed: it is decoded in a moment.
@@ -160,14 +150,14 @@ fn embedded(place: PathBuf, rgba: &[u8], [width, height]: [u32; 2]) -> Result<Im
 }
 
 /// A dielectric of its own reflectance, or a metal.
-fn plain(diffuse: Vec3, specular: Vec3) -> Plain {
+fn plain(diffuse: Vec3, specular: Vec3, roughness: f32) -> Plain {
     let f0 = luminance(specular.as_dvec3()) as f32;
     if specular.max_element() > MOST_DIELECTRIC_F0 {
         let (base_color, metallic) = metallic(diffuse, specular);
-        return Plain { base_color, metallic, dielectric_f0: DIELECTRIC_F0 };
+        return Plain { base_color, metallic, roughness, dielectric_f0: DIELECTRIC_F0 };
     }
     let base_color = diffuse * (1.0 - specular.max_element()) / (1.0 - f0);
-    Plain { base_color: base_color.min(Vec3::ONE), metallic: 0.0, dielectric_f0: f0 }
+    Plain { base_color: base_color.min(Vec3::ONE), metallic: 0.0, roughness, dielectric_f0: f0 }
 }
 
 /// Base color b and metalness m with which as much is diffuse and as much mirrored head on, at F0 = 0.04 of what is no metal:
@@ -213,9 +203,9 @@ mod tests {
 
     #[test]
     fn dielectrics_keep_their_reflectance() {
-        let Plain { base_color, metallic, dielectric_f0 } = plain(Vec3::splat(0.5), Vec3::splat(0.08));
+        let Plain { base_color, metallic, dielectric_f0, .. } = plain(Vec3::splat(0.5), Vec3::splat(0.08), 0.5);
         assert!(metallic == 0.0 && (dielectric_f0 - 0.08).abs() < 1e-6);
         assert!((base_color - Vec3::splat(0.5)).abs().max_element() < 1e-6);
-        assert_eq!(plain(Vec3::ZERO, Vec3::new(1.0, 0.8, 0.3)).metallic, 1.0);
+        assert_eq!(plain(Vec3::ZERO, Vec3::new(1.0, 0.8, 0.3), 0.5).metallic, 1.0);
     }
 }

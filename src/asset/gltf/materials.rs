@@ -410,7 +410,7 @@ impl Reader<'_> {
         [desc.base_color_map, _] = maps;
         desc.base_color = Factor::same(plain.base_color);
         (desc.metallic, desc.dielectric_f0) = (Factor::same(plain.metallic), plain.dielectric_f0);
-        desc.roughness = Factor::same(glossy.plain_roughness());
+        desc.roughness = Factor::same(plain.roughness);
         Ok(())
     }
 
