@@ -9,6 +9,7 @@
 #include "environment.glsl"
 #include "openness.glsl"
 #include "output.glsl"
+#define FOLLOWS_BODIES REFRACTS
 #include "surface.glsl"
 #include "point_lights.glsl"
 #include "sun_light.glsl"
@@ -16,6 +17,7 @@
 #include "probes.glsl"
 #include "sphere_lights.glsl"
 #endif
+#include "glass_ball.glsl"
 
 #ifdef TWO_SOURCES
 layout(location = 0, index = 0) out vec4 colour;
@@ -223,7 +225,7 @@ void main()
     if (SHADING == SHADING_BASE_COLOR)
         colour = display_colour(s.base_color);
     else if (shows_light)
-        colour = display_radiance(light_of(s));
+        colour = display_radiance(REFRACTS ? with_what_is_seen_through(s, light_of(s)) : light_of(s));
     else
         colour = display_value(value_of(s));
     colour.a = s.alpha;

@@ -22,6 +22,9 @@ struct Material {
     vec3 transmission; // by which light is multiplied that goes through
     float clearcoat;
     float clearcoat_roughness;
+    vec3 surface_transmission; // by which light that goes through the surface of a body is multiplied, without
+    vec3 absorption;           // what the body absorbs, 1/m
+    float ior;
 };
 
 // Least roughness of a clear coat: its lobe is narrower than a texel of any panorama, and never taken for a mirror's.
@@ -42,6 +45,7 @@ const uint MATERIAL_SECOND_UV = 4;
 const uint MATERIAL_UNLIT = 64;
 const uint MATERIAL_TRANSMITS = 128;
 const uint MATERIAL_CLEARCOAT_BUMPS = 1u << 24; // the normal map shows in the clear coat
+const uint MATERIAL_REFRACTS = 1u << 25;        // it is the surface of bodies that bend light
 // From this bit on for each map how coordinates beyond 0 to 1 are meant, two bits for u and two for v: the order of
 // asset::material::Wrap.
 const uint MATERIAL_WRAPS = 8;

@@ -4,6 +4,7 @@
 #define PATH_GLSL
 
 #include "shared.glsl"
+#include "bodies.glsl"
 #include "emitters.glsl"
 #include "importance.glsl"
 #include "lamp.glsl"
@@ -277,7 +278,7 @@ vec3 transported_light(PathPoint p, uvec4 seed)
         if (throughput == vec3(0.0))
             break;
         if (TRANSPORT == TRANSPORT_ALL)
-            hit = trace_ray(ray_origin(p), l_world, 1e30, false);
+            hit = trace_seen(ray_origin(p), l_world, mirrored);
         throughput *= hit.transmission;
         if (first && !is_shown(hit.t < 0.0 && sun_density(l_world) > 0.0))
             break;
@@ -297,6 +298,11 @@ vec3 transported_light(PathPoint p, uvec4 seed)
         p = ray_point(hit, l_world);
         arrival = mirrored ? -1.0 : density * dot(p.side, p.s.v) / max(hit.t * hit.t, TINY);
         drawn = emitter_density(hit.triangle);
+        if (mirrored && is_body(material_of_hit(hit))
+            && !look_into_bodies(p, material_of_hit(hit), is_back(hit, l_world), throughput, seed)) {
+            sum += throughput;
+            break;
+        }
     }
     return sum;
 }

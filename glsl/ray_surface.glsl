@@ -119,9 +119,14 @@ vec2 ray_metallic_roughness(RayHit hit, Material material, vec2 uv)
     return vec2(material.metallic, material.roughness) * textureLod(ray_orm, at, 0.0).bg;
 }
 
+// Whether rays end at the surfaces of bodies, instead of going straight through.
+bool stops_at_bodies = false;
+
 bool is_hole(RayHit hit, float cosine, out vec3 through)
 {
     Material material = materials[bvh_triangle(hit.triangle).material_and_flags & BVH_MATERIAL];
+    if (rays_have(RAYS_REFRACTS) && stops_at_bodies && (material.flags & MATERIAL_REFRACTS) != 0u)
+        return false;
     vec4 factors = ray_base_factors(hit, material, ray_uv(hit));
     float alpha = material.opacity * factors.a;
     through = is_tinting(material) ? material.transmission * factors.rgb : vec3(1.0);
@@ -232,6 +237,8 @@ PathPoint ray_point(RayHit hit, vec3 d)
     p.s.base_color = ray_base(hit, material, uv);
     p.s.alpha = 1.0; // rays pass through what is not covered
     p.s.transmission = vec3(1.0);
+    if (rays_have(RAYS_REFRACTS) && (material.flags & MATERIAL_REFRACTS) != 0u)
+        p.s.transmission = material.surface_transmission * ray_base_factors(hit, material, uv).rgb;
     p.s.emission = ray_emission_of(hit, material, uv);
     p.s.metallic = metallic_roughness.x;
     p.s.roughness = metallic_roughness.y;

@@ -5,6 +5,7 @@
 #include "path.glsl"
 #include "shown_channels.glsl"
 #define SURFACE_TEXEL(map, at) textureLod(map, at, 0.0)
+#define FOLLOWS_BODIES (TRANSPORT == TRANSPORT_ALL && rays_have(RAYS_REFRACTS))
 #include "surface.glsl"
 
 layout(location = 0) out vec4 radiance;
@@ -32,25 +33,28 @@ float coverage(Surface s)
 }
 
 // Goes on from a sheet to what is behind it. Where that is nothing, `through` becomes the panorama's light.
-bool look_through(inout PathPoint p, out vec3 through)
+bool look_through(inout PathPoint p, inout vec3 through, inout uvec4 seed)
 {
     vec3 d = -p.s.v;
-    RayHit hit = trace_ray(p.position - 2.0 * p.rounding * p.side, d, 1e30, false);
-    through = p.s.transmission * hit.transmission;
-    if (hit.t >= 0.0)
-        p = ray_point(hit, d);
-    else
-        through *= PART == PART_ALL ? panorama_radiance(panorama_from_world(d)) : vec3(0.0);
-    return hit.t >= 0.0;
+    RayHit hit = trace_seen(p.position - 2.0 * p.rounding * p.side, d, true);
+    through *= p.s.transmission * hit.transmission;
+    if (hit.t < 0.0) {
+        through *= panorama_radiance(panorama_from_world(d));
+        return false;
+    }
+    p = ray_point(hit, d);
+    uint material = material_of_hit(hit);
+    return !is_body(material) || look_into_bodies(p, material, is_back(hit, d), through, seed);
 }
 
 void main()
 {
     PathPoint p;
     p.s = read_surface();
+    bool follows = FOLLOWS_BODIES && is_body(instances[draw.instance].material);
     // Coverage by chance: of all frames as many show the surface as it covers of what is behind.
     uvec3 layer = floatBitsToUint(position_world);
-    bool is_through = BLENDS && unit_from_bits(pcg4d(uvec4(layer, frame.sample_index)).x) >= coverage(p.s);
+    bool is_through = BLENDS && !follows && unit_from_bits(pcg4d(uvec4(layer, frame.sample_index)).x) >= coverage(p.s);
     if (is_through && !(TINTS && TRANSPORT == TRANSPORT_ALL))
         discard;
     p.position = position_world;
@@ -59,11 +63,13 @@ void main()
     if (TRANSPORT == TRANSPORT_ALL)
         p.s.occlusion = 1.0; // occlusion maps estimate what paths find out
     vec3 sum = vec3(0.0), through = vec3(1.0);
-    if (is_through && !look_through(p, through)) {
-        radiance = vec4(through, 1.0);
+    uvec4 seed = uvec4(gl_FragCoord.xy, frame.sample_index, (PATHS * eye) << 16u);
+    if ((is_through && !look_through(p, through, seed))
+        || (follows && !look_into_bodies(p, instances[draw.instance].material, !gl_FrontFacing, through, seed))) {
+        radiance = vec4(PART == PART_ALL ? through : vec3(0.0), 1.0);
         return;
     }
-    for (uint path = 0u; path < PATHS; ++path)
-        sum += transported_light(p, uvec4(gl_FragCoord.xy, frame.sample_index, (PATHS * eye + path) << 16u));
+    for (uint path = 0u; path < PATHS; ++path, seed.w += 1u << 16u)
+        sum += transported_light(p, seed);
     radiance = vec4(through * shown_channels() * sum / float(PATHS), 1.0);
 }

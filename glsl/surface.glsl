@@ -13,6 +13,11 @@
 #define SURFACE_TEXEL(map, at) texture(map, at)
 #endif
 
+// And those that follow light through bodies absorb it there, not at surfaces.
+#ifndef FOLLOWS_BODIES
+#define FOLLOWS_BODIES false
+#endif
+
 layout(BASE_COLOR_MAP) uniform sampler2D base_color_map;
 layout(NORMAL_MAP) uniform sampler2D normal_map;
 layout(ORM_MAP) uniform sampler2D orm_map; // occlusion, roughness, metallic, clear coat
@@ -80,7 +85,9 @@ Surface read_surface()
     s.transmission = vec3(1.0);
     if (TINTS) {
         // Colours of maps and vertices are those of what goes through.
-        s.transmission = materials[instances[draw.instance].material].transmission * factors.rgb;
+        Material material = materials[instances[draw.instance].material];
+        bool follows = FOLLOWS_BODIES && (material.flags & MATERIAL_REFRACTS) != 0u;
+        s.transmission = factors.rgb * (follows ? material.surface_transmission : material.transmission);
         s.base_color = base_color_metallic.rgb;
     }
     s.emission = EMITS ? emission_opacity.rgb * SURFACE_TEXEL(emission_map, map_uv(MAP_EMISSION)).rgb : vec3(0.0);

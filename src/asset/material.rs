@@ -12,10 +12,26 @@ pub const DIELECTRIC_F0: f32 = brdf::DIELECTRIC_F0 as f32;
 /// The most radiance of a surface, W/(m² sr).
 pub const MAX_EMISSION: f32 = 1e6;
 
+/// The most index of refraction that is not infinite; diamond has 2.42.
+pub const MAX_IOR: f32 = 10.0;
+
 /// Of a dielectric with this index of refraction, by Fresnel's equations.
 pub fn f0_from_ior(ior: f32) -> f32 {
     let ior = f64::from(ior);
     ((ior - 1.0) / (ior + 1.0)).powi(2) as f32
+}
+
+/// How a closed body bends light that goes through it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Refraction {
+    /// Index of refraction, above 1.
+    pub ior: f32,
+    /// By which each of its surfaces multiplies light that goes through, linear RGB, 0 to 1. The base color map multiplies it, too.
+    pub surface_transmission: Vec3,
+    /// What it absorbs on the way, 1/m.
+    pub absorption: Vec3,
+    /// Whether all bodies of it are balls, through which pictures show their surroundings.
+    pub balls: bool,
 }
 
 /// A material of a model. Factors are in their range; each map, where it can be read, is multiplied by its factor.
@@ -60,6 +76,8 @@ pub struct MaterialDesc {
     /// Of a sheet like glass: by which it multiplies light that goes through where it does not cover, linear RGB, 0 to 1. The base
     /// color map multiplies this instead of the base color. At slanted views less goes through.
     pub transmission: Option<Vec3>,
+    /// Of a sheet that is the surface of a solid body: how it bends what goes through.
+    pub refraction: Option<Refraction>,
     /// Whether its emission is its colour, which vertices may have, too.
     pub unlit: bool,
     /// What the file does not say and was taken from something else, or for granted.
@@ -179,6 +197,7 @@ impl MaterialDesc {
             vertex_alpha: false,
             culls_backs: false,
             transmission: None,
+            refraction: None,
             unlit: false,
             guesses: Vec::new(),
         }
@@ -210,6 +229,14 @@ impl MaterialDesc {
         (self.opacity, self.alpha) = (coverage * opacity, alpha);
         // Coverage divides all that a surface sends.
         self.emissive = Factor::same((self.emissive.alone / coverage).min(Vec3::splat(MAX_EMISSION)));
+    }
+
+    /// Makes the surface of a solid body of what [`Self::transmit`] has made a sheet of; `surface_transmission`: without its map.
+    /// Without effect where a body would bend nothing.
+    pub fn refract(&mut self, surface_transmission: Vec3, absorption: Vec3) {
+        let root = self.dielectric_f0.sqrt();
+        let ior = ((1.0 + root) / (1.0 - root)).min(MAX_IOR);
+        self.refraction = (ior > 1.0).then_some(Refraction { ior, surface_transmission, absorption, balls: false });
     }
 
     /// Its maps, as messages name them.

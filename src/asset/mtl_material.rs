@@ -82,7 +82,7 @@ fn dielectric_f0(mtl: &Mtl) -> f32 {
     }
 }
 
-/// Illumination models 4, 6, 7 and 9 have glass or refraction. Some programs write one for anything, but not with a black
+/// Illumination models 4 and 9 have glass, 6 and 7 refraction. Some programs write one for anything, but not with a black
 /// diffuse colour, and others say by `d` how much is covered.
 fn is_glass(mtl: &Mtl) -> bool {
     let is_opaque = mtl.dissolve.is_none_or(|d| d >= 1.0) && mtl.map_d.is_none();
@@ -152,6 +152,9 @@ impl Interpreter<'_> {
         if is_glass(mtl) {
             desc.base_color = Factor::same(transmission);
             desc.transmit(1.0, Vec3::ONE);
+            if matches!(mtl.illum, Some(6 | 7)) {
+                desc.refract(transmission, Vec3::ZERO);
+            }
         } else if transmission != Vec3::ONE {
             self.report.warn(format!(
                 "{}: material {}: Tf: colours what goes through glass alone: illum 4, 6, 7 or 9 with Kd 0 0 0 and without d",

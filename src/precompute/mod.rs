@@ -30,6 +30,8 @@ mod energy_gpu_tests;
 mod glsl_gpu_tests;
 #[cfg(test)]
 pub(crate) mod harness_tests;
+#[cfg(test)]
+mod refraction_gpu_tests;
 
 /// How maps are precomputed.
 #[derive(Clone, Copy, Debug, PartialEq)]

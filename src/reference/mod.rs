@@ -1,6 +1,6 @@
 //! Reference implementations in f64, without Vulkan: BRDF terms, sampling, integrals, colour, picture metrics.
 //!
-//! `math`, `brdf`, `clearcoat`, `disc`, `energy`, `sampling`, `cube`, `octahedral`, `openness`, `tone`, `probe`, `shadow` and `split_sum` are the twins
+//! `math`, `brdf`, `clearcoat`, `disc`, `energy`, `sampling`, `cube`, `octahedral`, `openness`, `refraction`, `tone`, `probe`, `shadow` and `split_sum` are the twins
 //! of the files of the same name in `glsl/` (`probe` of `probe_box.glsl`, `shadow` of `shadow_place.glsl`, `reprojection` of
 //! `mirror.frag`): same functions, same arguments, same constants.
 
@@ -21,6 +21,7 @@ pub mod openness;
 pub mod panorama_sums;
 pub mod probe;
 pub mod quadrature;
+pub mod refraction;
 pub mod reprojection;
 pub mod sampling;
 pub mod shadow;

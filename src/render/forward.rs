@@ -11,7 +11,7 @@ use super::output::Output;
 use super::pipeline_request::PipelineRequest;
 use super::ray_scene::RaySet;
 use super::scene_resources::{ATTRIBUTES, PackedVertex};
-use super::settings::{RenderSettings, Shading};
+use super::settings::{LightModel, RenderSettings, Shading};
 use super::shared::{constant, ray_feature};
 use crate::Result;
 use crate::gpu::{Blend, Commands, Constant, Cull, DepthState, Format, GraphicsDesc, Pipeline};
@@ -117,6 +117,7 @@ impl ForwardPass {
             let constants: Vec<Constant> = common
                 .into_iter()
                 .chain(constants(features, multiple))
+                .chain([(constant::REFRACTS, u32::from(features.refracts && settings.light == LightModel::Baked))])
                 .chain([(constant::SEVERAL_PROBES, u32::from(kind == ProbeUse::SEVERAL))])
                 .collect();
             let stages = stages(kind > 0);

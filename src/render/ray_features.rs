@@ -19,6 +19,7 @@ pub fn features(materials: &[Material], geometry: GeometryView<'_>) -> u32 {
         (ray_feature::GLOSSY, any(&is_glossy)),
         (ray_feature::TINTS, any(&Material::tints)),
         (ray_feature::CLEARCOAT, any(&|material| material.clearcoat_factor > 0.0)),
+        (ray_feature::REFRACTS, any(&|material| material.refraction.is_some())),
         (ray_feature::EXTRAS, any(&Material::takes_second_uv) || extra()),
     ];
     let of_maps = (0..4).filter(|i| maps(*i)).map(|i| ray_feature::MAPS << i);

@@ -17,6 +17,7 @@ use super::settings::RenderSettings;
 use super::shadow_plan::ShadowPlan;
 use super::shared::{InstanceBlock, LightBlock, MaterialBlock, SphereLightBlock, material_flag};
 use crate::Result;
+use crate::asset::material::Refraction;
 use crate::asset::model::Cone;
 use crate::context::Context;
 use crate::gpu::{Buffer, BufferKind, Commands, Gpu};
@@ -282,6 +283,8 @@ fn light_buffer(gpu: &Arc<Gpu>, lights: &[LightBlock]) -> Result<Arc<Buffer>> {
 }
 
 fn material_block(material: &Material, textures: u32) -> MaterialBlock {
+    let straight = Refraction { ior: 1.0, surface_transmission: Vec3::ONE, absorption: Vec3::ZERO, balls: false };
+    let refraction = material.refraction.unwrap_or(straight);
     MaterialBlock {
         base_color: material.base_color_factor.into(),
         metallic: material.metallic_factor,
@@ -293,6 +296,9 @@ fn material_block(material: &Material, textures: u32) -> MaterialBlock {
         transmission: material.transmission.unwrap_or(Vec3::ONE).into(),
         clearcoat: material.clearcoat_factor,
         clearcoat_roughness: material.clearcoat_roughness,
+        surface_transmission: refraction.surface_transmission.into(),
+        absorption: refraction.absorption.into(),
+        ior: refraction.ior,
         emission: material.emissive_factor.into(),
         flags: material_flags(material),
     }
@@ -311,6 +317,7 @@ fn material_flags(material: &Material) -> u32 {
         | bit(tints, material_flag::UNLIT)
         | bit(material.transmission.is_some(), material_flag::TRANSMITS)
         | bit(material.clearcoat_bumps, material_flag::CLEARCOAT_BUMPS)
+        | bit(material.refraction.is_some(), material_flag::REFRACTS)
 }
 
 fn light_block(light: &PointLight, (shadow_layer, shadow_near): (i32, f32)) -> LightBlock {

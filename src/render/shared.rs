@@ -120,6 +120,10 @@ pub struct MaterialBlock {
     /// The share that has a clear coat, and the coat's roughness.
     pub clearcoat: f32,
     pub clearcoat_roughness: f32,
+    /// Where `REFRACTS`: what the surface does to light that goes through, without what the body absorbs (1/m), and its index of refraction.
+    pub surface_transmission: [f32; 3],
+    pub absorption: [f32; 3],
+    pub ior: f32,
 }
 
 /// Bits of [`MaterialBlock::flags`], as in `glsl/instance.glsl`.
@@ -136,6 +140,8 @@ pub mod material_flag {
     pub const WRAPS: u32 = 8;
     /// The normal map shows in the clear coat.
     pub const CLEARCOAT_BUMPS: u32 = 1 << 24;
+    /// It is the surface of bodies that bend light.
+    pub const REFRACTS: u32 = 1 << 25;
 }
 
 /// What few vertices have: an element of `SCENE_VERTEX_EXTRAS` and of `RAY_CORNER_EXTRAS`.
@@ -213,7 +219,7 @@ const _: () = {
     assert!(size_of::<FrameBlock>() == 144 * MAX_EYES + 188 + size_of::<[SphereLightBlock; MAX_SPHERE_LIGHTS]>());
     assert!(offset_of!(InstanceBlock, material) == 64 && size_of::<InstanceBlock>() == 68);
     assert!(offset_of!(MaterialBlock, metallic) == 12 && offset_of!(MaterialBlock, emission) == 32);
-    assert!(size_of::<MaterialBlock>() == 72 && size_of::<VertexExtraBlock>() == 16);
+    assert!(size_of::<MaterialBlock>() == 100 && size_of::<VertexExtraBlock>() == 16);
     assert!(offset_of!(LightBlock, radius) == 12 && offset_of!(LightBlock, intensity) == 16);
     assert!(offset_of!(LightBlock, shadow_near) == 28 && offset_of!(LightBlock, shadow_layer) == 32);
     assert!(offset_of!(LightBlock, along) == 36 && size_of::<LightBlock>() == 56);
@@ -249,6 +255,7 @@ pub mod constant {
     pub const RAY_FEATURES: u32 = 24;
     pub const TINTS: u32 = 25;
     pub const CLEARCOAT: u32 = 26;
+    pub const REFRACTS: u32 = 27;
 }
 
 /// What rays may meet or be sent to in a scene: bits of [`constant::RAY_FEATURES`], described in `glsl/ray_features.glsl`.
@@ -261,6 +268,7 @@ pub mod ray_feature {
     pub const SKY_RELAYS: u32 = 32;
     pub const TINTS: u32 = 64;
     pub const CLEARCOAT: u32 = 128;
+    pub const REFRACTS: u32 = 256;
     /// Shifted by the number of a map, as [`material_flag::SECOND_UV`].
-    pub const MAPS: u32 = 256;
+    pub const MAPS: u32 = 512;
 }

@@ -89,6 +89,9 @@ impl Blocks {
             transmission: counter.list(),
             clearcoat: counter.next(),
             clearcoat_roughness: counter.next(),
+            surface_transmission: counter.list(),
+            absorption: counter.list(),
+            ior: counter.next(),
         });
         let lights = std::array::from_fn(|_| LightBlock {
             position: counter.list(),
@@ -139,6 +142,7 @@ impl Blocks {
             numbers.extend([flags as f32, dielectric_f0]);
             numbers.extend(transmission);
             numbers.extend([clearcoat, clearcoat_roughness]);
+            numbers.extend(material.surface_transmission.iter().chain(&material.absorption).chain(&[material.ior]));
         }
         numbers
     }
@@ -217,6 +221,7 @@ fn features_of_rays_have_the_same_bits_as_in_glsl() {
         ("SKYRELAYS", ray_feature::SKY_RELAYS),
         ("TINTS", ray_feature::TINTS),
         ("CLEARCOAT", ray_feature::CLEARCOAT),
+        ("REFRACTS", ray_feature::REFRACTS),
         ("MAPS", ray_feature::MAPS),
     ];
     assert_eq!(constants(RAY_FEATURES, "uint", "RAYS_"), ours.map(|(name, bit)| (name.to_owned(), bit)));
@@ -254,6 +259,7 @@ fn specialization_constants_have_their_ids() {
         ("BLENDS", constant::BLENDS),
         ("TINTS", constant::TINTS),
         ("CLEARCOAT", constant::CLEARCOAT),
+        ("REFRACTS", constant::REFRACTS),
         ("SPHERE_LIGHTS", constant::SPHERE_LIGHTS),
     ];
     assert_eq!(declared.collect::<Vec<_>>(), ours);

@@ -4,7 +4,7 @@ use glam::{Mat4, Vec3};
 use serde::Serialize;
 
 use super::mesh::{Bounds, Mesh};
-use crate::asset::material::Sampling;
+use crate::asset::material::{Refraction, Sampling};
 use crate::asset::model::Cone;
 use crate::asset::{MipChain, Panorama};
 
@@ -111,6 +111,8 @@ pub struct Material {
     /// Of a sheet like glass: by which it and the base color map multiply light that goes through where it does not cover. At
     /// slanted views less goes through.
     pub transmission: Option<Vec3>,
+    /// Of a sheet that is the surface of closed bodies: how they bend what goes through.
+    pub refraction: Option<Refraction>,
     /// Whether its emission is its colour.
     pub unlit: bool,
 }

@@ -10,7 +10,8 @@ use super::description::{Description, EnvironmentFile, MAX_LENGTH, ModelFile};
 use super::mesh::{Bounds, Mesh};
 use super::staging::Staging;
 use super::{
-    Camera, Environment, Instance, Material, MaterialSource, Scene, description_text, material, model_lights, tangent,
+    Camera, Environment, Instance, Material, MaterialSource, Scene, description_text, material, model_lights,
+    refraction, tangent,
 };
 use crate::asset::material::{AlphaUse, MaterialDesc};
 use crate::asset::mesh::Submesh;
@@ -71,6 +72,7 @@ pub fn load(path: &Path, options: &LoadOptions, report: &Report) -> Result<Scene
     for mesh in models.meshes.iter().filter(|mesh| mesh.has_colours()) {
         materials[mesh.material].vertex_colours = true;
     }
+    refraction::settle(&mut models.meshes, &models.instances, &mut materials, report);
     let mut lights = description.lights.clone();
     lights.extend(model_lights::point_lights(&models.lights));
     let mut cameras = description.cameras.clone();

@@ -9,7 +9,7 @@ use super::Material;
 use super::contents::Lookup;
 use super::maps::{ALPHA_CUTOFF, Alpha, Normals, OneChannel, Pictures, TextureResult, TextureTask};
 use crate::asset::image_source::ImageSource;
-use crate::asset::material::{AlphaUse, DIELECTRIC_F0, MapDesc, MaterialDesc, NormalsKind};
+use crate::asset::material::{AlphaUse, DIELECTRIC_F0, MapDesc, MaterialDesc, NormalsKind, Refraction};
 use crate::asset::mtl_material::{DEFAULT_GREY, DEFAULT_ROUGHNESS};
 use crate::asset::{MipChain, Report, TextureOptions};
 
@@ -45,6 +45,7 @@ impl Material {
             culls_backs: false,
             vertex_colours: false,
             transmission: None,
+            refraction: None,
             unlit: false,
         }
     }
@@ -194,6 +195,10 @@ impl Plan<'_> {
             culls_backs: desc.culls_backs,
             vertex_colours: false,
             transmission: desc.transmission.map(|color| color * map_factor),
+            refraction: desc.refraction.map(|refraction| Refraction {
+                surface_transmission: refraction.surface_transmission * map_factor,
+                ..refraction
+            }),
             unlit: desc.unlit,
         }
     }

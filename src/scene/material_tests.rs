@@ -409,6 +409,9 @@ fn glass_of_an_illumination_model_lets_light_through() {
     assert!(warnings[0].contains("material a: Tf: colours what goes through glass alone"), "{warnings:?}");
     let diamond = of("Kd 0 0 0\nillum 6\nNi 2.4");
     assert!((diamond.dielectric_f0 - (1.4f32 / 3.4).powi(2)).abs() < 1e-6 && diamond.opacity > 0.2);
+    // Models 6 and 7 refract, which bodies alone can show.
+    assert!(diamond.refraction.is_some_and(|refraction| (refraction.ior - 2.4).abs() < 1e-4 && !refraction.balls));
+    assert!(glass.refraction.is_some() && bottle.refraction.is_none());
     // As programs write it for anything, or with other words for what is covered; metal.
     for other in
         ["Kd 0.1 0 0\nillum 7", "Kd 0 0 0\nillum 2", "Kd 0 0 0\nPm 1\nillum 7", "Kd 0 0 0\nmap_d vary.png\nillum 7"]

@@ -21,6 +21,7 @@ pub mod needs;
 pub mod places;
 pub mod probes;
 pub mod sphere_lights;
+mod refraction;
 mod things;
 pub mod staging;
 pub mod surroundings;

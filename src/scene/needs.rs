@@ -70,6 +70,8 @@ pub struct MaterialFeatures {
     pub tints: bool,
     /// A clear coat.
     pub clearcoat: bool,
+    /// Balls through which their surroundings are seen upside down.
+    pub refracts: bool,
 }
 
 impl MaterialFeatures {
@@ -87,6 +89,7 @@ impl MaterialFeatures {
         blends: false,
         tints: false,
         clearcoat: false,
+        refracts: false,
     };
 
     /// The same for any factors of base color, metallic and roughness.
@@ -96,8 +99,8 @@ impl MaterialFeatures {
 
     /// Everything but what only this material's vertices have, or what changes its picture.
     fn everything(material: &Material) -> Self {
-        let Self { vertex_colours, second_uv, blends, tints, clearcoat, .. } = Self::of(material);
-        Self { vertex_colours, second_uv, blends, tints, clearcoat, ..Self::EVERYTHING }
+        let Self { vertex_colours, second_uv, blends, tints, clearcoat, refracts, .. } = Self::of(material);
+        Self { vertex_colours, second_uv, blends, tints, clearcoat, refracts, ..Self::EVERYTHING }
     }
 
     fn of(material: &Material) -> Self {
@@ -122,6 +125,7 @@ impl MaterialFeatures {
             blends: material.blends,
             tints: material.tints(),
             clearcoat: material.clearcoat_factor > 0.0,
+            refracts: material.blends && material.refraction.is_some_and(|refraction| refraction.balls),
         }
     }
 }

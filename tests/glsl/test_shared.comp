@@ -63,5 +63,12 @@ void main()
         put(materials[i].transmission.z);
         put(materials[i].clearcoat);
         put(materials[i].clearcoat_roughness);
+        put(materials[i].surface_transmission.x);
+        put(materials[i].surface_transmission.y);
+        put(materials[i].surface_transmission.z);
+        put(materials[i].absorption.x);
+        put(materials[i].absorption.y);
+        put(materials[i].absorption.z);
+        put(materials[i].ior);
     }
 }

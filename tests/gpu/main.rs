@@ -14,6 +14,7 @@ mod emission;
 mod model_lights;
 mod models;
 mod reference;
+mod refraction;
 mod shadows;
 mod hands;
 mod light;

@@ -14,7 +14,7 @@ use super::source::{Source, label};
 use crate::Result;
 use crate::asset::image_source::ImageSource;
 use crate::asset::material::{
-    AlphaUse, Factor, MAX_EMISSION, MapDesc, MaterialDesc, NormalsDesc, NormalsKind, f0_from_ior,
+    AlphaUse, Factor, MAX_EMISSION, MAX_IOR, MapDesc, MaterialDesc, NormalsDesc, NormalsKind, f0_from_ior,
 };
 use crate::asset::texture::Pick;
 use crate::error::{MAX_QUOTED, shortened};
@@ -24,8 +24,11 @@ use crate::reference::tone::luminance;
 const MIN_OPACITY: f32 = 1e-6;
 /// Of a surface that says nothing else.
 const USUAL_IOR: f32 = 1.5;
-/// Of no transparent matter; a diamond's is 2.4.
-const MAX_IOR: f32 = 10.0;
+
+/// What stands for an attenuation color of 0.
+pub(super) const MIN_ATTENUATION: f32 = 1e-6;
+/// Of a body that nothing is seen through, 1/m.
+const MAX_ABSORPTION: f32 = 1e6;
 
 /// Materials in the order of their first use.
 #[derive(Default)]
@@ -156,6 +159,12 @@ impl Volume {
         let distances = self.thickness_factor.max(0.0) / self.attenuation_distance.max(f32::MIN_POSITIVE);
         let color = Vec3::from(self.attenuation_color).clamp(Vec3::ZERO, Vec3::ONE);
         color.powf(0.5 * distances.min(f32::MAX))
+    }
+
+    /// The same law's coefficient, 1/m.
+    fn absorption(&self) -> Vec3 {
+        let color = Vec3::from(self.attenuation_color).clamp(Vec3::splat(MIN_ATTENUATION), Vec3::ONE);
+        (-color.map(f32::ln) / self.attenuation_distance.max(f32::MIN_POSITIVE)).min(Vec3::splat(MAX_ABSORPTION))
     }
 }
 
@@ -414,7 +423,7 @@ impl Reader<'_> {
         Ok(())
     }
 
-    /// Makes a thin sheet of what light goes through.
+    /// Makes a thin sheet of what light goes through, which is the surface of a solid body where it has a volume.
     fn set_transmission(&self, desc: &mut MaterialDesc) -> Result<()> {
         let key = "KHR_materials_transmission";
         let transmission: Transmission = self.extension(key)?.unwrap_or_default();
@@ -427,10 +436,27 @@ impl Reader<'_> {
             self.warn(&format!("{key}: not supported with a texture or a mask; drawn as if it were not transparent"));
             return Ok(());
         }
-        self.source
-            .warn_once(key, &format!("{}: {key}: light goes straight through it, neither bent nor blurred", self.of));
-        desc.transmit(share, self.extension::<Volume>("KHR_materials_volume")?.unwrap_or_default().per_surface());
+        let volume = self.extension::<Volume>("KHR_materials_volume")?.unwrap_or_default();
+        let surface_transmission = desc.base_color.of(desc.base_color_map.is_some());
+        desc.transmit(share, volume.per_surface());
+        // What covers a part of what is behind stays a sheet: light would be bent in a part of it only.
+        if volume.thickness_factor > 0.0 && share == 1.0 && desc.alpha == AlphaUse::Opacity {
+            desc.refract(surface_transmission, volume.absorption());
+        }
+        self.warn_of_sheets(desc);
         Ok(())
+    }
+
+    /// Says once for each kind of surface what is not drawn of the light that goes through.
+    fn warn_of_sheets(&self, desc: &MaterialDesc) {
+        let (key, left_out) = match desc.refraction {
+            Some(_) => (
+                "KHR_materials_volume",
+                "balls alone bend light that goes through them, and in exact pictures all bodies",
+            ),
+            None => ("KHR_materials_transmission", "light goes straight through it, neither bent nor blurred"),
+        };
+        self.source.warn_once(key, &format!("{}: {key}: {left_out}", self.of));
     }
 
     /// A surface whose color is seen whatever the light: it reflects nothing and emits its color.

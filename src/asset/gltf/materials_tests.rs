@@ -4,6 +4,7 @@ use glam::{Vec2, Vec3, vec2, vec3};
 use serde_json::{Value, json};
 
 use super::build_tests::{Build, only};
+use super::materials::MIN_ATTENUATION;
 use crate::asset::material::{AlphaUse, Factor, MapDesc, MaterialDesc, NormalsKind, Sampling, Wrap};
 use crate::asset::texture::{Encoding, Pick, Texture};
 
@@ -348,6 +349,23 @@ fn light_goes_through_what_transmits() {
         (json!({"thicknessFactor": 3e38, "attenuationDistance": -1, "attenuationColor": [2, 1, 0.5]}), [1.0, 0.5, 0.0]),
     ] {
         assert_eq!(volume(more.clone()), want, "{more}");
+    }
+    // With a thickness it is the surface of a solid body, which absorbs by the way that light has in it.
+    let refraction = |share: f32, thickness: f32, mode: &str| {
+        let more = json!({"thicknessFactor": thickness, "attenuationDistance": 2, "attenuationColor": color});
+        let glass = json!({"KHR_materials_transmission": {"transmissionFactor": share}, "KHR_materials_volume": more,
+            "KHR_materials_ior": {"ior": 1.33}});
+        let base = json!({"baseColorFactor": [1, 0.5, 1, 1], "metallicFactor": 0});
+        let (glass, warning) = read(json!({"pbrMetallicRoughness": base, "extensions": glass, "alphaMode": mode}));
+        assert_eq!(warning.contains("balls alone"), glass.refraction.is_some(), "{warning}");
+        glass.refraction
+    };
+    let body = refraction(1.0, 0.1, "OPAQUE").expect("a body");
+    assert!((body.ior - 1.33).abs() < 1e-4 && body.surface_transmission == Vec3::new(1.0, 0.5, 1.0) && !body.balls);
+    let want = Vec3::new(-0.5 * 0.25_f32.ln(), 0.0, -0.5 * MIN_ATTENUATION.ln());
+    assert!((body.absorption - want).abs().max_element() < 1e-5, "{}", body.absorption);
+    for (share, thickness, mode) in [(0.9, 0.1, "OPAQUE"), (1.0, 0.0, "OPAQUE"), (1.0, 0.1, "BLEND")] {
+        assert_eq!(refraction(share, thickness, mode), None, "{share}, {thickness}, {mode}");
     }
     let texture = json!({"extensions": {"KHR_materials_transmission":
         {"transmissionFactor": 1, "transmissionTexture": {"index": 0}}}});

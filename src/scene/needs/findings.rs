@@ -110,6 +110,7 @@ fn maps(materials: &[MaterialFinding]) -> Vec<Finding> {
             "no material lets through what is behind: all is drawn once, in any order",
         ),
         finding("clear coats", &|m| m.features.clearcoat, "every surface is a single layer"),
+        finding("refraction", &|m| m.features.refracts, "nothing is a solid ball of glass"),
         finding("emission", &|m| m.features.emits, "no material shines"),
         finding("vertex colours", &|m| m.features.vertex_colours != VertexColours::None, "all are white"),
         finding(

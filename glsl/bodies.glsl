@@ -1,0 +1,77 @@
+// Follows paths through bodies that bend light. Only paths that no other way of sampling finds stop at them: those that the eye
+// sees directly, in mirrors and through other bodies. All other light goes straight through their surfaces, as through sheets, so
+// that lamps, the sun and the panorama are found behind them; caustics are left out.
+#ifndef BODIES_GLSL
+#define BODIES_GLSL
+
+#include "importance.glsl"
+#include "ray_surface.glsl"
+#include "refraction.glsl"
+#include "scatter.glsl"
+
+// Each boundary beyond these is gone to by chance: total reflection keeps few paths within walls for very long.
+const uint CERTAIN_BOUNDARIES = 6;
+const float BOUNDARY_SURVIVAL = 0.8;
+const uint MOST_BOUNDARIES = 64;
+
+uint material_of_hit(RayHit hit)
+{
+    return bvh_triangle(hit.triangle).material_and_flags & BVH_MATERIAL;
+}
+
+bool is_body(uint material)
+{
+    return rays_have(RAYS_REFRACTS) && (materials[material].flags & MATERIAL_REFRACTS) != 0u;
+}
+
+// The first hit of a ray that ends at bodies if `stops` is set.
+RayHit trace_seen(vec3 o, vec3 d, bool stops)
+{
+    stops_at_bodies = stops;
+    RayHit hit = trace_ray(o, d, 1e30, false);
+    stops_at_bodies = false;
+    return hit;
+}
+
+// From a point of a body, seen from `inside` of it or from outside, to the point that is seen there: of its surface, where it
+// mirrors, or of what is behind or in it. Light is multiplied by `throughput`. False where that is nothing: then `throughput`
+// has the panorama's light.
+bool look_into_bodies(inout PathPoint p, uint material, bool inside, inout vec3 throughput, inout uvec4 seed)
+{
+    for (uint boundary = 0u; boundary < MOST_BOUNDARIES; ++boundary) {
+        float ior = materials[material].ior, alpha = p.s.roughness * p.s.roughness;
+        mat3 world_from_surface = basis(p.s.n);
+        vec3 v = p.s.v * world_from_surface, h = vec3(0.0, 0.0, 1.0);
+        v = normalize(vec3(v.xy, max(v.z, MIN_COS)));
+        seed.w += 1u;
+        uvec4 bits = pcg4d(seed);
+        if (alpha >= MIRROR_ALPHA)
+            h = sample_vndf(v, units_from_bits(bits.xy), alpha);
+        Crossing c = cross_boundary(v, h, alpha, inside ? 1.0 / ior : ior, unit_from_bits(bits.z));
+        if (!inside && !c.transmitted)
+            return true; // what the surface mirrors is its own light
+        throughput *= c.transmitted ? c.weight * p.s.transmission : vec3(c.weight);
+        if (boundary >= CERTAIN_BOUNDARIES)
+            throughput *= unit_from_bits(bits.w) < BOUNDARY_SURVIVAL ? 1.0 / BOUNDARY_SURVIVAL : 0.0;
+        if (throughput == vec3(0.0))
+            return false;
+        vec3 d = world_from_surface * c.l;
+        RayHit hit = trace_seen(p.position + (c.transmitted ? -2.0 : 2.0) * p.rounding * p.side, d, true);
+        throughput *= hit.transmission;
+        if (inside != c.transmitted && hit.t >= 0.0)
+            throughput *= exp(-materials[material].absorption * hit.t);
+        if (hit.t < 0.0) {
+            throughput *= panorama_radiance(panorama_from_world(d));
+            return false;
+        }
+        p = ray_point(hit, d);
+        material = material_of_hit(hit);
+        if (!is_body(material))
+            return true;
+        inside = is_back(hit, d);
+    }
+    throughput = vec3(0.0);
+    return false;
+}
+
+#endif
