@@ -14,16 +14,6 @@ const uint CERTAIN_BOUNDARIES = 6;
 const float BOUNDARY_SURVIVAL = 0.8;
 const uint MOST_BOUNDARIES = 64;
 
-uint material_of_hit(RayHit hit)
-{
-    return bvh_triangle(hit.triangle).material_and_flags & BVH_MATERIAL;
-}
-
-bool is_body(uint material)
-{
-    return rays_have(RAYS_REFRACTS) && (materials[material].flags & MATERIAL_REFRACTS) != 0u;
-}
-
 // The first hit of a ray that ends at bodies if `stops` is set.
 RayHit trace_seen(vec3 o, vec3 d, bool stops)
 {
@@ -65,13 +55,20 @@ bool look_into_bodies(inout PathPoint p, uint material, bool inside, inout vec3 
             return false;
         }
         p = ray_point(hit, d);
-        material = material_of_hit(hit);
-        if (!is_body(material))
+        material = bvh_material(hit.triangle);
+        if (!refracts(materials[material]))
             return true;
         inside = is_back(hit, d);
     }
     throughput = vec3(0.0);
     return false;
+}
+
+// The same from what a ray of unit direction d met, whatever it is.
+bool look_into_hit(inout PathPoint p, RayHit hit, vec3 d, inout vec3 throughput, inout uvec4 seed)
+{
+    uint material = bvh_material(hit.triangle);
+    return !refracts(materials[material]) || look_into_bodies(p, material, is_back(hit, d), throughput, seed);
 }
 
 #endif

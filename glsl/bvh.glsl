@@ -72,6 +72,12 @@ vec3 bvh_normal(uint index)
     return cross(triangle.b - triangle.a, triangle.c - triangle.a);
 }
 
+// The index of its material.
+uint bvh_material(uint triangle)
+{
+    return bvh_triangle(triangle).material_and_flags & BVH_MATERIAL;
+}
+
 bool is_masked(uint triangle)
 {
     return rays_have(RAYS_HOLES) && (bvh_triangle(triangle).material_and_flags & BVH_MASKED) != 0u;

@@ -36,7 +36,7 @@ float emitter_density(uint triangle)
 {
     if (!rays_have(RAYS_EMITTERS))
         return 0.0;
-    Material material = materials[bvh_triangle(triangle).material_and_flags & BVH_MATERIAL];
+    Material material = materials[bvh_material(triangle)];
     return emitter_scale * dot(material.emission, vec3(1.0));
 }
 

@@ -42,7 +42,7 @@ vec3 over_matt(Energy energy, vec3 base_color, float metallic, vec2 at)
 // light towards walls than to the ceiling.
 vec3 towards_over_matt(RayHit hit, float cosine)
 {
-    Material material = materials[bvh_triangle(hit.triangle).material_and_flags & BVH_MATERIAL];
+    Material material = materials[bvh_material(hit.triangle)];
     vec2 uv = ray_uv(hit);
     vec3 base_color = ray_base(hit, material, uv);
     vec2 metallic_roughness = ray_metallic_roughness(hit, material, uv);

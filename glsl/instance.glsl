@@ -24,7 +24,7 @@ struct Material {
     float clearcoat_roughness;
     vec3 surface_transmission; // by which light that goes through the surface of a body is multiplied, without
     vec3 absorption;           // what the body absorbs, 1/m
-    float ior;
+    float ior; // above 1 if it is the surface of bodies that bend light
 };
 
 // Least roughness of a clear coat: its lobe is narrower than a texel of any panorama, and never taken for a mirror's.
@@ -45,7 +45,6 @@ const uint MATERIAL_SECOND_UV = 4;
 const uint MATERIAL_UNLIT = 64;
 const uint MATERIAL_TRANSMITS = 128;
 const uint MATERIAL_CLEARCOAT_BUMPS = 1u << 24; // the normal map shows in the clear coat
-const uint MATERIAL_REFRACTS = 1u << 25;        // it is the surface of bodies that bend light
 // From this bit on for each map how coordinates beyond 0 to 1 are meant, two bits for u and two for v: the order of
 // asset::material::Wrap.
 const uint MATERIAL_WRAPS = 8;

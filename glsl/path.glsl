@@ -298,8 +298,7 @@ vec3 transported_light(PathPoint p, uvec4 seed)
         p = ray_point(hit, l_world);
         arrival = mirrored ? -1.0 : density * dot(p.side, p.s.v) / max(hit.t * hit.t, TINY);
         drawn = emitter_density(hit.triangle);
-        if (mirrored && is_body(material_of_hit(hit))
-            && !look_into_bodies(p, material_of_hit(hit), is_back(hit, l_world), throughput, seed)) {
+        if (mirrored && !look_into_hit(p, hit, l_world, throughput, seed)) {
             sum += throughput;
             break;
         }

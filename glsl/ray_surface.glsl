@@ -105,6 +105,11 @@ bool is_tinting(Material material)
     return rays_have(RAYS_TINTS) && (material.flags & MATERIAL_TRANSMITS) != 0u;
 }
 
+bool refracts(Material material)
+{
+    return rays_have(RAYS_REFRACTS) && material.ior > 1.0;
+}
+
 // Base color of a hit. Of a sheet, colours of maps and vertices are those of what goes through.
 vec3 ray_base(RayHit hit, Material material, vec2 uv)
 {
@@ -124,8 +129,8 @@ bool stops_at_bodies = false;
 
 bool is_hole(RayHit hit, float cosine, out vec3 through)
 {
-    Material material = materials[bvh_triangle(hit.triangle).material_and_flags & BVH_MATERIAL];
-    if (rays_have(RAYS_REFRACTS) && stops_at_bodies && (material.flags & MATERIAL_REFRACTS) != 0u)
+    Material material = materials[bvh_material(hit.triangle)];
+    if (stops_at_bodies && refracts(material))
         return false;
     vec4 factors = ray_base_factors(hit, material, ray_uv(hit));
     float alpha = material.opacity * factors.a;
@@ -201,7 +206,7 @@ vec3 ray_emission_of(RayHit hit, Material material, vec2 uv)
 
 vec3 emission_of_hit(RayHit hit)
 {
-    return ray_emission_of(hit, materials[bvh_triangle(hit.triangle).material_and_flags & BVH_MATERIAL], ray_uv(hit));
+    return ray_emission_of(hit, materials[bvh_material(hit.triangle)], ray_uv(hit));
 }
 
 // The coat of a hit; `own_from_local`: turns normals to the world and to the ray's side.
@@ -237,7 +242,7 @@ PathPoint ray_point(RayHit hit, vec3 d)
     p.s.base_color = ray_base(hit, material, uv);
     p.s.alpha = 1.0; // rays pass through what is not covered
     p.s.transmission = vec3(1.0);
-    if (rays_have(RAYS_REFRACTS) && (material.flags & MATERIAL_REFRACTS) != 0u)
+    if (refracts(material))
         p.s.transmission = material.surface_transmission * ray_base_factors(hit, material, uv).rgb;
     p.s.emission = ray_emission_of(hit, material, uv);
     p.s.metallic = metallic_roughness.x;

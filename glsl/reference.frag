@@ -43,15 +43,14 @@ bool look_through(inout PathPoint p, inout vec3 through, inout uvec4 seed)
         return false;
     }
     p = ray_point(hit, d);
-    uint material = material_of_hit(hit);
-    return !is_body(material) || look_into_bodies(p, material, is_back(hit, d), through, seed);
+    return look_into_hit(p, hit, d, through, seed);
 }
 
 void main()
 {
     PathPoint p;
     p.s = read_surface();
-    bool follows = FOLLOWS_BODIES && is_body(instances[draw.instance].material);
+    bool follows = FOLLOWS_BODIES && refracts(materials[instances[draw.instance].material]);
     // Coverage by chance: of all frames as many show the surface as it covers of what is behind.
     uvec3 layer = floatBitsToUint(position_world);
     bool is_through = BLENDS && !follows && unit_from_bits(pcg4d(uvec4(layer, frame.sample_index)).x) >= coverage(p.s);

@@ -86,7 +86,7 @@ Surface read_surface()
     if (TINTS) {
         // Colours of maps and vertices are those of what goes through.
         Material material = materials[instances[draw.instance].material];
-        bool follows = FOLLOWS_BODIES && (material.flags & MATERIAL_REFRACTS) != 0u;
+        bool follows = FOLLOWS_BODIES && material.ior > 1.0;
         s.transmission = factors.rgb * (follows ? material.surface_transmission : material.transmission);
         s.base_color = base_color_metallic.rgb;
     }

@@ -129,7 +129,7 @@ fn light_from_the_cache_needs_no_rays_until_it_changes() {
         ring.finish_all().unwrap();
         drop(ring);
         for (i, (got, want)) in light(gpu, &again).iter().zip(&wanted).enumerate() {
-            assert!(is_same(got, want), "image {i} differs");
+            assert!(got == want, "image {i} differs");
         }
         assert_eq!(context.report.warnings(), [""; 0]);
     });

@@ -317,7 +317,6 @@ fn material_flags(material: &Material) -> u32 {
         | bit(tints, material_flag::UNLIT)
         | bit(material.transmission.is_some(), material_flag::TRANSMITS)
         | bit(material.clearcoat_bumps, material_flag::CLEARCOAT_BUMPS)
-        | bit(material.refraction.is_some(), material_flag::REFRACTS)
 }
 
 fn light_block(light: &PointLight, (shadow_layer, shadow_near): (i32, f32)) -> LightBlock {

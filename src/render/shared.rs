@@ -120,7 +120,8 @@ pub struct MaterialBlock {
     /// The share that has a clear coat, and the coat's roughness.
     pub clearcoat: f32,
     pub clearcoat_roughness: f32,
-    /// Where `REFRACTS`: what the surface does to light that goes through, without what the body absorbs (1/m), and its index of refraction.
+    /// What the surface of a body that bends light multiplies it by, what the body absorbs (1/m), and its index of refraction; that is 1
+    /// elsewhere.
     pub surface_transmission: [f32; 3],
     pub absorption: [f32; 3],
     pub ior: f32,
@@ -140,8 +141,6 @@ pub mod material_flag {
     pub const WRAPS: u32 = 8;
     /// The normal map shows in the clear coat.
     pub const CLEARCOAT_BUMPS: u32 = 1 << 24;
-    /// It is the surface of bodies that bend light.
-    pub const REFRACTS: u32 = 1 << 25;
 }
 
 /// What few vertices have: an element of `SCENE_VERTEX_EXTRAS` and of `RAY_CORNER_EXTRAS`.

@@ -18,8 +18,10 @@ const LEAST_ROUND: f32 = 0.99;
 pub fn settle(meshes: &mut [Mesh], instances: &[Instance], materials: &mut Vec<Material>, report: &Report) {
     for index in 0..materials.len() {
         let Some(refraction) = materials[index].refraction else { continue };
-        let of_it: Vec<usize> = (0..meshes.len()).filter(|mesh| meshes[*mesh].material == index).collect();
-        if !of_it.iter().all(|mesh| is_closed(&meshes[*mesh])) {
+        let of_it = meshes.iter().enumerate().filter(|(_, mesh)| mesh.material == index);
+        let bodies: Vec<(usize, Vec<Component>)> =
+            of_it.map(|(i, mesh)| (i, connected_components(&mesh.vertices, &mesh.indices))).collect();
+        if !bodies.iter().flat_map(|(_, bodies)| bodies).all(Component::closed) {
             let material = &mut materials[index];
             material.refraction = None;
             report.warn(format!(
@@ -29,9 +31,10 @@ pub fn settle(meshes: &mut [Mesh], instances: &[Instance], materials: &mut Vec<M
             continue;
         }
         let geometry = GeometryView { meshes, instances };
-        let balls: Vec<usize> = of_it.iter().copied().filter(|mesh| is_balls(geometry, *mesh)).collect();
+        let of_balls = bodies.iter().filter(|(mesh, bodies)| is_balls(geometry, *mesh, bodies));
+        let balls: Vec<usize> = of_balls.map(|(mesh, _)| *mesh).collect();
         let refraction = Some(Refraction { balls: true, ..refraction });
-        if balls.len() == of_it.len() {
+        if balls.len() == bodies.len() {
             materials[index].refraction = refraction;
         } else if !balls.is_empty() {
             balls.iter().for_each(|mesh| meshes[*mesh].material = materials.len());
@@ -41,27 +44,19 @@ pub fn settle(meshes: &mut [Mesh], instances: &[Instance], materials: &mut Vec<M
     }
 }
 
-fn is_closed(mesh: &Mesh) -> bool {
-    connected_components(&mesh.vertices, &mesh.indices).iter().all(Component::closed)
-}
-
-/// Whether all bodies of a mesh are balls with nothing inside.
-fn is_balls(geometry: GeometryView<'_>, mesh: usize) -> bool {
-    let placed = geometry.instances.iter().filter(|instance| instance.mesh == mesh);
-    let balls: Option<Vec<Vec<Ball>>> = placed.map(|instance| balls(&geometry.meshes[mesh], instance)).collect();
-    balls.is_some_and(|all| all.iter().flatten().all(|ball| !ball.holds_something(geometry)))
+/// Whether these bodies of a mesh are balls with nothing inside, wherever it is placed.
+fn is_balls(geometry: GeometryView<'_>, mesh: usize, bodies: &[Component]) -> bool {
+    let vertices = &geometry.meshes[mesh].vertices;
+    geometry.instances.iter().filter(|instance| instance.mesh == mesh).all(|instance| {
+        let ball = |body| Ball::of(vertices, body, instance);
+        bodies.iter().all(|body| ball(body).is_some_and(|ball| !ball.holds_something(geometry)))
+    })
 }
 
 /// World space.
 struct Ball {
     centre: Vec3,
     radius: f32,
-}
-
-/// The bodies of a mesh where an instance places them, if they are balls.
-fn balls(mesh: &Mesh, instance: &Instance) -> Option<Vec<Ball>> {
-    let bodies = connected_components(&mesh.vertices, &mesh.indices);
-    bodies.iter().map(|body| Ball::of(&mesh.vertices, body, instance)).collect()
 }
 
 impl Ball {

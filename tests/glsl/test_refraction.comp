@@ -1,4 +1,4 @@
-// What refraction.glsl computes, for src/precompute/glsl_gpu_tests.rs.
+// What refraction.glsl computes, for src/precompute/refraction_gpu_tests.rs.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_scalar_block_layout : require
