@@ -19,6 +19,7 @@ Surface clearcoat_layer(Surface s)
     s.metallic = 0.0;
     s.dielectric_f0 = CLEARCOAT_F0;
     s.roughness = s.clearcoat_roughness;
+    s.sheen = vec3(0.0);
     return s;
 }
 

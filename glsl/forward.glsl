@@ -9,6 +9,7 @@
 #include "environment.glsl"
 #include "openness.glsl"
 #include "output.glsl"
+#include "sheen.glsl"
 #define FOLLOWS_BODIES REFRACTS
 #include "surface.glsl"
 #include "point_lights.glsl"
@@ -102,9 +103,9 @@ vec3 mirrored(Surface s, SpecularLobe lobe, vec3 over_pi)
     return round_reflectance(lobe) * min(radiance, bound) + spheres;
 }
 
-// What the environment gives: the split sum, and with the irradiance what is diffuse or scattered more than once. That is
-// exact under even light; elsewhere these terms' share of grazing light is fitted (energy.glsl).
-Split environment(Surface s, SpecularLobe lobe)
+// What the environment gives the surface below its sheen: the split sum, and with the irradiance what is diffuse or scattered more
+// than once. That is exact under even light; elsewhere these terms' share of grazing light is fitted (energy.glsl).
+Split environment_below(Surface s, SpecularLobe lobe)
 {
     EvenLight light = even_light(s);
     vec3 even = light.over_pi;
@@ -119,6 +120,27 @@ Split environment(Surface s, SpecularLobe lobe)
         split.diffuse = diffuse_even(energy, s.base_color, s.metallic, lobe.entry) * diffuse_taken(s.roughness, light.grazing) * even;
     if (multiple)
         split.specular += multiple_even(energy, s.base_color, s.metallic, lobe.entry) * multiple_taken(s.roughness, light.grazing) * even;
+    return split;
+}
+
+// What sheen scatters of the environment. Of a panorama it takes what is around the mean of its directions; a lightmap knows no
+// directions.
+vec3 sheen_even(Surface s, float albedo)
+{
+    if (LIGHTMAP != LIGHTMAP_NONE)
+        return s.sheen * albedo * even_light(s).over_pi;
+    vec3 towards = sheen_towards(s.n, s.v, s.nv, s.sheen_roughness);
+    return s.sheen * albedo * environment_even(towards).over_pi * s.occlusion;
+}
+
+Split environment(Surface s, SpecularLobe lobe)
+{
+    Split split = environment_below(s, lobe);
+    if (SHEEN) {
+        float albedo = sheen_albedo(s.nv, s.sheen_roughness), left = under_sheen(s.sheen, albedo);
+        split.diffuse *= left;
+        split.specular = left * split.specular + sheen_even(s, albedo);
+    }
     return split;
 }
 

@@ -6,6 +6,7 @@
 #include "clearcoat.glsl"
 #include "energy.glsl"
 #include "ray_surface.glsl"
+#include "sheen.glsl"
 
 // Share that is given back; `at`: the table's entry at n.v, or its mean.
 vec3 total_albedo(Energy energy, vec3 base_color, float metallic, vec2 at)
@@ -14,9 +15,14 @@ vec3 total_albedo(Energy energy, vec3 base_color, float metallic, vec2 at)
     return min(specular + diffuse_even(energy, base_color, metallic, at), vec3(1.0));
 }
 
-// The same with the surface's clear coat, which is seen at this cosine, or from all around if it is below 0.
-vec3 coated_albedo(Surface s, float cosine, vec3 albedo)
+// The same with the layers over the surface, sheen and a clear coat, which are seen at these cosines, or from all around if those
+// are below 0.
+vec3 layered_albedo(Surface s, float sheen_cosine, float cosine, vec3 albedo)
 {
+    if (rays_have(RAYS_SHEEN)) {
+        float of_sheen = sheen_cosine < 0.0 ? sheen_mean_albedo(s.sheen_roughness) : sheen_albedo(sheen_cosine, s.sheen_roughness);
+        albedo = under_sheen(s.sheen, of_sheen) * albedo + s.sheen * of_sheen;
+    }
     if (!rays_have(RAYS_CLEARCOAT) || s.clearcoat <= 0.0)
         return albedo;
     Energy energy = Energy(table_mean(brdf_table, s.clearcoat_roughness), MULTI_SCATTER, CLEARCOAT_F0);
@@ -28,7 +34,7 @@ vec3 coated_albedo(Surface s, float cosine, vec3 albedo)
 vec3 matt_albedo(Surface s)
 {
     Energy energy = Energy(table_mean(brdf_table, s.roughness), MULTI_SCATTER, s.dielectric_f0);
-    return coated_albedo(s, -1.0, total_albedo(energy, s.base_color, s.metallic, energy.mean));
+    return layered_albedo(s, -1.0, -1.0, total_albedo(energy, s.base_color, s.metallic, energy.mean));
 }
 
 // Share that is given back over that of even light. As the BRDF is reciprocal, it holds for where light comes from, too.

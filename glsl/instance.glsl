@@ -25,6 +25,8 @@ struct Material {
     vec3 surface_transmission; // by which light that goes through the surface of a body is multiplied, without
     vec3 absorption;           // what the body absorbs, 1/m
     float ior; // above 1 if it is the surface of bodies that bend light
+    vec3 sheen;
+    float sheen_roughness;
 };
 
 // Least roughness of a clear coat: its lobe is narrower than a texel of any panorama, and never taken for a mirror's.

@@ -60,7 +60,8 @@ vec3 lamp_light(PathPoint p, Scatter m, PointLight lamp, out vec3 l, out float f
     float nl = dot(p.s.n, l);
     if (nl <= 0.0)
         return vec3(0.0);
-    vec3 sum = nl * brdf(p.s, l, m.energy, m.at_v);
+    vec3 sum = brdf(p.s, l, m.energy, m.at_v);
+    sum = nl * (rays_have(RAYS_SHEEN) ? with_sheen(p.s, l, sum) : sum);
     if (rays_have(RAYS_CLEARCOAT)) {
         Surface coat = clearcoat_layer(p.s);
         sum = m.coat.left * sum + p.s.clearcoat * max(dot(coat.n, l), 0.0) * brdf(coat, l, m.coat.energy, m.coat.at_v);

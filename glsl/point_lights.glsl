@@ -3,6 +3,7 @@
 #define POINT_LIGHTS_GLSL
 
 #include "lamp.glsl"
+#include "sheen.glsl"
 #include "surface.glsl"
 #include "shadows.glsl"
 
@@ -22,8 +23,10 @@ vec3 point_lights(Surface s, vec3 position, Energy energy, vec2 at_v)
         PointLight light = scene_light(i);
         vec3 irradiance = light_irradiance(light, position, l);
         float nl = dot(s.n, l);
-        if (nl > 0.0)
-            sum += irradiance * (nl * unblocked(light)) * brdf(s, l, energy, at_v);
+        if (nl > 0.0) {
+            vec3 scattered = brdf(s, l, energy, at_v);
+            sum += irradiance * (nl * unblocked(light)) * (SHEEN ? with_sheen(s, l, scattered) : scattered);
+        }
     }
     return sum;
 }

@@ -14,7 +14,8 @@ const uint RAYS_SKY_RELAYS = 32; // of paths: light followed from the panorama
 const uint RAYS_TINTS = 64;      // sheets that change the colour of what goes through
 const uint RAYS_CLEARCOAT = 128; // clear coats
 const uint RAYS_REFRACTS = 256;  // bodies that bend light
-const uint RAYS_MAPS = 512;      // shifted by the number of a map: some material has it
+const uint RAYS_SHEEN = 512;    // cloth with sheen
+const uint RAYS_MAPS = 1024;      // shifted by the number of a map: some material has it
 
 bool rays_have(uint feature)
 {

@@ -251,6 +251,8 @@ PathPoint ray_point(RayHit hit, vec3 d)
     p.s.clearcoat = 0.0;
     if (rays_have(RAYS_CLEARCOAT))
         set_clearcoat(p.s, hit, material, uv, front * turn);
+    p.s.sheen = rays_have(RAYS_SHEEN) ? material.sheen : vec3(0.0);
+    p.s.sheen_roughness = material.sheen_roughness;
     p.s.occlusion = 1.0; // rays find out themselves what light reaches
     return p;
 }

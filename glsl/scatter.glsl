@@ -8,6 +8,7 @@
 #include "energy.glsl"
 #include "ray_features.glsl"
 #include "sampling.glsl"
+#include "sheen.glsl"
 #include "shading_point.glsl"
 
 // Below this alpha the lobe (0.006 degrees) is narrower than a texel of a 16k panorama by far, and a mirror.
@@ -38,6 +39,9 @@ struct Scatter {
     bool mirror;
     Energy energy;
     vec2 at_v; // the table's entry
+    vec3 sheen;
+    float sheen_roughness;
+    float left_by_sheen;
     Coat coat;
 };
 
@@ -87,6 +91,13 @@ Scatter make_scatter(Surface s, mat3 world_from_surface)
     m.at_v = table_entry(brdf_table, m.v.z, s.roughness);
     vec3 f = f_schlick(m.f0, m.v.z);
     vec3 diffuse = (1.0 - s.metallic) * s.base_color + multiple_even(m.energy, s.base_color, s.metallic, m.at_v);
+    if (rays_have(RAYS_SHEEN)) {
+        float albedo = sheen_albedo(m.v.z, s.sheen_roughness);
+        m.sheen = s.sheen;
+        m.sheen_roughness = s.sheen_roughness;
+        m.left_by_sheen = under_sheen(s.sheen, albedo);
+        diffuse += s.sheen * albedo;
+    }
     float specular = max(f.r, max(f.g, f.b)), matte = max(diffuse.r, max(diffuse.g, diffuse.b));
     // Never below a tenth: the specular part has peaks that cosine samples do not find.
     m.specular_share = matte > 0.0 ? max(specular / (specular + matte), 0.1) : 1.0;
@@ -107,6 +118,8 @@ vec3 scattered(Scatter m, vec3 l)
         sum = beyond_single(m.energy, m.base_color, m.metallic, table_entry(brdf_table, l.z, m.roughness), m.at_v);
     if (!m.mirror)
         sum += f_schlick(m.f0, vh) * (d_ggx(vec3(0.0, 0.0, 1.0), h, m.alpha) * v_environment(l.z, m.v.z, m.roughness, GEOMETRY));
+    if (rays_have(RAYS_SHEEN))
+        sum = m.left_by_sheen * sum + m.sheen * sheen_brdf(vec3(0.0, 0.0, 1.0), m.v, l, m.sheen_roughness);
     return rays_have(RAYS_CLEARCOAT) ? sum * (m.coat.left * l.z) + coat_scattered(m.coat, l) : sum * l.z;
 }
 
@@ -114,7 +127,7 @@ vec3 scattered(Scatter m, vec3 l)
 vec3 scattered_diffuse(Scatter m, vec3 l)
 {
     vec2 at_l = table_entry(brdf_table, l.z, m.roughness);
-    float left = rays_have(RAYS_CLEARCOAT) ? m.coat.left : 1.0;
+    float left = (rays_have(RAYS_CLEARCOAT) ? m.coat.left : 1.0) * (rays_have(RAYS_SHEEN) ? m.left_by_sheen : 1.0);
     return (left * (1.0 - m.metallic) * l.z) * diffuse_kelemen2001(m.energy, m.base_color, at_l, m.at_v);
 }
 
@@ -133,6 +146,8 @@ float scatter_density(Scatter m, vec3 l)
 vec3 mirrored_weight(Scatter m)
 {
     vec3 weight = f_schlick(m.f0, m.v.z) / m.specular_share;
+    if (rays_have(RAYS_SHEEN))
+        weight *= m.left_by_sheen;
     return rays_have(RAYS_CLEARCOAT) ? weight * (m.coat.left / (1.0 - m.coat.share)) : weight;
 }
 

@@ -19,6 +19,8 @@ struct Surface {
     float clearcoat; // share that has a clear coat
     float clearcoat_roughness;
     vec3 clearcoat_n; // its normal, as n
+    vec3 sheen; // color of the layer of fibres over it; black where there is none
+    float sheen_roughness;
 };
 
 vec3 f0_of(Surface s)

@@ -4,6 +4,7 @@
 
 #include "sun.glsl"
 #include "energy.glsl"
+#include "sheen.glsl"
 #include "surface.glsl"
 #include "shadows.glsl"
 
@@ -37,7 +38,7 @@ vec3 sun_light(Surface s, float variance, Energy energy, vec2 at_v)
         vec2 at_l = table_entry(brdf_table, dot(s.n, l), s.roughness);
         sum += beyond_single(energy, s.base_color, s.metallic, at_l, at_v);
     }
-    return irradiance * sum;
+    return irradiance * (SHEEN ? with_sheen(s, l, sum) : sum);
 }
 
 // The same by Phong, which has no table.

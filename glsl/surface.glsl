@@ -111,6 +111,13 @@ Surface read_surface()
         if ((material.flags & MATERIAL_CLEARCOAT_BUMPS) != 0u)
             s.clearcoat_n = s.n;
     }
+    s.sheen = vec3(0.0);
+    s.sheen_roughness = 1.0;
+    if (SHEEN) {
+        Material material = materials[instances[draw.instance].material];
+        s.sheen = material.sheen;
+        s.sheen_roughness = material.sheen_roughness;
+    }
     s.v = normalize_or(frame.eyes[eye].world_from_view[3].xyz - position_world, s.n);
     // A mapped normal may lean away from the eye; the surface is seen all the same.
     s.nv = clamp(dot(s.n, s.v), MIN_COS, 1.0);

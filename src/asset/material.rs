@@ -4,7 +4,7 @@ use glam::Vec3;
 
 use super::image_source::ImageSource;
 use super::texture::Pick;
-use crate::reference::{brdf, tone};
+use crate::reference::{brdf, sheen, tone};
 
 /// Reflectance at normal incidence of most plastics, glass and wood, whose index of refraction is 1.5: ((1.5 − 1) / (1.5 + 1))².
 pub const DIELECTRIC_F0: f32 = brdf::DIELECTRIC_F0 as f32;
@@ -20,6 +20,9 @@ pub fn f0_from_ior(ior: f32) -> f32 {
     let ior = f64::from(ior);
     ((ior - 1.0) / (ior + 1.0)).powi(2) as f32
 }
+
+/// Least roughness of sheen.
+pub const MIN_SHEEN_ROUGHNESS: f32 = sheen::MIN_SHEEN_ROUGHNESS as f32;
 
 /// How a closed body bends light that goes through it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -54,6 +57,9 @@ pub struct MaterialDesc {
     pub clearcoat_bumps: bool,
     /// Multiplies the share.
     pub clearcoat_map: Option<MapDesc>,
+    /// Color of the sheen of cloth, linear RGB, 0 to 1, and its roughness, [`MIN_SHEEN_ROUGHNESS`] to 1.
+    pub sheen: Vec3,
+    pub sheen_roughness: f32,
     /// Radiance, W/(m² sr).
     pub emissive: Factor<Vec3>,
     /// sRGB; alpha as `alpha` says.
@@ -184,6 +190,8 @@ impl MaterialDesc {
             clearcoat_roughness: 0.0,
             clearcoat_bumps: false,
             clearcoat_map: None,
+            sheen: Vec3::ZERO,
+            sheen_roughness: 1.0,
             emissive: Factor::same(Vec3::ZERO),
             base_color_map: None,
             mask_map: None,

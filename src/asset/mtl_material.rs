@@ -18,6 +18,8 @@ use super::{Report, file};
 pub const DEFAULT_GREY: f32 = 0.8;
 /// Roughness of such materials.
 pub const DEFAULT_ROUGHNESS: f32 = 0.5;
+/// Of sheen, for which MTL has no key: Blender's, which writes `Ps`.
+const SHEEN_ROUGHNESS: f32 = 0.5;
 
 /// One material for each of `mtls`. A picture that is not there is left out with a warning that names file and key.
 ///
@@ -136,6 +138,8 @@ impl Interpreter<'_> {
                 .of(clearcoat_map.is_some()),
             clearcoat_roughness: self.factor(mtl, ("Pcr", mtl.clearcoat_roughness), false, 0.0).alone,
             clearcoat_map,
+            sheen: Vec3::splat(self.factor(mtl, ("Ps", mtl.sheen), false, 0.0).alone),
+            sheen_roughness: SHEEN_ROUGHNESS,
             emissive: self.emissive(mtl, emissive_map.is_some()),
             base_color_map,
             mask_map,

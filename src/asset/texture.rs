@@ -3,6 +3,7 @@
 use std::io::Cursor;
 use std::path::Path;
 
+use glam::{DVec3, DVec4, Vec4};
 use image::imageops::{self, FilterType};
 use image::{DynamicImage, GrayImage, ImageError, ImageFormat, ImageReader, Limits, RgbaImage};
 
@@ -10,6 +11,7 @@ use super::contained::contained;
 use super::image_source::ImageSource;
 use super::{file, jpeg};
 use crate::error::{MAX_QUOTED, one_line};
+use crate::reference::tone::srgb_decode;
 use crate::{Error, Result};
 
 /// Largest accepted side, in texels: what every Vulkan 1.3 desktop GPU supports.
@@ -137,6 +139,16 @@ impl Texture {
         let picture = RgbaImage::from_raw(self.width, self.height, self.pixels).unwrap_or_else(|| RgbaImage::new(1, 1));
         let pixels = imageops::resize(&picture, width, height, FilterType::Triangle).into_raw();
         Self { name, width, height, encoding, pixels }
+    }
+
+    /// Mean of the texels of an sRGB picture: linear RGB, and alpha.
+    pub fn mean(&self) -> Vec4 {
+        let linear: [f64; 256] = std::array::from_fn(|i| srgb_decode(DVec3::splat(i as f64 / 255.0)).x);
+        let sum = self.texels().fold(DVec4::ZERO, |sum, [r, g, b, a]| {
+            let [r, g, b] = [r, g, b].map(|value| linear[usize::from(*value)]);
+            sum + DVec4::new(r, g, b, f64::from(*a) / 255.0)
+        });
+        (sum / self.texels().count().max(1) as f64).as_vec4()
     }
 
     /// Converts a picture named by `bump` to a normal map. A picture that is one already (mostly blue, vectors of about

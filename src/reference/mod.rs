@@ -1,6 +1,6 @@
 //! Reference implementations in f64, without Vulkan: BRDF terms, sampling, integrals, colour, picture metrics.
 //!
-//! `math`, `brdf`, `clearcoat`, `disc`, `energy`, `sampling`, `cube`, `octahedral`, `openness`, `refraction`, `tone`, `probe`, `shadow` and `split_sum` are the twins
+//! `math`, `brdf`, `clearcoat`, `disc`, `energy`, `sampling`, `cube`, `octahedral`, `openness`, `refraction`, `sheen`, `tone`, `probe`, `shadow` and `split_sum` are the twins
 //! of the files of the same name in `glsl/` (`probe` of `probe_box.glsl`, `shadow` of `shadow_place.glsl`, `reprojection` of
 //! `mirror.frag`): same functions, same arguments, same constants.
 
@@ -25,6 +25,7 @@ pub mod refraction;
 pub mod reprojection;
 pub mod sampling;
 pub mod shadow;
+pub mod sheen;
 pub mod split_sum;
 pub mod sun;
 pub mod table;

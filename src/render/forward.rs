@@ -222,7 +222,7 @@ impl ForwardPass {
     }
 }
 
-fn constants(features: MaterialFeatures, multiple: bool) -> [Constant; 12] {
+fn constants(features: MaterialFeatures, multiple: bool) -> [Constant; 13] {
     [
         (constant::HAS_BASE_COLOR_MAP, u32::from(features.base_color_map)),
         (constant::HAS_NORMAL_MAP, u32::from(features.normal_map)),
@@ -236,6 +236,7 @@ fn constants(features: MaterialFeatures, multiple: bool) -> [Constant; 12] {
         (constant::BLENDS, u32::from(features.blends)),
         (constant::TINTS, u32::from(features.tints)),
         (constant::CLEARCOAT, u32::from(features.clearcoat)),
+        (constant::SHEEN, u32::from(features.sheen)),
     ]
 }
 

@@ -19,6 +19,7 @@ pub fn features(materials: &[Material], geometry: GeometryView<'_>) -> u32 {
         (ray_feature::GLOSSY, any(&is_glossy)),
         (ray_feature::TINTS, any(&Material::tints)),
         (ray_feature::CLEARCOAT, any(&|material| material.clearcoat_factor > 0.0)),
+        (ray_feature::SHEEN, any(&|material| material.sheen_color != Vec3::ZERO)),
         (ray_feature::REFRACTS, any(&|material| material.refraction.is_some())),
         (ray_feature::EXTRAS, any(&Material::takes_second_uv) || extra()),
     ];
@@ -52,6 +53,7 @@ mod tests {
         assert_eq!(of(sheet), ray_feature::HOLES | ray_feature::TINTS);
         assert_eq!(of(|m| (m.blends, m.transmission) = (true, Some(Vec3::ONE))), ray_feature::HOLES);
         assert_eq!(of(|m| m.clearcoat_factor = 0.1), ray_feature::CLEARCOAT);
+        assert_eq!(of(|m| m.sheen_color.y = 0.1), ray_feature::SHEEN);
         assert_eq!(of(|m| m.emissive_factor.z = 0.1), ray_feature::EMITTERS);
         assert_eq!(of(|m| (m.metallic_range, m.roughness_range) = ([0.0, 1.0], [0.2, 0.9])), ray_feature::GLOSSY);
         assert_eq!(of(|m| (m.metallic_range, m.roughness_range) = ([0.0, 1.0], [0.7, 0.9])), 0);

@@ -17,6 +17,7 @@ use crate::precompute::harness_tests::{Judge, Random, with_gpu};
 use crate::reference::brdf::{Geometry, f0_from_metallic, specular};
 use crate::reference::clearcoat::Clearcoat;
 use crate::reference::energy::{Curve, Energy, Scattering};
+use crate::reference::sheen::{sheen_albedo, sheen_brdf, under_sheen};
 use crate::reference::split_sum::SplitSum;
 
 #[repr(C)]
@@ -31,6 +32,8 @@ struct Input {
     clearcoat: f32,
     clearcoat_roughness: f32,
     clearcoat_n: [f32; 3],
+    sheen: [f32; 3],
+    sheen_roughness: f32,
     bits: [u32; 4],
 }
 
@@ -47,6 +50,8 @@ impl Input {
             clearcoat: 0.0,
             clearcoat_roughness: 1.0,
             clearcoat_n: [0.0, 0.0, 1.0],
+            sheen: [0.0; 3],
+            sheen_roughness: 1.0,
             bits,
         }
     }
@@ -103,16 +108,27 @@ const GRID: [u32; 2] = [256, 512];
 #[test]
 fn samples_have_the_density_that_is_said() {
     with_gpu(|gpu| {
-        // The last: factor, roughness and inclination of a clear coat.
-        for (metallic, roughness, base_color, cosine, [clearcoat, clearcoat_roughness, inclination]) in [
-            (0.0f32, 1.0f32, 0.8f32, 0.9, [0.0f32; 3]),
-            (0.0, 0.4, 0.5, 0.3, [0.0; 3]),
-            (1.0, 0.5, 0.9, 0.7, [0.0; 3]),
-            (1.0, 1.0, 1.0, 0.1, [0.0; 3]),
-            (0.5, 0.7, 0.3, 0.5, [0.0; 3]),
-            (0.0, 0.3, 0.0, 0.8, [0.0; 3]),
-            (0.0, 0.8, 0.1, 0.8, [1.0, 0.3, 0.0]),
-            (1.0, 0.6, 0.9, 0.4, [0.7, 0.5, 0.3]),
+        // The last: factor, roughness and inclination of a clear coat; gray and roughness of sheen.
+        let no_sheen = [0.0f32, 1.0];
+        for (
+            metallic,
+            roughness,
+            base_color,
+            cosine,
+            [clearcoat, clearcoat_roughness, inclination],
+            [sheen, sheen_roughness],
+        ) in [
+            (0.0f32, 1.0f32, 0.8f32, 0.9, [0.0f32; 3], no_sheen),
+            (0.0, 0.4, 0.5, 0.3, [0.0; 3], no_sheen),
+            (1.0, 0.5, 0.9, 0.7, [0.0; 3], no_sheen),
+            (1.0, 1.0, 1.0, 0.1, [0.0; 3], no_sheen),
+            (0.5, 0.7, 0.3, 0.5, [0.0; 3], no_sheen),
+            (0.0, 0.3, 0.0, 0.8, [0.0; 3], no_sheen),
+            (0.0, 0.8, 0.1, 0.8, [1.0, 0.3, 0.0], no_sheen),
+            (1.0, 0.6, 0.9, 0.4, [0.7, 0.5, 0.3], no_sheen),
+            (0.0, 0.8, 0.4, 0.4, [0.0; 3], [0.8, 0.5]),
+            (1.0, 0.3, 0.6, 0.2, [0.0; 3], [1.0, 0.7]),
+            (0.0, 0.5, 0.2, 0.6, [0.5, 0.4, 0.2], [0.9, 0.3]),
         ] {
             let v = slanted(cosine, 0.4).as_vec3();
             let mut random = Random(3);
@@ -129,6 +145,8 @@ fn samples_have_the_density_that_is_said() {
                 clearcoat,
                 clearcoat_roughness,
                 clearcoat_n: [inclination.sin(), 0.0, inclination.cos()],
+                sheen: [sheen; 3],
+                sheen_roughness,
                 ..Input::plain(v, cell(i), bits())
             };
             let inputs: Vec<Input> = (0..count).map(input).collect();
@@ -141,11 +159,14 @@ fn samples_have_the_density_that_is_said() {
             let ratio = |o: &&Output| f64::from(o.sample_value[0]) / f64::from(o.sample_density);
             let sampled = above.iter().map(ratio).sum::<f64>() / f64::from(count);
             let most = above.iter().map(ratio).fold(0.0, f64::max);
-            let name = format!("metallic {metallic}, roughness {roughness}, n.v {cosine}, coat {clearcoat}");
+            let name =
+                format!("metallic {metallic}, roughness {roughness}, n.v {cosine}, coat {clearcoat}, sheen {sheen}");
             println!("{name}: density {density:.4} for {part:.4}; {sampled:.4} for {value:.4}; at most {most:.2}");
             assert!((density - part).abs() < 0.006, "{name}: {density}, not {part}");
             assert!((sampled / value - 1.0).abs() < 0.01, "{name}: {sampled}, not {value}");
-            assert!(most < 2.5 && outputs.iter().all(|o| o.mirrored == 0), "{name}: {most}");
+            // Cosine samples are few at grazing angles, where sheen is brightest.
+            let bound = if sheen > 0.0 { 6.0 } else { 2.5 };
+            assert!(most < bound && outputs.iter().all(|o| o.mirrored == 0), "{name}: {most}");
         }
     });
 }
@@ -192,7 +213,10 @@ fn the_value_agrees() {
         let dielectric_f0 = [0.04, 0.5 * random.unit() as f32][i % 2];
         let (roughness, clearcoat) = (roughnesses[i % 5], [0.0, 0.7][i / 5 % 2]);
         let coat = Input { clearcoat, clearcoat_roughness: 0.4, clearcoat_n, ..Input::plain(v, l, [0; 4]) };
-        inputs.push(Input { base_color, metallic, dielectric_f0, roughness, ..coat });
+        // Sheen on every fourth two.
+        let sheen = [[0.0; 3], random.colour().as_vec3().into()][usize::from(i / 10 % 4 == 3)];
+        let sheen_roughness = [0.2, 0.45, 1.0][i / 40 % 3];
+        inputs.push(Input { base_color, metallic, dielectric_f0, roughness, sheen, sheen_roughness, ..coat });
     }
     let coats = [0.0, 0.7].map(|factor| Clearcoat::new(factor, f64::from(0.4f32), Scattering::Multiple));
     let terms = roughnesses.map(|r| {
@@ -208,7 +232,10 @@ fn the_value_agrees() {
         let (metallic, roughness) = (f64::from(input.metallic), f64::from(input.roughness));
         let f0 = f0_from_metallic(base_color, metallic, energy.dielectric_f0);
         let single = specular(DVec3::Z, v, l, f0, roughness, Geometry::Smith);
-        let base = (single + energy.beyond_single(base_color, metallic, curve.at(l.z), curve.at(v.z))) * l.z;
+        let below = single + energy.beyond_single(base_color, metallic, curve.at(l.z), curve.at(v.z));
+        let (sheen, sheen_roughness) = (Vec3::from(input.sheen).as_dvec3(), input.sheen_roughness.into());
+        let left = under_sheen(sheen, sheen_albedo(v.z, sheen_roughness));
+        let base = (left * below + sheen * sheen_brdf(DVec3::Z, v, l, sheen_roughness)) * l.z;
         let (coat, n) = (&coats[i / 5 % 2], Vec3::from(input.clearcoat_n).as_dvec3());
         let want = coat.left(n.dot(v)) * base + coat.scattered(n, v, l);
         // The table's entries are good to 2e-4; what is lost is a difference from 1, and divided by another.

@@ -299,6 +299,8 @@ fn material_block(material: &Material, textures: u32) -> MaterialBlock {
         surface_transmission: refraction.surface_transmission.into(),
         absorption: refraction.absorption.into(),
         ior: refraction.ior,
+        sheen: material.sheen_color.into(),
+        sheen_roughness: material.sheen_roughness,
         emission: material.emissive_factor.into(),
         flags: material_flags(material),
     }

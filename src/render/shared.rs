@@ -125,6 +125,9 @@ pub struct MaterialBlock {
     pub surface_transmission: [f32; 3],
     pub absorption: [f32; 3],
     pub ior: f32,
+    /// The color of its sheen, and its roughness.
+    pub sheen: [f32; 3],
+    pub sheen_roughness: f32,
 }
 
 /// Bits of [`MaterialBlock::flags`], as in `glsl/instance.glsl`.
@@ -218,7 +221,7 @@ const _: () = {
     assert!(size_of::<FrameBlock>() == 144 * MAX_EYES + 188 + size_of::<[SphereLightBlock; MAX_SPHERE_LIGHTS]>());
     assert!(offset_of!(InstanceBlock, material) == 64 && size_of::<InstanceBlock>() == 68);
     assert!(offset_of!(MaterialBlock, metallic) == 12 && offset_of!(MaterialBlock, emission) == 32);
-    assert!(size_of::<MaterialBlock>() == 100 && size_of::<VertexExtraBlock>() == 16);
+    assert!(size_of::<MaterialBlock>() == 116 && size_of::<VertexExtraBlock>() == 16);
     assert!(offset_of!(LightBlock, radius) == 12 && offset_of!(LightBlock, intensity) == 16);
     assert!(offset_of!(LightBlock, shadow_near) == 28 && offset_of!(LightBlock, shadow_layer) == 32);
     assert!(offset_of!(LightBlock, along) == 36 && size_of::<LightBlock>() == 56);
@@ -255,6 +258,7 @@ pub mod constant {
     pub const TINTS: u32 = 25;
     pub const CLEARCOAT: u32 = 26;
     pub const REFRACTS: u32 = 27;
+    pub const SHEEN: u32 = 28;
 }
 
 /// What rays may meet or be sent to in a scene: bits of [`constant::RAY_FEATURES`], described in `glsl/ray_features.glsl`.
@@ -268,6 +272,7 @@ pub mod ray_feature {
     pub const TINTS: u32 = 64;
     pub const CLEARCOAT: u32 = 128;
     pub const REFRACTS: u32 = 256;
+    pub const SHEEN: u32 = 512;
     /// Shifted by the number of a map, as [`material_flag::SECOND_UV`].
-    pub const MAPS: u32 = 512;
+    pub const MAPS: u32 = 1024;
 }

@@ -92,6 +92,8 @@ impl Blocks {
             surface_transmission: counter.list(),
             absorption: counter.list(),
             ior: counter.next(),
+            sheen: counter.list(),
+            sheen_roughness: counter.next(),
         });
         let lights = std::array::from_fn(|_| LightBlock {
             position: counter.list(),
@@ -143,6 +145,7 @@ impl Blocks {
             numbers.extend(transmission);
             numbers.extend([clearcoat, clearcoat_roughness]);
             numbers.extend(material.surface_transmission.iter().chain(&material.absorption).chain(&[material.ior]));
+            numbers.extend(material.sheen.iter().chain(&[material.sheen_roughness]));
         }
         numbers
     }
@@ -222,6 +225,7 @@ fn features_of_rays_have_the_same_bits_as_in_glsl() {
         ("TINTS", ray_feature::TINTS),
         ("CLEARCOAT", ray_feature::CLEARCOAT),
         ("REFRACTS", ray_feature::REFRACTS),
+        ("SHEEN", ray_feature::SHEEN),
         ("MAPS", ray_feature::MAPS),
     ];
     assert_eq!(constants(RAY_FEATURES, "uint", "RAYS_"), ours.map(|(name, bit)| (name.to_owned(), bit)));
@@ -259,6 +263,7 @@ fn specialization_constants_have_their_ids() {
         ("BLENDS", constant::BLENDS),
         ("TINTS", constant::TINTS),
         ("CLEARCOAT", constant::CLEARCOAT),
+        ("SHEEN", constant::SHEEN),
         ("REFRACTS", constant::REFRACTS),
         ("SPHERE_LIGHTS", constant::SPHERE_LIGHTS),
     ];

@@ -85,6 +85,9 @@ pub struct Material {
     pub clearcoat_roughness: f32,
     /// Whether the normal map shows in the coat, too.
     pub clearcoat_bumps: bool,
+    /// Linear RGB, 0 to 1; black where it has no sheen.
+    pub sheen_color: Vec3,
+    pub sheen_roughness: f32,
     /// Radiance, W/(m² sr).
     pub emissive_factor: Vec3,
     /// Indices into [`Scene::textures`].

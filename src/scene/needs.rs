@@ -70,6 +70,8 @@ pub struct MaterialFeatures {
     pub tints: bool,
     /// A clear coat.
     pub clearcoat: bool,
+    /// The sheen of cloth.
+    pub sheen: bool,
     /// Balls through which their surroundings are seen upside down.
     pub refracts: bool,
 }
@@ -89,6 +91,7 @@ impl MaterialFeatures {
         blends: false,
         tints: false,
         clearcoat: false,
+        sheen: false,
         refracts: false,
     };
 
@@ -99,8 +102,8 @@ impl MaterialFeatures {
 
     /// Everything but what only this material's vertices have, or what changes its picture.
     fn everything(material: &Material) -> Self {
-        let Self { vertex_colours, second_uv, blends, tints, clearcoat, refracts, .. } = Self::of(material);
-        Self { vertex_colours, second_uv, blends, tints, clearcoat, refracts, ..Self::EVERYTHING }
+        let Self { vertex_colours, second_uv, blends, tints, clearcoat, sheen, refracts, .. } = Self::of(material);
+        Self { vertex_colours, second_uv, blends, tints, clearcoat, sheen, refracts, ..Self::EVERYTHING }
     }
 
     fn of(material: &Material) -> Self {
@@ -125,6 +128,7 @@ impl MaterialFeatures {
             blends: material.blends,
             tints: material.tints(),
             clearcoat: material.clearcoat_factor > 0.0,
+            sheen: material.sheen_color != Vec3::ZERO,
             refracts: material.blends && material.refraction.is_some_and(|refraction| refraction.balls),
         }
     }

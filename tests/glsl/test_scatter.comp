@@ -6,7 +6,8 @@
 struct Input {
     vec3 v, l, base_color;
     float metallic, dielectric_f0, roughness, clearcoat, clearcoat_roughness;
-    vec3 clearcoat_n;
+    vec3 clearcoat_n, sheen;
+    float sheen_roughness;
     uvec4 bits;
 };
 struct Output {
@@ -36,6 +37,8 @@ void main()
     s.clearcoat = i.clearcoat;
     s.clearcoat_roughness = i.clearcoat_roughness;
     s.clearcoat_n = i.clearcoat_n;
+    s.sheen = i.sheen;
+    s.sheen_roughness = i.sheen_roughness;
     s.occlusion = 1.0;
     s.n = vec3(0.0, 0.0, 1.0);
     s.v = i.v;

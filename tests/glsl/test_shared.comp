@@ -70,5 +70,9 @@ void main()
         put(materials[i].absorption.y);
         put(materials[i].absorption.z);
         put(materials[i].ior);
+        put(materials[i].sheen.x);
+        put(materials[i].sheen.y);
+        put(materials[i].sheen.z);
+        put(materials[i].sheen_roughness);
     }
 }

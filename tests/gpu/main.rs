@@ -16,6 +16,7 @@ mod models;
 mod reference;
 mod refraction;
 mod shadows;
+mod sheen;
 mod hands;
 mod light;
 mod lightmap;

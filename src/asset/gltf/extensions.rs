@@ -6,12 +6,13 @@ use super::source::Source;
 use crate::Result;
 use crate::error::{MAX_QUOTED, shortened};
 
-const READ: [&str; 12] = [
+const READ: [&str; 13] = [
     "KHR_lights_punctual",
     "KHR_texture_transform",
     "KHR_materials_clearcoat",
     "KHR_materials_emissive_strength",
     "KHR_materials_ior",
+    super::sheen::NAME,
     super::glossy::NAME,
     "KHR_materials_specular",
     "KHR_materials_transmission",
@@ -22,12 +23,11 @@ const READ: [&str; 12] = [
 ];
 
 /// Those of materials that are not drawn, and what a picture lacks without each.
-const NOT_DRAWN: [(&str, &str); 6] = [
+const NOT_DRAWN: [(&str, &str); 5] = [
     ("KHR_materials_anisotropy", "its highlights are not stretched"),
     ("KHR_materials_diffuse_transmission", "no light shines through it"),
     ("KHR_materials_dispersion", "it does not split light into colours"),
     ("KHR_materials_iridescence", "drawn without its play of colours"),
-    ("KHR_materials_sheen", "drawn without its sheen"),
     ("KHR_materials_variants", "drawn in its first variant"),
 ];
 

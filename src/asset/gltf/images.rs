@@ -4,12 +4,15 @@ use std::collections::HashMap;
 use std::path::PathBuf;
 use std::sync::Arc;
 
+use glam::Vec4;
+
 use super::glossy::Glossy;
 use super::source::{Source, label};
 use super::uri;
 use crate::Result;
-use crate::asset::image_source::ImageSource;
-use crate::asset::image_source::MAX_FILE_BYTES;
+use crate::asset::image_source::{ImageSource, MAX_FILE_BYTES};
+use crate::asset::material::MapDesc;
+use crate::asset::texture::{Encoding, Texture};
 use crate::error::{MAX_QUOTED, shortened};
 
 /// The pictures that materials have asked for.
@@ -17,6 +20,8 @@ use crate::error::{MAX_QUOTED, shortened};
 pub struct Images {
     /// By index. `None` within: it cannot be used, which is warned of.
     pictures: Vec<Option<Option<ImageSource>>>,
+    /// Means of their texels, linear RGB and alpha.
+    means: HashMap<PathBuf, Option<Vec4>>,
     /// Base color, and roughness with metalness, by what they are made of.
     converted: HashMap<PathBuf, Option<[ImageSource; 2]>>,
 }
@@ -32,6 +37,19 @@ impl Images {
             return None;
         };
         known.get_or_insert_with(|| picture_or_warning(source, index)).clone()
+    }
+
+    /// Mean of a color map's texels, linear RGB and alpha; `None`: it cannot be read, which is warned of.
+    pub fn mean(&mut self, source: &Source<'_>, map: &MapDesc) -> Option<Vec4> {
+        let mean = || match Texture::load(&map.image, Encoding::Srgb) {
+            Ok(texture) => Some(texture.mean()),
+            Err(error) => {
+                source
+                    .warn_once(map.image.place().to_string_lossy(), &format!("{}: {error}; drawn without", map.origin));
+                None
+            }
+        };
+        *self.means.entry(map.image.place().into()).or_insert_with(mean)
     }
 
     /// Base color, and roughness with metalness, of a material of diffuse and specular textures; `None`: one of them cannot be

@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use glam::Vec3;
+use glam::{Vec3, Vec4};
 use serde::Deserialize;
 
 use super::document::{Material, MetallicRoughness, TextureInfo};
@@ -10,11 +10,13 @@ use super::extensions;
 use super::glossy::{self, Glossy};
 use super::images::Images;
 use super::maps::{self, Coordinates, Map};
+use super::sheen::{self, Sheen};
 use super::source::{Source, label};
 use crate::Result;
 use crate::asset::image_source::ImageSource;
 use crate::asset::material::{
-    AlphaUse, Factor, MAX_EMISSION, MAX_IOR, MapDesc, MaterialDesc, NormalsDesc, NormalsKind, f0_from_ior,
+    AlphaUse, Factor, MAX_EMISSION, MAX_IOR, MIN_SHEEN_ROUGHNESS, MapDesc, MaterialDesc, NormalsDesc, NormalsKind,
+    f0_from_ior,
 };
 use crate::asset::texture::Pick;
 use crate::error::{MAX_QUOTED, shortened};
@@ -199,6 +201,7 @@ impl Reader<'_> {
         let mut desc = self.factors(surface)?;
         (desc.clearcoat, desc.clearcoat_roughness) = (clearcoat.clearcoat_factor, clearcoat.clearcoat_roughness_factor);
         desc.clearcoat_bumps = self.has_bumps(&clearcoat);
+        self.set_sheen(&mut desc, images)?;
         self.set_alpha(&mut desc);
         self.set_maps(&mut desc, maps);
         if let Some(glossy) = &glossy {
@@ -263,6 +266,27 @@ impl Reader<'_> {
             self.warn(&format!("{key}: a clearcoatNormalTexture that is not the normalTexture is not supported; the coat is drawn without bumps"));
         }
         Ok(coat)
+    }
+
+    /// Sheen of one color and one roughness: the means of its textures.
+    fn set_sheen(&self, desc: &mut MaterialDesc, images: &mut Images) -> Result<()> {
+        let Some(sheen) = self.extension::<Sheen>(sheen::NAME)? else { return Ok(()) };
+        let color = sheen.sheen_color_factor.map(|value| self.clamped("sheenColorFactor", value, 1.0));
+        if color == [0.0; 3] {
+            return Ok(());
+        }
+        let mut mean = |key, info: Option<&TextureInfo>| -> Result<Vec4> {
+            let Some(info) = info else { return Ok(Vec4::ONE) };
+            self.warn(&format!("{}: {key}: the mean of its texels is used", sheen::NAME));
+            let map = maps::map(self.source, images, (&self.of, key), info, Pick::Red)?;
+            Ok(map.and_then(|map| images.mean(self.source, &map.desc)).unwrap_or(Vec4::ONE))
+        };
+        let of_color = mean("sheenColorTexture", sheen.sheen_color_texture.as_ref())?;
+        let of_roughness = mean("sheenRoughnessTexture", sheen.sheen_roughness_texture.as_ref())?;
+        desc.sheen = Vec3::from(color) * of_color.truncate();
+        let roughness = sheen.sheen_roughness_factor * of_roughness.w;
+        desc.sheen_roughness = self.clamped_between("sheenRoughnessFactor", roughness, MIN_SHEEN_ROUGHNESS, 1.0);
+        Ok(())
     }
 
     /// Whether a coat has the surface's own bumps.
@@ -470,6 +494,6 @@ impl Reader<'_> {
         desc.metallic = Factor::same(1.0);
         desc.roughness = Factor::same(1.0);
         (desc.normals, desc.occlusion_map, desc.roughness_map, desc.metallic_map) = (None, None, None, None);
-        (desc.clearcoat, desc.clearcoat_map) = (0.0, None);
+        (desc.clearcoat, desc.clearcoat_map, desc.sheen) = (0.0, None, Vec3::ZERO);
     }
 }

@@ -5,7 +5,9 @@ use serde_json::{Value, json};
 
 use super::build_tests::{Build, only};
 use super::materials::MIN_ATTENUATION;
-use crate::asset::material::{AlphaUse, Factor, MapDesc, MaterialDesc, NormalsKind, Sampling, Wrap};
+use crate::asset::material::{
+    AlphaUse, Factor, MIN_SHEEN_ROUGHNESS, MapDesc, MaterialDesc, NormalsKind, Sampling, Wrap,
+};
 use crate::asset::texture::{Encoding, Pick, Texture};
 
 /// A triangle with two sets of texture coordinates and this material, three textures with pictures inside the file.
@@ -266,10 +268,25 @@ fn clear_coats() {
 }
 
 #[test]
+fn sheen_of_cloth() {
+    let with = |sheen: Value| json!({"name": "Velvet", "extensions": {"KHR_materials_sheen": sheen}});
+    assert_eq!(good(with(json!({"sheenRoughnessFactor": 0.5}))).sheen, Vec3::ZERO);
+    let velvet = good(with(json!({"sheenColorFactor": [0.25, 0.5, 1], "sheenRoughnessFactor": 0.5})));
+    assert_eq!((velvet.sheen, velvet.sheen_roughness), (Vec3::new(0.25, 0.5, 1.0), 0.5));
+    let (smooth, warning) = read(with(json!({"sheenColorFactor": [2, 0, 0], "sheenRoughnessFactor": 0.3})));
+    assert!(smooth.sheen == Vec3::X && warning.contains("sheenColorFactor: 2 is not in 0..=1"), "{warning}");
+    let (smooth, warning) = read(with(json!({"sheenColorFactor": [1, 0, 0]})));
+    assert!(smooth.sheen_roughness == MIN_SHEEN_ROUGHNESS && warning.contains("0 is not in 0.2..=1"), "{warning}");
+}
+
+#[test]
 fn extensions_of_materials() {
     good(json!({"extensions": {"KHR_materials_ior": {}, "KHR_texture_transform": {}, "OTHER_thing": 1}}));
-    let (_, warning) = read(json!({"name": "Car", "extensions": {"KHR_materials_sheen": {}}}));
-    assert_eq!(warning, "a.glb: material Car: KHR_materials_sheen is not supported; drawn without its sheen");
+    let (_, warning) = read(json!({"name": "Car", "extensions": {"KHR_materials_iridescence": {}}}));
+    assert_eq!(
+        warning,
+        "a.glb: material Car: KHR_materials_iridescence is not supported; drawn without its play of colours"
+    );
     let broken = build(json!({"extensions": {"KHR_materials_ior": {"ior": []}}}));
     assert!(broken.problem().contains("material 0: KHR_materials_ior: invalid type"));
 }

@@ -13,6 +13,7 @@ mod materials;
 mod meshopt;
 mod nodes;
 mod scene;
+mod sheen;
 mod source;
 mod triangles;
 mod uri;

@@ -1,0 +1,19 @@
+//! `KHR_materials_sheen`: of one color and one roughness on all of a material, the means of its textures.
+
+use serde::Deserialize;
+
+use super::document::TextureInfo;
+
+pub const NAME: &str = "KHR_materials_sheen";
+
+/// The extension. Factors are linear.
+#[derive(Default, Deserialize)]
+#[serde(default, rename_all = "camelCase")]
+pub struct Sheen {
+    pub sheen_color_factor: [f32; 3],
+    /// sRGB.
+    pub sheen_color_texture: Option<TextureInfo>,
+    pub sheen_roughness_factor: f32,
+    /// In alpha.
+    pub sheen_roughness_texture: Option<TextureInfo>,
+}
