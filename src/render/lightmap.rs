@@ -333,6 +333,9 @@ impl LightmapBake {
         // An open sky's light takes hardly longer than to clear the image, which would be seen otherwise.
         let most =
             if self.stage == Stage::Open { all } else { ((self.paced().size() / f64::from(samples)) as u32).max(1) };
+        // In whole groups: on llvmpipe an invocation's roundings may depend on those beside it, and a bake is to give the same light
+        // again whatever time its pieces take.
+        let most = most.next_multiple_of(GROUP);
         let work = Work {
             first: self.cursor,
             count: most.min(all - self.cursor),
