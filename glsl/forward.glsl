@@ -133,6 +133,7 @@ vec3 sheen_even(Surface s, float albedo)
     return s.sheen * albedo * environment_even(towards).over_pi * s.occlusion;
 }
 
+// The same with the sheen over it.
 Split environment(Surface s, SpecularLobe lobe)
 {
     Split split = environment_below(s, lobe);

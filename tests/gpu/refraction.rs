@@ -102,7 +102,8 @@ fn pixel_through_ball(x: u32, y: u32, ior: f64) -> Option<f64> {
 fn a_ball_of_glass_shows_what_snells_law_says() {
     let shop = Workshop::new();
     shop.panorama("sky.exr", 256, |d| [slope(DVec3::from(d)) as f32; 3]);
-    let ball = [Shape::ball(1.0, 96)];
+    // Few enough triangles for it to be known to be convex: then nothing is baked.
+    let ball = [Shape::ball(1.0, 88)];
     for (shading, frames, [most, mean]) in [(Shading::Reference, 128, [0.25, 0.02]), (Shading::Pbr, 1, [0.25, 0.03])] {
         let got = picture(&shop, &glass(0.0, json!({})), &ball, &[], &all_light(shading, frames));
         let (mut count, mut sum, mut worst, mut upside_down) = (0, 0.0, 0.0_f64, 0);
@@ -166,8 +167,8 @@ fn things_are_seen_through_glass() {
     let cases = [("in a ball", Shape::ball(0.9, 24), inside), ("behind a block", block, behind)];
     for (name, body, thing) in cases {
         for (shading, frames) in [(Shading::Reference, 8), (Shading::Pbr, 1)] {
-            let got =
-                picture(&shop, &glass(0.0, json!({})), from_ref(&body), from_ref(&thing), &all_light(shading, frames));
+            let options = PictureOptions { lightmap: Some(256), ..all_light(shading, frames) };
+            let got = picture(&shop, &glass(0.0, json!({})), from_ref(&body), from_ref(&thing), &options);
             let [red, green, _] = pixel(&got, SIDE / 2, SIDE / 2);
             assert!(red > 0.5 && green < 0.4, "{name}, {shading:?}: {red}, {green}");
         }

@@ -33,7 +33,9 @@ pub fn nothing_casts(scene: &Scene) -> Option<&'static str> {
     let [instance] = shown[..] else { return None };
     let mesh = &scene.meshes[instance.mesh];
     let material = &scene.materials[mesh.material];
-    let has_holes = material.alpha_cutoff.is_some() || material.blends;
+    // Light goes through a ball of glass, which shows its surroundings by itself.
+    let is_glass_ball = material.refraction.is_some_and(|refraction| refraction.balls);
+    let has_holes = material.alpha_cutoff.is_some() || (material.blends && !is_glass_ball);
     let parts = connected_components(&mesh.vertices, &mesh.indices);
     let closed = parts.len() == 1 && parts[0].closed() && !has_holes;
     (closed && is_convex(&all, &corners(mesh, instance.world_from_local), margin))
@@ -83,6 +85,8 @@ mod tests {
     use glam::Vec3;
 
     use super::*;
+    use crate::asset::material::Refraction;
+    use crate::scene::Material;
     use crate::scene::material::default_material;
     use crate::scene::mesh::{Bounds, Vertex};
     use crate::scene::needs::tests::scene;
@@ -107,6 +111,11 @@ mod tests {
         nothing_casts(&Scene { meshes, instances, ..scene(vec![default_material()], 1) })
     }
 
+    fn ball_of(material: Material) -> Scene {
+        let instances = vec![Instance { mesh: 0, world_from_local: Mat4::IDENTITY }];
+        Scene { meshes: vec![Mesh::ball(12, 0.3)], instances, ..scene(vec![material], 1) }
+    }
+
     #[test]
     fn a_lone_ball_and_a_lone_plane_cast_nothing() {
         let (turned, aside) = (Mat4::from_rotation_x(0.7), Mat4::from_translation(3.0 * Vec3::X));
@@ -125,9 +134,17 @@ mod tests {
         let mut dented = Mesh::ball(12, 0.3);
         dented.vertices.iter_mut().filter(|v| v.position[0] > 0.28).for_each(|v| v.position[0] = 0.1);
         assert_eq!(reason(vec![dented], &[(0, Mat4::IDENTITY)]), None, "a dent");
-        let holes = crate::scene::Material { alpha_cutoff: Some(0.5), ..default_material() };
-        let instances = vec![Instance { mesh: 0, world_from_local: Mat4::IDENTITY }];
-        let holed = Scene { meshes: vec![Mesh::ball(12, 0.3)], instances, ..scene(vec![holes], 1) };
-        assert_eq!(nothing_casts(&holed), None);
+        let holes = Material { alpha_cutoff: Some(0.5), ..default_material() };
+        assert_eq!(nothing_casts(&ball_of(holes)), None);
+    }
+
+    #[test]
+    fn a_lone_ball_of_glass_casts_nothing_and_a_vase_does() {
+        let glass = |balls| {
+            let refraction = Refraction { ior: 1.5, surface_transmission: Vec3::ONE, absorption: Vec3::ZERO, balls };
+            Material { blends: true, refraction: Some(refraction), ..default_material() }
+        };
+        assert!(nothing_casts(&ball_of(glass(true))).is_some_and(|why| why.contains("convex")));
+        assert_eq!(nothing_casts(&ball_of(glass(false))), None);
     }
 }
