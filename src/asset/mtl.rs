@@ -417,13 +417,14 @@ mod tests {
     #[test]
     fn keys() {
         let text = b"# comment\r\nKd 1 1 1\r\nnewmtl  first one\r\n\tKd 0.1 0.2 0.3\r\n Ks .5\r\nNs 50\r\nTr 0.25\r\nPm 1\r\nPr 0.5\r\n\
-            map_Kd a b.png\r\nnorm n.png\r\nmap_Pm m.png\r\nmap_Pr r.png\r\nmap_Ka o.png\r\nmap_d d.png\r\nillum 2\r\nnewmtl second\r\nd -halo 0.5";
+            map_Kd a b.png\r\nnorm n.png\r\nmap_Pm m.png\r\nmap_Pr r.png\r\nmap_Ka o.png\r\nmap_d d.png\r\nillum 2\r\nPs .25\r\nnewmtl second\r\nd -halo 0.5";
         let (materials, warnings) = parsed(text);
         assert_eq!((materials.len(), warnings.len()), (2, 0));
         let first = &materials[0];
         assert_eq!(first.name, "first one");
         assert_eq!((first.kd, first.ks, first.ns), (Some([0.1, 0.2, 0.3]), Some([0.5; 3]), Some(50.0)));
         assert_eq!((first.dissolve, first.metallic, first.roughness), (Some(0.75), Some(1.0), Some(0.5)));
+        assert_eq!(first.sheen, Some(0.25));
         let map = first.map_kd.as_ref().unwrap();
         assert_eq!((map.key.as_str(), map.line, map.file.as_str()), ("map_Kd", 10, "a b.png"));
         for map in [&first.norm, &first.map_metallic, &first.map_roughness, &first.map_ka, &first.map_d] {
