@@ -1,6 +1,7 @@
 //! Mips of textures. Colour is averaged in linear light, normals as vectors, roughness as α². Twin of `reference::mip`.
 
 use super::Texture;
+use super::texture::linear_of_srgb_bytes;
 
 /// Weight of a fully transparent texel: its colour counts only where all texels are transparent.
 const TRANSPARENT_WEIGHT: f32 = 1.0 / 4096.0;
@@ -26,7 +27,7 @@ pub struct Level<const N: usize> {
 /// alpha (0 to 1), RGB is weighted by alpha, and alpha is scaled so that each level covers as much as level 0 (Castaño,
 /// "Computing Alpha Mipmaps", 2010).
 pub fn base_color_levels(texture: Texture, cutoff: Option<f32>) -> Vec<Vec<u8>> {
-    let linear: [f32; 256] = std::array::from_fn(|i| srgb_to_linear(i as f32 / 255.0));
+    let linear = linear_of_srgb_bytes();
     let weighted = cutoff.is_some();
     let read = |[r, g, b, a]: [u8; 4]| {
         let alpha = f32::from(a) / 255.0;
@@ -233,11 +234,6 @@ fn length(n: [f32; 3]) -> f32 {
 
 fn byte(unit: f32) -> u8 {
     (unit * 255.0).round() as u8
-}
-
-/// IEC 61966-2-1.
-pub fn srgb_to_linear(encoded: f32) -> f32 {
-    if encoded <= 0.04045 { encoded / 12.92 } else { ((encoded + 0.055) / 1.055).powf(2.4) }
 }
 
 fn linear_to_srgb(linear: f32) -> f32 {

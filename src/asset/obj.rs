@@ -8,11 +8,11 @@ use glam::{Vec2, Vec3, Vec4};
 
 use super::contained::contained;
 use super::mesh::{Corner, CornerExtra, MAX_COORDINATE, Submesh};
-use super::mips::srgb_to_linear;
 use super::model::Model;
 use super::mtl::{self, Mtl, UvTransform};
 use super::obj_text::{ObjText, broken};
 use super::polygon::triangulate;
+use super::texture::srgb_to_linear;
 use super::{Report, file, mtl_material, normals};
 use crate::error::{MAX_QUOTED, shortened};
 use crate::{Error, Result};

@@ -3,7 +3,7 @@
 use std::io::Cursor;
 use std::path::Path;
 
-use glam::{DVec3, DVec4, Vec4};
+use glam::{DVec4, Vec4};
 use image::imageops::{self, FilterType};
 use image::{DynamicImage, GrayImage, ImageError, ImageFormat, ImageReader, Limits, RgbaImage};
 
@@ -11,7 +11,6 @@ use super::contained::contained;
 use super::image_source::ImageSource;
 use super::{file, jpeg};
 use crate::error::{MAX_QUOTED, one_line};
-use crate::reference::tone::srgb_decode;
 use crate::{Error, Result};
 
 /// Largest accepted side, in texels: what every Vulkan 1.3 desktop GPU supports.
@@ -143,9 +142,9 @@ impl Texture {
 
     /// Mean of the texels of an sRGB picture: linear RGB, and alpha.
     pub fn mean(&self) -> Vec4 {
-        let linear: [f64; 256] = std::array::from_fn(|i| srgb_decode(DVec3::splat(i as f64 / 255.0)).x);
+        let linear = linear_of_srgb_bytes();
         let sum = self.texels().fold(DVec4::ZERO, |sum, [r, g, b, a]| {
-            let [r, g, b] = [r, g, b].map(|value| linear[usize::from(*value)]);
+            let [r, g, b] = [r, g, b].map(|value| f64::from(linear[usize::from(*value)]));
             sum + DVec4::new(r, g, b, f64::from(*a) / 255.0)
         });
         (sum / self.texels().count().max(1) as f64).as_vec4()
@@ -290,6 +289,16 @@ impl Channel {
         let values = imageops::resize(&picture, width, height, FilterType::Triangle).into_raw();
         Self { width, height, values }
     }
+}
+
+/// IEC 61966-2-1.
+pub fn srgb_to_linear(encoded: f32) -> f32 {
+    if encoded <= 0.04045 { encoded / 12.92 } else { ((encoded + 0.055) / 1.055).powf(2.4) }
+}
+
+/// The same of each byte.
+pub fn linear_of_srgb_bytes() -> [f32; 256] {
+    std::array::from_fn(|i| srgb_to_linear(i as f32 / 255.0))
 }
 
 fn decode(path: &Path, bytes: &[u8]) -> Result<DynamicImage> {

@@ -12,8 +12,8 @@ use crate::asset::cache::Key;
 use crate::asset::image_source::ImageSource;
 use crate::asset::ktx2::{Ktx2, TexelFormat};
 use crate::asset::mip_chain::Coverage;
-use crate::asset::mips::{NormalLoss, srgb_to_linear};
-use crate::asset::texture::{Channel, Encoding, Pick};
+use crate::asset::mips::NormalLoss;
+use crate::asset::texture::{Channel, Encoding, Pick, srgb_to_linear};
 use crate::asset::{Cache, MipChain, Report, Storage, Texture, TextureOptions, file};
 
 /// Version of the textures in the cache. Raise it whenever the same pictures give other texels or other facts: after a

@@ -27,6 +27,7 @@ use std::process::{Child, Command, Output, Stdio};
 use std::sync::{Arc, LazyLock, OnceLock};
 use std::time::{Duration, Instant};
 
+use glam::DVec3;
 use pbr_vr::asset::Cache;
 use pbr_vr::asset::picture::Picture;
 use pbr_vr::context::Setup;
@@ -144,6 +145,13 @@ pub struct PictureOptions<'a> {
     pub model: Model,
 }
 
+impl PictureOptions<'_> {
+    /// A square picture of light that nothing blocks.
+    pub fn open(side: u32, shading: Shading, frames: u64) -> Self {
+        Self { size: [side; 2], light: LightModel::Open, shading, frames, ..Self::default() }
+    }
+}
+
 impl Default for PictureOptions<'_> {
     fn default() -> Self {
         Self {
@@ -214,6 +222,12 @@ pub fn mean_at(picture: &Picture, x: u32, y: u32, reach: u32) -> [f64; 3] {
 pub fn pixel(picture: &Picture, x: u32, y: u32) -> [f64; 3] {
     let p = picture.pixels[(y * picture.width + x) as usize];
     [f64::from(p[0]), f64::from(p[1]), f64::from(p[2])]
+}
+
+/// The mean RGB of a picture.
+pub fn mean_colour(picture: &Picture) -> DVec3 {
+    let sum: DVec3 = picture.pixels.iter().map(|p| DVec3::new(p[0].into(), p[1].into(), p[2].into())).sum();
+    sum / picture.pixels.len() as f64
 }
 
 /// The folder of test scenes, or a printed reason to skip; in CI a missing folder fails the test.

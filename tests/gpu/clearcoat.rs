@@ -5,11 +5,12 @@ use pbr_vr::asset::picture::Picture;
 use pbr_vr::reference::brdf::{Geometry, f0_from_metallic, specular};
 use pbr_vr::reference::clearcoat::Clearcoat;
 use pbr_vr::reference::energy::{Curve, Energy, Scattering};
-use pbr_vr::render::{LightModel, Shading};
+use pbr_vr::render::Shading;
 use serde_json::json;
 
+use crate::common::brdf::slanted;
 use crate::common::gltf::{Gltf, Shape};
-use crate::common::{PictureOptions, Workshop, material, pixel, square};
+use crate::common::{PictureOptions, Workshop, material, mean_colour, pixel, square};
 
 const SIDE: u32 = 33;
 
@@ -23,20 +24,6 @@ fn picture(shop: &Workshop, mtl: &str, v: DVec3, more: &str, options: &PictureOp
          position = [{x}, {y}, {z}]\ntarget = [0, 0, 0]\nvertical_fov_degrees = 0.02\n"
     );
     shop.render(&shop.write("scene.toml", &text), options).remove(0)
-}
-
-fn open(shading: Shading, frames: u64) -> PictureOptions<'static> {
-    PictureOptions { size: [SIDE; 2], light: LightModel::Open, shading, frames, ..PictureOptions::default() }
-}
-
-fn mean(picture: &Picture) -> DVec3 {
-    let sum: DVec3 = picture.pixels.iter().map(|p| DVec3::new(p[0].into(), p[1].into(), p[2].into())).sum();
-    sum / picture.pixels.len() as f64
-}
-
-fn slanted(cosine: f64, longitude: f64) -> DVec3 {
-    let across = (1.0 - cosine * cosine).sqrt();
-    DVec3::new(across * f64::cos(longitude), across * f64::sin(longitude), cosine)
 }
 
 #[test]
@@ -62,7 +49,11 @@ fn a_lamp_on_a_clear_coat_is_what_f64_says() {
         ] {
             let [x, y, z] = (away * l).to_array();
             let lamp = format!("[[light]]\npoint = {{ position = [{x}, {y}, {z}], intensity = [40, 40, 40] }}\n");
-            let got = pixel(&picture(&shop, &mtl, v, &lamp, &open(Shading::Pbr, 1)), SIDE / 2, SIDE / 2)[0];
+            let got = pixel(
+                &picture(&shop, &mtl, v, &lamp, &PictureOptions::open(SIDE, Shading::Pbr, 1)),
+                SIDE / 2,
+                SIDE / 2,
+            )[0];
             let base_color = DVec3::splat(f64::from(base));
             let f0 = f0_from_metallic(base_color, metallic, energy.dielectric_f0);
             let beyond = energy.beyond_single(base_color, metallic, curve.at(l.z), curve.at(v.z));
@@ -81,7 +72,9 @@ fn under_even_light_a_coat_on_white_is_white() {
     for (metallic, coat_roughness, nv) in [(0.0, 0.0, 0.8), (1.0, 0.3, 0.3), (0.0, 1.0, 0.5)] {
         let mtl = format!("{}Pc 1\nPcr {coat_roughness}\n", material([1.0; 3], metallic, 0.7));
         for (shading, frames) in [(Shading::Pbr, 1), (Shading::Reference, 32)] {
-            let got = mean(&picture(&shop, &mtl, slanted(nv, 0.5), "", &open(shading, frames))).x;
+            let got =
+                mean_colour(&picture(&shop, &mtl, slanted(nv, 0.5), "", &PictureOptions::open(SIDE, shading, frames)))
+                    .x;
             assert!((got - 1.0).abs() < 0.006, "{metallic} {coat_roughness} {shading:?}: {got}");
         }
     }
@@ -97,10 +90,14 @@ fn coats_mirror_a_panorama_as_in_the_exact_picture() {
         let mtl = |factor: f32| format!("{}Pc {factor}\nPcr {coat_roughness}\n", material([0.02; 3], 0.0, 0.9));
         let v = slanted(nv, 0.5);
         // What it adds; the base has errors of its own.
-        let [fast, exact] = [open(Shading::Pbr, 1), open(Shading::Reference, 64)].map(|options| {
-            let [with, without] = [1.0, 0.0].map(|factor| mean(&picture(&shop, &mtl(factor), v, "", &options)));
-            with - without
-        });
+        let [fast, exact] =
+            [PictureOptions::open(SIDE, Shading::Pbr, 1), PictureOptions::open(SIDE, Shading::Reference, 64)].map(
+                |options| {
+                    let [with, without] =
+                        [1.0, 0.0].map(|factor| mean_colour(&picture(&shop, &mtl(factor), v, "", &options)));
+                    with - without
+                },
+            );
         let off = ((fast - exact) / exact).abs().max_element();
         println!("roughness {coat_roughness}, n.v {nv}: {fast:.4} against {exact:.4}");
         assert!(off < bound, "{coat_roughness} {nv}: {fast} against {exact}");
@@ -122,7 +119,9 @@ fn a_coat_has_a_map_of_its_own_and_no_bumps() {
         let text = "environment = { panorama = \"sky.exr\" }\n[[model]]\nfile = \"model.obj\"\n[[camera]]\nname = \"c\"\n\
              position = [-10, 0, 10]\ntarget = [0, 0, 0]\nvertical_fov_degrees = 2\n";
         let scene = shop.write("scene.toml", text);
-        let picture = shop.render(&scene, &open(shading, if shading == Shading::Pbr { 1 } else { 64 })).remove(0);
+        let picture = shop
+            .render(&scene, &PictureOptions::open(SIDE, shading, if shading == Shading::Pbr { 1 } else { 64 }))
+            .remove(0);
         [SIDE / 4, 3 * SIDE / 4].map(|x| pixel(&picture, x, SIDE / 2)[0])
     };
     let left = Clearcoat::new(1.0, 0.0, Scattering::Single).left(0.5f64.sqrt());
@@ -164,7 +163,10 @@ fn a_coat_with_the_normal_map_of_its_surface_has_its_bumps() {
         gltf.write(&shop, "coat.gltf");
         let text = "environment = { panorama = \"sky.exr\" }\n[[model]]\nfile = \"coat.gltf\"\n[[camera]]\nname = \"c\"\n\
              position = [0, 0, 20]\ntarget = [0, 0, 0]\nvertical_fov_degrees = 0.1\n";
-        mean(&shop.render(&shop.write("scene.toml", text), &open(shading, frames)).remove(0)).x
+        mean_colour(
+            &shop.render(&shop.write("scene.toml", text), &PictureOptions::open(SIDE, shading, frames)).remove(0),
+        )
+        .x
     };
     let [with, without] = [true, false].map(|has_bumps| {
         let [fast, exact] = [picture(has_bumps, Shading::Pbr, 1), picture(has_bumps, Shading::Reference, 32)];

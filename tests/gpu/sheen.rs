@@ -5,11 +5,12 @@ use pbr_vr::asset::picture::Picture;
 use pbr_vr::reference::brdf::{Geometry, f0_from_metallic, specular};
 use pbr_vr::reference::energy::{Curve, Energy, Scattering};
 use pbr_vr::reference::sheen::{sheen_albedo, sheen_brdf, under_sheen};
-use pbr_vr::render::{LightModel, Shading};
+use pbr_vr::render::Shading;
 use serde_json::{Value, json};
 
+use crate::common::brdf::slanted;
 use crate::common::gltf::{Gltf, Shape};
-use crate::common::{PictureOptions, Workshop, pixel};
+use crate::common::{PictureOptions, Workshop, mean_colour, pixel};
 
 const SIDE: u32 = 33;
 const COLOR: [f64; 3] = [0.9, 0.5, 0.2];
@@ -52,20 +53,6 @@ fn plain(shop: &Workshop, material: Value, v: DVec3, more: &str, options: &Pictu
     picture(shop, &mut gltf, material, v, more, options)
 }
 
-fn open(shading: Shading, frames: u64) -> PictureOptions<'static> {
-    PictureOptions { size: [SIDE; 2], light: LightModel::Open, shading, frames, ..PictureOptions::default() }
-}
-
-fn mean(picture: &Picture) -> DVec3 {
-    let sum: DVec3 = picture.pixels.iter().map(|p| DVec3::new(p[0].into(), p[1].into(), p[2].into())).sum();
-    sum / picture.pixels.len() as f64
-}
-
-fn slanted(cosine: f64, longitude: f64) -> DVec3 {
-    let across = (1.0 - cosine * cosine).sqrt();
-    DVec3::new(across * f64::cos(longitude), across * f64::sin(longitude), cosine)
-}
-
 #[test]
 fn a_lamp_on_cloth_is_what_f64_says() {
     let shop = Workshop::new();
@@ -90,7 +77,7 @@ fn a_lamp_on_cloth_is_what_f64_says() {
         let left = under_sheen(color, sheen_albedo(v.z, sheen_roughness));
         let want = 40.0 / (away * away) * l.z * (left * below + color * sheen_brdf(DVec3::Z, v, l, sheen_roughness));
         for (shading, frames) in [(Shading::Pbr, 1), (Shading::Reference, 1)] {
-            let picture = plain(&shop, material.clone(), v, &lamp, &open(shading, frames));
+            let picture = plain(&shop, material.clone(), v, &lamp, &PictureOptions::open(SIDE, shading, frames));
             let got = DVec3::from(pixel(&picture, SIDE / 2, SIDE / 2));
             let off = (got / want - 1.0).abs().max_element();
             assert!(off < 8e-3, "{sheen_roughness}, v {v:.2}, l {l:.2}, {shading:?}: {got} against {want}");
@@ -106,7 +93,14 @@ fn under_even_light_white_sheen_on_white_is_white() {
     for (roughness, nv) in [(0.2, 0.1), (0.5, 0.3), (0.3, 0.8), (1.0, 0.2)] {
         let sheen = json!({"sheenColorFactor": [1, 1, 1], "sheenRoughnessFactor": roughness});
         for (shading, frames, bound) in [(Shading::Pbr, 1, 0.006), (Shading::Reference, 32, 0.025)] {
-            let got = mean(&plain(&shop, cloth(1.0, 0.7, &sheen), slanted(nv, 0.5), "", &open(shading, frames))).x;
+            let got = mean_colour(&plain(
+                &shop,
+                cloth(1.0, 0.7, &sheen),
+                slanted(nv, 0.5),
+                "",
+                &PictureOptions::open(SIDE, shading, frames),
+            ))
+            .x;
             assert!((got - 1.0).abs() < bound, "{roughness} {nv} {shading:?}: {got}");
         }
     }
@@ -120,12 +114,15 @@ fn sheen_of_a_panorama_is_that_of_the_exact_picture() {
         [0.2 + 2.0 * d[0].max(0.0) as f32, 0.5 + 0.4 * d[1] as f32, 1.0 + 0.9 * d[2] as f32]
     });
     for (roughness, nv, bound) in [(0.3, 0.2, 0.06), (0.5, 0.3, 0.06), (0.5, 0.7, 0.06), (0.9, 0.4, 0.06)] {
-        let [fast, exact] = [open(Shading::Pbr, 1), open(Shading::Reference, 64)].map(|options| {
-            // Black, so that what is not sheen is little.
-            let mut black = cloth(0.0, 1.0, &sheen(roughness));
-            black["extensions"]["KHR_materials_ior"] = json!({"ior": 1});
-            mean(&plain(&shop, black, slanted(nv, 0.0), "", &options))
-        });
+        let [fast, exact] =
+            [PictureOptions::open(SIDE, Shading::Pbr, 1), PictureOptions::open(SIDE, Shading::Reference, 64)].map(
+                |options| {
+                    // Black, so that what is not sheen is little.
+                    let mut black = cloth(0.0, 1.0, &sheen(roughness));
+                    black["extensions"]["KHR_materials_ior"] = json!({"ior": 1});
+                    mean_colour(&plain(&shop, black, slanted(nv, 0.0), "", &options))
+                },
+            );
         println!("roughness {roughness}, n.v {nv}: {fast:.4} against {exact:.4}");
         let off = ((fast - exact) / exact).abs().max_element();
         assert!(off < bound, "{roughness} {nv}: {fast} against {exact}");
@@ -145,7 +142,14 @@ fn textures_of_sheen_count_by_their_means() {
         let mut gltf = Gltf::new();
         let extension = extension(&mut gltf);
         let material = gltf.material(cloth(0.0, 1.0, &extension));
-        mean(&picture(&shop, &mut gltf, material, slanted(0.2, 0.0), "", &open(Shading::Pbr, 1)))
+        mean_colour(&picture(
+            &shop,
+            &mut gltf,
+            material,
+            slanted(0.2, 0.0),
+            "",
+            &PictureOptions::open(SIDE, Shading::Pbr, 1),
+        ))
     };
     let with_texture = draw(&|gltf| {
         let stripes = json!({"index": gltf.texture(&stripes, json!({}))});

@@ -12,9 +12,8 @@ use serde::Deserialize;
 use super::document::{MetallicRoughness, TextureInfo};
 use crate::asset::image_source::ImageSource;
 use crate::asset::material::DIELECTRIC_F0;
-use crate::asset::mips::srgb_to_linear;
 use crate::asset::mtl_material::DEFAULT_ROUGHNESS;
-use crate::asset::texture::{Encoding, Texture};
+use crate::asset::texture::{Encoding, Texture, linear_of_srgb_bytes};
 use crate::reference::tone::{luminance, srgb_encode};
 use crate::{Error, Result};
 
@@ -105,7 +104,7 @@ impl Glossy {
         let largest = |side: fn(&Texture) -> u32| textures.iter().flatten().map(side).max().unwrap_or(1).min(MAX_SIDE);
         let size = [largest(|t| t.width), largest(|t| t.height)];
         let [mut diffuse, mut specular] = textures.map(|texture| texels(texture, size));
-        let linear: Vec<f32> = (0..=255u8).map(|value| srgb_to_linear(f32::from(value) / 255.0)).collect();
+        let linear = linear_of_srgb_bytes();
         let color = |texel: &[u8]| Vec3::from_array([0, 1, 2].map(|c| linear[usize::from(texel[c])]));
         let [r, g, b, _] = self.diffuse_factor;
         let factors = [Vec3::new(r, g, b), self.specular_factor.into()];
