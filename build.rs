@@ -31,7 +31,6 @@ fn run() -> Result<(), String> {
     let variable = |name: &str| env::var(name).map_err(|e| format!("{name}: {e}"));
     let root = PathBuf::from(variable("CARGO_MANIFEST_DIR")?);
     let out = PathBuf::from(variable("OUT_DIR")?);
-    let debug = variable("PROFILE")? == "debug";
     let glsl = root.join("glsl");
     println!("cargo:rerun-if-changed=glsl");
     println!("cargo:rerun-if-changed=tests/glsl");
@@ -40,10 +39,14 @@ fn run() -> Result<(), String> {
     }
     // With `hot-reload` the program includes it.
     write_file(&out.join(shader_compiler::BINDINGS), bindings::glsl().as_bytes())?;
-    let ours = table("COMPILED", &glsl, &glsl, &out, debug)?;
-    write_file(&out.join("shaders.rs"), ours.as_bytes())?;
+    let ours = table("COMPILED", &glsl, &glsl, &out)?;
+    let core = format!(
+        "/// What names of shaders for core materials begin with.\nconst CORE: &str = {:?};\n",
+        shader_compiler::CORE
+    );
+    write_file(&out.join("shaders.rs"), (core + &ours).as_bytes())?;
     // Only unit tests include this one.
-    let tests = table("FOR_TESTS", &root.join("tests/glsl"), &glsl, &out, debug)?;
+    let tests = table("FOR_TESTS", &root.join("tests/glsl"), &glsl, &out)?;
     write_file(&out.join("test_shaders.rs"), tests.as_bytes())?;
     if variable("CARGO_CFG_TARGET_OS")? == "windows" {
         embed_manifest()?;
@@ -62,15 +65,27 @@ fn embed_manifest() -> Result<(), String> {
     embed_manifest::embed_manifest(manifest).map_err(|e| format!("the Windows manifest: {e}"))
 }
 
-/// Rust source of a list of all stage files of `folder`, compiled into `out`.
-fn table(list: &str, folder: &Path, includes: &Path, out: &Path, debug: bool) -> Result<String, String> {
+/// Rust source of a list of all stage files of `folder`, compiled into `out`, and of those of which less is left for core materials.
+fn table(list: &str, folder: &Path, includes: &Path, out: &Path) -> Result<String, String> {
     let mut table = format!("static {list}: &[(&str, &[u8])] = &[\n");
-    for name in shader_compiler::stage_files(folder)? {
-        let spirv = shader_compiler::compile(&folder.join(&name), includes, &bindings::glsl(), debug)?;
-        let file = format!("{list}_{name}.spv");
-        write_file(&out.join(&file), &spirv)?;
+    let bindings = bindings::glsl();
+    let mut add = |name: &str, spirv: &[u8]| {
+        let file = format!("{list}_{}.spv", name.replace('/', "_"));
+        write_file(&out.join(&file), spirv)?;
         writeln!(table, "    ({name:?}, include_bytes!(concat!(env!(\"OUT_DIR\"), \"/{file}\"))),")
-            .map_err(|e| e.to_string())?;
+            .map_err(|e| e.to_string())
+    };
+    for name in shader_compiler::stage_files(folder)? {
+        let compile = |core| {
+            let how = shader_compiler::Compilation { includes, bindings: &bindings, debug: false, core };
+            shader_compiler::compile(&folder.join(&name), &how)
+        };
+        let (whole, core) = (compile(false)?, compile(true)?);
+        add(&name, &whole)?;
+        // Else the other one does.
+        if 10 * core.len() < 9 * whole.len() {
+            add(&format!("{}{name}", shader_compiler::CORE), &core)?;
+        }
     }
     table.push_str("];\n");
     Ok(table)

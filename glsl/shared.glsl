@@ -66,9 +66,15 @@ layout(constant_id = 20) const uint VERTEX_COLOURS = 0;
 layout(constant_id = 21) const uint SECOND_UV = 0; // bit i: map i is looked up by the second texture coordinates
 layout(constant_id = 22) const bool BLENDS = false;  // alpha is coverage
 layout(constant_id = 25) const bool TINTS = false;   // what is behind is seen in another colour
+#ifdef CORE_MATERIALS
+const bool CLEARCOAT = false;
+const bool SHEEN = false;
+const bool REFRACTS = false;
+#else
 layout(constant_id = 26) const bool CLEARCOAT = false;
 layout(constant_id = 28) const bool SHEEN = false;
 layout(constant_id = 27) const bool REFRACTS = false; // solid balls show what is around them
+#endif
 layout(constant_id = 23) const uint SPHERE_LIGHTS = 0;
 
 // LAMP_SHADOWS: the order of render::shadow_plan::LampShadows.

@@ -292,6 +292,11 @@ impl Gpu {
         Some((0..heaps.memory_heap_count as usize).filter(own).map(heap).collect())
     }
 
+    /// How many pipelines are kept of those that nothing uses: more for a process that draws many scenes in turn.
+    pub fn keep_unused_pipelines(&self, most: usize) {
+        self.pipelines.keep_unused(most);
+    }
+
     /// Bytes allocated for buffers and images, in any memory.
     pub fn taken_memory(&self) -> u64 {
         self.allocator().generate_report().total_allocated_bytes

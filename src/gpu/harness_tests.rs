@@ -7,6 +7,10 @@ use ash::vk;
 
 use super::{Gpu, GpuOptions};
 
+#[path = "../../tests/common/gpus.rs"]
+mod gpus;
+use gpus::TestGpu;
+
 thread_local! {
     /// Whether this thread finds no memory for images, on a GPU of [`with_gpu_of_little_memory`].
     pub static NO_IMAGES: Cell<bool> = const { Cell::new(false) };
@@ -30,29 +34,23 @@ unsafe extern "system" fn bind_image(
     }
 }
 
-/// Opens a GPU for `work`; any validation message fails, those of closing it too.
+/// Takes a GPU for `work`; any validation message fails.
 pub fn with_gpu<R>(work: impl FnOnce(&Arc<Gpu>) -> R) -> R {
-    run(open(), work)
+    work(&TestGpu::take())
 }
 
-/// The same with a GPU that has no memory for images of threads whose [`NO_IMAGES`] is set.
+/// The same with a new GPU that has no memory for images of threads whose [`NO_IMAGES`] is set.
 pub fn with_gpu_of_little_memory<R>(work: impl FnOnce(&Arc<Gpu>) -> R) -> R {
-    let mut gpu = open();
+    let mut gpu = Gpu::open(validated()).unwrap();
     Arc::get_mut(&mut gpu).unwrap().device.replace(|device| {
         *BIND_IMAGE.lock().unwrap() = Some(device.bind_image_memory);
         device.bind_image_memory = bind_image;
     });
-    run(gpu, work)
-}
-
-fn open() -> Arc<Gpu> {
-    Gpu::open(GpuOptions { validate: true, ..GpuOptions::default() }).unwrap()
-}
-
-fn run<R>(gpu: Arc<Gpu>, work: impl FnOnce(&Arc<Gpu>) -> R) -> R {
-    let messages = gpu.messages();
     let result = work(&gpu);
-    assert!(Arc::into_inner(gpu).is_some(), "something keeps the GPU open");
-    messages.check().unwrap();
+    gpus::close(gpu);
     result
+}
+
+fn validated() -> GpuOptions<'static> {
+    GpuOptions { validate: true, ..GpuOptions::default() }
 }

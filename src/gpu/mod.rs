@@ -57,9 +57,9 @@ pub use pipeline::pipelines_of_this_thread;
 pub use pipeline::{Blend, Constant, DepthBias, DepthState, GraphicsDesc, Pipeline};
 pub use rendering::{Attachments, ColourAttachment, DepthAttachment, LoadOp, StoreOp};
 pub use sampler::{AddressMode, Compare, Sampler};
-pub use shader::compute_shaders;
 #[cfg(feature = "hot-reload")]
 pub use shader::on_disk::folder as shader_folder;
+pub use shader::{compute_shaders, core_materials, stage_file};
 pub use staging::{Upload, upload_rows};
 #[cfg(test)]
 pub(crate) use submit::LOSE_IN;

@@ -1,6 +1,7 @@
 //! All pipelines of a GPU by a hash of what they were created from, so that each is created once however often it is asked for:
 //! by the next scene, or by settings that come back.
 
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use ash::vk;
@@ -22,10 +23,23 @@ struct Entry {
 }
 
 /// The pipelines, those released last at the end. It destroys none itself.
-#[derive(Default)]
-pub(super) struct PipelineStore(Mutex<Vec<Entry>>);
+pub(super) struct PipelineStore {
+    entries: Mutex<Vec<Entry>>,
+    most_unused: AtomicUsize,
+}
+
+impl Default for PipelineStore {
+    fn default() -> Self {
+        Self { entries: Mutex::default(), most_unused: AtomicUsize::new(MOST_UNUSED) }
+    }
+}
 
 impl PipelineStore {
+    /// How many without users are kept from now on.
+    pub(super) fn keep_unused(&self, most: usize) {
+        self.most_unused.store(most, Ordering::Relaxed);
+    }
+
     /// The pipeline that was created from the same, with one more user.
     pub(super) fn take(&self, key: blake3::Hash) -> Option<RawPipeline> {
         let mut entries = self.entries();
@@ -41,13 +55,14 @@ impl PipelineStore {
 
     /// Takes a user from a pipeline. Returns one to destroy if too many have none.
     pub(super) fn release(&self, raw: RawPipeline) -> Option<RawPipeline> {
+        let most = self.most_unused.load(Ordering::Relaxed);
         let mut entries = self.entries();
         let at = entries.iter().position(|entry| entry.raw == raw)?;
         let mut entry = entries.remove(at);
         entry.users -= 1;
         entries.push(entry);
         let unused = entries.iter().filter(|entry| entry.users == 0).count();
-        let oldest = entries.iter().position(|entry| entry.users == 0).filter(|_| unused > MOST_UNUSED)?;
+        let oldest = entries.iter().position(|entry| entry.users == 0).filter(|_| unused > most)?;
         Some(entries.remove(oldest).raw)
     }
 
@@ -57,7 +72,7 @@ impl PipelineStore {
     }
 
     fn entries(&self) -> MutexGuard<'_, Vec<Entry>> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+        self.entries.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 

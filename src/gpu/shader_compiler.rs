@@ -19,9 +19,23 @@ pub fn stage_files(folder: &Path) -> Result<Vec<String>, String> {
 /// The generated include: the bindings of the renderer's tables.
 pub const BINDINGS: &str = "bindings.glsl";
 
-/// Compiles one stage file. Includes are looked up in the folder `includes`, but for [`BINDINGS`], which has the text
-/// `bindings`. The message of an error begins with file and line.
-pub fn compile(path: &Path, includes: &Path, bindings: &str, debug: bool) -> Result<Vec<u8>, String> {
+/// What the name of a stage file begins with where `CORE_MATERIALS` is defined.
+pub const CORE: &str = "core/";
+
+/// Where and how stage files are compiled.
+pub struct Compilation<'a> {
+    /// The folder of the files that are included.
+    pub includes: &'a Path,
+    /// The text of [`BINDINGS`].
+    pub bindings: &'a str,
+    /// With lines and names, for debuggers.
+    pub debug: bool,
+    pub core: bool,
+}
+
+/// Compiles one stage file. The message of an error begins with file and line.
+pub fn compile(path: &Path, how: &Compilation<'_>) -> Result<Vec<u8>, String> {
+    let Compilation { includes, bindings, debug, core } = *how;
     let source = fs::read_to_string(path).map_err(|e| format!("{}: {e}", path.display()))?;
     let kind = kind(path).ok_or_else(|| format!("{}: not a shader stage", path.display()))?;
     let compiler = shaderc::Compiler::new().map_err(|e| format!("shaderc: {e}"))?;
@@ -31,6 +45,9 @@ pub fn compile(path: &Path, includes: &Path, bindings: &str, debug: bool) -> Res
     options.set_warnings_as_errors();
     if debug {
         options.set_generate_debug_info();
+    }
+    if core {
+        options.add_macro_definition("CORE_MATERIALS", None);
     }
     options.set_include_callback(|wanted, _, _, _| {
         if wanted == BINDINGS {

@@ -5,7 +5,7 @@ use crate::Result;
 use crate::asset::cache::{Cache, Key};
 use crate::asset::ktx2::Ktx2;
 use crate::context::Context;
-use crate::gpu::{Image, PassTime, compute_shaders, write_mips};
+use crate::gpu::{Image, PassTime, compute_shaders, stage_file, write_mips};
 
 /// Limit of an entry's header, key and values, in bytes.
 const HEAD_BYTES: u64 = 1 << 16;
@@ -95,7 +95,8 @@ fn load(cache: &Cache, key: &str, image: &Image) -> Option<Ktx2> {
 fn common_key(kind: &CacheKind, shaders: &[(&str, Vec<u32>)], machine: [&str; 2], source: &[&[u8]]) -> Key {
     let mut key = Key::new(kind.copying, kind.version);
     machine.iter().for_each(|text| key.add(text.as_bytes()));
-    for (name, words) in shaders.iter().filter(|(name, _)| kind.shaders.iter().any(|group| group.contains(name))) {
+    let is_of_kind = |name: &str| kind.shaders.iter().any(|group| group.contains(&stage_file(name)));
+    for (name, words) in shaders.iter().filter(|(name, _)| is_of_kind(name)) {
         key.add(name.as_bytes());
         key.add(bytemuck::cast_slice(words));
     }
@@ -139,6 +140,7 @@ mod tests {
         assert!(!is_found(key(&CacheKind { version: 2, ..KIND }, &shaders(4), &[b"sky"])));
         assert!(!is_found(key(&CacheKind { copying: "table", ..KIND }, &shaders(4), &[b"sky"])));
         assert!(!is_found(key(&KIND, &[("a.comp", vec![9]), ("b.comp", vec![2, 3])], &[b"sky"])));
+        assert!(!is_found(key(&KIND, &[shaders(4).as_slice(), &[("core/a.comp", vec![1])]].concat(), &[b"sky"])));
         assert!(!is_found(key(&KIND, &shaders(4), &[b"sk", b"y"])));
     }
 

@@ -7,6 +7,7 @@ use super::baked_light::BakedLight;
 use super::bound_scene::BoundScene;
 use super::draws::{DrawCall, ProbeUse};
 use super::frame_set::FrameSet;
+use super::material_code::shader_for;
 use super::output::Output;
 use super::pipeline_request::PipelineRequest;
 use super::ray_scene::RaySet;
@@ -139,7 +140,7 @@ impl ForwardPass {
                 &GraphicsDesc {
                     name: "forward",
                     vertex: "forward.vert",
-                    fragment: Some(fragment),
+                    fragment: Some(&shader_for(fragment, &constants)),
                     constants: &constants,
                     push_bytes: size_of::<Push>() as u32,
                     vertex_stride: size_of::<PackedVertex>() as u32,

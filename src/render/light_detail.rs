@@ -22,7 +22,7 @@ pub struct LightDetail {
     /// as far as there is memory; 0: no shadow maps. What suits the GPU if left out.
     #[arg(long, value_name = "N", value_parser = parse_shadow_size)]
     pub shadow_size: Option<u32>,
-    /// Texels along the lightmap: 256, 384, 512, 768, 1024, 1536 or 2048. What suits the scene's extent if left out.
+    /// Texels along the lightmap: 64, 96, 128, 192, 256, 384, 512 and so on up to 2048. What suits the scene's extent if left out.
     #[arg(long, value_name = "N", value_parser = parse_lightmap_size)]
     pub lightmap_size: Option<u32>,
     /// Samples of the light that each of its texels gets: a power of two from 8 to 4096.
@@ -80,7 +80,7 @@ mod tests {
         type Parse = fn(&str) -> Parsed;
         let cases: [(Parse, &[&str], &[&str]); 4] = [
             (parse_shadow_size, &["0", "256", "8192"], &["1", "128", "300", "16384", "-1", "x"]),
-            (parse_lightmap_size, &["256", "384", "512", "2048"], &["0", "128", "4096", "600"]),
+            (parse_lightmap_size, &["64", "96", "384", "512", "2048"], &["0", "32", "4096", "600"]),
             (parse_lightmap_samples, &["8", "64", "4096"], &["0", "4", "24", "8192", ""]),
             (parse_probe_size, &["0", "16", "1024"], &["8", "2048", "100", "99999999999"]),
         ];

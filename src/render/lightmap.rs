@@ -9,6 +9,7 @@ use std::sync::Arc;
 use super::bake_sets::BakeSets;
 use super::layouts::Layouts;
 use super::lightmap_stages::{DIRECT_PASS, Length, PASS, Stage};
+use super::material_code::shader_for;
 use super::pace::Pace;
 use crate::Result;
 use crate::gpu::{
@@ -112,7 +113,7 @@ struct Pipelines {
 }
 
 fn pipeline(gpu: &Arc<Gpu>, layouts: &Layouts, shader: &str, constants: &[Constant]) -> Result<Pipeline> {
-    Pipeline::compute(gpu, shader, constants, &layouts.baking(), size_of::<Work>() as u32)
+    Pipeline::compute(gpu, &shader_for(shader, constants), constants, &layouts.baking(), size_of::<Work>() as u32)
 }
 
 impl Pipelines {

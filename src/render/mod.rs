@@ -30,6 +30,7 @@ mod lighting;
 mod lightmap;
 mod lightmap_stages;
 mod lightmapped;
+mod material_code;
 mod mirror_picture;
 #[cfg(test)]
 mod mirror_picture_gpu_tests;

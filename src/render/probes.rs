@@ -7,6 +7,7 @@ use bytemuck::{Pod, Zeroable, bytes_of};
 
 use super::bake_sets::BakeSets;
 use super::layouts::Layouts;
+use super::material_code::shader_for;
 use super::pace::Pace;
 use super::probe_maps::ProbeMaps;
 use crate::Result;
@@ -107,7 +108,10 @@ impl ProbeBake {
             filter,
             has_norms: false,
             given_back: [Arc::clone(direct), Arc::clone(soft)],
-            capture: Pipeline::compute(gpu, SHADER, constants, &layouts.capturing(), size_of::<Work>() as u32)?,
+            capture: {
+                let shader = shader_for(SHADER, constants);
+                Pipeline::compute(gpu, &shader, constants, &layouts.capturing(), size_of::<Work>() as u32)?
+            },
             set: DescriptorSet::new(gpu, "probe", &layouts.probe, &bindings)?,
             captured,
             stage: Stage::Capture(0, 0),

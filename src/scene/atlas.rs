@@ -27,7 +27,7 @@ use layout::{Layout, MOST_TRIANGLES, Part};
 use unwrap::{Failure, Placed, Shape};
 
 /// Sides of an atlas, texels.
-pub const SIDES: [u32; 7] = [256, 384, 512, 768, 1024, 1536, 2048];
+pub const SIDES: [u32; 11] = [64, 96, 128, 192, 256, 384, 512, 768, 1024, 1536, 2048];
 /// More charts than this take minutes to pack.
 const MOST_CHARTS: usize = 16_384;
 /// Texels for which there may be one chart: small charts take about nine with their margins.

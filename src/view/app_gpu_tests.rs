@@ -264,7 +264,7 @@ fn box_scene(folder: &Path) -> PathBuf {
 
 /// With a small lightmap of few samples.
 fn baked() -> RenderSettings {
-    let light_detail = LightDetail { lightmap_size: Some(256), lightmap_samples: 16, ..LightDetail::default() };
+    let light_detail = LightDetail { lightmap_size: Some(64), lightmap_samples: 16, ..LightDetail::default() };
     RenderSettings { light: LightModel::Baked, light_detail, ..settings() }
 }
 

@@ -23,7 +23,7 @@ fn scene(folder: &Path) -> PathBuf {
 }
 
 fn request(scene: &Path, light: LightModel, name: &str) -> RenderRequest {
-    let light_detail = LightDetail { lightmap_size: Some(256), lightmap_samples: 8, ..LightDetail::default() };
+    let light_detail = LightDetail { lightmap_size: Some(64), lightmap_samples: 8, ..LightDetail::default() };
     RenderRequest {
         size: [64, 48],
         settings: RenderSettings { light, light_detail, cube_size: 16, ..RenderSettings::default() },

@@ -47,7 +47,7 @@ fn commands_survive_each_failing_call_or_end_with_one_line() {
 fn light_is_baked_whatever_call_fails_or_one_line_says_that_it_is_not() {
     let workshop = small_world();
     let layer = FaultLayer::install(workshop.folder.path());
-    let light = ["--lightmap-size", "256", "--lightmap-samples", "8", "--probe-size", "16", "--shadow-size", "256"];
+    let light = ["--lightmap-size", "64", "--lightmap-samples", "8", "--probe-size", "16", "--shadow-size", "256"];
     let render = ["render", "scene.toml", "-o", "OUT/picture.png", "--light", "baked"];
     for (situation, arguments) in [
         ("render --light baked", [&render[..], &SMALL, &light].concat()),

@@ -92,7 +92,7 @@ fn commands_survive_each_failing_call_on_files_or_end_with_one_line() {
     place.before.extend(written);
     place.before.insert("out/picture.png".into(), b"an older picture".to_vec());
     try_command(&place, "render --light open, full cache", &mut tried, &open);
-    let light = ["--light", "baked", "--lightmap-size", "256", "--lightmap-samples", "8", "--probe-size", "16"];
+    let light = ["--light", "baked", "--lightmap-size", "64", "--lightmap-samples", "8", "--probe-size", "16"];
     let baked = render("out/picture.png", &light);
     let written = try_command(&place, "render --light baked", &mut tried, &baked);
     place.before.extend(written);

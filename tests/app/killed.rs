@@ -264,7 +264,7 @@ fn render_is_killed_while_it_bakes_light_and_keeps_it() {
         "--light",
         "baked",
         "--lightmap-size",
-        "256",
+        "64",
         "--lightmap-samples",
         "8",
         "--probe-size",

@@ -260,7 +260,7 @@ fn each_size_of_baked_light_changes_the_picture() {
         succeeds(at, &[&["render", "strips.toml", "-o", "x.png", "--size", "97x65", "--validate"], flags].concat());
         image::open(at.join("x.png")).expect("a picture").to_rgb8()
     };
-    let baked = ["--light", "baked", "--lightmap-size", "256", "--lightmap-samples"];
+    let baked = ["--light", "baked", "--lightmap-size", "64", "--lightmap-samples"];
     let base = draw(&[&baked[..], &["8"]].concat());
     assert!(draw(&[&baked[..], &["8"]].concat()) == base, "from the cache");
     for flags in [["8", "--probe-size", "0"], ["8", "--shadow-size", "0"], ["16", "--probe-size", "128"]] {

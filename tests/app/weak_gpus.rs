@@ -74,7 +74,7 @@ fn validation_sees_the_weak_gpu() {
 fn a_gpu_without_options_draws_the_same() {
     let workshop = small_world();
     let layer = FaultLayer::install(workshop.folder.path());
-    let light = ["--lightmap-size", "256", "--lightmap-samples", "8", "--probe-size", "16"];
+    let light = ["--lightmap-size", "64", "--lightmap-samples", "8", "--probe-size", "16"];
     let small = &SMALL[..6];
     let shadows = &["--light", "direct", "--shadow-size", "256"];
     for (name, more) in [

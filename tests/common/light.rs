@@ -6,16 +6,9 @@ use std::sync::Arc;
 use glam::{DVec2, DVec3, Vec3};
 use half::f16;
 use pbr_vr::asset::Panorama;
-use pbr_vr::gpu::{Gpu, GpuOptions, Image, Messages, Subresource, read_image};
+use pbr_vr::gpu::{Gpu, Image, Subresource, read_image};
 use pbr_vr::reference::cube::{cube_direction, cube_face};
 use pbr_vr::reference::panorama_sums::prefiltered_around;
-
-/// A GPU with validation on.
-pub fn open_gpu() -> (Arc<Gpu>, Arc<Messages>) {
-    let gpu = Gpu::open(GpuOptions { validate: true, ..GpuOptions::default() }).expect("a GPU");
-    let messages = gpu.messages();
-    (gpu, messages)
-}
 
 /// A number in [0, 1) that depends on a direction to about a quarter of a degree.
 fn noise(d: Vec3) -> f32 {

@@ -9,6 +9,7 @@ pub mod failing;
 pub mod failing_files;
 pub mod fault;
 pub mod gltf;
+pub mod gpus;
 pub mod headset;
 #[cfg(target_os = "linux")]
 pub mod held;
@@ -24,7 +25,7 @@ use std::fs;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
-use std::sync::{Arc, LazyLock, OnceLock};
+use std::sync::{LazyLock, OnceLock};
 use std::time::{Duration, Instant};
 
 use glam::DVec3;
@@ -40,10 +41,12 @@ use pbr_vr::scene::Model;
 use pbr_vr::scene::staging::{Stage, Staging};
 use pbr_vr::view::{RenderRequest, render_on};
 
+use gpus::TestGpu;
+
 /// A folder for one test's files, and the GPU that its pictures are drawn on: as it is the same for all, they share pipelines.
 pub struct Workshop {
     pub folder: tempfile::TempDir,
-    gpu: OnceLock<Arc<Gpu>>,
+    gpu: OnceLock<TestGpu>,
 }
 
 impl Workshop {
@@ -84,7 +87,7 @@ impl Workshop {
         })
     }
 
-    /// Renders with validation on, and light from [`light`]; any message fails the test.
+    /// Renders with validation on, and light from [`light`]; any message fails the test at its end.
     pub fn render(&self, scene: &Path, options: &PictureOptions<'_>) -> Vec<Picture> {
         let output = self.path(options.file);
         let request = RenderRequest {
@@ -107,23 +110,10 @@ impl Workshop {
             },
             ..RenderRequest::new(scene, output)
         };
-        let gpu = self.gpu.get_or_init(|| Gpu::open(validated()).expect("a GPU"));
+        let gpu = self.gpu.get_or_init(TestGpu::take);
         let context = setup(Some(&light())).with(gpu);
         let facts = render_on(&request, &context).expect("a render");
-        gpu.messages().check().expect("no validation messages");
         facts.files.iter().map(|file| Picture::read(file).expect("the written picture")).collect()
-    }
-}
-
-impl Drop for Workshop {
-    /// Destroying the device may add messages, for example about leaks.
-    fn drop(&mut self) {
-        let Some(gpu) = self.gpu.take() else { return };
-        let messages = gpu.messages();
-        drop(gpu);
-        if !std::thread::panicking() {
-            messages.check().expect("no validation messages");
-        }
     }
 }
 

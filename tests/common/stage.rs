@@ -13,16 +13,11 @@ use pbr_vr::render::{
 };
 use pbr_vr::scene::{LoadOptions, Scene, load};
 
-use super::validated;
+use super::gpus::TestGpu;
 
-/// Opens a GPU for `work`; any validation message fails, those of closing it too.
+/// Takes a GPU for `work`; any validation message fails.
 pub fn with_gpu<R>(work: impl FnOnce(&Arc<Gpu>) -> R) -> R {
-    let gpu = Gpu::open(validated()).expect("a GPU");
-    let messages = gpu.messages();
-    let result = work(&gpu);
-    drop(gpu);
-    messages.check().expect("no validation messages");
-    result
+    work(&TestGpu::take())
 }
 
 /// For what a processor draws fastest: plain texels, one sample along a footprint. Of shaders that read compressed ones, Mesa's

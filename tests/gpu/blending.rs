@@ -233,7 +233,7 @@ fn light_through_coloured_glass_has_its_colour() {
     with_gpu(|gpu| {
         for by in [Above::Panel, Above::Lamp, Above::Sun] {
             let seen = |shading, frames, colour| {
-                let detail = LightDetail { lightmap_size: Some(256), lightmap_samples: 16, ..LightDetail::default() };
+                let detail = LightDetail { lightmap_size: Some(64), lightmap_samples: 16, ..LightDetail::default() };
                 let what = Look { light: LightModel::Baked, shading, size: [16; 2], frames, detail, ..Look::default() };
                 look(gpu, &lit(colour, by), &[from_aside], what).remove(0).mean()
             };

@@ -64,7 +64,7 @@ const COPPER: MaterialFactors = MaterialFactors { base_color: Vec3::new(0.9, 0.5
 
 fn settings(light: LightModel, shading: Shading) -> RenderSettings {
     let light_detail =
-        LightDetail { lightmap_size: Some(256), lightmap_samples: 8, probe_size: 32, ..LightDetail::default() };
+        LightDetail { lightmap_size: Some(64), lightmap_samples: 8, probe_size: 32, ..LightDetail::default() };
     let output = Output::Linear;
     RenderSettings { light, shading, output, light_detail, cube_size: 16, ..RenderSettings::default() }
 }

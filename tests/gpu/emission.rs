@@ -69,7 +69,7 @@ fn assert_baked_is_exact(name: &str, room: &Gltf) {
         let scene = loaded(&room.write(&shop, "room.gltf"), 0.0);
         let what = Look { light: LightModel::Baked, size: [32; 2], ..Look::default() };
         let baked = look(gpu, &scene, &[corner], what).remove(0);
-        let exact = look(gpu, &scene, &[corner], Look { shading: Shading::Reference, frames: 96, ..what }).remove(0);
+        let exact = look(gpu, &scene, &[corner], Look { shading: Shading::Reference, frames: 32, ..what }).remove(0);
         let (got, want) = (baked.mean(), exact.mean());
         println!("{name}: baked {got}, exact {want}: {}", got / want - 1.0);
         assert!(want.min_element() > 0.01, "{name}: {want}");

@@ -212,7 +212,7 @@ fn a_smooth_floor_gives_walls_more_than_its_mean() {
     let from = eye([0.0, 1.0, 2.0], [0.0, 1.0, 0.0], 15.0);
     with_gpu(|gpu| {
         let baked = take(gpu, &scene, &from, Shot::new(BAKED, 32));
-        let exact = take(gpu, &scene, &from, Shot::reference(BAKED, 32, 256));
+        let exact = take(gpu, &scene, &from, Shot::reference(BAKED, 32, 64));
         let on_wall = |pixel: &usize| seen(&scene, &from, 32, *pixel).is_some_and(|(.., mesh)| mesh == 0);
         let pixels: Vec<usize> = (0..32 * 32).filter(on_wall).collect();
         let mean = |taken: &Taken| pixels.iter().map(|i| taken.pixels[*i]).sum::<f64>() / pixels.len() as f64;
@@ -235,7 +235,7 @@ fn a_metal_ball_mirrors_the_floor_that_hides_the_sky() {
     let from = eye([0.0, 0.3, 2.6], [0.0; 3], 26.0);
     with_gpu(|gpu| {
         let baked = take(gpu, &scene, &from, Shot::new(BAKED, 48));
-        let exact = take(gpu, &scene, &from, Shot::reference(BAKED, 48, 64));
+        let exact = take(gpu, &scene, &from, Shot::reference(BAKED, 48, 24));
         let on_ball = |pixel| seen(&scene, &from, 48, pixel).filter(|(.., mesh)| *mesh == 1);
         let pairs = |sees: &dyn Fn(DVec3) -> bool| -> Vec<(f64, f64)> {
             let pixels = (0..48 * 48).filter(|pixel| on_ball(*pixel).is_some_and(|(_, n, _)| sees(n)));
@@ -259,7 +259,7 @@ fn a_metal_ball_mirrors_the_colour_of_the_floor() {
         for colour in [[0.9, 0.1, 0.1], [0.1, 0.9, 0.9]] {
             let scene = ball_on(Material { base_color_factor: colour.into(), ..grey(1.0, 0.0, 1.0) });
             let baked = take(gpu, &scene, &from, Shot::new(BAKED, 48));
-            let exact = take(gpu, &scene, &from, Shot::reference(BAKED, 48, 64));
+            let exact = take(gpu, &scene, &from, Shot::reference(BAKED, 48, 24));
             let below = |pixel| seen(&scene, &from, 48, pixel).is_some_and(|(_, n, mesh)| mesh == 1 && n.y < -0.1);
             let pixels: Vec<usize> = (0..48 * 48).filter(|pixel| below(*pixel)).collect();
             let mean = |taken: &Taken| pixels.iter().map(|i| taken.pixels[*i]).sum::<f64>() / pixels.len() as f64;
@@ -296,7 +296,7 @@ fn a_room_with_a_window_gets_no_light_from_noise() {
     let from = eye([0.8, 1.6, -0.8], [-0.4, 0.8, 1.0], 90.0);
     with_gpu(|gpu| {
         let baked = take(gpu, &scene, &from, Shot { lightmap: FINE, ..Shot::new(BAKED, 48) }).mean();
-        let exact = take(gpu, &scene, &from, Shot::reference(BAKED, 48, 256)).mean();
+        let exact = take(gpu, &scene, &from, Shot::reference(BAKED, 48, 64)).mean();
         println!("{baked:.4} for {exact:.4}, {:+.2} %", 100.0 * (baked / exact - 1.0));
         assert!((baked / exact - 1.0).abs() < 0.02, "{baked} for {exact}");
     });
@@ -367,7 +367,7 @@ fn a_panel_below_the_ceiling_makes_no_specks() {
     with_gpu(|gpu| {
         let size = 48;
         let baked = take(gpu, &scene, &from, Shot { lightmap: FINE, ..Shot::new(BAKED, size) });
-        let exact = take(gpu, &scene, &from, Shot::reference(BAKED, size, 256)).mean();
+        let exact = take(gpu, &scene, &from, Shot::reference(BAKED, size, 64)).mean();
         let at = |x: usize, y: usize| baked.pixels[y * size as usize + x];
         // By how much a pixel is brighter than those two beside it on both sides, which light that changes evenly is not.
         let inside = || 2..size as usize - 2;
@@ -536,7 +536,7 @@ fn feet_and_corners_are_as_the_reference_has_them() {
     let from = eye([-0.2, 1.1, 0.95], [0.1, 0.1, -0.5], 70.0);
     with_gpu(|gpu| {
         let size = 64;
-        let exact = take(gpu, &scene, &from, Shot::reference(BAKED, size, 256));
+        let exact = take(gpu, &scene, &from, Shot::reference(BAKED, size, 96));
         let baked = take(gpu, &scene, &from, Shot::new(BAKED, size));
         let near = |p: DVec3, [x0, x1]: [f64; 2], [z0, z1]: [f64; 2]| {
             let off = DVec3::new((x0 - p.x).max(p.x - x1).max(0.0), 0.0, (z0 - p.z).max(p.z - z1).max(0.0)).length();
@@ -662,6 +662,7 @@ fn models_that_no_one_should_make_are_drawn() {
             let scene = world(things, vec![grey(0.7, 0.3, 0.5)], lights, uniform(1.0));
             let from = eye([0.3, 0.9, 2.0], [0.0, 0.2, 0.0], 50.0);
             for shot in [Shot::new(BAKED, 24), Shot::reference(BAKED, 24, 4), Shot::new(LightModel::Direct, 24)] {
+                let shot = Shot { lightmap: 64, ..shot };
                 let taken = take(gpu, &scene, &from, shot);
                 println!("{name}: {:?} {:.4}, {:?}", shot.shading, taken.mean(), taken.warnings);
             }

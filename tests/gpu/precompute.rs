@@ -1,6 +1,7 @@
 //! Light maps precomputed on the GPU, against sums in f64 over all texels of the panorama.
 
-use crate::common::light::{Errors, level_errors, look_up, open_gpu, panorama, read_cube, relative};
+use crate::common::gpus::TestGpu;
+use crate::common::light::{Errors, level_errors, look_up, panorama, read_cube, relative};
 use glam::DVec3;
 use pbr_vr::context::Context;
 use pbr_vr::precompute::{LightMaps, Options};
@@ -14,7 +15,7 @@ const WIDTH: u32 = 1024;
 
 #[test]
 fn levels_and_irradiance_hold_what_sums_over_the_panorama_give() {
-    let (gpu, messages) = open_gpu();
+    let gpu = TestGpu::take();
     let mut good = true;
     for sun in [false, true] {
         let panorama = panorama(WIDTH, sun);
@@ -30,14 +31,12 @@ fn levels_and_irradiance_hold_what_sums_over_the_panorama_give() {
         good &= errors.mean <= 0.002 && errors.max <= 0.015;
     }
     assert!(good, "see above");
-    drop(gpu);
-    messages.check().expect("no validation messages");
 }
 
 /// Directions that are no texel's centre, and roughnesses between the levels'.
 #[test]
 fn roughness_between_levels_is_close_to_its_own_lobe() {
-    let (gpu, messages) = open_gpu();
+    let gpu = TestGpu::take();
     for sun in [false, true] {
         let panorama = panorama(WIDTH, sun);
         let maps = LightMaps::new(&Context::silent(&gpu), &panorama, Options::default()).expect("light maps");
@@ -72,6 +71,4 @@ fn roughness_between_levels_is_close_to_its_own_lobe() {
         println!("sun {sun}: mean {mean:.4} over {} roughnesses, {all:.4} over all", stored.len());
         assert!(mean <= 0.01 && all <= 0.025);
     }
-    drop(gpu);
-    messages.check().expect("no validation messages");
 }

@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use crate::common::gpus::TestGpu;
 use crate::common::{Workshop, material, setup, square};
 use glam::DVec3;
 use pbr_vr::asset::picture::Picture;
@@ -11,7 +12,7 @@ use pbr_vr::reference::brdf::Geometry;
 use pbr_vr::reference::energy::Scattering;
 use pbr_vr::reference::integrals::{PanoramaView, Surface, reflected};
 use pbr_vr::render::{LightModel, RenderSettings, Shading, StandardError};
-use pbr_vr::view::{RenderRequest, render};
+use pbr_vr::view::{RenderRequest, render_on};
 
 const SIDE: u32 = 24;
 const BASE_COLOR: [f32; 3] = [0.9, 0.5, 0.2];
@@ -61,7 +62,7 @@ fn reference(shop: &Workshop, case: &Case, geometry: Geometry, frames: u64) -> (
         },
         ..RenderRequest::new(&scene, &output)
     };
-    let facts = render(&request, &setup(Some(&cache))).expect("a render without validation messages");
+    let facts = render_on(&request, &setup(Some(&cache)).with(&TestGpu::take())).expect("a render");
     (Picture::read(&output).expect("the picture"), facts.standard_error.expect("a standard error"))
 }
 

@@ -90,7 +90,7 @@ fn white_things_are_invisible_in_a_furnace() {
         for (name, meshes) in cases {
             let scene = world(meshes, vec![metal.clone(), chalk.clone()], vec![], uniform(1.0));
             let from = eye([0.3, 1.6, 2.2], [0.0, -0.1, 0.0], 45.0);
-            let taken = take(gpu, &scene, &from, Shot::reference(BAKED, 24, 128));
+            let taken = take(gpu, &scene, &from, Shot::reference(BAKED, 24, 48));
             assert_mean(name, &taken, 1.0, 0.002);
             assert!((taken.mean() - 1.0).abs() < 0.005, "{name}");
             let most = taken.pixels.iter().map(|p| (p - 1.0).abs()).fold(0.0, f64::max);
@@ -113,7 +113,7 @@ fn a_lamp_in_a_ball_is_the_integrating_sphere() {
             let size = 16;
             for (from, fov) in [([0.0, 0.0, 0.01], 20.0), ([0.0, 0.0, 0.8], 60.0)] {
                 let from = eye(from, [0.0, 0.0, -1.0], fov);
-                let taken = take(gpu, &scene, &from, Shot::reference(BAKED, size, 64));
+                let taken = take(gpu, &scene, &from, Shot::reference(BAKED, size, 24));
                 let mut sum = 0.0;
                 for pixel in 0..taken.pixels.len() {
                     let (p, ..) = seen(&scene, &from, size, pixel).unwrap();
@@ -140,7 +140,7 @@ fn a_lamp_near_the_wall_of_a_ball_gives_as_much_as_one_in_the_middle() {
                 uniform(0.0),
             );
             let brdf = Brdf::new(&scene.materials[0]);
-            let taken = take(gpu, &scene, &from, Shot::reference(BAKED, 16, 96));
+            let taken = take(gpu, &scene, &from, Shot::reference(BAKED, 16, 32));
             // Less what comes straight from the lamp.
             let direct = |pixel: usize| {
                 let (p, ..) = seen(&scene, &from, 16, pixel).unwrap();
@@ -201,7 +201,7 @@ fn no_light_enters_a_closed_box() {
     );
     let eyes = [[1.0, 0.0, 0.0], [0.3, 1.0, 0.1], [-1.0, -1.0, 1.0]].map(|to| eye([0.1, -0.2, 0.3], to, 90.0));
     with_gpu(|gpu| {
-        for taken in take_all(gpu, &scene, &eyes, Shot::reference(BAKED, 40, 16)) {
+        for taken in take_all(gpu, &scene, &eyes, Shot::reference(BAKED, 24, 16)) {
             assert_eq!(taken.pixels.iter().filter(|p| **p > 0.0).count(), 0, "at most {}", taken.largest());
         }
     });
@@ -278,7 +278,7 @@ fn the_sun_lights_a_floor_by_the_closed_form() {
         let (scene, from, v) = on_floor(material, vec![], sky);
         let want = sun.irradiance.x * sun.direction.y * brdf.at(DVec3::Y, sun.direction, v);
         for light in [LightModel::Open, LightModel::Direct, BAKED] {
-            assert_mean(&format!("{light:?}"), &take(gpu, &scene, &from, Shot::reference(light, 16, 32)), want, 3e-3);
+            assert_mean(&format!("{light:?}"), &take(gpu, &scene, &from, Shot::reference(light, 16, 16)), want, 3e-3);
         }
         let mean = take(gpu, &scene, &from, Shot::new(LightModel::Direct, 16)).mean();
         assert!((mean / want - 1.0).abs() < 3e-3, "{mean}, not {want}");
@@ -347,7 +347,7 @@ fn a_mirror_shows_a_lit_square() {
     let from = [0.0, 0.0, 2.0];
     let eyes = [eye(from, [0.0; 3], 1.0), eye(from, [0.0, 0.0, 3.0], 1.0)];
     with_gpu(|gpu| {
-        let [straight, mirrored] = [0, 1].map(|i| take(gpu, &scene, &eyes[i], Shot::reference(BAKED, 16, 64)));
+        let [straight, mirrored] = [0, 1].map(|i| take(gpu, &scene, &eyes[i], Shot::reference(BAKED, 16, 32)));
         let error = 4.0 * straight.error.unwrap().mean_relative.hypot(mirrored.error.unwrap().mean_relative) / 16.0;
         let ratio = mirrored.mean() / straight.mean();
         println!("{:.5} in the mirror, {:.5}: {ratio:.5} ± {error:.5}", mirrored.mean(), straight.mean());
@@ -376,7 +376,7 @@ fn rays_pass_holes() {
     with_gpu(|gpu| {
         let open = take(gpu, &scene, &from, Shot::reference(LightModel::Open, 64, 2));
         for (light, least) in [(LightModel::Direct, 0.0), (BAKED, 0.05)] {
-            let got = take(gpu, &scene, &from, Shot::reference(light, 64, 8));
+            let got = take(gpu, &scene, &from, Shot::reference(light, 64, 4));
             let mut counts = [0; 2];
             for pixel in 0..got.pixels.len() {
                 let on_floor = |(p, ..): &(DVec3, DVec3, usize)| p.y < 0.1 && p.abs().max_element() < 2.0;
@@ -411,7 +411,7 @@ fn moved_together_all_looks_the_same() {
     let from = eye([0.9, 1.5, 2.4], [0.0, 0.3, 0.0], 45.0);
     let there = Eye { world_from_view: moved * from.world_from_view, ..from };
     with_gpu(|gpu| {
-        let shot = Shot::reference(BAKED, 24, 96);
+        let shot = Shot::reference(BAKED, 24, 32);
         let still = take(gpu, &scenes[0], &from, shot);
         let other = take(gpu, &scenes[1], &there, Shot { world_from_models: moved, ..shot });
         let standard = still.error.unwrap().mean_relative * still.mean();

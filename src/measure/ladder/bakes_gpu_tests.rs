@@ -37,7 +37,7 @@ fn light_is_baked_once_for_each_kind_of_it() {
             let (bench, cost) = bakes.bench(&context, &scene, settings, shot).unwrap();
             (bench.baked.is_some(), cost)
         };
-        let small = "--light baked --lightmap-size 256 --lightmap-samples";
+        let small = "--light baked --lightmap-size 64 --lightmap-samples";
         assert_eq!(cost("--light direct"), (false, None));
         let (now, first) = cost(&format!("{small} 8"));
         assert!(now && first.is_some_and(|cost| cost.gpu_s > 0.0), "{first:?}");
