@@ -14,9 +14,15 @@ mod gpu {
     pub use crate::binding_type::BindingType;
 }
 
+use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
-use std::{env, fs, process};
+use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
+use std::sync::{Mutex, PoisonError};
+use std::{env, fs, process, thread};
+
+/// Of shaders of less SPIR-V there is no other for core materials.
+const WORTHWHILE_BYTES: usize = 50_000;
 
 #[expect(clippy::print_stderr, reason = "cargo shows what a failed build script printed")]
 fn main() {
@@ -68,27 +74,56 @@ fn embed_manifest() -> Result<(), String> {
 /// Rust source of a list of all stage files of `folder`, compiled into `out`, and of those of which less is left for core materials.
 fn table(list: &str, folder: &Path, includes: &Path, out: &Path) -> Result<String, String> {
     let mut table = format!("static {list}: &[(&str, &[u8])] = &[\n");
-    let bindings = bindings::glsl();
     let mut add = |name: &str, spirv: &[u8]| {
         let file = format!("{list}_{}.spv", name.replace('/', "_"));
         write_file(&out.join(&file), spirv)?;
         writeln!(table, "    ({name:?}, include_bytes!(concat!(env!(\"OUT_DIR\"), \"/{file}\"))),")
             .map_err(|e| e.to_string())
     };
-    for name in shader_compiler::stage_files(folder)? {
-        let compile = |core| {
-            let how = shader_compiler::Compilation { includes, bindings: &bindings, debug: false, core };
-            shader_compiler::compile(&folder.join(&name), &how)
-        };
-        let (whole, core) = (compile(false)?, compile(true)?);
+    for shader in compiled(folder, includes)? {
+        let Shader { name, whole, core } = shader?;
         add(&name, &whole)?;
-        // Else the other one does.
-        if 10 * core.len() < 9 * whole.len() {
+        if let Some(core) = core {
             add(&format!("{}{name}", shader_compiler::CORE), &core)?;
         }
     }
     table.push_str("];\n");
     Ok(table)
+}
+
+/// A stage file's SPIR-V, and that for core materials where it is much less.
+struct Shader {
+    name: String,
+    whole: Vec<u8>,
+    core: Option<Vec<u8>>,
+}
+
+/// All stage files of `folder` in order, compiled by all processors.
+fn compiled(folder: &Path, includes: &Path) -> Result<Vec<Result<Shader, String>>, String> {
+    let bindings = bindings::glsl();
+    let shader = |name: &String| {
+        let compile = |core| {
+            let how = shader_compiler::Compilation { includes, bindings: &bindings, debug: false, core };
+            shader_compiler::compile(&folder.join(name), &how)
+        };
+        let whole = compile(false)?;
+        let core = if whole.len() < WORTHWHILE_BYTES { None } else { Some(compile(true)?) };
+        let core = core.filter(|core| 10 * core.len() < 9 * whole.len());
+        Ok(Shader { name: name.clone(), whole, core })
+    };
+    let names = shader_compiler::stage_files(folder)?;
+    let (next, shaders) = (AtomicUsize::new(0), Mutex::new(BTreeMap::new()));
+    thread::scope(|scope| {
+        for _ in 0..thread::available_parallelism().map_or(1, usize::from) {
+            scope.spawn(|| {
+                while let Some((i, name)) = Some(next.fetch_add(1, Relaxed)).and_then(|i| Some((i, names.get(i)?))) {
+                    let shader = shader(name);
+                    shaders.lock().unwrap_or_else(PoisonError::into_inner).insert(i, shader);
+                }
+            });
+        }
+    });
+    Ok(shaders.into_inner().unwrap_or_else(PoisonError::into_inner).into_values().collect())
 }
 
 fn write_file(path: &Path, bytes: &[u8]) -> Result<(), String> {

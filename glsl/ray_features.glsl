@@ -17,16 +17,16 @@ const uint RAYS_REFRACTS = 256;  // bodies that bend light
 const uint RAYS_SHEEN = 512;    // cloth with sheen
 const uint RAYS_MAPS = 1024;      // shifted by the number of a map: some material has it
 
-// Those that shaders for core materials know nothing of.
+// Of these, those that shaders for core materials know nothing of.
 #ifdef CORE_MATERIALS
-const uint RAYS_NEVER = RAYS_CLEARCOAT | RAYS_REFRACTS | RAYS_SHEEN;
+const uint MET_BY_NONE = RAYS_CLEARCOAT | RAYS_REFRACTS | RAYS_SHEEN;
 #else
-const uint RAYS_NEVER = 0;
+const uint MET_BY_NONE = 0;
 #endif
 
 bool rays_have(uint feature)
 {
-    return (feature & ~RAYS_NEVER) != 0u && (RAY_FEATURES & feature) != 0u;
+    return (feature & ~MET_BY_NONE) != 0u && (RAY_FEATURES & feature) != 0u;
 }
 
 #endif

@@ -199,7 +199,7 @@ fn the_share_of_grazing_light_comes_out_right() {
     for maps in [grey(0.0), grey(3.0)] {
         assert!(maps.grazing.places().all(|place| (maps.grazing.at(place).x - 1.0).abs() <= HALF));
     }
-    let linear = Panorama::from_fn(256, 128, |d| Vec3::new(1.0 + d.y, 1.0 - d.y, 1.0 + 0.9 * d.x));
+    let linear = Panorama::from_fn(128, 64, |d| Vec3::new(1.0 + d.y, 1.0 - d.y, 1.0 + 0.9 * d.x));
     let sun = sunny(100);
     let (coarse, _, noise) = &*NOISE;
     for (what, error, bound) in [
@@ -412,7 +412,7 @@ fn panoramas_of_any_shape_come_out() {
         let texels: Vec<_> = (0..width * height).map(|_| random.colour().as_vec3().to_array()).collect();
         let panorama = Panorama { name: format!("{width}x{height}"), width, height, texels };
         let maps = Maps::of(&panorama);
-        let fine = filtered(&panorama, 256_u32.div_ceil(width.max(height)));
+        let fine = filtered(&panorama, 128_u32.div_ceil(width.max(height)));
         let errors = errors(&maps.irradiance, |n| irradiance(view(&fine), n) / std::f64::consts::PI);
         println!("{width}x{height}: irradiance off by {:.4}, at most {:.4}", errors[0], errors[1]);
         assert!(errors[1] <= 0.01, "{width}x{height}: irradiance off by {}", errors[1]);

@@ -61,8 +61,7 @@ fn scene() -> Scene {
 
 fn bound(context: &Context, scene: &Scene) -> (BoundScene, bool) {
     let layouts = Arc::new(Layouts::new(&context.gpu).unwrap());
-    let detail =
-        LightDetail { lightmap_size: Some(64), lightmap_samples: 8, probe_size: 32, ..LightDetail::default() };
+    let detail = LightDetail { lightmap_size: Some(64), lightmap_samples: 8, probe_size: 32, ..LightDetail::default() };
     let settings =
         RenderSettings { light: LightModel::Baked, light_detail: detail, cube_size: 16, ..RenderSettings::default() };
     let textures = SceneTextures::new(context, &layouts, scene, &settings).unwrap();

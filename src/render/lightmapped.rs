@@ -72,6 +72,14 @@ impl LightmapRequest {
     /// # Errors
     /// A failed Vulkan call.
     pub fn prepare(&self, context: &Context, scene: &Scene, stop: &AtomicBool) -> Result<Option<Lightmapped>> {
+        or_none(self.require(context, scene, stop), &context.report)
+    }
+
+    /// The same with missing memory as an error.
+    ///
+    /// # Errors
+    /// Memory that is missing even for the least side; a failed Vulkan call.
+    pub fn require(&self, context: &Context, scene: &Scene, stop: &AtomicBool) -> Result<Option<Lightmapped>> {
         let Some(side) = side(scene, &self.settings) else { return Ok(None) };
         as_fine_as_fits(side, &context.report, |side| self.prepare_at(context, scene, side, stop))
     }
@@ -115,17 +123,12 @@ fn flattened(context: &Context, scene: &Scene, side: u32, stop: &AtomicBool) -> 
     }
 }
 
-/// What `make` makes of a lightmap of `side` × `side` texels, or of half as many along a side as long as memory is missing;
-/// `None` where even the least does not fit.
+/// What `make` makes of a lightmap of `side` × `side` texels, or of half as many along a side as long as memory is missing.
 fn as_fine_as_fits<T>(side: u32, report: &Report, make: impl Fn(u32) -> Result<Option<T>>) -> Result<Option<T>> {
     let mut fits = side;
     loop {
         match make(fits) {
             Err(error) if is_too_large(&error) && fits / 2 >= LEAST_SIDE => fits /= 2,
-            Err(error) if is_too_large(&error) => {
-                report.warn(format!("no lightmap: {error}"));
-                return Ok(None);
-            }
             made => {
                 if fits < side && matches!(made, Ok(Some(_))) {
                     report.warn(format!("GPU memory: a lightmap of {fits}x{fits} texels instead of {side}x{side}"));
@@ -133,6 +136,17 @@ fn as_fine_as_fits<T>(side: u32, report: &Report, make: impl Fn(u32) -> Result<O
                 return made;
             }
         }
+    }
+}
+
+/// None, and a warning, where even the least lightmap does not fit.
+fn or_none<T>(made: Result<Option<T>>, report: &Report) -> Result<Option<T>> {
+    match made {
+        Err(error) if is_too_large(&error) => {
+            report.warn(format!("no lightmap: {error}"));
+            Ok(None)
+        }
+        made => made,
     }
 }
 
@@ -164,7 +178,7 @@ mod tests {
         };
         assert_eq!(as_fine_as_fits(1024, &report, limit).unwrap(), Some(256));
         assert_eq!(report.warnings()[1..], ["GPU memory: a lightmap of 256x256 texels instead of 1024x1024"]);
-        assert_eq!(as_fine_as_fits(512, &report, fits(10)).unwrap(), None);
+        assert_eq!(or_none(as_fine_as_fits(512, &report, fits(10)), &report).unwrap(), None);
         assert!(
             report.warnings()[2].starts_with("no lightmap: GPU: no memory for lightmap"),
             "{:?}",

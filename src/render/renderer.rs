@@ -75,6 +75,13 @@ impl Renderer {
         Self::with_lightmap(context, scene, settings, (size, eyes), |_| Ok(None))
     }
 
+    /// [`Renderer::new`] for small pictures of one eye, with missing memory for the lightmap as an error.
+    pub fn requiring_lightmap(context: &Context, scene: &Scene, settings: RenderSettings) -> Result<Self> {
+        let never = AtomicBool::new(false);
+        let require = |request: LightmapRequest| request.require(context, scene, &never);
+        Self::with_lightmap(context, scene, settings, ([16; 2], 1), require)
+    }
+
     fn with_lightmap(
         context: &Context,
         scene: &Scene,

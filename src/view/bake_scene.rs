@@ -133,7 +133,7 @@ pub fn bake_scene(path: &Path, folder: &Path, setup: &Setup<'_>) -> Result<Scene
         return Err(Error::Usage(format!("{}: it needs no lightmap: {reason}", path.display())));
     }
     let started = Instant::now();
-    let mut renderer = Renderer::new(&context, &scene, settings, [16, 16], 1)?;
+    let mut renderer = Renderer::requiring_lightmap(&context, &scene, settings)?;
     let prepare_ms = ms_since(started);
     let started = Instant::now();
     renderer.finish_lightmap(&FrameInputs::of(&scene, &[Eye::of_camera(&scene.cameras[0], 1.0)]))?;
@@ -158,7 +158,7 @@ pub fn bake_scene(path: &Path, folder: &Path, setup: &Setup<'_>) -> Result<Scene
 
 fn write(gpu: &Arc<Gpu>, renderer: &Renderer, (path, scene): (&Path, &Scene), folder: &Path) -> Result<Vec<BakedFile>> {
     let Some(lightmap) = renderer.lightmap() else {
-        return Err(Error::Usage(format!("{}: no atlas can be made of it", path.display())));
+        return Err(Error::Usage(format!("{}: no lightmap was made; the warning says why", path.display())));
     };
     let mut texture = read_texture(gpu, &[lightmap])?;
     let content = "irradiance of soft light, of fronts and where there are any of backs; then as many layers of openness, and of what blocks";

@@ -1,7 +1,7 @@
 //! Models with wrong numbers in them that can be loaded all the same: they are drawn without a message of the validation.
 
 use pbr_vr::asset::Report;
-use pbr_vr::render::{Eye, LightModel, Shading};
+use pbr_vr::render::{Eye, LightDetail, LightModel, Shading};
 use pbr_vr::scene::load;
 
 use crate::common::Workshop;
@@ -42,13 +42,10 @@ fn what_can_be_loaded_can_be_drawn() {
             let eye = Eye::of_camera(&scene.cameras[0], 16.0 / 9.0);
             let shading = if number % 4 == 0 { Shading::Reference } else { Shading::Pbr };
             let light = if number % 8 == 0 { LightModel::Baked } else { LightModel::Direct };
+            let detail =
+                LightDetail { lightmap_size: Some(64), lightmap_samples: 8, probe_size: 16, ..LightDetail::default() };
             // It holds no number that is none, or below 0.
-            look(
-                gpu,
-                &scene,
-                &[eye],
-                Look { light, shading, size: [32, 18], samples: 4, frames: 2, ..Look::default() },
-            );
+            look(gpu, &scene, &[eye], Look { light, shading, size: [32, 18], samples: 4, frames: 2, detail });
             drawn += 1;
         }
     });

@@ -2,7 +2,7 @@
 
 use glam::{DVec3, Vec3};
 use image::{Rgba, RgbaImage};
-use pbr_vr::render::{Eye, LightModel, Shading};
+use pbr_vr::render::{Eye, LightDetail, LightModel, Shading};
 use serde_json::json;
 
 use crate::common::Workshop;
@@ -67,7 +67,8 @@ fn assert_baked_is_exact(name: &str, room: &Gltf) {
     let corner = Eye::looking(Vec3::new(1.6, -0.4, 1.6), Vec3::new(-1.0, -1.0, -1.0), 70.0, 1.0);
     with_gpu(|gpu| {
         let scene = loaded(&room.write(&shop, "room.gltf"), 0.0);
-        let what = Look { light: LightModel::Baked, size: [32; 2], ..Look::default() };
+        let detail = LightDetail { lightmap_size: Some(128), ..LightDetail::default() };
+        let what = Look { light: LightModel::Baked, size: [32; 2], detail, ..Look::default() };
         let baked = look(gpu, &scene, &[corner], what).remove(0);
         let exact = look(gpu, &scene, &[corner], Look { shading: Shading::Reference, frames: 32, ..what }).remove(0);
         let (got, want) = (baked.mean(), exact.mean());

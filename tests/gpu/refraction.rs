@@ -167,7 +167,7 @@ fn things_are_seen_through_glass() {
     let cases = [("in a ball", Shape::ball(0.9, 24), inside), ("behind a block", block, behind)];
     for (name, body, thing) in cases {
         for (shading, frames) in [(Shading::Reference, 8), (Shading::Pbr, 1)] {
-            let options = PictureOptions { lightmap: Some(256), ..all_light(shading, frames) };
+            let options = PictureOptions { lightmap: Some(128), ..all_light(shading, frames) };
             let got = picture(&shop, &glass(0.0, json!({})), from_ref(&body), from_ref(&thing), &options);
             let [red, green, _] = pixel(&got, SIDE / 2, SIDE / 2);
             assert!(red > 0.5 && green < 0.4, "{name}, {shading:?}: {red}, {green}");

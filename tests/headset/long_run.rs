@@ -14,7 +14,7 @@ use crate::desktop::{Display, ESCAPE, Hands, L, PAGE_DOWN, Program};
 
 /// Frames of the long run, if not the default.
 const FRAMES_VARIABLE: &str = "PBR_VR_LONG_RUN_FRAMES";
-const FRAMES: u64 = 20_000;
+const FRAMES: u64 = 10_000;
 const FRAMES_OF_CHANGES: u64 = 500;
 /// So many changes are enough for medians.
 const LEAST_CHANGES: u64 = 90;
