@@ -21,6 +21,8 @@ use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 use std::sync::{Mutex, PoisonError};
 use std::{env, fs, process, thread};
 
+/// What the names of shaders for core materials begin with.
+const CORE: &str = "core/";
 /// Of shaders of less SPIR-V there is no other for core materials.
 const WORTHWHILE_BYTES: usize = 50_000;
 
@@ -46,10 +48,7 @@ fn run() -> Result<(), String> {
     // With `hot-reload` the program includes it.
     write_file(&out.join(shader_compiler::BINDINGS), bindings::glsl().as_bytes())?;
     let ours = table("COMPILED", &glsl, &glsl, &out)?;
-    let core = format!(
-        "/// What names of shaders for core materials begin with.\nconst CORE: &str = {:?};\n",
-        shader_compiler::CORE
-    );
+    let core = format!("/// What names of shaders for core materials begin with.\nconst CORE: &str = {:?};\n", CORE);
     write_file(&out.join("shaders.rs"), (core + &ours).as_bytes())?;
     // Only unit tests include this one.
     let tests = table("FOR_TESTS", &root.join("tests/glsl"), &glsl, &out)?;
@@ -84,7 +83,7 @@ fn table(list: &str, folder: &Path, includes: &Path, out: &Path) -> Result<Strin
         let Shader { name, whole, core } = shader?;
         add(&name, &whole)?;
         if let Some(core) = core {
-            add(&format!("{}{name}", shader_compiler::CORE), &core)?;
+            add(&format!("{}{name}", CORE), &core)?;
         }
     }
     table.push_str("];\n");

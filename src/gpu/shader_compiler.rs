@@ -19,9 +19,6 @@ pub fn stage_files(folder: &Path) -> Result<Vec<String>, String> {
 /// The generated include: the bindings of the renderer's tables.
 pub const BINDINGS: &str = "bindings.glsl";
 
-/// What the name of a stage file begins with where `CORE_MATERIALS` is defined.
-pub const CORE: &str = "core/";
-
 /// Where and how stage files are compiled.
 pub struct Compilation<'a> {
     /// The folder of the files that are included.
@@ -30,6 +27,7 @@ pub struct Compilation<'a> {
     pub bindings: &'a str,
     /// With lines and names, for debuggers.
     pub debug: bool,
+    /// Whether `CORE_MATERIALS` is defined.
     pub core: bool,
 }
 

@@ -25,8 +25,7 @@ fn table(geometry: Geometry, split_sum: SplitSum) -> TableTexels {
     let gpu = TestGpu::take();
     let table = BrdfTable::new(&Context::silent(&gpu), geometry, split_sum).expect("a table");
     println!("{:?}", table.times);
-    let texels = TableTexels::read(&gpu, &table).expect("its texels");
-    texels
+    TableTexels::read(&gpu, &table).expect("its texels")
 }
 
 /// Points of [0.001, 1]², even and crowded towards 0.
