@@ -48,7 +48,7 @@ fn run() -> Result<(), String> {
     // With `hot-reload` the program includes it.
     write_file(&out.join(shader_compiler::BINDINGS), bindings::glsl().as_bytes())?;
     let ours = table("COMPILED", &glsl, &glsl, &out)?;
-    let core = format!("/// What names of shaders for core materials begin with.\nconst CORE: &str = {:?};\n", CORE);
+    let core = format!("/// What names of shaders for core materials begin with.\nconst CORE: &str = {CORE:?};\n");
     write_file(&out.join("shaders.rs"), (core + &ours).as_bytes())?;
     // Only unit tests include this one.
     let tests = table("FOR_TESTS", &root.join("tests/glsl"), &glsl, &out)?;
@@ -79,11 +79,10 @@ fn table(list: &str, folder: &Path, includes: &Path, out: &Path) -> Result<Strin
         writeln!(table, "    ({name:?}, include_bytes!(concat!(env!(\"OUT_DIR\"), \"/{file}\"))),")
             .map_err(|e| e.to_string())
     };
-    for shader in compiled(folder, includes)? {
-        let Shader { name, whole, core } = shader?;
+    for Shader { name, whole, core } in compiled(folder, includes)? {
         add(&name, &whole)?;
         if let Some(core) = core {
-            add(&format!("{}{name}", CORE), &core)?;
+            add(&format!("{CORE}{name}"), &core)?;
         }
     }
     table.push_str("];\n");
@@ -98,7 +97,7 @@ struct Shader {
 }
 
 /// All stage files of `folder` in order, compiled by all processors.
-fn compiled(folder: &Path, includes: &Path) -> Result<Vec<Result<Shader, String>>, String> {
+fn compiled(folder: &Path, includes: &Path) -> Result<Vec<Shader>, String> {
     let bindings = bindings::glsl();
     let shader = |name: &String| {
         let compile = |core| {
@@ -122,7 +121,7 @@ fn compiled(folder: &Path, includes: &Path) -> Result<Vec<Result<Shader, String>
             });
         }
     });
-    Ok(shaders.into_inner().unwrap_or_else(PoisonError::into_inner).into_values().collect())
+    shaders.into_inner().unwrap_or_else(PoisonError::into_inner).into_values().collect()
 }
 
 fn write_file(path: &Path, bytes: &[u8]) -> Result<(), String> {

@@ -6,7 +6,7 @@ use super::ball::Grid;
 use super::rows::Ablation;
 use super::*;
 use crate::context::Context;
-use crate::gpu::{Gpu, GpuOptions};
+use crate::gpu::with_gpu;
 use crate::measure::bench::Bench;
 use crate::render::{Eye, LightModel, LightPart, Output, RenderSettings, Shading};
 use crate::scene::{Camera, Environment, Instance, Material, Mesh, PointLight, Scene};
@@ -15,13 +15,7 @@ const SMALL: Grid = Grid { roughness: &[0.2, 0.5, 0.9], nv: &[0.8, 0.3], log2_no
 
 /// Rows of a small ball.
 fn measured(panorama: &Panorama, size: u32) -> Vec<Row> {
-    let gpu = Gpu::open(GpuOptions { validate: true, ..GpuOptions::default() }).unwrap();
-    let messages = gpu.messages();
-    let context = Context::silent(&gpu);
-    let rows = Ball::new(&context, panorama, size, &SMALL).unwrap().rows(&SMALL).unwrap();
-    drop(gpu);
-    messages.check().unwrap();
-    rows
+    with_gpu(|gpu| Ball::new(&Context::silent(gpu), panorama, size, &SMALL).unwrap().rows(&SMALL).unwrap())
 }
 
 /// By material: metal, dielectric, black dielectric.
@@ -129,17 +123,14 @@ fn mean_of(context: &Context, light: LightModel, part: LightPart) -> Vec3 {
 
 #[test]
 fn the_exact_picture_is_the_sum_of_its_parts() {
-    let gpu = Gpu::open(GpuOptions { validate: true, ..GpuOptions::default() }).unwrap();
-    let messages = gpu.messages();
-    let context = Context::silent(&gpu);
-    for light in [LightModel::Direct, LightModel::Baked] {
-        let [whole, parts @ ..] = [LightPart::All, LightPart::Direct, LightPart::SoftDiffuse, LightPart::SoftSpecular]
-            .map(|part| mean_of(&context, light, part));
-        let off = (parts.iter().sum::<Vec3>() / whole - 1.0).abs().max_element();
-        assert!(off < 0.02, "{light:?}: {parts:?} are off by {off} from {whole}");
-        assert!(parts.iter().all(|part| part.min_element() > 0.03 * whole.max_element()), "{light:?}: {parts:?}");
-    }
-    drop(context);
-    drop(gpu);
-    messages.check().unwrap();
+    with_gpu(|gpu| {
+        for light in [LightModel::Direct, LightModel::Baked] {
+            let [whole, parts @ ..] =
+                [LightPart::All, LightPart::Direct, LightPart::SoftDiffuse, LightPart::SoftSpecular]
+                    .map(|part| mean_of(&Context::silent(gpu), light, part));
+            let off = (parts.iter().sum::<Vec3>() / whole - 1.0).abs().max_element();
+            assert!(off < 0.02, "{light:?}: {parts:?} are off by {off} from {whole}");
+            assert!(parts.iter().all(|part| part.min_element() > 0.03 * whole.max_element()), "{light:?}: {parts:?}");
+        }
+    });
 }
