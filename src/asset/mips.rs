@@ -47,10 +47,10 @@ pub fn base_color_levels(texture: Texture, cutoff: Option<f32>) -> Vec<Vec<u8>> 
             cutoff.zip(coverage).map_or(1.0, |(cutoff, coverage)| alpha_scale(alphas().collect(), cutoff, coverage));
         let write = |(texel, alpha): (&[f32; 4], f32)| {
             let weight = if weighted { texel[3] } else { 1.0 };
-            let [r, g, b] = [0, 1, 2].map(|c| byte(linear_to_srgb(texel[c] / weight)));
-            [r, g, b, byte(alpha * scale)]
+            let colour = |c: usize| byte(linear_to_srgb(texel[c] / weight));
+            [colour(0), colour(1), colour(2), byte(alpha * scale)]
         };
-        level.texels.iter().zip(alphas()).flat_map(write).collect()
+        bytes_of(level.texels.iter().zip(alphas()).map(write))
     };
     std::iter::once(texture.pixels).chain(chain.iter().map(bytes)).collect()
 }
@@ -64,11 +64,12 @@ pub fn mean_normals(texture: &Texture) -> Vec<Level<3>> {
 pub fn normal_levels(texture: &Texture) -> Vec<Vec<u8>> {
     let means = mean_normals(texture);
     let write = |n: [f32; 3]| {
-        let [x, y, z] = normalised(n).map(|v| (v * 127.5 + 127.5).round() as u8);
-        [x, y, z, 255]
+        let [x, y, z] = normalised(n);
+        let byte = |v: f32| (v * 127.5 + 128.0) as u8;
+        [byte(x), byte(y), byte(z), 255]
     };
-    let first = texture.texels().flat_map(|texel| write(unit_normal(*texel))).collect();
-    std::iter::once(first).chain(means.iter().map(|l| l.texels.iter().flat_map(|n| write(*n)).collect())).collect()
+    let first = bytes_of(texture.texels().map(|texel| write(unit_normal(*texel))));
+    std::iter::once(first).chain(means.iter().map(|l| bytes_of(l.texels.iter().map(|n| write(*n))))).collect()
 }
 
 /// All levels of an ORM map (occlusion, roughness, metallic, clear coat) as RGBA bytes, level 0 unchanged. Roughness is averaged as
@@ -85,7 +86,7 @@ pub fn orm_levels(texture: Texture, normals: Option<&NormalLoss>) -> Vec<Vec<u8>
             let roughness = (alpha_squared + added).min(1.0).powf(0.25);
             [byte(*o), byte(roughness), byte(*m), byte(*c)]
         };
-        level.texels.iter().enumerate().flat_map(write).collect()
+        bytes_of(level.texels.iter().enumerate().map(write))
     };
     std::iter::once(texture.pixels).chain(chain.iter().map(bytes)).collect()
 }
@@ -148,6 +149,10 @@ fn smaller_levels<const N: usize>(texture: &Texture, read: impl Fn([u8; 4]) -> [
     levels
 }
 
+fn bytes_of(texels: impl Iterator<Item = [u8; 4]>) -> Vec<u8> {
+    texels.collect::<Vec<_>>().into_flattened()
+}
+
 fn row_of<const N: usize>(level: &Level<N>, y: usize) -> &[[f32; N]] {
     let width = level.size[0] as usize;
     &level.texels[y * width..(y + 1) * width]
@@ -176,7 +181,9 @@ fn shrink<const N: usize>(from: [u32; 2], to: [u32; 2], fill: impl Fn(usize, &mu
 }
 
 fn add<const N: usize>(sum: &mut [f32; N], texel: &[f32; N], share: f32) {
-    (0..N).for_each(|c| sum[c] += texel[c] * share);
+    for c in 0..N {
+        sum[c] += texel[c] * share;
+    }
 }
 
 /// For each texel along an axis, the first source texel that it covers, and the shares of all.
@@ -219,21 +226,22 @@ fn alpha_scale(mut alphas: Vec<f32>, cutoff: f32, coverage: f32) -> f32 {
 }
 
 fn unit_normal([x, y, z, _]: [u8; 4]) -> [f32; 3] {
-    normalised([x, y, z].map(|v| f32::from(v) / 127.5 - 1.0))
+    let signed = |v: u8| f32::from(v) / 127.5 - 1.0;
+    normalised([signed(x), signed(y), signed(z)])
 }
 
-fn normalised(n: [f32; 3]) -> [f32; 3] {
-    let length = length(n);
+fn normalised([x, y, z]: [f32; 3]) -> [f32; 3] {
+    let length = length([x, y, z]);
     // Zero vectors, and normals that point behind the surface, become (0, 0, 1).
-    if length < 1e-6 || n[2] <= 0.0 { [0.0, 0.0, 1.0] } else { n.map(|v| v / length) }
+    if length < 1e-6 || z <= 0.0 { [0.0, 0.0, 1.0] } else { [x / length, y / length, z / length] }
 }
 
-fn length(n: [f32; 3]) -> f32 {
-    n.iter().map(|v| v * v).sum::<f32>().sqrt()
+fn length([x, y, z]: [f32; 3]) -> f32 {
+    (x * x + y * y + z * z).sqrt()
 }
 
 fn byte(unit: f32) -> u8 {
-    (unit * 255.0).round() as u8
+    (unit * 255.0 + 0.5) as u8
 }
 
 fn linear_to_srgb(linear: f32) -> f32 {

@@ -4,7 +4,7 @@
 use std::collections::HashMap;
 use std::f64::consts::TAU;
 
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
 use super::groups::Groups;
@@ -42,11 +42,8 @@ pub fn caps(triangles: &[[u32; 3]]) -> Vec<[u32; 3]> {
 /// the solid. `position` gives a corner's place.
 pub fn are_buried(caps: &[[u32; 3]], solid: &[[u32; 3]], depth: f64, position: impl Fn(u32) -> DVec3 + Sync) -> bool {
     let points: Vec<DVec3> = caps.iter().flat_map(|cap| outer_points(cap.map(&position), depth)).collect();
-    let is_inside = |point: &DVec3| {
-        let angles = solid.iter().map(|triangle| solid_angle(triangle.map(|corner| position(corner) - *point)));
-        angles.sum::<f64>() > TAU
-    };
-    !points.is_empty() && points.par_iter().all(is_inside)
+    let solid: Vec<[DVec3; 3]> = solid.iter().map(|triangle| triangle.map(&position)).collect();
+    !points.is_empty() && points.par_iter().all(|point| winding_number(*point, &solid) > 0.5)
 }
 
 /// Points `depth` outside of a cap's triangle whose first edge is of the border; none where it has no area.
@@ -56,12 +53,32 @@ fn outer_points([a, b, apex]: [DVec3; 3], depth: f64) -> Vec<DVec3> {
     weights.map(|[i, j, k]| i * a + j * b + k * apex + depth * normal).into()
 }
 
-/// The solid angle of a triangle seen from the origin, steradians, positive where its back is seen: tan(Ω/2) by Van Oosterom
-/// and Strackee (1983). Over a closed surface their sum is 4π times the winding number.
-fn solid_angle([a, b, c]: [DVec3; 3]) -> f64 {
-    let [la, lb, lc] = [a, b, c].map(DVec3::length);
-    let across = la * lb * lc + a.dot(b) * lc + b.dot(c) * la + c.dot(a) * lb;
-    2.0 * a.dot(b.cross(c)).atan2(across)
+/// How often triangles surround a point: the sum of their solid angles, positive where their backs are seen, in parts of 4π. A whole
+/// number where they close a surface.
+///
+/// Half of a triangle's solid angle is the argument of a complex number (Van Oosterom and Strackee, 1983). The sum is that of
+/// their product, and the turns in which it passed the negative real axis: one arctangent for all.
+fn winding_number(point: DVec3, triangles: &[[DVec3; 3]]) -> f64 {
+    let (mut product, mut turns) = (DVec2::X, 0);
+    for [a, b, c] in triangles {
+        let (a, b, c) = (*a - point, *b - point, *c - point);
+        let (la, lb, lc) = (a.length(), b.length(), c.length());
+        let across = la * lb * lc + a.dot(b) * lc + b.dot(c) * la + c.dot(a) * lb;
+        let factor = DVec2::new(across, a.dot(b.cross(c)));
+        let size = factor.x.abs() + factor.y.abs();
+        // None where the point is a corner.
+        if size > 0.0 {
+            let before = [product.y < 0.0, factor.y < 0.0];
+            product = product.rotate(factor / size);
+            product /= product.x.abs() + product.y.abs();
+            match (before, product.y < 0.0) {
+                ([false, false], true) => turns += 1,
+                ([true, true], false) => turns -= 1,
+                _ => {}
+            }
+        }
+    }
+    (product.to_angle() + f64::from(turns) * TAU) / TAU
 }
 
 #[cfg(test)]
@@ -80,9 +97,19 @@ mod tests {
         (points, triangles)
     }
 
+    /// The same from the sum of angles.
+    fn summed(point: DVec3, (points, triangles): &(Vec<DVec3>, Vec<[u32; 3]>)) -> f64 {
+        let half_angle = |t: &[u32; 3]| {
+            let [a, b, c] = t.map(|corner| points[corner as usize] - point);
+            let [la, lb, lc] = [a, b, c].map(DVec3::length);
+            a.dot(b.cross(c)).atan2(la * lb * lc + a.dot(b) * lc + b.dot(c) * la + c.dot(a) * lb)
+        };
+        triangles.iter().map(half_angle).sum::<f64>() / TAU
+    }
+
     fn winding(point: DVec3, (points, triangles): &(Vec<DVec3>, Vec<[u32; 3]>)) -> f64 {
-        let angle = |t: &[u32; 3]| solid_angle(t.map(|corner| points[corner as usize] - point));
-        triangles.iter().map(angle).sum::<f64>() / (2.0 * TAU)
+        let triangles: Vec<[DVec3; 3]> = triangles.iter().map(|t| t.map(|corner| points[corner as usize])).collect();
+        winding_number(point, &triangles)
     }
 
     #[test]
@@ -90,6 +117,21 @@ mod tests {
         let ball = ball();
         assert!((winding(DVec3::new(0.3, -0.5, 0.2), &ball) - 1.0).abs() < 1e-12);
         assert!(winding(DVec3::new(0.8, 0.7, 0.2), &ball).abs() < 1e-12);
+    }
+
+    #[test]
+    fn turns_are_counted_in_both_directions() {
+        let (points, triangles) = ball();
+        let inwards: Vec<[u32; 3]> = triangles.iter().map(|[a, b, c]| [*a, *c, *b]).collect();
+        let open = triangles[..triangles.len() * 3 / 4].to_vec();
+        let thrice = [triangles.clone(), triangles.clone(), triangles.clone(), open.clone()].concat();
+        for triangles in [triangles, inwards.clone(), [inwards.clone(), inwards].concat(), open, thrice] {
+            let surface = (points.clone(), triangles);
+            for point in [[0.3, -0.5, 0.2], [0.0, 0.0, 0.0], [0.8, 0.7, 0.2], [-0.1, 0.9, 0.1]].map(DVec3::from) {
+                let (got, expected) = (winding(point, &surface), summed(point, &surface));
+                assert!((got - expected).abs() < 1e-12, "{got} instead of {expected} at {point}");
+            }
+        }
     }
 
     #[test]
