@@ -60,6 +60,16 @@ impl Texture {
 
     /// The value of all texels, if no channel varies by more than JPEG's rounding.
     pub fn constant(&self) -> Option<[u8; 4]> {
+        self.constant_channels(4)
+    }
+
+    /// Red, green and blue of all texels, if they do not vary; alpha may.
+    pub fn constant_colour(&self) -> Option<[u8; 3]> {
+        self.constant_channels(3).map(|[r, g, b, _]| [r, g, b])
+    }
+
+    /// The greatest values of all channels, if the first `count` of them do not vary.
+    fn constant_channels(&self, count: usize) -> Option<[u8; 4]> {
         let (mut min, mut max) = ([255; 4], [0; 4]);
         // Most pictures vary within the first few texels.
         for texels in self.pixels.as_chunks::<4>().0.chunks(1024) {
@@ -69,17 +79,11 @@ impl Texture {
                     max[c] = texel[c].max(max[c]);
                 }
             }
-            if (0..4).any(|c| max[c] - min[c] > CONSTANT_SPREAD) {
+            if (0..count).any(|c| max[c] - min[c] > CONSTANT_SPREAD) {
                 return None;
             }
         }
         (!self.pixels.is_empty()).then_some(max)
-    }
-
-    /// Red, green and blue of all texels, if they do not vary; alpha may.
-    pub fn constant_colour(&self) -> Option<[u8; 3]> {
-        let [r, g, b] = [0, 1, 2].map(|c| self.channel(c).constant());
-        Some([r?, g?, b?])
     }
 
     /// One channel of it: 0 red … 3 alpha.
@@ -280,7 +284,8 @@ impl Channel {
 
     /// Its minimum and maximum.
     pub fn range(&self) -> Option<(u8, u8)> {
-        Some((*self.values.iter().min()?, *self.values.iter().max()?))
+        let range = self.values.iter().fold((255, 0), |(min, max), v| (*v.min(&min), *v.max(&max)));
+        (!self.values.is_empty()).then_some(range)
     }
 
     /// Whether some texels are below and some above one half, as in a cutout.
