@@ -21,6 +21,8 @@ use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 use std::sync::{Mutex, PoisonError};
 use std::{env, fs, process, thread};
 
+/// Where this variable is set, shaders are not optimised: for checks of the Rust code, which has to wait for them.
+const UNOPTIMIZED: &str = "PBR_VR_UNOPTIMIZED_SHADERS";
 /// What the names of shaders for core materials begin with.
 const CORE: &str = "core/";
 /// Of shaders of less SPIR-V there is no other for core materials.
@@ -42,6 +44,7 @@ fn run() -> Result<(), String> {
     let glsl = root.join("glsl");
     println!("cargo:rerun-if-changed=glsl");
     println!("cargo:rerun-if-changed=tests/glsl");
+    println!("cargo:rerun-if-env-changed={UNOPTIMIZED}");
     for file in ["src/gpu/shader_compiler.rs", "src/gpu/binding_type.rs", "src/render/bindings.rs"] {
         println!("cargo:rerun-if-changed={file}");
     }
@@ -99,9 +102,10 @@ struct Shader {
 /// All stage files of `folder` in order, compiled by all processors.
 fn compiled(folder: &Path, includes: &Path) -> Result<Vec<Shader>, String> {
     let bindings = bindings::glsl();
+    let optimized = env::var_os(UNOPTIMIZED).is_none();
     let shader = |name: &String| {
         let compile = |core| {
-            let how = shader_compiler::Compilation { includes, bindings: &bindings, debug: false, core };
+            let how = shader_compiler::Compilation { includes, bindings: &bindings, debug: false, core, optimized };
             shader_compiler::compile(&folder.join(name), &how)
         };
         let whole = compile(false)?;

@@ -53,9 +53,9 @@ impl Texture {
     /// # Errors
     /// The file cannot be read, is broken or of another format, or is larger than [`MAX_SIDE`] on a side.
     pub fn load(image: &ImageSource, encoding: Encoding) -> Result<Self> {
-        let picture = decode(image.place(), &image.read()?)?.into_rgba8();
-        let (width, height) = picture.dimensions();
-        Ok(Self { name: file::short_name(image.place()), width, height, encoding, pixels: picture.into_raw() })
+        let picture = decode(image.place(), &image.read()?)?;
+        let (width, height) = (picture.width(), picture.height());
+        Ok(Self { name: file::short_name(image.place()), width, height, encoding, pixels: rgba(picture) })
     }
 
     /// The value of all texels, if no channel varies by more than JPEG's rounding.
@@ -94,7 +94,7 @@ impl Texture {
 
     fn luminance(&self) -> Channel {
         let of = |[r, g, b, _]: &[u8; 4]| 0.2126 * f32::from(*r) + 0.7152 * f32::from(*g) + 0.0722 * f32::from(*b);
-        let values = self.texels().map(|texel| of(texel).round() as u8).collect();
+        let values = self.texels().map(|texel| (of(texel) + 0.5) as u8).collect();
         Channel { width: self.width, height: self.height, values }
     }
 
@@ -109,7 +109,7 @@ impl Texture {
     /// Multiplies one channel by a factor of at most 1.
     pub fn scale_channel(&mut self, index: usize, factor: f32) {
         for texel in self.pixels.chunks_exact_mut(4).filter(|_| factor < 1.0) {
-            texel[index] = (f32::from(texel[index]) * factor).round() as u8;
+            texel[index] = (f32::from(texel[index]) * factor + 0.5) as u8;
         }
     }
 
@@ -118,7 +118,7 @@ impl Texture {
         for texel in self.pixels.chunks_exact_mut(4).filter(|_| factor != 1.0) {
             let n = glam::Vec3::from_array([texel[0], texel[1], texel[2]].map(|v| f32::from(v) / 127.5 - 1.0));
             let scaled = glam::Vec3::new(n.x * factor, n.y * factor, n.z).normalize_or(glam::Vec3::Z);
-            texel[..3].copy_from_slice(&scaled.to_array().map(|n| (n * 127.5 + 127.5).round() as u8));
+            texel[..3].copy_from_slice(&scaled.to_array().map(|n| (n * 127.5 + 128.0) as u8));
         }
     }
 
@@ -189,8 +189,7 @@ impl Texture {
                 let towards_top = (above[x] - below[x]) * scale;
                 let normal = glam::Vec3::new(-towards_right, -towards_top, 1.0).normalize();
                 let texel = (y * width + x) * 4;
-                self.pixels[texel..texel + 3]
-                    .copy_from_slice(&normal.to_array().map(|n| (n * 127.5 + 127.5).round() as u8));
+                self.pixels[texel..texel + 3].copy_from_slice(&normal.to_array().map(|n| (n * 127.5 + 128.0) as u8));
             }
         }
         self.clear_alpha();
@@ -278,7 +277,7 @@ impl Channel {
     /// Moves all values towards 255: with a strength of 0 all the way.
     pub fn weaken(&mut self, strength: f32) {
         for value in &mut self.values {
-            *value = (255.0 - strength.clamp(0.0, 1.0) * f32::from(255 - *value)).round() as u8;
+            *value = (255.5 - strength.clamp(0.0, 1.0) * f32::from(255 - *value)) as u8;
         }
     }
 
@@ -313,6 +312,18 @@ pub fn srgb_to_linear(encoded: f32) -> f32 {
 /// The same of each byte.
 pub fn linear_of_srgb_bytes() -> [f32; 256] {
     std::array::from_fn(|i| srgb_to_linear(i as f32 / 255.0))
+}
+
+/// Four bytes for each pixel.
+fn rgba(picture: DynamicImage) -> Vec<u8> {
+    match picture {
+        // By far the most frequent, for which the library's conversion takes as long as JPEG's decoder.
+        DynamicImage::ImageRgb8(picture) => {
+            let pixels = picture.as_raw().as_chunks().0.iter().map(|[r, g, b]| [*r, *g, *b, 255]);
+            pixels.collect::<Vec<_>>().into_flattened()
+        }
+        picture => picture.into_rgba8().into_raw(),
+    }
 }
 
 fn decode(path: &Path, bytes: &[u8]) -> Result<DynamicImage> {
@@ -364,135 +375,5 @@ fn broken(path: &Path, problem: String) -> Error {
 }
 
 #[cfg(test)]
-mod tests {
-    use image::{ImageBuffer, Luma, LumaA, Rgb};
-
-    use super::*;
-
-    fn grey(width: u32, values: &[u8]) -> Channel {
-        Channel { width, height: values.len() as u32 / width, values: values.into() }
-    }
-
-    fn texture(width: u32, texels: &[[u8; 4]]) -> Texture {
-        let (height, pixels) = (texels.len() as u32 / width, texels.concat());
-        Texture { name: "t".into(), width, height, encoding: Encoding::Linear, pixels }
-    }
-
-    fn saved(name: &str, picture: &DynamicImage) -> Texture {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join(name);
-        picture.save(&path).unwrap();
-        Texture::load(&ImageSource::file(path.clone()), Encoding::Srgb).unwrap()
-    }
-
-    #[test]
-    fn any_depth_and_colour_kind() {
-        let grey = DynamicImage::ImageLuma8(ImageBuffer::from_pixel(3, 2, Luma([77])));
-        for name in ["a.png", "a.tga", "a.jpg"] {
-            let got = saved(name, &grey);
-            assert_eq!((got.width, got.height, got.constant()), (3, 2, Some([77, 77, 77, 255])), "{name}");
-        }
-        let deep = DynamicImage::ImageRgb16(ImageBuffer::from_pixel(1, 1, Rgb([0xffff, 0x8080, 0])));
-        assert_eq!(saved("b.png", &deep).pixels, [255, 128, 0, 255]);
-        let grey_alpha = DynamicImage::ImageLumaA16(ImageBuffer::from_pixel(1, 1, LumaA([0xffff, 0x4040])));
-        assert_eq!(saved("c.png", &grey_alpha).pixels, [255, 255, 255, 64]);
-    }
-
-    #[test]
-    fn palettes() {
-        // Colour-mapped TGA: two BGR entries, two 8-bit indices, from the top.
-        let mut bytes = vec![0, 1, 1, 0, 0, 2, 0, 24, 0, 0, 0, 0, 2, 0, 1, 0, 8, 0x20];
-        bytes.extend([255, 0, 0, 0, 0, 255, 0, 1]);
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("palette.tga");
-        std::fs::write(&path, bytes).unwrap();
-        assert_eq!(
-            Texture::load(&ImageSource::file(path.clone()), Encoding::Srgb).unwrap().pixels,
-            [0, 0, 255, 255, 255, 0, 0, 255]
-        );
-    }
-
-    #[test]
-    fn formats_are_recognised_by_content() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("really-png.jpg");
-        let picture = DynamicImage::new_rgb8(2, 2);
-        picture.save_with_format(&path, ImageFormat::Png).unwrap();
-        assert_eq!(Texture::load(&ImageSource::file(path.clone()), Encoding::Srgb).unwrap().width, 2);
-        std::fs::write(&path, b"no picture at all, but long enough for a header").unwrap();
-        let error = Texture::load(&ImageSource::file(path.clone()), Encoding::Srgb).unwrap_err();
-        assert!(matches!(error, Error::Broken { .. }) && error.to_string().contains("neither PNG nor JPEG"), "{error}");
-        picture.save_with_format(&path, ImageFormat::Png).unwrap();
-        let whole = std::fs::read(&path).unwrap();
-        std::fs::write(&path, &whole[..20]).unwrap();
-        let error = Texture::load(&ImageSource::file(path.clone()), Encoding::Srgb).unwrap_err();
-        assert!(error.to_string().contains("it ends too early"), "{error}");
-    }
-
-    #[test]
-    fn a_truncated_jpeg_is_rejected_wherever_it_ends() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("a.jpg");
-        let noise = |x: u32, y: u32| Rgb([(x * 97 + y * 31) as u8, (x * y) as u8, (x ^ y) as u8]);
-        DynamicImage::ImageRgb8(ImageBuffer::from_fn(64, 64, noise)).save(&path).unwrap();
-        let whole = std::fs::read(&path).unwrap();
-        assert!(Texture::load(&ImageSource::file(path.clone()), Encoding::Srgb).is_ok());
-        for length in [whole.len() / 2, whole.len() * 9 / 10, whole.len() - 2] {
-            std::fs::write(&path, &whole[..length]).unwrap();
-            let error = Texture::load(&ImageSource::file(path.clone()), Encoding::Srgb).unwrap_err();
-            assert!(matches!(error, Error::Broken { .. }), "{length}: {error}");
-        }
-    }
-
-    #[test]
-    fn sizes_are_checked_before_decoding() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("huge.tga");
-        std::fs::write(&path, [0, 0, 2, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0xff, 0xff, 0xff, 0xff, 24, 0]).unwrap();
-        assert!(matches!(Texture::load(&ImageSource::file(path.clone()), Encoding::Srgb), Err(Error::TooLarge { .. })));
-    }
-
-    #[test]
-    fn constants() {
-        assert_eq!(texture(2, &[[1, 2, 3, 4], [1, 2, 4, 4]]).constant(), Some([1, 2, 4, 4]));
-        assert_eq!(texture(2, &[[1, 2, 3, 4], [1, 2, 5, 4]]).constant(), None);
-        assert_eq!(grey(1, &[0, 255]).constant(), None);
-        assert_eq!(grey(1, &[9, 9]).constant(), Some(9));
-    }
-
-    #[test]
-    fn packing_fills_and_resizes() {
-        let packed =
-            Texture::packed("p".into(), [None, Some(&grey(2, &[10, 20])), Some(&grey(1, &[7])), None]).unwrap();
-        assert_eq!((packed.width, packed.height), (2, 1));
-        assert_eq!(packed.pixels, [255, 10, 7, 255, 255, 20, 7, 255]);
-        assert_eq!(Texture::packed("p".into(), [None; 4]), None);
-    }
-
-    #[test]
-    fn masks_go_into_alpha() {
-        let mut base_color = texture(2, &[[1, 2, 3, 255]; 4]);
-        base_color.set_alpha(&grey(1, &[0]));
-        assert_eq!(base_color.pixels, [1, 2, 3, 0].repeat(4));
-        assert!(grey(1, &[0, 255]).cuts_out() && !grey(1, &[0, 0]).cuts_out() && !grey(1, &[200, 255]).cuts_out());
-    }
-
-    #[test]
-    fn heights_become_normals() {
-        let flat = texture(4, &[[90, 90, 90, 255]; 16]).into_normal_map(1.0);
-        assert_eq!((flat.constant(), flat.encoding), (Some([128, 128, 255, 255]), Encoding::Normal));
-        // Height grows to the right within the picture, and to the top.
-        let slope = |along_x: bool| {
-            let at = |i: usize| if along_x { i % 4 } else { 3 - i / 4 };
-            let texels: Vec<_> = (0..16).map(|i| [(at(i) * 60) as u8; 3]).map(|[r, g, b]| [r, g, b, 255]).collect();
-            let map = texture(4, &texels).into_normal_map(20.0);
-            <[u8; 4]>::try_from(&map.pixels[5 * 4..6 * 4]).unwrap()
-        };
-        let ([x, y, ..], [x2, y2, ..]) = (slope(true), slope(false));
-        assert!(x < 110 && y == 128, "rising to the right leans left: {x} {y}");
-        assert!(x2 == 128 && y2 < 110, "rising to the top leans down: {x2} {y2}");
-        let normals = texture(2, &[[128, 128, 255, 255], [100, 140, 250, 255]]);
-        assert_eq!(normals.clone().into_normal_map(1.0).pixels, normals.pixels, "a normal map stays");
-        assert_ne!(texture(1, &[[255; 4]; 2]).into_normal_map(1.0).pixels, [255; 8], "white is no normal map");
-    }
-}
+#[path = "texture_tests.rs"]
+mod tests;

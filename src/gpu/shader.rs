@@ -74,7 +74,8 @@ pub mod on_disk {
         if !path.is_file() {
             return Ok(None);
         }
-        let how = Compilation { includes: &folder, bindings: BINDINGS, debug: cfg!(debug_assertions), core };
+        let how =
+            Compilation { includes: &folder, bindings: BINDINGS, debug: cfg!(debug_assertions), core, optimized: true };
         let spirv = compile(&path, &how).map_err(|problem| Error::Broken {
             path,
             what: "shader",

@@ -29,17 +29,21 @@ pub struct Compilation<'a> {
     pub debug: bool,
     /// Whether `CORE_MATERIALS` is defined.
     pub core: bool,
+    /// Otherwise it takes less time, and nothing that is drawn with it does.
+    pub optimized: bool,
 }
 
 /// Compiles one stage file. The message of an error begins with file and line.
 pub fn compile(path: &Path, how: &Compilation<'_>) -> Result<Vec<u8>, String> {
-    let Compilation { includes, bindings, debug, core } = *how;
+    let Compilation { includes, bindings, debug, core, optimized } = *how;
     let source = fs::read_to_string(path).map_err(|e| format!("{}: {e}", path.display()))?;
     let kind = kind(path).ok_or_else(|| format!("{}: not a shader stage", path.display()))?;
     let compiler = shaderc::Compiler::new().map_err(|e| format!("shaderc: {e}"))?;
     let mut options = shaderc::CompileOptions::new().map_err(|e| format!("shaderc: {e}"))?;
     options.set_target_env(shaderc::TargetEnv::Vulkan, shaderc::EnvVersion::Vulkan1_3 as u32);
-    options.set_optimization_level(shaderc::OptimizationLevel::Performance);
+    if optimized {
+        options.set_optimization_level(shaderc::OptimizationLevel::Performance);
+    }
     options.set_warnings_as_errors();
     if debug {
         options.set_generate_debug_info();
