@@ -32,8 +32,6 @@ impl TestGpu {
     }
 
     fn new(gpu: Arc<Gpu>) -> Self {
-        #[cfg(unix)]
-        close_idle_at_exit();
         gpu.keep_unused_pipelines(PIPELINES);
         Self { gpu: Some(gpu), uses: 1 }
     }
@@ -59,22 +57,6 @@ impl Drop for TestGpu {
             IDLE.lock().unwrap_or_else(PoisonError::into_inner).push((gpu, self.uses));
         }
     }
-}
-
-/// Has the GPUs that are idle when the process ends closed then, so that none of their tests leaves anything behind unnoticed.
-#[cfg(unix)]
-#[allow(unsafe_code)]
-fn close_idle_at_exit() {
-    static REGISTERED: std::sync::Once = std::sync::Once::new();
-    // A panic in it ends the process as a failed one.
-    extern "C" fn close_idle() {
-        let idle = std::mem::take(&mut *IDLE.lock().unwrap_or_else(PoisonError::into_inner));
-        idle.into_iter().for_each(|(gpu, _)| close(gpu));
-    }
-    // SAFETY: the function takes and returns nothing and never unwinds. What the driver registered when the first GPU was opened runs
-    // after it.
-    REGISTERED
-        .call_once(|| assert_eq!(unsafe { libc::atexit(close_idle) }, 0, "the process takes no more exit handlers"));
 }
 
 /// Closes a GPU; validation messages and objects that keep it open fail the test.
