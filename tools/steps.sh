@@ -1,4 +1,4 @@
-# Sourced by tools/check and tools/test: runs their steps and reports how long each took.
+# Sourced by tools/check and tools/test: the step that both have, running of steps, and reports of how long each took.
 # shellcheck shell=bash
 
 STEPS=()
@@ -21,4 +21,9 @@ print_steps() {
     [ ${#STEPS[@]} -eq 0 ] || printf '%s\n' "${STEPS[@]}"
     printf '%5d s  in all\n' "$SECONDS"
     [ -z "$CURRENT_STEP" ] || echo "FAILED: $CURRENT_STEP"
+}
+
+# Lints need only that shaders are there; with all features they are compiled for the lints alone.
+lint() {
+    PBR_VR_UNOPTIMIZED_SHADERS=1 cargo clippy --locked --workspace --all-targets --all-features -- -D warnings
 }

@@ -1,7 +1,7 @@
 //! Mips of textures. Colour is averaged in linear light, normals as vectors, roughness as α². Twin of `reference::mip`.
 
 use super::Texture;
-use super::texture::linear_of_srgb_bytes;
+use super::texture::{linear_of_srgb_bytes, normal_byte};
 
 /// Weight of a fully transparent texel: its colour counts only where all texels are transparent.
 const TRANSPARENT_WEIGHT: f32 = 1.0 / 4096.0;
@@ -65,8 +65,7 @@ pub fn normal_levels(texture: &Texture) -> Vec<Vec<u8>> {
     let means = mean_normals(texture);
     let write = |n: [f32; 3]| {
         let [x, y, z] = normalised(n);
-        let byte = |v: f32| (v * 127.5 + 128.0) as u8;
-        [byte(x), byte(y), byte(z), 255]
+        [normal_byte(x), normal_byte(y), normal_byte(z), 255]
     };
     let first = bytes_of(texture.texels().map(|texel| write(unit_normal(*texel))));
     std::iter::once(first).chain(means.iter().map(|l| bytes_of(l.texels.iter().map(|n| write(*n))))).collect()

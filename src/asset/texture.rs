@@ -94,7 +94,7 @@ impl Texture {
 
     fn luminance(&self) -> Channel {
         let of = |[r, g, b, _]: &[u8; 4]| 0.2126 * f32::from(*r) + 0.7152 * f32::from(*g) + 0.0722 * f32::from(*b);
-        let values = self.texels().map(|texel| (of(texel) + 0.5) as u8).collect();
+        let values = self.texels().map(|texel| of(texel).round() as u8).collect();
         Channel { width: self.width, height: self.height, values }
     }
 
@@ -118,7 +118,7 @@ impl Texture {
         for texel in self.pixels.chunks_exact_mut(4).filter(|_| factor != 1.0) {
             let n = glam::Vec3::from_array([texel[0], texel[1], texel[2]].map(|v| f32::from(v) / 127.5 - 1.0));
             let scaled = glam::Vec3::new(n.x * factor, n.y * factor, n.z).normalize_or(glam::Vec3::Z);
-            texel[..3].copy_from_slice(&scaled.to_array().map(|n| (n * 127.5 + 128.0) as u8));
+            texel[..3].copy_from_slice(&scaled.to_array().map(normal_byte));
         }
     }
 
@@ -189,7 +189,7 @@ impl Texture {
                 let towards_top = (above[x] - below[x]) * scale;
                 let normal = glam::Vec3::new(-towards_right, -towards_top, 1.0).normalize();
                 let texel = (y * width + x) * 4;
-                self.pixels[texel..texel + 3].copy_from_slice(&normal.to_array().map(|n| (n * 127.5 + 128.0) as u8));
+                self.pixels[texel..texel + 3].copy_from_slice(&normal.to_array().map(normal_byte));
             }
         }
         self.clear_alpha();
@@ -277,7 +277,7 @@ impl Channel {
     /// Moves all values towards 255: with a strength of 0 all the way.
     pub fn weaken(&mut self, strength: f32) {
         for value in &mut self.values {
-            *value = (255.5 - strength.clamp(0.0, 1.0) * f32::from(255 - *value)) as u8;
+            *value = (255.0 - strength.clamp(0.0, 1.0) * f32::from(255 - *value)).round() as u8;
         }
     }
 
@@ -302,6 +302,11 @@ impl Channel {
         let values = imageops::resize(&picture, width, height, FilterType::Triangle).into_raw();
         Self { width, height, values }
     }
+}
+
+/// A component of a unit vector as normal maps store it.
+pub(super) fn normal_byte(component: f32) -> u8 {
+    (component * 127.5 + 128.0) as u8
 }
 
 /// IEC 61966-2-1.
