@@ -30,7 +30,7 @@ const MAX_FILE: u64 = MAX_PIXELS * 32;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Kind {
-    /// Display values: sRGB-encoded, 0 to 1. PNG, JPEG, TGA.
+    /// Display values: sRGB-encoded, 0 to 1. PNG, JPEG, WebP, TGA.
     Display,
     /// Linear RGB scene radiance, without exposure or tone curve. EXR, HDR.
     Radiance,
@@ -61,7 +61,7 @@ impl Picture {
         Self { name: name.into(), width, height, kind: Kind::Radiance, pixels }
     }
 
-    /// Reads a PNG, JPEG, TGA, HDR or EXR file, recognised by content (TGA by name). Alpha and colour profiles are
+    /// Reads a PNG, JPEG, WebP, TGA, HDR or EXR file, recognised by content (TGA by name). Alpha and colour profiles are
     /// ignored; of an EXR the first layer with R, G and B is read.
     ///
     /// # Errors
@@ -160,7 +160,7 @@ impl Picture {
 }
 
 fn broken(path: &Path, problem: impl ToString) -> Error {
-    let remedy = "give a whole PNG, JPEG, TGA, HDR or EXR file";
+    let remedy = "give a whole PNG, JPEG, WebP, TGA, HDR or EXR file";
     Error::Broken { path: path.into(), what: "picture", problem: problem.to_string(), remedy }
 }
 
@@ -279,7 +279,7 @@ mod tests {
     fn other_formats_are_read() {
         let folder = tempfile::tempdir().unwrap();
         let rgb = image::RgbImage::from_fn(9, 5, |x, y| image::Rgb([x as u8 * 20, y as u8 * 40, 77]));
-        for (name, tolerance) in [("a.tga", 0.0), ("a.jpg", 0.2), ("a.png", 0.0)] {
+        for (name, tolerance) in [("a.tga", 0.0), ("a.jpg", 0.2), ("a.png", 0.0), ("a.webp", 0.0)] {
             let path = folder.path().join(name);
             rgb.save(&path).unwrap();
             let picture = Picture::read(&path).unwrap();

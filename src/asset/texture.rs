@@ -48,7 +48,7 @@ pub struct Texture {
 }
 
 impl Texture {
-    /// Decodes a PNG, JPEG or TGA picture (recognised by content) of any bit depth, grey or colour, palette or not.
+    /// Decodes a PNG, JPEG, WebP or TGA picture (recognised by content) of any bit depth, grey or colour, palette or not.
     ///
     /// # Errors
     /// The file cannot be read, is broken or of another format, or is larger than [`MAX_SIDE`] on a side.
@@ -345,7 +345,7 @@ fn decode(path: &Path, bytes: &[u8]) -> Result<DynamicImage> {
     let size = contained(|| reader().into_dimensions()).map_err(given_up)?;
     let (width, height) = size.map_err(|error| match (known, &error) {
         (None, ImageError::Unsupported(_) | ImageError::Decoding(_) | ImageError::IoError(_)) => {
-            broken(path, "it is neither PNG nor JPEG, and not a valid TGA either".into())
+            broken(path, "it is neither PNG, JPEG nor WebP, and not a valid TGA either".into())
         }
         _ => picture_error(path, error),
     })?;
@@ -376,7 +376,7 @@ pub(super) fn decoder_problem(error: &ImageError) -> String {
 }
 
 fn broken(path: &Path, problem: String) -> Error {
-    Error::Broken { path: path.into(), what: "texture", problem, remedy: "save it again as PNG, JPEG or TGA" }
+    Error::Broken { path: path.into(), what: "texture", problem, remedy: "save it again as PNG, JPEG, WebP or TGA" }
 }
 
 #[cfg(test)]

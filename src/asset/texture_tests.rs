@@ -27,6 +27,9 @@ fn any_depth_and_colour_kind() {
         let got = saved(name, &grey);
         assert_eq!((got.width, got.height, got.constant()), (3, 2, Some([77, 77, 77, 255])), "{name}");
     }
+    // WebP has no grey; without loss it is exact.
+    let colour = DynamicImage::ImageRgb8(ImageBuffer::from_pixel(3, 2, Rgb([7, 77, 177])));
+    assert_eq!(saved("a.webp", &colour).constant(), Some([7, 77, 177, 255]));
     let deep = DynamicImage::ImageRgb16(ImageBuffer::from_pixel(1, 1, Rgb([0xffff, 0x8080, 0])));
     assert_eq!(saved("b.png", &deep).pixels, [255, 128, 0, 255]);
     let grey_alpha = DynamicImage::ImageLumaA16(ImageBuffer::from_pixel(1, 1, LumaA([0xffff, 0x4040])));
@@ -56,7 +59,10 @@ fn formats_are_recognised_by_content() {
     assert_eq!(Texture::load(&ImageSource::file(path.clone()), Encoding::Srgb).unwrap().width, 2);
     std::fs::write(&path, b"no picture at all, but long enough for a header").unwrap();
     let error = Texture::load(&ImageSource::file(path.clone()), Encoding::Srgb).unwrap_err();
-    assert!(matches!(error, Error::Broken { .. }) && error.to_string().contains("neither PNG nor JPEG"), "{error}");
+    assert!(
+        matches!(error, Error::Broken { .. }) && error.to_string().contains("neither PNG, JPEG nor WebP"),
+        "{error}"
+    );
     picture.save_with_format(&path, ImageFormat::Png).unwrap();
     let whole = std::fs::read(&path).unwrap();
     std::fs::write(&path, &whole[..20]).unwrap();

@@ -15,6 +15,7 @@ pub fn all() -> Vec<(Reader, &'static str, Vec<u8>)> {
         (Reader::Png, "png panics: a palette's length is no multiple of three", png_palette()),
         (Reader::Exr, "exr panics: differences of B44 overflow (where overflow is checked)", exr_b44()),
         (Reader::Gltf, "a compressed view of 37 bytes declares 946 MB, which were allocated", gltf_packed()),
+        (Reader::Gltf, "the name of an extension breaks the line of the error", gltf_name()),
         (Reader::Exr, "the error names all channels, whose names are long", exr_channels()),
     ]
 }
@@ -22,6 +23,11 @@ pub fn all() -> Vec<(Reader, &'static str, Vec<u8>)> {
 fn gltf_packed() -> Vec<u8> {
     let text = String::from_utf8(seeds::gltf()).unwrap();
     text.replace(r#""byteStride":12,"count":3"#, r#""byteStride":12,"count":78863138"#).into_bytes()
+}
+
+fn gltf_name() -> Vec<u8> {
+    let text = String::from_utf8(seeds::gltf()).unwrap();
+    text.replacen('{', r#"{"extensionsRequired":["\n"],"#, 1).into_bytes()
 }
 
 fn png_palette() -> Vec<u8> {

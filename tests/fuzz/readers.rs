@@ -7,6 +7,7 @@ use std::sync::atomic::AtomicBool;
 
 use super::formats::Format;
 use super::seeds;
+use crate::asset::gltf::draco_tests::compressed;
 use crate::asset::image_source::ImageSource;
 use crate::asset::ktx2::Ktx2;
 use crate::asset::picture::Picture;
@@ -38,6 +39,7 @@ pub enum Reader {
     Png,
     Jpeg,
     Tga,
+    Webp,
     Ktx2,
     CachedTextures,
     CachedLight,
@@ -54,7 +56,7 @@ pub enum Taken {
 }
 
 impl Reader {
-    pub const ALL: [Self; 14] = [
+    pub const ALL: [Self; 15] = [
         Self::Obj,
         Self::Mtl,
         Self::Scene,
@@ -65,6 +67,7 @@ impl Reader {
         Self::Png,
         Self::Jpeg,
         Self::Tga,
+        Self::Webp,
         Self::Ktx2,
         Self::CachedTextures,
         Self::CachedLight,
@@ -89,6 +92,7 @@ impl Reader {
             Self::Png => "case.png",
             Self::Jpeg => "case.jpg",
             Self::Tga => "case.tga",
+            Self::Webp => "case.webp",
             Self::Ktx2 | Self::CachedTextures | Self::CachedLight => "case.ktx2",
             Self::States => "case.json",
         }
@@ -132,6 +136,7 @@ impl Reader {
             Self::Png => Format::Png,
             Self::Jpeg => Format::Jpeg,
             Self::Tga => Format::Head(18),
+            Self::Webp => Format::Head(40),
             Self::Ktx2 | Self::CachedTextures | Self::CachedLight => Format::Head(260),
         }
     }
@@ -153,12 +158,13 @@ impl Reader {
             Self::Mtl => vec![seeds::MTL.into(), shipped("scenes/demo.mtl", 3000)],
             Self::Scene => vec![seeds::scene(), shipped("scenes/demo.toml", 3000)],
             Self::Gltf => vec![seeds::gltf()],
-            Self::Glb => vec![seeds::glb()],
+            Self::Glb => vec![seeds::glb(), compressed()],
             Self::Hdr => seeds::hdrs(),
             Self::Exr => seeds::exrs(),
             Self::Png => seeds::pngs(),
             Self::Jpeg => seeds::jpegs(),
             Self::Tga => seeds::tgas(),
+            Self::Webp => seeds::webps(),
             Self::Ktx2 => seeds::ktx2s(),
             Self::CachedTextures | Self::CachedLight => bench.entries.iter().map(|(_, bytes)| bytes.clone()).collect(),
             Self::States => seeds::states(),
@@ -177,6 +183,7 @@ impl Reader {
             Self::Png => &["png"],
             Self::Jpeg => &["jpg", "JPG"],
             Self::Tga => &["tga"],
+            Self::Webp => &["webp"],
             Self::Scene | Self::Ktx2 | Self::CachedTextures | Self::CachedLight | Self::States => &[],
         }
     }
@@ -263,7 +270,7 @@ impl Bench {
                 let picture = self.taken(picture(&path));
                 worse(self.taken(panorama(&path)), picture)
             }
-            Reader::Png | Reader::Jpeg | Reader::Tga => {
+            Reader::Png | Reader::Jpeg | Reader::Tga | Reader::Webp => {
                 let picture = self.taken(picture(&path));
                 let texture =
                     Texture::load(&ImageSource::file(path), Encoding::Srgb).map(|texture| check_texture(&texture));

@@ -231,6 +231,25 @@ pub fn tgas() -> Vec<Vec<u8>> {
     files
 }
 
+/// The lossless and the lossy kind, with and without alpha; the lossy one of 5x4 was made by libwebp.
+pub fn webps() -> Vec<Vec<u8>> {
+    let mut files = vec![LOSSY_WEBP.to_vec()];
+    for image in [colours(5, 4), colours(5, 4).to_rgb8().into()] {
+        let mut bytes = Cursor::new(Vec::new());
+        image.write_to(&mut bytes, ImageFormat::WebP).unwrap();
+        files.push(bytes.into_inner());
+    }
+    files
+}
+
+const LOSSY_WEBP: [u8; 128] = [
+    82, 73, 70, 70, 120, 0, 0, 0, 87, 69, 66, 80, 86, 80, 56, 88, 10, 0, 0, 0, 16, 0, 0, 0, 4, 0, 0, 3, 0, 0, 65, 76,
+    80, 72, 21, 0, 0, 0, 0, 255, 235, 215, 195, 175, 255, 235, 215, 195, 175, 255, 235, 215, 195, 175, 255, 235, 215,
+    195, 175, 0, 86, 80, 56, 32, 60, 0, 0, 0, 208, 1, 0, 157, 1, 42, 5, 0, 4, 0, 2, 192, 76, 37, 176, 2, 116, 1, 14,
+    254, 3, 142, 0, 0, 254, 210, 109, 8, 153, 247, 77, 230, 85, 41, 41, 19, 49, 193, 185, 151, 221, 210, 47, 189, 35,
+    123, 189, 121, 238, 13, 81, 194, 193, 191, 199, 3, 100, 128, 0, 0,
+];
+
 pub fn ktx2s() -> Vec<Vec<u8>> {
     let of = |format: TexelFormat, size, layers, faces, levels: u32| {
         let mut texture = Ktx2 { format, size, layers, faces, levels: Vec::new(), key_values: [].into() };

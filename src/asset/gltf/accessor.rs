@@ -1,6 +1,6 @@
 //! Elements of accessors: numbers of any type in buffers, found one by one, so that no file makes large copies.
 
-use super::document::{self, SparsePart};
+use super::document::{self, Accessor, SparsePart};
 use super::source::{Source, label};
 use crate::Result;
 
@@ -9,7 +9,7 @@ const MAX_ZEROS: usize = 1 << 27;
 
 /// The type of a number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Component {
+pub enum Component {
     I8,
     U8,
     I16,
@@ -36,6 +36,18 @@ impl Component {
             Self::I8 | Self::U8 => 1,
             Self::I16 | Self::U16 => 2,
             Self::U32 | Self::F32 => 4,
+        }
+    }
+
+    /// The bytes of a number, which this type has exactly.
+    fn put(self, number: f32, to: &mut Vec<u8>) {
+        match self {
+            Self::I8 => to.extend((number as i8).to_le_bytes()),
+            Self::U8 => to.push(number as u8),
+            Self::I16 => to.extend((number as i16).to_le_bytes()),
+            Self::U16 => to.extend((number as u16).to_le_bytes()),
+            Self::U32 => to.extend((number as u32).to_le_bytes()),
+            Self::F32 => to.extend(number.to_le_bytes()),
         }
     }
 
@@ -79,6 +91,38 @@ impl Component {
 /// Bytes at a place; zeros beyond the end.
 fn taken<const B: usize>(bytes: &[u8], at: usize) -> [u8; B] {
     bytes.get(at..).and_then(|rest| rest.first_chunk()).copied().unwrap_or([0; B])
+}
+
+/// The numbers of an accessor whose primitive was compressed.
+#[derive(Debug)]
+pub struct Unpacked {
+    component: Component,
+    bytes: Vec<u8>,
+}
+
+impl Unpacked {
+    /// Indices of 32 bits: decompressed vertices can be more than the accessor's own type counts.
+    pub fn indices(indices: impl Iterator<Item = u32>) -> Self {
+        Self { component: Component::U32, bytes: indices.flat_map(u32::to_le_bytes).collect() }
+    }
+
+    /// Numbers of an accessor's own type.
+    pub fn numbers(component: Component, numbers: &[f32]) -> Self {
+        let mut bytes = Vec::with_capacity(numbers.len() * component.bytes());
+        numbers.iter().for_each(|number| component.put(*number, &mut bytes));
+        Self { component, bytes }
+    }
+
+    /// How many bytes it takes.
+    pub fn bytes(&self) -> usize {
+        self.bytes.len()
+    }
+}
+
+/// The type of an accessor's numbers, and how many an element has; `None`: it has none that is known.
+pub fn shape(accessor: &Accessor) -> Option<(Component, usize)> {
+    let numbers = [1, 2, 3, 4].into_iter().find(|numbers| kind(*numbers) == accessor.kind)?;
+    Some((Component::of(accessor.component_type)?, numbers))
 }
 
 /// The elements of an accessor, each of N numbers.
@@ -134,7 +178,13 @@ impl<'a, const N: usize> Elements<'a, N> {
         if accessor.kind != kind {
             return Err(source.broken(format!("{of} is not of the type {kind}, which is needed")));
         }
-        let (count, normalized) = (accessor.count, accessor.normalized);
+        let normalized = accessor.normalized;
+        if let Some(Unpacked { component, bytes }) = source.unpacked(index) {
+            let element = N * component.bytes();
+            let base = Some((bytes.as_slice(), element));
+            return Ok(Self { count: bytes.len() / element, base, component: *component, normalized, sparse: None });
+        }
+        let count = accessor.count;
         let element = N * component.bytes();
         let base = match accessor.buffer_view {
             Some(view) => Some(base(source, &of, view, (accessor.byte_offset, count, element))?),

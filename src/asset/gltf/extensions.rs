@@ -1,12 +1,15 @@
 //! Which extensions are read, which only change what is seen, and which make a file unreadable.
 
 use super::document::Material;
+use super::draco;
+use super::instances;
+use super::maps;
 use super::meshopt;
 use super::source::Source;
 use crate::Result;
 use crate::error::{MAX_QUOTED, shortened};
 
-const READ: [&str; 13] = [
+const READ: [&str; 16] = [
     "KHR_lights_punctual",
     "KHR_texture_transform",
     "KHR_materials_clearcoat",
@@ -19,6 +22,9 @@ const READ: [&str; 13] = [
     "KHR_materials_unlit",
     "KHR_materials_volume",
     "KHR_mesh_quantization",
+    draco::NAME,
+    instances::NAME,
+    maps::WEBP,
     meshopt::NAME,
 ];
 
@@ -32,7 +38,7 @@ const NOT_DRAWN: [(&str, &str); 5] = [
 ];
 
 /// Other forms of pictures, where a file has a usual one as well; a map without warns of itself.
-const PICTURES: [&str; 3] = ["KHR_texture_basisu", "EXT_texture_webp", "MSFT_texture_dds"];
+const PICTURES: [&str; 2] = ["KHR_texture_basisu", "MSFT_texture_dds"];
 
 fn is_not_drawn(name: &str) -> bool {
     NOT_DRAWN.iter().any(|(known, _)| *known == name)
@@ -60,8 +66,7 @@ pub fn check(source: &Source<'_>) -> Result<()> {
 
 fn remedy(name: &str) -> &'static str {
     match name {
-        "KHR_draco_mesh_compression" => "export it again without compression",
-        name if PICTURES.contains(&name) => "export it again with PNG or JPEG textures",
+        name if PICTURES.contains(&name) => "export it again with PNG, JPEG or WebP textures",
         _ => "export it again without it",
     }
 }

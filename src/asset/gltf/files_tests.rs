@@ -54,8 +54,7 @@ fn extensions_that_are_needed() {
         needs(name).model();
     }
     for (name, remedy) in [
-        ("KHR_draco_mesh_compression", "export it again without compression"),
-        ("KHR_texture_basisu", "export it again with PNG or JPEG textures"),
+        ("KHR_texture_basisu", "export it again with PNG, JPEG or WebP textures"),
         ("OTHER_thing", "export it again without it"),
     ] {
         let problem = needs(name).problem();

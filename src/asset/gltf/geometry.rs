@@ -5,6 +5,7 @@ use glam::{Vec2, Vec3, Vec4};
 use super::accessor::Elements;
 use super::deform::{Morph, Moved, Skinned, attribute};
 use super::document::Primitive;
+use super::draco;
 use super::extensions;
 use super::maps::Coordinates;
 use super::materials::Materials;
@@ -64,6 +65,8 @@ impl Read {
             source.warn_once("points", &format!("{of}: points and lines are not drawn"));
             return Ok(None);
         };
+        // What is compressed is a list, whatever it was before.
+        let mode = if draco::unpack(source, of, primitive)? { Mode::List } else { mode };
         let Some(positions) = primitive.attributes.get("POSITION") else {
             source.warn_once("no positions", &format!("{of}: it has no positions; left out"));
             return Ok(None);

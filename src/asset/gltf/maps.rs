@@ -56,6 +56,15 @@ impl Default for Transform {
     }
 }
 
+/// The extension of textures whose picture is WebP.
+pub const WEBP: &str = "EXT_texture_webp";
+
+/// What it says.
+#[derive(Deserialize)]
+struct Webp {
+    source: usize,
+}
+
 /// A map and its texture coordinates.
 pub struct Map {
     pub desc: MapDesc,
@@ -79,11 +88,12 @@ pub fn map(
         return Err(source.broken(format!("{of}: there is no texture {}", info.index)));
     };
     let coordinates = coordinates(source, &of, info)?;
-    let Some(image) = texture.source else {
+    let webp: Option<Webp> = source.extension(&of, &texture.extensions, WEBP)?;
+    let Some(image) = texture.source.or(webp.map(|webp| webp.source)) else {
         let other = texture.extensions.keys().next().map_or("nothing", |name| name.as_str());
         let other = shortened(other, MAX_QUOTED);
         let key = format!("texture {}", info.index);
-        source.warn_once(key, &format!("{of}: it has no PNG or JPEG picture, only {other}; drawn without"));
+        source.warn_once(key, &format!("{of}: it has no PNG, JPEG or WebP picture, only {other}; drawn without"));
         return Ok(None);
     };
     let sampling = sampling(source, &of, texture.sampler)?;

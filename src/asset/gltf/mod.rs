@@ -4,10 +4,12 @@ mod accessor;
 mod container;
 mod deform;
 mod document;
+mod draco;
 mod extensions;
 mod geometry;
 mod glossy;
 mod images;
+mod instances;
 mod maps;
 mod materials;
 mod meshopt;
@@ -110,6 +112,8 @@ fn assemble(meshes: Meshes, cameras: Vec<PlacedCamera>, lights: Vec<PlacedLight>
 
 #[cfg(test)]
 pub(crate) mod build_tests;
+#[cfg(test)]
+pub(crate) mod draco_tests;
 #[cfg(test)]
 mod files_tests;
 #[cfg(test)]

@@ -87,14 +87,24 @@ fn local(node: &Node) -> DAffine3 {
         let [x, y, z, t] = [0, 4, 8, 12].map(|at| DVec3::new(matrix[at], matrix[at + 1], matrix[at + 2]));
         return DAffine3::from_mat3_translation(DMat3::from_cols(x, y, z), t);
     }
-    let scale = node.scale.map_or(DVec3::ONE, DVec3::from);
-    let rotation = node.rotation.map_or(DQuat::IDENTITY, DQuat::from_array);
-    let length = rotation.length();
-    let rotation = if length.is_finite() && length > 0.0 { rotation / length } else { DQuat::IDENTITY };
-    DAffine3::from_scale_rotation_translation(scale, rotation, node.translation.map_or(DVec3::ZERO, DVec3::from))
+    moved(node.translation, node.rotation, node.scale)
 }
 
-fn check_reach(source: &Source<'_>, node: usize, global: &DAffine3) -> Result<()> {
+/// What a translation, a rotation (a quaternion of any length: x, y, z, w) and a scale do together.
+pub fn moved(translation: Option<[f64; 3]>, rotation: Option<[f64; 4]>, scale: Option<[f64; 3]>) -> DAffine3 {
+    let rotation = rotation.map_or(DQuat::IDENTITY, DQuat::from_array);
+    let length = rotation.length();
+    let rotation = if length.is_finite() && length > 0.0 { rotation / length } else { DQuat::IDENTITY };
+    let [translation, scale] =
+        [(translation, DVec3::ZERO), (scale, DVec3::ONE)].map(|(given, usual)| given.map_or(usual, DVec3::from));
+    DAffine3::from_scale_rotation_translation(scale, rotation, translation)
+}
+
+/// Checks that a node, or one of its instances, is where numbers can say.
+///
+/// # Errors
+/// It is too far away, or too large.
+pub fn check_reach(source: &Source<'_>, node: usize, global: &DAffine3) -> Result<()> {
     let most = f64::from(MAX_COORDINATE);
     if global.to_cols_array().iter().all(|number| number.abs() <= most) {
         return Ok(());

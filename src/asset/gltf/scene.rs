@@ -7,6 +7,7 @@ use glam::{DAffine3, DMat3, Vec3, Vec4};
 use super::deform::{self, cofactors, turned};
 use super::document::Node;
 use super::geometry::{Read, Wanted};
+use super::instances;
 use super::nodes::{self, Nodes};
 use super::source::{Source, label};
 use crate::Result;
@@ -106,7 +107,18 @@ impl<'a> Placing<'a> {
             return Err(source.broken(format!("{}: there is no mesh {mesh}", nodes::name_of(source, index))));
         }
         // A skin's joints say all of where its mesh is.
-        let global = if node.skin.is_some() { DAffine3::IDENTITY } else { self.nodes.globals[index] };
+        if node.skin.is_some() {
+            return self.place_mesh(mesh, node, DAffine3::IDENTITY);
+        }
+        for instance in instances::of_node(source, index, node, MAX_PLACEMENTS)? {
+            let global = self.nodes.globals[index] * instance;
+            nodes::check_reach(source, index, &global)?;
+            self.place_mesh(mesh, node, global)?;
+        }
+        Ok(())
+    }
+
+    fn place_mesh(&mut self, mesh: usize, node: &Node, global: DAffine3) -> Result<()> {
         let kind = kind_of(&global.matrix3);
         if kind == Kind::Vanishing {
             self.vanished = true;
@@ -127,7 +139,7 @@ impl<'a> Placing<'a> {
         }
         if self.triangles > MAX_PLACED_TRIANGLES {
             let limit = format!("{MAX_PLACED_TRIANGLES} triangles");
-            return Err(source.too_large(format!("over {limit} with all copies"), limit));
+            return Err(self.source.too_large(format!("over {limit} with all copies"), limit));
         }
         Ok(())
     }

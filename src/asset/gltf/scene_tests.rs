@@ -123,6 +123,44 @@ fn copies_are_shared_and_vanishing_nodes_left_out() {
 }
 
 #[test]
+fn instances() {
+    let instanced = |attributes: Value| {
+        let extensions = json!({"EXT_mesh_gpu_instancing": {"attributes": attributes}});
+        solid().with("/nodes/0", "translation", json!([10, 0, 0])).with("/nodes/0", "extensions", extensions)
+    };
+    let mut build = instanced(Value::Null);
+    let translation = build.floats("VEC3", &[1.0, 2.0, 3.0, 4.0, 5.0, 6.0]);
+    // A quarter turn about y, and none: normalized bytes, as compressed files have them.
+    let rotation = build.typed("VEC4", 5120, &[0.0, 90.0, 0.0, 90.0, 0.0, 0.0, 0.0, 127.0], true);
+    let scale = build.floats("VEC3", &[2.0, 2.0, 2.0, 1.0, 1.0, 3.0]);
+    let attributes = json!({"TRANSLATION": translation, "ROTATION": rotation, "SCALE": scale, "_ID": 99});
+    build.json["nodes"][0]["extensions"]["EXT_mesh_gpu_instancing"]["attributes"] = attributes;
+    let model = build.model();
+    let at = |number: usize| model.placements[number].model_from_local;
+    let turned =
+        Mat4::from_scale_rotation_translation(Vec3::splat(2.0), Quat::from_rotation_y(FRAC_PI_2), vec3(11.0, 2.0, 3.0));
+    assert!(at(0).abs_diff_eq(turned, 1e-5), "{}", at(0));
+    // The second is scaled unevenly, in a copy.
+    assert_eq!((model.placements.len(), at(1)), (2, Mat4::from_translation(vec3(14.0, 5.0, 6.0))));
+    let deepest =
+        model.submeshes[model.placements[1].submesh].corners.iter().map(|corner| corner.position.z).fold(0.0, f32::max);
+    assert_eq!(deepest, 3.0);
+
+    let key = "node 0: EXT_mesh_gpu_instancing: ";
+    assert!(instanced(json!({})).problem().contains(&format!("{key}it says of no instance where it is")));
+    build.json["accessors"][scale]["count"] = json!(1);
+    assert!(build.problem().contains(&format!("{key}its attributes are not of equally many instances")));
+    let mut many = instanced(Value::Null);
+    let zeros = many.accessor(json!({"componentType": 5126, "count": 100_000_000, "type": "VEC3"}));
+    many.json["nodes"][0]["extensions"]["EXT_mesh_gpu_instancing"]["attributes"] = json!({"TRANSLATION": zeros});
+    assert!(many.problem().contains("node 0: 100000000 instances"), "{}", many.problem());
+    let mut far = instanced(Value::Null);
+    let translation = far.floats("VEC3", &[0.0, 1e30, 0.0]);
+    far.json["nodes"][0]["extensions"]["EXT_mesh_gpu_instancing"]["attributes"] = json!({"TRANSLATION": translation});
+    assert!(far.problem().contains("node 0 is scaled or moved beyond"), "{}", far.problem());
+}
+
+#[test]
 fn trees_that_are_none() {
     let with_nodes = |nodes: Value, shown: Value| {
         let mut build = Build::triangle();

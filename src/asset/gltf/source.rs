@@ -6,11 +6,12 @@ use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
 
+use super::accessor::Unpacked;
 use super::container::{self, MAX_FILE_BYTES};
 use super::document::{Document, Extensions, View};
 use super::{meshopt, uri};
 use crate::asset::{Report, file};
-use crate::error::{MAX_QUOTED, shortened};
+use crate::error::{MAX_QUOTED, shortened, shown};
 use crate::{Error, Result};
 
 /// The most bytes of all buffers, decompressed views and pictures inside of files together.
@@ -30,6 +31,8 @@ pub struct Source<'a> {
     buffers: Vec<OnceCell<Vec<u8>>>,
     /// Views that were compressed.
     views: Vec<OnceCell<Vec<u8>>>,
+    /// Of accessors whose primitives were compressed.
+    unpacked: Vec<OnceCell<Unpacked>>,
     bytes: Cell<u64>,
 }
 
@@ -53,6 +56,7 @@ impl<'a> Source<'a> {
             short: file::short_name(path),
             buffers: document.buffers.iter().map(|_| OnceCell::new()).collect(),
             views: document.buffer_views.iter().map(|_| OnceCell::new()).collect(),
+            unpacked: document.accessors.iter().map(|_| OnceCell::new()).collect(),
             document,
             report,
             warned: RefCell::default(),
@@ -69,7 +73,8 @@ impl<'a> Source<'a> {
 
     /// The same with a remedy of its own.
     pub fn broken_with(&self, problem: impl Into<String>, remedy: &'static str) -> Error {
-        Error::Broken { path: self.path.into(), what: "glTF model", problem: problem.into(), remedy }
+        let problem = shown(&problem.into(), false);
+        Error::Broken { path: self.path.into(), what: "glTF model", problem, remedy }
     }
 
     /// The error of a file that would take too much memory.
@@ -127,6 +132,24 @@ impl<'a> Source<'a> {
         Some(found.path)
     }
 
+    /// What an accessor holds that was compressed with its primitive; `None`: it was not, or is not decompressed yet.
+    pub fn unpacked(&self, accessor: usize) -> Option<&Unpacked> {
+        self.unpacked.get(accessor)?.get()
+    }
+
+    /// Keeps what an accessor holds; of two the first.
+    ///
+    /// # Errors
+    /// There is no such accessor, or all together take too much memory.
+    pub fn keep_unpacked(&self, accessor: usize, unpacked: Unpacked) -> Result<()> {
+        let Some(kept) = self.unpacked.get(accessor) else {
+            return Err(self.broken(format!("there is no accessor {accessor}")));
+        };
+        self.count_bytes(unpacked.bytes())?;
+        kept.get_or_init(|| unpacked);
+        Ok(())
+    }
+
     /// What is there of a view, and its stride.
     ///
     /// # Errors
@@ -140,11 +163,11 @@ impl<'a> Source<'a> {
         let Some(packed): Option<meshopt::Packed> = extension else {
             return Ok((self.slice(&of, view.buffer, view.byte_offset, view.byte_length)?, view.byte_stride));
         };
-        let bytes = self.unpacked(index, view, &packed)?;
+        let bytes = self.unpacked_view(index, view, &packed)?;
         Ok((bytes, Some(packed.byte_stride)))
     }
 
-    fn unpacked(&self, index: usize, view: &View, packed: &meshopt::Packed) -> Result<&[u8]> {
+    fn unpacked_view(&self, index: usize, view: &View, packed: &meshopt::Packed) -> Result<&[u8]> {
         if let Some(known) = self.views[index].get() {
             return Ok(known);
         }
