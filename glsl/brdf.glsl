@@ -101,10 +101,16 @@ float schlick_weight(float cosine)
     return x2 * x2 * x;
 }
 
-// Schlick, "An Inexpensive BRDF Model for Physically-based Rendering" (1994), eq. 15; reflects all at grazing angles.
-vec3 f_schlick(vec3 f0, float vh)
+// What a surface reflects seen head on, and at grazing angles; the latter is 1 but for KHR_materials_specular.
+struct Fresnel {
+    vec3 f0;
+    float f90;
+};
+
+// Schlick, "An Inexpensive BRDF Model for Physically-based Rendering" (1994), eq. 15.
+vec3 f_schlick(Fresnel f, float vh)
 {
-    return f0 + (1.0 - f0) * schlick_weight(vh);
+    return f.f0 + (f.f90 - f.f0) * schlick_weight(vh);
 }
 
 // Schlick's weight towards max(1 - roughness, f0) instead of 1: Lagarde, "Adopting a physically based shading model"
@@ -128,25 +134,25 @@ vec3 diffuse_lambert(vec3 albedo)
 }
 
 // The thesis's: Lambert times 1 - F(v.h), for light of no size. Reflects up to 1.86 times what it gets.
-vec3 diffuse_karis2013(vec3 albedo, vec3 f0, float vh)
+vec3 diffuse_karis2013(vec3 albedo, Fresnel f, float vh)
 {
-    return (1.0 - f_schlick(f0, vh)) * diffuse_lambert(albedo);
+    return (1.0 - f_schlick(f, vh)) * diffuse_lambert(albedo);
 }
 
-// Reflectance head on: a dielectric's, or a metal's base color. Karis (2013), section "Material Model".
-vec3 f0_from_metallic(vec3 base_color, float metallic, float dielectric_f0)
+// A dielectric's reflectance, or a metal's, whose base color it is. Karis (2013), section "Material Model".
+Fresnel fresnel_from_metallic(vec3 base_color, float metallic, Fresnel dielectric)
 {
-    return mix(vec3(dielectric_f0), base_color, metallic);
+    return Fresnel(mix(dielectric.f0, base_color, metallic), mix(dielectric.f90, 1.0, metallic));
 }
 
 // Single scattering for light of no size, in 1/sr; multiply by max(n.l, 0) and the light's irradiance.
 // F V D: Cook and Torrance, "A Reflectance Model for Computer Graphics" (1982), with V = G / (4 nl nv).
 // v.h = |v + l| / 2 for unit vectors, which needs neither a normalised h nor a guard at l = -v.
-vec3 specular(vec3 n, vec3 v, vec3 l, vec3 f0, float roughness, int geometry)
+vec3 specular(vec3 n, vec3 v, vec3 l, Fresnel f, float roughness, int geometry)
 {
     vec3 h = v + l;
     float d = d_ggx(n, h, alpha_from_roughness(roughness));
-    return f_schlick(f0, 0.5 * length(h)) * (d * v_direct(dot(n, l), dot(n, v), roughness, geometry));
+    return f_schlick(f, 0.5 * length(h)) * (d * v_direct(dot(n, l), dot(n, v), roughness, geometry));
 }
 
 // Phong exponent whose lobe is as wide as Beckmann's of this roughness. 2 / alpha^2 - 2 is the exponent over n.h (Walter

@@ -8,7 +8,7 @@
 #include "shading_point.glsl"
 
 // Of an index of refraction of 1.5: KHR_materials_clearcoat.
-const float CLEARCOAT_F0 = 0.04;
+const Fresnel CLEARCOAT_FRESNEL = Fresnel(vec3(0.04), 1.0);
 
 // The coat as a surface; black, so that nothing of it is diffuse.
 Surface clearcoat_layer(Surface s)
@@ -17,7 +17,7 @@ Surface clearcoat_layer(Surface s)
     s.nv = clamp(dot(s.n, s.v), MIN_COS, 1.0);
     s.base_color = vec3(0.0);
     s.metallic = 0.0;
-    s.dielectric_f0 = CLEARCOAT_F0;
+    s.dielectric = CLEARCOAT_FRESNEL;
     s.roughness = s.clearcoat_roughness;
     s.sheen = vec3(0.0);
     return s;
@@ -26,7 +26,7 @@ Surface clearcoat_layer(Surface s)
 // The share of its light that the base keeps below a coat of this factor; `at_v`: the table's entry at the coat's n.v.
 float under_clearcoat(float factor, Energy energy, vec2 at_v)
 {
-    return 1.0 - factor * specular_albedo(energy, vec3(CLEARCOAT_F0), at_v).x;
+    return 1.0 - factor * specular_albedo(energy, CLEARCOAT_FRESNEL, at_v).x;
 }
 
 #endif

@@ -56,14 +56,14 @@ float disc_ggx(vec3 n, vec3 v, vec3 l, float alpha, float sine)
 
 // Single scattering of the disc's light in 1/sr; multiply by `disc_cosine` and the irradiance. Fresnel and masking are those
 // of its centre, and masking's roughness is `geometry`'s for point lights.
-vec3 disc_specular(vec3 n, vec3 v, vec3 l, vec3 f0, float alpha, float sine, int geometry)
+vec3 disc_specular(vec3 n, vec3 v, vec3 l, Fresnel f, float alpha, float sine, int geometry)
 {
     alpha = max(alpha, DISC_MIN_ALPHA);
     float nl = disc_cosine(dot(n, l), sine);
     l += (nl - dot(n, l)) * n; // what is above the horizon
     float visibility = geometry == GEOMETRY_KARIS2013 ? v_karis2013_direct(nl, dot(n, v), sqrt(alpha))
                                                       : v_smith_height_correlated(nl, dot(n, v), alpha);
-    return f_schlick(f0, 0.5 * length(v + l)) * (disc_ggx(n, v, l, alpha, sine) * visibility);
+    return f_schlick(f, 0.5 * length(v + l)) * (disc_ggx(n, v, l, alpha, sine) * visibility);
 }
 
 // Phong exponent of a lobe that is widened by the disc: variances, 1 / exponent and sine^2 / 4 along each axis, add up.

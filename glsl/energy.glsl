@@ -10,7 +10,7 @@
 struct Energy {
     vec2 mean;     // the entry averaged over directions
     bool multiple; // else single scattering alone, and nothing is given back
-    float dielectric_f0; // reflectance of the surface's dielectric part, seen head on
+    Fresnel dielectric; // of the part that is no metal
 };
 
 // Least share that is divided by: below, a lobe is 0 over 0.
@@ -23,20 +23,20 @@ float lost(vec2 entry)
 }
 
 // What the lost light is multiplied by before it comes back. Kulla and Conty, "Revisiting Physically Based Shading at
-// Imageworks" (2017), section on Fresnel, with Schlick's mean F0 + (1 - F0) / 21.
-vec3 multiple_share(Energy energy, vec3 f0)
+// Imageworks" (2017), section on Fresnel, with Schlick's mean F0 + (F90 - F0) / 21.
+vec3 multiple_share(Energy energy, Fresnel fresnel)
 {
     if (!energy.multiple)
         return vec3(0.0);
     float mean = energy.mean.x + energy.mean.y;
-    vec3 f = f0 + (1.0 - f0) / 21.0;
+    vec3 f = fresnel.f0 + (fresnel.f90 - fresnel.f0) / 21.0;
     return f * f * mean / (1.0 - f * (1.0 - mean));
 }
 
 // The same for a surface that is in part metal.
 vec3 mixed_share(Energy energy, vec3 base_color, float metallic)
 {
-    return mix(multiple_share(energy, vec3(energy.dielectric_f0)), multiple_share(energy, base_color), metallic);
+    return mix(multiple_share(energy, energy.dielectric), multiple_share(energy, Fresnel(base_color, 1.0)), metallic);
 }
 
 // Multiple scattering in 1/sr for a share: Kulla and Conty (2017).
@@ -46,15 +46,16 @@ vec3 multiple(Energy energy, vec3 share, vec2 at_l, vec2 at_v)
 }
 
 // Share of light from all sides that single and multiple scattering send towards v.
-vec3 specular_albedo(Energy energy, vec3 f0, vec2 at_v)
+vec3 specular_albedo(Energy energy, Fresnel f, vec2 at_v)
 {
-    return f0 * at_v.x + at_v.y + lost(at_v) * multiple_share(energy, f0);
+    return f.f0 * at_v.x + f.f90 * at_v.y + lost(at_v) * multiple_share(energy, f);
 }
 
-// What a dielectric's specular part leaves.
+// What a dielectric's specular part leaves, the same of all colours: of the one that it reflects most (KHR_materials_specular).
 float left_by_dielectric(Energy energy, vec2 entry)
 {
-    return 1.0 - specular_albedo(energy, vec3(energy.dielectric_f0), entry).x;
+    vec3 specular = specular_albedo(energy, energy.dielectric, entry);
+    return 1.0 - max(specular.r, max(specular.g, specular.b));
 }
 
 // The diffuse part in 1/sr: of what the dielectric's specular part leaves at both ends. Kelemen and Szirmay-Kalos, "A

@@ -2,6 +2,7 @@
 #ifndef PBR_VR_ENVIRONMENT
 #define PBR_VR_ENVIRONMENT
 
+#include "brdf.glsl"
 #include "levels.glsl"
 #include "panorama.glsl"
 #include "split_sum.glsl"
@@ -23,7 +24,7 @@ EvenLight environment_even(vec3 n)
 
 // What the specular term does with light from all around.
 struct SpecularLobe {
-    vec3 reflectance; // its integral over the light's directions, F0 A + B: Karis (2013), eq. 8
+    vec3 reflectance; // its integral over the light's directions, F0 A + F90 B: Karis (2013), eq. 8
     float even;       // the share of the irradiance in it; the rest comes
     vec3 towards;     // from around this direction, of any length:
     vec3 apart;       // from two round lobes, along towards + apart and towards - apart; of one where this is 0
@@ -35,12 +36,12 @@ struct SpecularLobe {
 
 // Irradiance and round lobes together have the mean vector of the BRDF's own lobe (src/precompute/README.md), but for what normals
 // of this variance within the pixel take of it.
-SpecularLobe specular_lobe(vec3 n, vec3 v, float nv, vec3 f0, float roughness, float variance)
+SpecularLobe specular_lobe(vec3 n, vec3 v, float nv, Fresnel f, float roughness, float variance)
 {
     vec2 at = table_coordinate(nv, roughness, vec2(textureSize(brdf_table, 0).xy));
     vec4 parts = textureLod(brdf_table, vec3(at, 0.0), 0.0);
     vec4 means = textureLod(brdf_table, vec3(at, 1.0), 0.0);
-    vec2 share = vec2(dot(f0, vec3(1.0 / 3.0)), 1.0) * parts.xy, along = parts.zw * parts.zw;
+    vec2 share = vec2(dot(f.f0, vec3(1.0 / 3.0)), f.f90) * parts.xy, along = parts.zw * parts.zw;
     share /= max(share.x + share.y, TINY);
     float even = SPLIT_SUM >= ONE_LOBE ? share.x * along.x * even_over_along(nv, roughness) : 0.0;
     vec3 r = reflect(-v, n), t = n - nv * r;
@@ -50,7 +51,7 @@ SpecularLobe specular_lobe(vec3 n, vec3 v, float nv, vec3 f0, float roughness, f
     float share_apart = SPLIT_SUM == TWO_LOBES ? apart_over_sin2(roughness) : 0.0;
     Pair pair = split_lobe(found, share_apart, sin2);
     SpecularLobe lobe;
-    lobe.reflectance = f0 * parts.x + parts.y;
+    lobe.reflectance = f.f0 * parts.x + f.f90 * parts.y;
     lobe.even = even;
     lobe.towards = found.towards.x * r + found.towards.y * t;
     lobe.apart = pair.apart.x * r + pair.apart.y * t;

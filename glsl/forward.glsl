@@ -65,7 +65,7 @@ float normal_variance()
 
 SpecularLobe lobe_of(Surface s)
 {
-    return specular_lobe(s.n, s.v, s.nv, f0_of(s), s.roughness, normal_variance());
+    return specular_lobe(s.n, s.v, s.nv, fresnel_of(s), s.roughness, normal_variance());
 }
 
 // The share of a lobe's light that comes from as far away as its image shows it: see share_in_image in lightmap_gather.comp. What is
@@ -113,7 +113,7 @@ Split environment_below(Surface s, SpecularLobe lobe)
     bool multiple = MULTI_SCATTER && GEOMETRY == GEOMETRY_SMITH;
     if (METALNESS == METALNESS_METAL && !multiple)
         return split;
-    Energy energy = Energy(lobe.mean_entry, multiple, s.dielectric_f0);
+    Energy energy = Energy(lobe.mean_entry, multiple, s.dielectric);
     if (GEOMETRY == GEOMETRY_KARIS2013) // the thesis's: what the mixed specular part leaves
         split.diffuse = (1.0 - lobe.reflectance) * (1.0 - s.metallic) * s.base_color * even;
     else if (METALNESS != METALNESS_METAL)
@@ -155,7 +155,7 @@ Surface widened_for_point_lights(Surface s, float variance)
 // What a clear coat leaves of the light of what is below.
 float left_by_clearcoat(Surface s, Surface coat)
 {
-    Energy energy = Energy(table_mean(brdf_table, coat.roughness), MULTI_SCATTER, CLEARCOAT_F0);
+    Energy energy = Energy(table_mean(brdf_table, coat.roughness), MULTI_SCATTER, CLEARCOAT_FRESNEL);
     return under_clearcoat(s.clearcoat, energy, table_entry(brdf_table, coat.nv, coat.roughness));
 }
 
@@ -177,7 +177,7 @@ vec3 layer_light(Surface s)
 {
     SpecularLobe lobe = lobe_of(s);
     Split split = environment(s, lobe);
-    Energy energy = Energy(lobe.mean_entry, MULTI_SCATTER, s.dielectric_f0);
+    Energy energy = Energy(lobe.mean_entry, MULTI_SCATTER, s.dielectric);
     float variance = normal_variance();
     vec3 points = point_lights(widened_for_point_lights(s, variance), position_world, energy, lobe.entry);
     return split.diffuse + split.specular + points + sun_light(s, variance, energy, lobe.entry);
@@ -201,7 +201,7 @@ vec3 term(Surface s)
     float nl = max(dot(s.n, l), 0.0);
     vec3 h = s.v + l;
     if (SHADING == SHADING_F)
-        return f_schlick(f0_of(s), 0.5 * length(h));
+        return f_schlick(fresnel_of(s), 0.5 * length(h));
     if (SHADING == SHADING_G)
         return vec3(v_direct(nl, s.nv, s.roughness, GEOMETRY) * 4.0 * nl * s.nv);
     // D has no upper bound: D / (1 + D) shows all of it.

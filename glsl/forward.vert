@@ -19,7 +19,7 @@ layout(location = 3) centroid out vec4 tangent_world;
 layout(location = 4) flat out uint eye;
 // The material: read here, because lavapipe reads buffers lane by lane, which costs fragments 6 % of a frame.
 layout(location = 5) flat out vec4 base_color_metallic;
-layout(location = 6) flat out vec4 surface_factors; // roughness, alpha cutoff, F0 of what is no metal, whether it transmits
+layout(location = 6) flat out vec4 surface_factors; // roughness, alpha cutoff, F0 of what is no metal, if not SPECULAR, whether it transmits
 // Centroid: outside of its triangle a coordinate would reach into another chart.
 layout(location = 8) centroid out vec2 covered_lightmap_uv;
 // At the pixel's centre, whose neighbours span the triangle's plane.
@@ -39,7 +39,7 @@ void main()
     Material material = materials[instances[draw.instance].material];
     base_color_metallic = vec4(material.base_color, material.metallic);
     float transmits = (material.flags & MATERIAL_TRANSMITS) != 0u ? 1.0 : 0.0;
-    surface_factors = vec4(material.roughness, material.alpha_cutoff, material.dielectric_f0, transmits);
+    surface_factors = vec4(material.roughness, material.alpha_cutoff, material.dielectric.f0.r, transmits);
     emission_opacity = vec4(material.emission, material.opacity);
     vertex_colour = VERTEX_COLOURS != COLOURS_OF_NOTHING ? unpacked_colour(vertex_extras[gl_VertexIndex]) : vec4(1.0);
     uv1 = SECOND_UV != 0u ? vertex_extras[gl_VertexIndex].uv1 : vec2(0.0);

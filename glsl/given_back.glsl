@@ -11,7 +11,8 @@
 // Share that is given back; `at`: the table's entry at n.v, or its mean.
 vec3 total_albedo(Energy energy, vec3 base_color, float metallic, vec2 at)
 {
-    vec3 specular = f0_from_metallic(base_color, metallic, energy.dielectric_f0) * at.x + at.y + multiple_even(energy, base_color, metallic, at);
+    Fresnel f = fresnel_from_metallic(base_color, metallic, energy.dielectric);
+    vec3 specular = f.f0 * at.x + f.f90 * at.y + multiple_even(energy, base_color, metallic, at);
     return min(specular + diffuse_even(energy, base_color, metallic, at), vec3(1.0));
 }
 
@@ -25,7 +26,7 @@ vec3 layered_albedo(Surface s, float sheen_cosine, float cosine, vec3 albedo)
     }
     if (!rays_have(RAYS_CLEARCOAT) || s.clearcoat <= 0.0)
         return albedo;
-    Energy energy = Energy(table_mean(brdf_table, s.clearcoat_roughness), MULTI_SCATTER, CLEARCOAT_F0);
+    Energy energy = Energy(table_mean(brdf_table, s.clearcoat_roughness), MULTI_SCATTER, CLEARCOAT_FRESNEL);
     vec2 at = cosine < 0.0 ? energy.mean : table_entry(brdf_table, cosine, s.clearcoat_roughness);
     return mix(vec3(1.0), albedo, under_clearcoat(s.clearcoat, energy, at));
 }
@@ -33,7 +34,7 @@ vec3 layered_albedo(Surface s, float sheen_cosine, float cosine, vec3 albedo)
 // Share that a surface gives back as if it were matt.
 vec3 matt_albedo(Surface s)
 {
-    Energy energy = Energy(table_mean(brdf_table, s.roughness), MULTI_SCATTER, s.dielectric_f0);
+    Energy energy = Energy(table_mean(brdf_table, s.roughness), MULTI_SCATTER, s.dielectric);
     return layered_albedo(s, -1.0, -1.0, total_albedo(energy, s.base_color, s.metallic, energy.mean));
 }
 
@@ -53,7 +54,7 @@ vec3 towards_over_matt(RayHit hit, float cosine)
     vec3 base_color = ray_base(hit, material, uv);
     vec2 metallic_roughness = ray_metallic_roughness(hit, material, uv);
     float metallic = metallic_roughness.x, roughness = metallic_roughness.y;
-    Energy energy = Energy(table_mean(brdf_table, roughness), MULTI_SCATTER, material.dielectric_f0);
+    Energy energy = Energy(table_mean(brdf_table, roughness), MULTI_SCATTER, material.dielectric);
     return over_matt(energy, base_color, metallic, table_entry(brdf_table, cosine, roughness));
 }
 

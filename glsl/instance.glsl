@@ -3,6 +3,7 @@
 #define INSTANCE_GLSL
 
 #include "shared.glsl"
+#include "brdf.glsl"
 
 struct Instance {
     mat4 world_from_local; // rotation, uniform scale, translation
@@ -18,7 +19,7 @@ struct Material {
     float opacity;
     vec3 emission; // radiance, W/(m^2 sr)
     uint flags;
-    float dielectric_f0;
+    Fresnel dielectric; // of the part that is no metal
     vec3 transmission; // by which light is multiplied that goes through
     float clearcoat;
     float clearcoat_roughness;

@@ -39,10 +39,10 @@ float lamp_density(float cosine, float distance_metres)
 // The physically based BRDF for light of no size, in 1/sr.
 vec3 brdf(Surface s, vec3 l, Energy energy, vec2 at_v)
 {
-    vec3 f0 = f0_of(s);
-    vec3 sum = specular(s.n, s.v, l, f0, s.roughness, GEOMETRY);
+    Fresnel f = fresnel_of(s);
+    vec3 sum = specular(s.n, s.v, l, f, s.roughness, GEOMETRY);
     if (GEOMETRY == GEOMETRY_KARIS2013)
-        sum += (1.0 - s.metallic) * diffuse_karis2013(s.base_color, f0, 0.5 * length(s.v + l));
+        sum += (1.0 - s.metallic) * diffuse_karis2013(s.base_color, f, 0.5 * length(s.v + l));
     else if (METALNESS != METALNESS_METAL || MULTI_SCATTER) {
         vec2 at_l = table_entry(brdf_table, dot(s.n, l), s.roughness);
         sum += beyond_single(energy, s.base_color, s.metallic, at_l, at_v);

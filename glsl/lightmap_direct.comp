@@ -6,7 +6,7 @@
 // Of light from l, what is given back as if all of that were matt.
 vec3 given_back_of(Surface s, vec3 l)
 {
-    Energy energy = Energy(table_mean(brdf_table, s.roughness), MULTI_SCATTER, s.dielectric_f0);
+    Energy energy = Energy(table_mean(brdf_table, s.roughness), MULTI_SCATTER, s.dielectric);
     float nl = max(dot(s.n, l), 0.0);
     vec2 at = table_entry(brdf_table, nl, s.roughness);
     return layered_albedo(s, nl, max(dot(s.clearcoat_n, l), 0.0), total_albedo(energy, s.base_color, s.metallic, at)) * INV_PI;

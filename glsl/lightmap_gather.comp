@@ -226,7 +226,7 @@ bool gather(PathPoint p, vec3 d, uint index, uint i, uvec4 bases, KnownSky known
     RayHit met = trace_ray(origin, d, 1e30, false);
     if (!gathered(p, met, d, sky, light, shining))
         return false;
-    Energy energy = Energy(table_mean(brdf_table, p.s.roughness), MULTI_SCATTER, p.s.dielectric_f0);
+    Energy energy = Energy(table_mean(brdf_table, p.s.roughness), MULTI_SCATTER, p.s.dielectric);
     float is_sky = met.t < 0.0 ? 1.0 : 0.0, bright = dot(sky_radiance(d, panorama_lod(PANORAMA_TEXELS)), vec3(1.0));
     found.all = found.steady = found.bounced = vec3(0.0);
     add(found, weights(p.s, energy, dot(p.s.n, d)), light);

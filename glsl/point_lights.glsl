@@ -34,7 +34,7 @@ vec3 point_lights(Surface s, vec3 position, Energy energy, vec2 at_v)
 // The same by Phong, which has no table.
 vec3 point_lights_phong(Surface s, vec3 position)
 {
-    vec3 sum = vec3(0.0), f0 = f0_of(s);
+    vec3 sum = vec3(0.0), f0 = fresnel_of(s).f0;
     uint count = lamp_count();
     for (uint i = 0u; i < count; ++i) {
         vec3 l;

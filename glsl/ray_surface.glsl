@@ -247,7 +247,7 @@ PathPoint ray_point(RayHit hit, vec3 d)
     p.s.emission = ray_emission_of(hit, material, uv);
     p.s.metallic = metallic_roughness.x;
     p.s.roughness = metallic_roughness.y;
-    p.s.dielectric_f0 = material.dielectric_f0;
+    p.s.dielectric = material.dielectric;
     p.s.clearcoat = 0.0;
     if (rays_have(RAYS_CLEARCOAT))
         set_clearcoat(p.s, hit, material, uv, front * turn);

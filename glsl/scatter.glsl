@@ -31,7 +31,7 @@ struct Coat {
 struct Scatter {
     vec3 v;
     vec3 base_color;
-    vec3 f0;
+    Fresnel fresnel;
     float metallic;
     float roughness;
     float alpha;
@@ -54,7 +54,7 @@ Coat make_coat(Surface s, vec3 v, mat3 world_from_surface)
     c.v = normalize(vec3(v.xy, max(v.z, MIN_COS)));
     c.roughness = s.clearcoat_roughness;
     c.alpha = c.roughness * c.roughness;
-    c.energy = Energy(table_mean(brdf_table, c.roughness), MULTI_SCATTER, CLEARCOAT_F0);
+    c.energy = Energy(table_mean(brdf_table, c.roughness), MULTI_SCATTER, CLEARCOAT_FRESNEL);
     c.at_v = table_entry(brdf_table, c.v.z, c.roughness);
     c.left = under_clearcoat(c.factor, c.energy, c.at_v);
     // As of the base's specular part; none where there is no coat.
@@ -68,11 +68,11 @@ float coat_scattered(Coat c, vec3 l)
     l = l * c.base_from_coat;
     if (l.z <= 0.0)
         return 0.0;
-    vec3 h = c.v + l, f0 = vec3(CLEARCOAT_F0);
-    float single = f_schlick(f0, 0.5 * length(h)).x * d_ggx(vec3(0.0, 0.0, 1.0), h, c.alpha)
+    vec3 h = c.v + l;
+    float single = f_schlick(CLEARCOAT_FRESNEL, 0.5 * length(h)).x * d_ggx(vec3(0.0, 0.0, 1.0), h, c.alpha)
         * v_environment(l.z, c.v.z, c.roughness, GEOMETRY);
     vec2 at_l = table_entry(brdf_table, l.z, c.roughness);
-    return c.factor * l.z * (single + multiple(c.energy, multiple_share(c.energy, f0), at_l, c.at_v).x);
+    return c.factor * l.z * (single + multiple(c.energy, multiple_share(c.energy, CLEARCOAT_FRESNEL), at_l, c.at_v).x);
 }
 
 Scatter make_scatter(Surface s, mat3 world_from_surface)
@@ -81,15 +81,15 @@ Scatter make_scatter(Surface s, mat3 world_from_surface)
     vec3 v = s.v * world_from_surface;
     m.v = normalize(vec3(v.xy, max(v.z, MIN_COS)));
     m.base_color = s.base_color;
-    m.f0 = f0_of(s);
+    m.fresnel = fresnel_of(s);
     m.metallic = s.metallic;
     m.roughness = s.roughness;
     m.alpha = s.roughness * s.roughness;
     m.mirror = m.alpha < MIRROR_ALPHA;
     // A mirror has no microfacets that light could bounce between.
-    m.energy = Energy(table_mean(brdf_table, s.roughness), MULTI_SCATTER && !m.mirror, s.dielectric_f0);
+    m.energy = Energy(table_mean(brdf_table, s.roughness), MULTI_SCATTER && !m.mirror, s.dielectric);
     m.at_v = table_entry(brdf_table, m.v.z, s.roughness);
-    vec3 f = f_schlick(m.f0, m.v.z);
+    vec3 f = f_schlick(m.fresnel, m.v.z);
     vec3 diffuse = (1.0 - s.metallic) * s.base_color + multiple_even(m.energy, s.base_color, s.metallic, m.at_v);
     if (rays_have(RAYS_SHEEN)) {
         float albedo = sheen_albedo(m.v.z, s.sheen_roughness);
@@ -113,11 +113,11 @@ vec3 scattered(Scatter m, vec3 l)
     float vh = 0.5 * length(h);
     vec3 sum;
     if (GEOMETRY == GEOMETRY_KARIS2013)
-        sum = (1.0 - m.metallic) * diffuse_karis2013(m.base_color, m.f0, vh);
+        sum = (1.0 - m.metallic) * diffuse_karis2013(m.base_color, m.fresnel, vh);
     else
         sum = beyond_single(m.energy, m.base_color, m.metallic, table_entry(brdf_table, l.z, m.roughness), m.at_v);
     if (!m.mirror)
-        sum += f_schlick(m.f0, vh) * (d_ggx(vec3(0.0, 0.0, 1.0), h, m.alpha) * v_environment(l.z, m.v.z, m.roughness, GEOMETRY));
+        sum += f_schlick(m.fresnel, vh) * (d_ggx(vec3(0.0, 0.0, 1.0), h, m.alpha) * v_environment(l.z, m.v.z, m.roughness, GEOMETRY));
     if (rays_have(RAYS_SHEEN))
         sum = m.left_by_sheen * sum + m.sheen * sheen_brdf(vec3(0.0, 0.0, 1.0), m.v, l, m.sheen_roughness);
     return rays_have(RAYS_CLEARCOAT) ? sum * (m.coat.left * l.z) + coat_scattered(m.coat, l) : sum * l.z;
@@ -145,7 +145,7 @@ float scatter_density(Scatter m, vec3 l)
 // By which a mirror's own light is multiplied where `sample_scatter` has drawn it.
 vec3 mirrored_weight(Scatter m)
 {
-    vec3 weight = f_schlick(m.f0, m.v.z) / m.specular_share;
+    vec3 weight = f_schlick(m.fresnel, m.v.z) / m.specular_share;
     if (rays_have(RAYS_SHEEN))
         weight *= m.left_by_sheen;
     return rays_have(RAYS_CLEARCOAT) ? weight * (m.coat.left / (1.0 - m.coat.share)) : weight;

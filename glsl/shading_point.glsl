@@ -10,7 +10,7 @@ struct Surface {
     float nv;
     vec3 base_color;
     float metallic;
-    float dielectric_f0; // of the part that is no metal, seen head on
+    Fresnel dielectric; // of the part that is no metal
     float roughness;
     float occlusion;
     vec3 emission; // radiance, W/(m^2 sr)
@@ -23,9 +23,9 @@ struct Surface {
     float sheen_roughness;
 };
 
-vec3 f0_of(Surface s)
+Fresnel fresnel_of(Surface s)
 {
-    return f0_from_metallic(s.base_color, s.metallic, s.dielectric_f0);
+    return fresnel_from_metallic(s.base_color, s.metallic, s.dielectric);
 }
 
 #endif

@@ -65,6 +65,7 @@ layout(constant_id = 19) const bool EMITS = true;
 layout(constant_id = 20) const uint VERTEX_COLOURS = 0;
 layout(constant_id = 21) const uint SECOND_UV = 0; // bit i: map i is looked up by the second texture coordinates
 layout(constant_id = 22) const bool BLENDS = false;  // alpha is coverage
+layout(constant_id = 29) const bool SPECULAR = false; // dielectrics reflect colours apart, or not all at grazing angles
 layout(constant_id = 25) const bool TINTS = false;   // what is behind is seen in another colour
 #ifdef CORE_MATERIALS
 const bool CLEARCOAT = false;

@@ -24,7 +24,8 @@ vec3 sphere_visibility(SphereLight light, vec3 p, vec3 n)
 // pixel.
 vec3 mirrored_spheres(Surface s, float even, float variance)
 {
-    vec3 sum = vec3(0.0), f0 = f0_of(s);
+    vec3 sum = vec3(0.0);
+    Fresnel f = fresnel_of(s);
     vec3 p = position_in_models(position_world), n = models_from_world(triangle_normal());
     float alpha = widened_alpha(s.roughness * s.roughness, variance);
     for (uint i = 0u; i < SPHERE_LIGHTS; ++i) {
@@ -34,7 +35,7 @@ vec3 mirrored_spheres(Surface s, float even, float variance)
         vec3 l = mat3(frame.world_from_models) * normalize_or(to, vec3(0.0, 1.0, 0.0));
         float sine = sqrt(radius2 / far2), cosine = disc_cosine(dot(s.n, l), sine);
         if (cosine > 0.0)
-            sum += light.intensity * sphere_visibility(light, p, n) * (cosine / far2) * disc_specular(s.n, s.v, l, f0, alpha, sine, GEOMETRY);
+            sum += light.intensity * sphere_visibility(light, p, n) * (cosine / far2) * disc_specular(s.n, s.v, l, f, alpha, sine, GEOMETRY);
     }
     return (1.0 - even) * sum;
 }

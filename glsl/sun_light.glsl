@@ -29,11 +29,11 @@ vec3 sun_light(Surface s, float variance, Energy energy, vec2 at_v)
     vec3 irradiance = sun_irradiance(s.n), l = frame.sun.towards;
     if (irradiance == vec3(0.0))
         return vec3(0.0);
-    vec3 f0 = f0_of(s);
+    Fresnel f = fresnel_of(s);
     float alpha = widened_alpha(s.roughness * s.roughness, variance);
-    vec3 sum = disc_specular(s.n, s.v, l, f0, alpha, frame.sun.sine, GEOMETRY);
+    vec3 sum = disc_specular(s.n, s.v, l, f, alpha, frame.sun.sine, GEOMETRY);
     if (GEOMETRY == GEOMETRY_KARIS2013)
-        sum += (1.0 - s.metallic) * diffuse_karis2013(s.base_color, f0, 0.5 * length(s.v + l));
+        sum += (1.0 - s.metallic) * diffuse_karis2013(s.base_color, f, 0.5 * length(s.v + l));
     else if (METALNESS != METALNESS_METAL || MULTI_SCATTER) {
         vec2 at_l = table_entry(brdf_table, dot(s.n, l), s.roughness);
         sum += beyond_single(energy, s.base_color, s.metallic, at_l, at_v);
@@ -47,7 +47,7 @@ vec3 sun_light_phong(Surface s)
     if (!SUN)
         return vec3(0.0);
     float exponent = disc_phong_exponent(phong_exponent(s.roughness), frame.sun.sine);
-    vec3 specular = f0_of(s) * phong_lobe(s.n, s.v, frame.sun.towards, exponent);
+    vec3 specular = fresnel_of(s).f0 * phong_lobe(s.n, s.v, frame.sun.towards, exponent);
     return sun_irradiance(s.n) * (diffuse_lambert(s.base_color) + specular);
 }
 

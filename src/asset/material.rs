@@ -48,8 +48,9 @@ pub struct MaterialDesc {
     pub metallic: Factor<f32>,
     /// Perceptual roughness.
     pub roughness: Factor<f32>,
-    /// Reflectance at normal incidence of the part that is no metal.
-    pub dielectric_f0: f32,
+    /// Reflectance of the part that is no metal, 0 to 1: at normal incidence, linear RGB, and at grazing angles.
+    pub dielectric_f0: Vec3,
+    pub dielectric_f90: f32,
     /// The share that has a clear coat, 0 to 1: a dielectric layer of index 1.5 and of this roughness.
     pub clearcoat: f32,
     pub clearcoat_roughness: f32,
@@ -185,7 +186,8 @@ impl MaterialDesc {
             opacity: 1.0,
             metallic: Factor::same(metallic),
             roughness: Factor::same(roughness),
-            dielectric_f0: DIELECTRIC_F0,
+            dielectric_f0: Vec3::splat(DIELECTRIC_F0),
+            dielectric_f90: 1.0,
             clearcoat: 0.0,
             clearcoat_roughness: 0.0,
             clearcoat_bumps: false,
@@ -217,16 +219,17 @@ impl MaterialDesc {
     /// From behind it is the same sheet.
     pub fn transmit(&mut self, share: f32, inside: Vec3) {
         // Of light from all sides, by Schlick's form; shaders make it more at slanted views.
-        let reflectance = self.dielectric_f0 + (1.0 - self.dielectric_f0) / 21.0;
+        let luminance = |color: Vec3| tone::luminance(color.as_dvec3()) as f32;
+        let f0 = luminance(self.dielectric_f0);
+        let reflectance = f0 + (self.dielectric_f90 - f0) / 21.0;
         let color = self.base_color.alone;
-        let luminance = tone::luminance(color.as_dvec3()) as f32;
         let mirrored = share * reflectance;
         let coverage = 1.0 - share * (1.0 - reflectance);
         let covering = (Vec3::splat(mirrored) + (1.0 - share) * color) / coverage;
         self.transmission = Some(inside * self.base_color.of(self.base_color_map.is_some()));
         self.culls_backs = false;
         self.base_color = Factor::same(covering.min(Vec3::ONE));
-        self.metallic = Factor::same(mirrored / (mirrored + (1.0 - share) * luminance));
+        self.metallic = Factor::same(mirrored / (mirrored + (1.0 - share) * luminance(color)));
         // Its red is not to be that of a mirror.
         self.metallic_map = None;
         // Alpha of an opaque material's map means nothing, and counts where a material is blended.
@@ -241,9 +244,7 @@ impl MaterialDesc {
 
     /// Makes the surface of a solid body of what [`Self::transmit`] has made a sheet of; `surface_transmission`: without its map.
     /// Without effect where a body would bend nothing.
-    pub fn refract(&mut self, surface_transmission: Vec3, absorption: Vec3) {
-        let root = self.dielectric_f0.sqrt();
-        let ior = ((1.0 + root) / (1.0 - root)).min(MAX_IOR);
+    pub fn refract(&mut self, ior: f32, surface_transmission: Vec3, absorption: Vec3) {
         self.refraction = (ior > 1.0).then_some(Refraction { ior, surface_transmission, absorption, balls: false });
     }
 

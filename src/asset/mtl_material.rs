@@ -7,7 +7,7 @@ use glam::Vec3;
 
 use super::image_source::ImageSource;
 use super::material::{
-    AlphaUse, DIELECTRIC_F0, Factor, MAX_EMISSION, MapDesc, MaterialDesc, NormalsDesc, NormalsKind, Sampling, Wrap,
+    AlphaUse, Factor, MAX_EMISSION, MAX_IOR, MapDesc, MaterialDesc, NormalsDesc, NormalsKind, Sampling, Wrap,
     f0_from_ior,
 };
 use super::mtl::{Map, Mtl};
@@ -77,11 +77,8 @@ fn phong_roughness(mtl: &Mtl) -> f32 {
 
 /// By the index of refraction where that is one on purpose: 1 stands for no refraction at all, and exporters write 1.3 to 1.7 for
 /// materials whose highlights are those of 1.5.
-fn dielectric_f0(mtl: &Mtl) -> f32 {
-    match mtl.ior {
-        Some(ior) if ior > 1.0 && !(1.3..=1.7).contains(&ior) => f0_from_ior(ior),
-        _ => DIELECTRIC_F0,
-    }
+fn ior(mtl: &Mtl) -> f32 {
+    mtl.ior.filter(|ior| *ior > 1.0 && !(1.3..=1.7).contains(ior)).unwrap_or(1.5)
 }
 
 /// Illumination models 4 and 9 have glass, 6 and 7 refraction. Some programs write one for anything, but not with a black
@@ -132,7 +129,7 @@ impl Interpreter<'_> {
             opacity,
             metallic: self.metallic(mtl, metallic_map.is_some()),
             roughness: self.roughness(mtl, roughness_map.is_some()),
-            dielectric_f0: dielectric_f0(mtl),
+            dielectric_f0: Vec3::splat(f0_from_ior(ior(mtl))),
             clearcoat: self
                 .factor(mtl, ("Pc", mtl.clearcoat), clearcoat_map.is_some(), 0.0)
                 .of(clearcoat_map.is_some()),
@@ -157,7 +154,7 @@ impl Interpreter<'_> {
             desc.base_color = Factor::same(transmission);
             desc.transmit(1.0, Vec3::ONE);
             if matches!(mtl.illum, Some(6 | 7)) {
-                desc.refract(transmission, Vec3::ZERO);
+                desc.refract(ior(mtl).min(MAX_IOR), transmission, Vec3::ZERO);
             }
         } else if transmission != Vec3::ONE {
             self.report.warn(format!(

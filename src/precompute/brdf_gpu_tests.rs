@@ -4,7 +4,7 @@ use bytemuck::{Pod, Zeroable};
 use glam::{DVec2, DVec3, Vec3};
 
 use super::harness_tests::{Judge, Random, evaluate, with_gpu};
-use crate::reference::brdf::{self, Geometry, MIN_ROUGHNESS};
+use crate::reference::brdf::{self, Fresnel, Geometry, MIN_ROUGHNESS};
 use crate::reference::sampling;
 
 fn dvec3(v: [f32; 3]) -> DVec3 {
@@ -20,7 +20,8 @@ struct BrdfInput {
     h: [f32; 3],
     base_color: [f32; 3],
     metallic: f32,
-    dielectric_f0: f32,
+    /// F0 and F90.
+    dielectric: [f32; 4],
     roughness: f32,
     alpha: f32,
     nl: f32,
@@ -48,7 +49,7 @@ struct BrdfOutput {
     schlick_roughness: [f32; 3],
     lambert: [f32; 3],
     thesis: [f32; 3],
-    f0: [f32; 3],
+    fresnel: [f32; 4],
     specular: [[f32; 3]; 2],
 }
 
@@ -63,7 +64,7 @@ fn input(n: DVec3, v: DVec3, l: DVec3, base_color: DVec3, metallic: f64, roughne
         h: (v + l).into(),
         base_color: base_color.as_vec3().into(),
         metallic: metallic as f32,
-        dielectric_f0: 0.04,
+        dielectric: [0.04, 0.04, 0.04, 1.0],
         roughness: roughness as f32,
         alpha: (roughness * roughness) as f32,
         nl: n.dot(l),
@@ -108,10 +109,15 @@ fn random_inputs() -> Vec<BrdfInput> {
         let roughness = MIN_ROUGHNESS + (1.0 - MIN_ROUGHNESS) * random.unit();
         if n.dot(v) > 0.0 && n.dot(l) > 0.0 {
             let like_glass = input(n, v, l, random.colour(), random.unit(), roughness);
-            inputs.push(BrdfInput { dielectric_f0: random.unit() as f32, ..like_glass });
+            inputs.push(BrdfInput { dielectric: random.colour().extend(random.unit()).as_vec4().into(), ..like_glass });
         }
     }
     inputs
+}
+
+fn fresnel_of(i: &BrdfInput) -> Fresnel {
+    let [r, g, b, f90] = i.dielectric.map(f64::from);
+    Fresnel { f0: DVec3::new(r, g, b), f90 }.mixed(dvec3(i.base_color), i.metallic.into())
 }
 
 /// Compares all terms but the lobes, whose error bounds depend on the directions.
@@ -130,19 +136,20 @@ fn judge_terms(judge: &mut Judge, i: &BrdfInput, o: &BrdfOutput) {
     judge.near("v_environment", i, &o.environment, &environment, close);
     // 1 − cosine is exact to 6e-8; its fifth power keeps five times that, relative to itself.
     judge.near("schlick_weight", i, &[o.weight], &[brdf::schlick_weight(vh)], [1e-30, 1e-6]);
-    judge.near("f_schlick", i, &o.schlick, &brdf::f_schlick(base_color, vh).to_array(), [3e-7, 0.0]);
     let want = brdf::f_schlick_roughness(base_color, nv, r).to_array();
     judge.near("f_schlick_roughness", i, &o.schlick_roughness, &want, [3e-7, 0.0]);
     judge.near("diffuse_lambert", i, &o.lambert, &brdf::diffuse_lambert(base_color).to_array(), close);
-    let f0 = brdf::f0_from_metallic(base_color, metallic, i.dielectric_f0.into());
-    judge.near("f0_from_metallic", i, &o.f0, &f0.to_array(), [2e-7, 0.0]);
-    let want = brdf::diffuse_karis2013(base_color, f0, vh).to_array();
+    let fresnel = fresnel_of(i);
+    let want = fresnel.f0.extend(fresnel.f90).to_array();
+    judge.near("fresnel_from_metallic", i, &o.fresnel, &want, [2e-7, 0.0]);
+    judge.near("f_schlick", i, &o.schlick, &brdf::f_schlick(fresnel, vh).to_array(), [3e-7, 0.0]);
+    let want = brdf::diffuse_karis2013(base_color, fresnel, vh).to_array();
     judge.near("diffuse_karis2013", i, &o.thesis, &want, [3e-7, 0.0]);
     judge.near("widened_roughness", i, &[o.widened], &[brdf::widened_roughness(r, metallic)], close);
     judge.near("slanted_coverage", i, &[o.slanted], &[brdf::slanted_coverage(metallic, vh)], [1e-6, 0.0]);
     judge.near("phong_exponent", i, &[o.exponent], &[brdf::phong_exponent(r)], [1e-6, 2e-6]);
     let terms = [o.d, o.smith, o.karis, o.karis_direct, o.karis_ibl, o.weight, o.phong];
-    let colours = [o.schlick, o.schlick_roughness, o.lambert, o.f0].concat();
+    let colours = [o.schlick, o.schlick_roughness, o.lambert, [o.fresnel[0], o.fresnel[1], o.fresnel[2]]].concat();
     let lowest = terms.iter().chain(&o.direct).chain(&o.environment).chain(&colours).copied().fold(0.0, f32::min);
     assert!(lowest >= 0.0, "{i:?}: {o:?}");
 }
@@ -154,13 +161,12 @@ fn terms_agree_for_random_directions() {
     let outputs: Vec<BrdfOutput> = with_gpu(|gpu| evaluate(gpu, "test_brdf.comp", &inputs));
     for (i, o) in inputs.iter().zip(&outputs) {
         judge_terms(&mut judge, i, o);
-        let ([n, v, l, h, base_color], r) = ([i.n, i.v, i.l, i.h, i.base_color].map(dvec3), f64::from(i.roughness));
+        let ([n, v, l, h], r) = ([i.n, i.v, i.l, i.h].map(dvec3), f64::from(i.roughness));
         // n × h has an error of 1e-7 |h|, and D turns over alpha: 4 · 1e-7 / 0.002 at MIN_ROUGHNESS.
         let lobe = 5e-7 + 4e-7 / f64::from(i.alpha);
         judge.near("d_ggx", i, &[o.d], &[brdf::d_ggx(n, h, i.alpha.into())], [0.0, lobe]);
-        let f0 = brdf::f0_from_metallic(base_color, i.metallic.into(), i.dielectric_f0.into());
         for (got, geometry) in o.specular.iter().zip(GEOMETRIES) {
-            let want = brdf::specular(n, v, l, f0, r, geometry);
+            let want = brdf::specular(n, v, l, fresnel_of(i), r, geometry);
             let opposite = 1e-6 / h.length(); // h = v + l is rounded
             judge.near("specular", i, got, &want.to_array(), [1e-6, 5e-6 + lobe + opposite]);
         }

@@ -8,7 +8,7 @@ use super::brdf_table::SIZE;
 use super::harness_tests::{Judge, Random, evaluate, with_gpu};
 use crate::context::Context;
 use crate::gpu::{Subresource, read_image};
-use crate::reference::brdf::Geometry;
+use crate::reference::brdf::{Fresnel, Geometry};
 use crate::reference::energy::{Energy, Scattering, diffuse_taken, multiple_taken};
 use crate::reference::split_sum::SplitSum;
 use crate::reference::table::{Entry, table_arguments, table_entry};
@@ -22,7 +22,8 @@ struct Input {
     base_color: [f32; 3],
     metallic: f32,
     multiple: u32,
-    dielectric_f0: f32,
+    fresnel: [f32; 4],
+    dielectric: [f32; 4],
     roughness: f32,
     /// From all light at the normal to all at the horizon.
     grazing: f32,
@@ -47,6 +48,15 @@ fn entry([scale, bias]: [f32; 2]) -> Entry {
     Entry { scale: scale.into(), bias: bias.into() }
 }
 
+/// F0 and F90.
+fn any_fresnel(random: &mut Random) -> [f32; 4] {
+    random.colour().extend(random.unit()).as_vec4().into()
+}
+
+fn fresnel([r, g, b, f90]: [f32; 4]) -> Fresnel {
+    Fresnel { f0: Vec3::new(r, g, b).as_dvec3(), f90: f90.into() }
+}
+
 /// Any A and B with A + B ≤ 1, also with no loss and with rounding above 1.
 fn inputs() -> Vec<Input> {
     let mut random = Random(6);
@@ -64,7 +74,8 @@ fn inputs() -> Vec<Input> {
             base_color: random.colour().as_vec3().into(),
             metallic: [0.0, 1.0, random.unit() as f32][i % 3],
             multiple: u32::from(i % 5 != 0),
-            dielectric_f0: [0.04, random.unit() as f32][i % 2],
+            fresnel: any_fresnel(&mut random),
+            dielectric: [[0.04, 0.04, 0.04, 1.0], any_fresnel(&mut random)][i % 2],
             roughness: random.unit() as f32,
             grazing: 21.0 * random.unit() as f32,
         };
@@ -84,21 +95,21 @@ fn what_comes_beside_single_scattering_agrees() {
     let outputs: Vec<Output> = with_gpu(|gpu| evaluate(gpu, "test_energy.comp", &inputs));
     for (i, o) in inputs.iter().zip(&outputs) {
         let scattering = if i.multiple == 0 { Scattering::Single } else { Scattering::Multiple };
-        let energy = Energy { mean: entry(i.mean), dielectric_f0: i.dielectric_f0.into(), scattering };
+        let energy = Energy { mean: entry(i.mean), dielectric: fresnel(i.dielectric), scattering };
         let (base_color, metallic) = (Vec3::from(i.base_color).as_dvec3(), f64::from(i.metallic));
         let (at_l, at_v) = (entry(i.at_l), entry(i.at_v));
         let mixed = energy.mixed_share(base_color, metallic);
         let mut near = |what, got: [f32; 3], want: DVec3, bound| judge.near(what, i, &got, &want.to_array(), bound);
-        near("multiple_share", o.share, energy.multiple_share(base_color), [1e-6, 2e-6]);
+        near("multiple_share", o.share, energy.multiple_share(fresnel(i.fresnel)), [1e-6, 2e-6]);
         near("mixed_share", o.mixed, mixed, [1e-6, 2e-6]);
-        near("specular_albedo", o.specular, energy.specular_albedo(base_color, at_v), [1e-6, 1e-6]);
+        near("specular_albedo", o.specular, energy.specular_albedo(fresnel(i.fresnel), at_v), [1e-6, 1e-6]);
         // What is lost is a difference of numbers near 1, and is divided by another.
         let lost = (1.0 - energy.mean.scale - energy.mean.bias).max(1e-6);
         let rounding = 3e-7 / lost;
         near("multiple", o.lobe, energy.multiple(mixed, at_l, at_v), [1e-6 + rounding, 1e-5 + rounding]);
         let want = energy.beyond_single(base_color, metallic, at_l, at_v);
         near("beyond_single", o.beyond, want, [1e-6 + rounding, 1e-5 + rounding]);
-        let left = 1.0 - energy.specular_albedo(DVec3::splat(energy.dielectric_f0), energy.mean).x;
+        let left = energy.left_by_dielectric(energy.mean);
         let rounding = 5e-7 / left.max(1e-6);
         near("diffuse", o.diffuse, energy.diffuse(base_color, at_l, at_v), [1e-6 + rounding, 1e-5 + rounding]);
         near("diffuse_even", o.diffuse_even, energy.diffuse_even(base_color, metallic, at_v), [1e-6, 2e-6]);

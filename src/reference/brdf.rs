@@ -102,9 +102,42 @@ pub fn schlick_weight(cosine: f64) -> f64 {
     (1.0 - cosine.clamp(0.0, 1.0)).powi(5)
 }
 
-/// Schlick, "An Inexpensive BRDF Model for Physically-based Rendering" (1994), eq. 15; 1 at grazing angles.
-pub fn f_schlick(f0: DVec3, vh: f64) -> DVec3 {
-    f0 + (DVec3::ONE - f0) * schlick_weight(vh)
+/// What a surface reflects at normal incidence and at grazing angles; of F0 alone, all at the latter.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Fresnel {
+    /// Linear RGB.
+    pub f0: DVec3,
+    /// The same of all colours.
+    pub f90: f64,
+}
+
+impl From<DVec3> for Fresnel {
+    fn from(f0: DVec3) -> Self {
+        Self { f0, f90: 1.0 }
+    }
+}
+
+impl Fresnel {
+    /// That of a dielectric of gray F0.
+    pub fn dielectric(f0: f64) -> Self {
+        DVec3::splat(f0).into()
+    }
+
+    /// That of a mix with a metal, whose base color is its F0. Karis (2013), section "Material Model".
+    pub fn mixed(self, base_color: DVec3, metallic: f64) -> Self {
+        Self { f0: self.f0.lerp(base_color, metallic), f90: self.f90 + metallic * (1.0 - self.f90) }
+    }
+
+    /// Its mean over directions under the cosine: F0 + (F90 − F0) / 21.
+    pub fn mean(self) -> DVec3 {
+        self.f0 + (DVec3::splat(self.f90) - self.f0) / 21.0
+    }
+}
+
+/// Schlick, "An Inexpensive BRDF Model for Physically-based Rendering" (1994), eq. 15.
+pub fn f_schlick(fresnel: impl Into<Fresnel>, vh: f64) -> DVec3 {
+    let Fresnel { f0, f90 } = fresnel.into();
+    f0 + (DVec3::splat(f90) - f0) * schlick_weight(vh)
 }
 
 /// Schlick's weight towards max(1 − roughness, f0) instead of 1: Lagarde, "Adopting a physically based shading model"
@@ -120,14 +153,14 @@ pub fn diffuse_lambert(albedo: DVec3) -> DVec3 {
 
 /// The thesis's diffuse part for point lights, in 1/sr: Lambert times 1 − F(v·h). Reflects up to 1.86 of the incoming
 /// light.
-pub fn diffuse_karis2013(albedo: DVec3, f0: DVec3, vh: f64) -> DVec3 {
-    (DVec3::ONE - f_schlick(f0, vh)) * diffuse_lambert(albedo)
+pub fn diffuse_karis2013(albedo: DVec3, fresnel: impl Into<Fresnel>, vh: f64) -> DVec3 {
+    (DVec3::ONE - f_schlick(fresnel, vh)) * diffuse_lambert(albedo)
 }
 
 /// Reflectance at normal incidence: that of dielectrics, or the base color of a metal. Karis (2013), section "Material
 /// Model".
 pub fn f0_from_metallic(base_color: DVec3, metallic: f64, dielectric_f0: f64) -> DVec3 {
-    DVec3::splat(dielectric_f0).lerp(base_color, metallic)
+    Fresnel::dielectric(dielectric_f0).mixed(base_color, metallic).f0
 }
 
 /// Coverage of a sheet that transmits light, at a cosine, from that of light from all sides: by Schlick's form it transmits
@@ -140,10 +173,17 @@ pub fn slanted_coverage(coverage: f64, cosine: f64) -> f64 {
 ///
 /// F V D: Cook and Torrance, "A Reflectance Model for Computer Graphics" (1982), with V = G / (4 nl nv);
 /// v·h = |v + l| / 2 for unit vectors.
-pub fn specular(n: DVec3, v: DVec3, l: DVec3, f0: DVec3, roughness: f64, geometry: Geometry) -> DVec3 {
+pub fn specular(
+    n: DVec3,
+    v: DVec3,
+    l: DVec3,
+    fresnel: impl Into<Fresnel>,
+    roughness: f64,
+    geometry: Geometry,
+) -> DVec3 {
     let h = v + l;
     let d = d_ggx(n, h, alpha_from_roughness(roughness));
-    f_schlick(f0, 0.5 * h.length()) * (d * v_direct(n.dot(l), n.dot(v), roughness, geometry))
+    f_schlick(fresnel, 0.5 * h.length()) * (d * v_direct(n.dot(l), n.dot(v), roughness, geometry))
 }
 
 /// Phong exponent of a lobe as wide as Beckmann's for this roughness: 2/α² − 2 is the exponent over n·h (Walter et

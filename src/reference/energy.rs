@@ -8,7 +8,7 @@ use clap::ValueEnum;
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::brdf::{DIELECTRIC_F0, Geometry};
+use super::brdf::{DIELECTRIC_F0, Fresnel, Geometry};
 use super::quadrature::gauss_legendre;
 use super::table::{Entry, coarse_table_entry, table_arguments, table_entry, table_place};
 
@@ -37,8 +37,8 @@ pub enum Scattering {
 pub struct Energy {
     /// The table's entry averaged over directions, 2 ∫ E(μ) μ dμ.
     pub mean: Entry,
-    /// Reflectance at normal incidence of the surface's dielectric part.
-    pub dielectric_f0: f64,
+    /// What the surface's dielectric part reflects.
+    pub dielectric: Fresnel,
     pub scattering: Scattering,
 }
 
@@ -46,24 +46,24 @@ impl Energy {
     /// For a roughness in [0, 1], and an index of refraction of 1.5.
     pub fn new(roughness: f64, geometry: Geometry, scattering: Scattering) -> Self {
         let mean = mean(NODES, |cosine| table_entry(cosine, roughness, geometry));
-        Self { mean, dielectric_f0: DIELECTRIC_F0, scattering }
+        Self { mean, dielectric: Fresnel::dielectric(DIELECTRIC_F0), scattering }
     }
 
     /// Factor of the light that single scattering loses: Kulla and Conty, "Revisiting Physically Based Shading
     /// at Imageworks" (2017), section on Fresnel: Σ Favg (Favg (1 − Eavg))ⁿ Favg Eavg over bounces n, with Schlick's
-    /// mean F0 + (1 − F0) / 21. 0 with single scattering.
-    pub fn multiple_share(&self, f0: DVec3) -> DVec3 {
+    /// mean F0 + (F90 − F0) / 21. 0 with single scattering.
+    pub fn multiple_share(&self, fresnel: impl Into<Fresnel>) -> DVec3 {
         if self.scattering == Scattering::Single {
             return DVec3::ZERO;
         }
         let mean = single(DVec3::ONE, self.mean);
-        let f = f0 + (DVec3::ONE - f0) / 21.0;
+        let f = fresnel.into().mean();
         f * f * mean / (DVec3::ONE - f * (DVec3::ONE - mean))
     }
 
     /// The same for a mix of dielectric and metal.
     pub fn mixed_share(&self, base_color: DVec3, metallic: f64) -> DVec3 {
-        self.multiple_share(DVec3::splat(self.dielectric_f0)).lerp(self.multiple_share(base_color), metallic)
+        self.multiple_share(self.dielectric).lerp(self.multiple_share(base_color), metallic)
     }
 
     /// Multiple scattering as a BRDF in 1/sr for a share and the table's entries at n·l and n·v: Kulla and Conty
@@ -74,17 +74,23 @@ impl Energy {
     }
 
     /// Directional albedo of single and multiple scattering.
-    pub fn specular_albedo(&self, f0: DVec3, at_v: Entry) -> DVec3 {
-        single(f0, at_v) + lost(at_v) * self.multiple_share(f0)
+    pub fn specular_albedo(&self, fresnel: impl Into<Fresnel>, at_v: Entry) -> DVec3 {
+        let fresnel = fresnel.into();
+        single(fresnel, at_v) + lost(at_v) * self.multiple_share(fresnel)
+    }
+
+    /// What the dielectric's specular part leaves, the same of all colours: of the one that it reflects most
+    /// (KHR_materials_specular).
+    pub fn left_by_dielectric(&self, entry: Entry) -> f64 {
+        1.0 - self.specular_albedo(self.dielectric, entry).max_element()
     }
 
     /// The diffuse part as a BRDF in 1/sr, from what the dielectric's specular part does not reflect towards l and v:
     /// Kelemen and Szirmay-Kalos, "A Microfacet Based Coupled Specular-Matte BRDF Model with Importance Sampling"
     /// (2001), eq. 6.
     pub fn diffuse(&self, albedo: DVec3, at_l: Entry, at_v: Entry) -> DVec3 {
-        let f0 = DVec3::splat(self.dielectric_f0);
-        let left = |e: Entry| DVec3::ONE - self.specular_albedo(f0, e);
-        albedo * left(at_l) * left(at_v) * FRAC_1_PI / left(self.mean).max(DVec3::splat(LEAST_LOST))
+        let [at_l, at_v, mean] = [at_l, at_v, self.mean].map(|entry| self.left_by_dielectric(entry));
+        albedo * (at_l * at_v * FRAC_1_PI / mean.max(LEAST_LOST))
     }
 
     /// Diffuse reflection and multiple scattering, in 1/sr.
@@ -95,7 +101,7 @@ impl Energy {
 
     /// Diffuse albedo under uniform light: the integral over l, with n·l.
     pub fn diffuse_even(&self, base_color: DVec3, metallic: f64, at_v: Entry) -> DVec3 {
-        (1.0 - metallic) * base_color * (DVec3::ONE - self.specular_albedo(DVec3::splat(self.dielectric_f0), at_v))
+        (1.0 - metallic) * base_color * self.left_by_dielectric(at_v)
     }
 
     /// Albedo of multiple scattering under uniform light.
@@ -150,9 +156,10 @@ impl Curve {
     }
 }
 
-/// Albedo of single scattering: F0 A + B.
-fn single(f0: DVec3, entry: Entry) -> DVec3 {
-    f0 * entry.scale + DVec3::splat(entry.bias)
+/// Albedo of single scattering: F0 A + F90 B.
+fn single(fresnel: impl Into<Fresnel>, entry: Entry) -> DVec3 {
+    let Fresnel { f0, f90 } = fresnel.into();
+    f0 * entry.scale + DVec3::splat(f90 * entry.bias)
 }
 
 /// The share that single scattering loses for F = 1: 1 − E.
@@ -174,7 +181,8 @@ pub fn is_multi_scatter_visible(roughness: f64, metallic: f64, base_color: f64, 
 /// diffuse part, which is at most as large, is neglected.
 fn most_changed(roughness: f64, metallic: f64, base_color: f64, dielectric_f0: f64) -> f64 {
     let entry = |cosine| coarse_table_entry(cosine, roughness, Geometry::Smith);
-    let energy = Energy { mean: mean(NODES / 3, entry), dielectric_f0, scattering: Scattering::Multiple };
+    let dielectric = Fresnel::dielectric(dielectric_f0);
+    let energy = Energy { mean: mean(NODES / 3, entry), dielectric, scattering: Scattering::Multiple };
     let share = energy.mixed_share(DVec3::splat(base_color), metallic).x;
     let lost = [0.05, 0.2, 0.4, 0.7, 1.0].map(|nv| lost(entry(nv)));
     share * lost.into_iter().fold(0.0, f64::max)

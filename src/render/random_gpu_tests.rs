@@ -67,7 +67,7 @@ fn scene() -> Scene {
         base_color_factor: Vec3::from_array([(); 3].map(|()| factors[random.below(5) as usize])),
         metallic_factor: factors[(i % 5) as usize],
         roughness_factor: factors[(i / 3) as usize % 5],
-        dielectric_f0: factors[(i / 2) as usize % 5],
+        dielectric_f0: Vec3::splat(factors[(i / 2) as usize % 5]),
         base_color_map: Some(0),
         normal_map: Some(1),
         orm_map: Some(2),

@@ -14,7 +14,7 @@ use crate::gpu::{
 };
 use crate::precompute::BrdfTable;
 use crate::precompute::harness_tests::{Judge, Random, with_gpu};
-use crate::reference::brdf::{Geometry, f0_from_metallic, specular};
+use crate::reference::brdf::{Fresnel, Geometry, specular};
 use crate::reference::clearcoat::Clearcoat;
 use crate::reference::energy::{Curve, Energy, Scattering};
 use crate::reference::sheen::{sheen_albedo, sheen_brdf, under_sheen};
@@ -27,7 +27,8 @@ struct Input {
     l: [f32; 3],
     base_color: [f32; 3],
     metallic: f32,
-    dielectric_f0: f32,
+    /// F0 and F90.
+    dielectric: [f32; 4],
     roughness: f32,
     clearcoat: f32,
     clearcoat_roughness: f32,
@@ -45,7 +46,7 @@ impl Input {
             l: l.into(),
             base_color: [1.0; 3],
             metallic: 0.0,
-            dielectric_f0: 0.04,
+            dielectric: [0.04, 0.04, 0.04, 1.0],
             roughness: 0.5,
             clearcoat: 0.0,
             clearcoat_roughness: 1.0,
@@ -210,13 +211,14 @@ fn the_value_agrees() {
         let inclined = slanted(0.9 + 0.1 * random.unit(), TAU * random.unit()).as_vec3();
         let clearcoat_n = if inclined.dot(v) > 0.05 { inclined } else { Vec3::Z }.into();
         let metallic = [0.0, 1.0, random.unit() as f32][i % 3];
-        let dielectric_f0 = [0.04, 0.5 * random.unit() as f32][i % 2];
+        let any = (0.5 * random.colour()).extend(random.unit()).as_vec4();
+        let dielectric = [[0.04, 0.04, 0.04, 1.0], any.into()][i % 2];
         let (roughness, clearcoat) = (roughnesses[i % 5], [0.0, 0.7][i / 5 % 2]);
         let coat = Input { clearcoat, clearcoat_roughness: 0.4, clearcoat_n, ..Input::plain(v, l, [0; 4]) };
         // Sheen on every fourth two.
         let sheen = [[0.0; 3], random.colour().as_vec3().into()][usize::from(i / 10 % 4 == 3)];
         let sheen_roughness = [0.2, 0.45, 1.0][i / 40 % 3];
-        inputs.push(Input { base_color, metallic, dielectric_f0, roughness, sheen, sheen_roughness, ..coat });
+        inputs.push(Input { base_color, metallic, dielectric, roughness, sheen, sheen_roughness, ..coat });
     }
     let coats = [0.0, 0.7].map(|factor| Clearcoat::new(factor, f64::from(0.4f32), Scattering::Multiple));
     let terms = roughnesses.map(|r| {
@@ -227,11 +229,12 @@ fn the_value_agrees() {
     let outputs = with_gpu(|gpu| run(gpu, &inputs));
     for (i, (input, output)) in inputs.iter().zip(&outputs).enumerate() {
         let (energy, curve) = &terms[i % 5];
-        let energy = Energy { dielectric_f0: input.dielectric_f0.into(), ..*energy };
+        let [r, g, b, f90] = input.dielectric.map(f64::from);
+        let energy = Energy { dielectric: Fresnel { f0: DVec3::new(r, g, b), f90 }, ..*energy };
         let [v, l, base_color] = [input.v, input.l, input.base_color].map(|v| Vec3::from(v).as_dvec3());
         let (metallic, roughness) = (f64::from(input.metallic), f64::from(input.roughness));
-        let f0 = f0_from_metallic(base_color, metallic, energy.dielectric_f0);
-        let single = specular(DVec3::Z, v, l, f0, roughness, Geometry::Smith);
+        let fresnel = energy.dielectric.mixed(base_color, metallic);
+        let single = specular(DVec3::Z, v, l, fresnel, roughness, Geometry::Smith);
         let below = single + energy.beyond_single(base_color, metallic, curve.at(l.z), curve.at(v.z));
         let (sheen, sheen_roughness) = (Vec3::from(input.sheen).as_dvec3(), input.sheen_roughness.into());
         let left = under_sheen(sheen, sheen_albedo(v.z, sheen_roughness));

@@ -113,8 +113,9 @@ pub struct MaterialBlock {
     pub emission: [f32; 3],
     /// Of `material_flag`.
     pub flags: u32,
-    /// Reflectance at normal incidence of the part that is no metal.
-    pub dielectric_f0: f32,
+    /// Reflectance of the part that is no metal, at normal incidence and at grazing angles.
+    pub dielectric_f0: [f32; 3],
+    pub dielectric_f90: f32,
     /// By which light is multiplied that goes through it.
     pub transmission: [f32; 3],
     /// The share that has a clear coat, and the coat's roughness.
@@ -221,7 +222,7 @@ const _: () = {
     assert!(size_of::<FrameBlock>() == 144 * MAX_EYES + 188 + size_of::<[SphereLightBlock; MAX_SPHERE_LIGHTS]>());
     assert!(offset_of!(InstanceBlock, material) == 64 && size_of::<InstanceBlock>() == 68);
     assert!(offset_of!(MaterialBlock, metallic) == 12 && offset_of!(MaterialBlock, emission) == 32);
-    assert!(size_of::<MaterialBlock>() == 116 && size_of::<VertexExtraBlock>() == 16);
+    assert!(size_of::<MaterialBlock>() == 128 && size_of::<VertexExtraBlock>() == 16);
     assert!(offset_of!(LightBlock, radius) == 12 && offset_of!(LightBlock, intensity) == 16);
     assert!(offset_of!(LightBlock, shadow_near) == 28 && offset_of!(LightBlock, shadow_layer) == 32);
     assert!(offset_of!(LightBlock, along) == 36 && size_of::<LightBlock>() == 56);
@@ -259,6 +260,7 @@ pub mod constant {
     pub const CLEARCOAT: u32 = 26;
     pub const REFRACTS: u32 = 27;
     pub const SHEEN: u32 = 28;
+    pub const SPECULAR: u32 = 29;
 }
 
 /// What rays may meet or be sent to in a scene: bits of [`constant::RAY_FEATURES`], described in `glsl/ray_features.glsl`.

@@ -85,7 +85,8 @@ impl Blocks {
             opacity: counter.next(),
             emission: counter.list(),
             flags: counter.next() as u32,
-            dielectric_f0: counter.next(),
+            dielectric_f0: counter.list(),
+            dielectric_f90: counter.next(),
             transmission: counter.list(),
             clearcoat: counter.next(),
             clearcoat_roughness: counter.next(),
@@ -136,12 +137,22 @@ impl Blocks {
         }
         for material in self.materials {
             let MaterialBlock { base_color, metallic, roughness, alpha_cutoff, textures, opacity, .. } = material;
-            let MaterialBlock { emission, flags, dielectric_f0, transmission, clearcoat, clearcoat_roughness, .. } =
-                material;
+            let MaterialBlock {
+                emission,
+                flags,
+                dielectric_f0,
+                dielectric_f90,
+                transmission,
+                clearcoat,
+                clearcoat_roughness,
+                ..
+            } = material;
             numbers.extend(base_color);
             numbers.extend([metallic, roughness, alpha_cutoff, textures as f32, opacity]);
             numbers.extend(emission);
-            numbers.extend([flags as f32, dielectric_f0]);
+            numbers.push(flags as f32);
+            numbers.extend(dielectric_f0);
+            numbers.push(dielectric_f90);
             numbers.extend(transmission);
             numbers.extend([clearcoat, clearcoat_roughness]);
             numbers.extend(material.surface_transmission.iter().chain(&material.absorption).chain(&[material.ior]));
@@ -261,6 +272,7 @@ fn specialization_constants_have_their_ids() {
         ("VERTEX_COLOURS", constant::VERTEX_COLOURS),
         ("SECOND_UV", constant::SECOND_UV),
         ("BLENDS", constant::BLENDS),
+        ("SPECULAR", constant::SPECULAR),
         ("TINTS", constant::TINTS),
         ("CLEARCOAT", constant::CLEARCOAT),
         ("SHEEN", constant::SHEEN),

@@ -79,7 +79,9 @@ pub struct Material {
     /// Perceptual roughness: alpha = roughness².
     pub roughness_factor: f32,
     /// Reflectance at normal incidence of the part that is no metal.
-    pub dielectric_f0: f32,
+    pub dielectric_f0: Vec3,
+    /// At grazing angles, 0 to 1.
+    pub dielectric_f90: f32,
     /// The share that has a clear coat, 0 to 1; the ORM map's alpha multiplies it.
     pub clearcoat_factor: f32,
     pub clearcoat_roughness: f32,
@@ -130,6 +132,11 @@ pub struct MaterialSource {
 }
 
 impl Material {
+    /// Whether what is no metal in it reflects otherwise than by an index of refraction alone.
+    pub fn has_specular_factors(&self) -> bool {
+        self.dielectric_f0 != Vec3::splat(self.dielectric_f0.x) || self.dielectric_f90 != 1.0
+    }
+
     /// Base color, normal, ORM and emissive map.
     pub fn maps(&self) -> [Option<usize>; 4] {
         [self.base_color_map, self.normal_map, self.orm_map, self.emissive_map]

@@ -68,6 +68,8 @@ pub struct MaterialFeatures {
     pub blends: bool,
     /// What is behind is seen in another colour.
     pub tints: bool,
+    /// Dielectrics whose reflectance is not gray, or not 1 at grazing angles.
+    pub specular: bool,
     /// A clear coat.
     pub clearcoat: bool,
     /// The sheen of cloth.
@@ -90,6 +92,7 @@ impl MaterialFeatures {
         second_uv: 0,
         blends: false,
         tints: false,
+        specular: false,
         clearcoat: false,
         sheen: false,
         refracts: false,
@@ -102,8 +105,9 @@ impl MaterialFeatures {
 
     /// Everything but what only this material's vertices have, or what changes its picture.
     fn everything(material: &Material) -> Self {
-        let Self { vertex_colours, second_uv, blends, tints, clearcoat, sheen, refracts, .. } = Self::of(material);
-        Self { vertex_colours, second_uv, blends, tints, clearcoat, sheen, refracts, ..Self::EVERYTHING }
+        let Self { vertex_colours, second_uv, blends, tints, specular, clearcoat, sheen, refracts, .. } =
+            Self::of(material);
+        Self { vertex_colours, second_uv, blends, tints, specular, clearcoat, sheen, refracts, ..Self::EVERYTHING }
     }
 
     fn of(material: &Material) -> Self {
@@ -127,6 +131,7 @@ impl MaterialFeatures {
             second_uv: (0..).zip(material.lookups).map(|(i, lookup)| u32::from(lookup.second_uv) << i).sum(),
             blends: material.blends,
             tints: material.tints(),
+            specular: material.has_specular_factors(),
             clearcoat: material.clearcoat_factor > 0.0,
             sheen: material.sheen_color != Vec3::ZERO,
             refracts: material.blends && material.refraction.is_some_and(|refraction| refraction.balls),
@@ -141,7 +146,7 @@ fn multi_scatter(material: &Material) -> bool {
         roughness,
         metallic,
         material.base_color_factor.max_element().into(),
-        material.dielectric_f0.into(),
+        material.dielectric_f0.max_element().into(),
     )
 }
 

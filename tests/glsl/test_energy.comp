@@ -9,7 +9,7 @@ struct Input {
     vec3 base_color;
     float metallic;
     uint multiple;
-    float dielectric_f0;
+    Fresnel fresnel, dielectric;
     float roughness, grazing; // of diffuse_taken and multiple_taken
 };
 struct Output {
@@ -26,12 +26,12 @@ void main()
     if (id >= inputs.length())
         return;
     Input i = inputs[id];
-    Energy energy = Energy(i.mean, i.multiple != 0u, i.dielectric_f0);
+    Energy energy = Energy(i.mean, i.multiple != 0u, i.dielectric);
     Output o;
-    o.share = multiple_share(energy, i.base_color);
+    o.share = multiple_share(energy, i.fresnel);
     o.mixed = mixed_share(energy, i.base_color, i.metallic);
     o.lobe = multiple(energy, o.mixed, i.at_l, i.at_v);
-    o.specular = specular_albedo(energy, i.base_color, i.at_v);
+    o.specular = specular_albedo(energy, i.fresnel, i.at_v);
     o.diffuse = diffuse_kelemen2001(energy, i.base_color, i.at_l, i.at_v);
     o.beyond = beyond_single(energy, i.base_color, i.metallic, i.at_l, i.at_v);
     o.diffuse_even = diffuse_even(energy, i.base_color, i.metallic, i.at_v);

@@ -84,7 +84,7 @@ void main()
 {
     Material material = materials[instances[range.instance].material];
     base_color_metallic = vec4(material.base_color, material.metallic);
-    surface_factors = vec4(material.roughness, material.alpha_cutoff, material.dielectric_f0, 0.0);
+    surface_factors = vec4(material.roughness, material.alpha_cutoff, material.dielectric.f0.r, 0.0);
     uint pixel = range.first + uint(gl_VertexIndex) / 3u, corner = uint(gl_VertexIndex) % 3u;
     // What the whole triangle shares: mostly one frame for all corners, sometimes others, which may cancel.
     state = pixel * 9781u + range.seed;

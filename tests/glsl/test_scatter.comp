@@ -5,7 +5,9 @@
 
 struct Input {
     vec3 v, l, base_color;
-    float metallic, dielectric_f0, roughness, clearcoat, clearcoat_roughness;
+    float metallic;
+    Fresnel dielectric;
+    float roughness, clearcoat, clearcoat_roughness;
     vec3 clearcoat_n, sheen;
     float sheen_roughness;
     uvec4 bits;
@@ -32,7 +34,7 @@ void main()
     Surface s;
     s.base_color = i.base_color;
     s.metallic = i.metallic;
-    s.dielectric_f0 = i.dielectric_f0;
+    s.dielectric = i.dielectric;
     s.roughness = i.roughness;
     s.clearcoat = i.clearcoat;
     s.clearcoat_roughness = i.clearcoat_roughness;

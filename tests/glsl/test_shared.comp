@@ -57,7 +57,10 @@ void main()
         put(materials[i].emission.y);
         put(materials[i].emission.z);
         put(float(materials[i].flags));
-        put(materials[i].dielectric_f0);
+        put(materials[i].dielectric.f0.x);
+        put(materials[i].dielectric.f0.y);
+        put(materials[i].dielectric.f0.z);
+        put(materials[i].dielectric.f90);
         put(materials[i].transmission.x);
         put(materials[i].transmission.y);
         put(materials[i].transmission.z);

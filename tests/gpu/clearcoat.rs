@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 use pbr_vr::asset::picture::Picture;
-use pbr_vr::reference::brdf::{Geometry, f0_from_metallic, specular};
+use pbr_vr::reference::brdf::{Geometry, specular};
 use pbr_vr::reference::clearcoat::Clearcoat;
 use pbr_vr::reference::energy::{Curve, Energy, Scattering};
 use pbr_vr::render::Shading;
@@ -55,9 +55,9 @@ fn a_lamp_on_a_clear_coat_is_what_f64_says() {
                 SIDE / 2,
             )[0];
             let base_color = DVec3::splat(f64::from(base));
-            let f0 = f0_from_metallic(base_color, metallic, energy.dielectric_f0);
+            let fresnel = energy.dielectric.mixed(base_color, metallic);
             let beyond = energy.beyond_single(base_color, metallic, curve.at(l.z), curve.at(v.z));
-            let below = (specular(DVec3::Z, v, l, f0, roughness, Geometry::Smith) + beyond).x * l.z;
+            let below = (specular(DVec3::Z, v, l, fresnel, roughness, Geometry::Smith) + beyond).x * l.z;
             let want = 40.0 / (away * away) * (coat.left(v.z) * below + coat.scattered(DVec3::Z, v, l));
             assert!((got / want - 1.0).abs() < 8e-3, "{base} {factor}, v {v:.2}, l {l:.2}: {got} against {want}");
         }

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use crate::common::{PictureOptions, Workshop, material, mean_at, pixel, sphere, square};
 use glam::{DVec3, Vec2};
 use pbr_vr::asset::picture::Picture;
-use pbr_vr::reference::brdf::{Geometry, diffuse_karis2013, f0_from_metallic, specular};
+use pbr_vr::reference::brdf::{Fresnel, Geometry, diffuse_karis2013, f0_from_metallic, specular};
 use pbr_vr::reference::energy::{Energy, Scattering};
 use pbr_vr::reference::table::specular_albedo;
 use pbr_vr::reference::table::table_entry;
@@ -111,8 +111,10 @@ fn brdf([v, l]: [DVec3; 2], [roughness, metallic, ior]: [f64; 3], geometry: Geom
     let scattering = if metallic > 0.0 { Scattering::Multiple } else { Scattering::Single };
     let [at_v, at_l] = [v, l].map(|d| table_entry(d.z, roughness, geometry));
     let beyond = match geometry {
-        Geometry::Smith => Energy { dielectric_f0, ..Energy::new(roughness, geometry, scattering) }
-            .beyond_single(base_color, metallic, at_l, at_v),
+        Geometry::Smith => {
+            Energy { dielectric: Fresnel::dielectric(dielectric_f0), ..Energy::new(roughness, geometry, scattering) }
+                .beyond_single(base_color, metallic, at_l, at_v)
+        }
         Geometry::Karis2013 => (1.0 - metallic) * diffuse_karis2013(base_color, f0, 0.5 * (v + l).length()),
     };
     (specular(DVec3::Z, v, l, f0, roughness, geometry) + beyond).x

@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 use pbr_vr::asset::picture::Picture;
-use pbr_vr::reference::brdf::{Geometry, f0_from_metallic, specular};
+use pbr_vr::reference::brdf::{Geometry, specular};
 use pbr_vr::reference::energy::{Curve, Energy, Scattering};
 use pbr_vr::reference::sheen::{sheen_albedo, sheen_brdf, under_sheen};
 use pbr_vr::render::Shading;
@@ -70,9 +70,9 @@ fn a_lamp_on_cloth_is_what_f64_says() {
         let [x, y, z] = (away * l).to_array();
         let lamp = format!("[[light]]\npoint = {{ position = [{x}, {y}, {z}], intensity = [40, 40, 40] }}\n");
         let material = cloth(gray, roughness, &sheen(sheen_roughness));
-        let f0 = f0_from_metallic(base_color, 0.0, energy.dielectric_f0);
+        let fresnel = energy.dielectric;
         let beyond = energy.beyond_single(base_color, 0.0, curve.at(l.z), curve.at(v.z));
-        let below = specular(DVec3::Z, v, l, f0, roughness, Geometry::Smith) + beyond;
+        let below = specular(DVec3::Z, v, l, fresnel, roughness, Geometry::Smith) + beyond;
         let color = DVec3::from(COLOR);
         let left = under_sheen(color, sheen_albedo(v.z, sheen_roughness));
         let want = 40.0 / (away * away) * l.z * (left * below + color * sheen_brdf(DVec3::Z, v, l, sheen_roughness));

@@ -17,7 +17,7 @@ const READ: [&str; 16] = [
     "KHR_materials_ior",
     super::sheen::NAME,
     super::glossy::NAME,
-    "KHR_materials_specular",
+    super::specular::NAME,
     "KHR_materials_transmission",
     "KHR_materials_unlit",
     "KHR_materials_volume",

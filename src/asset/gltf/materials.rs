@@ -12,6 +12,7 @@ use super::images::Images;
 use super::maps::{self, Coordinates, Map};
 use super::sheen::{self, Sheen};
 use super::source::{Source, label};
+use super::specular::{self, Specular};
 use crate::Result;
 use crate::asset::image_source::ImageSource;
 use crate::asset::material::{
@@ -20,7 +21,6 @@ use crate::asset::material::{
 };
 use crate::asset::texture::Pick;
 use crate::error::{MAX_QUOTED, shortened};
-use crate::reference::tone::luminance;
 
 /// The least opacity by which a mask's cutoff is divided.
 const MIN_OPACITY: f32 = 1e-6;
@@ -113,26 +113,6 @@ impl Default for Ior {
     }
 }
 
-#[derive(Deserialize)]
-#[serde(default, rename_all = "camelCase")]
-struct Specular {
-    specular_factor: f32,
-    specular_texture: Option<TextureInfo>,
-    specular_color_factor: [f32; 3],
-    specular_color_texture: Option<TextureInfo>,
-}
-
-impl Default for Specular {
-    fn default() -> Self {
-        Self {
-            specular_factor: 1.0,
-            specular_texture: None,
-            specular_color_factor: [1.0; 3],
-            specular_color_texture: None,
-        }
-    }
-}
-
 #[derive(Default, Deserialize)]
 #[serde(default, rename_all = "camelCase")]
 struct Transmission {
@@ -201,6 +181,7 @@ impl Reader<'_> {
         let mut desc = self.factors(surface)?;
         (desc.clearcoat, desc.clearcoat_roughness) = (clearcoat.clearcoat_factor, clearcoat.clearcoat_roughness_factor);
         desc.clearcoat_bumps = self.has_bumps(&clearcoat);
+        self.set_specular(&mut desc, images)?;
         self.set_sheen(&mut desc, images)?;
         self.set_alpha(&mut desc);
         self.set_maps(&mut desc, maps);
@@ -223,21 +204,32 @@ impl Reader<'_> {
         self.source.extension(&self.of, &self.material.extensions, name)
     }
 
-    /// Reflectance at normal incidence of what is no metal, by `KHR_materials_ior` and `KHR_materials_specular`.
-    fn dielectric_f0(&self) -> Result<f32> {
+    /// The index of refraction; 0 stands for an infinite one.
+    fn ior(&self) -> Result<f32> {
         let ior = self.extension::<Ior>("KHR_materials_ior")?.unwrap_or_default().ior;
-        // 0 stands for an infinite one.
-        let within = if ior == 0.0 { ior } else { self.clamped_between("ior", ior, 1.0, MAX_IOR) };
-        let by_ior = f0_from_ior(within);
-        let key = "KHR_materials_specular";
-        let Some(specular) = self.extension::<Specular>(key)? else { return Ok(by_ior) };
-        let factor = self.clamped("specularFactor", specular.specular_factor, 1.0);
-        let color = Vec3::from(specular.specular_color_factor).max(Vec3::ZERO);
-        let is_plain = color == Vec3::splat(color.x) && specular.specular_texture.is_none() && factor == 1.0;
-        if !is_plain || specular.specular_color_texture.is_some() {
-            self.warn(&format!("{key}: its textures, its color and what it takes at grazing angles are not supported"));
-        }
-        Ok(factor * (by_ior * luminance(color.as_dvec3()) as f32).min(1.0))
+        Ok(if ior == 0.0 { ior } else { self.clamped_between("ior", ior, 1.0, MAX_IOR) })
+    }
+
+    /// What is no metal reflects by its index and `KHR_materials_specular`, of one colour: the means of its textures.
+    fn set_specular(&self, desc: &mut MaterialDesc, images: &mut Images) -> Result<()> {
+        desc.dielectric_f0 = Vec3::splat(f0_from_ior(self.ior()?));
+        let Some(specular) = self.extension::<Specular>(specular::NAME)? else { return Ok(()) };
+        let of_factor = self.mean(specular::NAME, "specularTexture", specular.specular_texture.as_ref(), images)?;
+        let of_color =
+            self.mean(specular::NAME, "specularColorTexture", specular.specular_color_texture.as_ref(), images)?;
+        let factor = self.clamped("specularFactor", specular.specular_factor, 1.0) * of_factor.w;
+        let color = Vec3::from(specular.specular_color_factor).max(Vec3::ZERO) * of_color.truncate();
+        desc.dielectric_f0 = factor * (desc.dielectric_f0 * color).min(Vec3::ONE);
+        desc.dielectric_f90 = factor;
+        Ok(())
+    }
+
+    /// The mean of a texture that is not looked up texel by texel; white without one.
+    fn mean(&self, extension: &str, key: &str, info: Option<&TextureInfo>, images: &mut Images) -> Result<Vec4> {
+        let Some(info) = info else { return Ok(Vec4::ONE) };
+        self.warn(&format!("{extension}: {key}: the mean of its texels is used"));
+        let map = maps::map(self.source, images, (&self.of, key), info, Pick::Red)?;
+        Ok(map.and_then(|map| images.mean(self.source, &map.desc)).unwrap_or(Vec4::ONE))
     }
 
     /// Of the model before metalness and roughness, with factors in 0 to 1.
@@ -275,14 +267,9 @@ impl Reader<'_> {
         if color == [0.0; 3] {
             return Ok(());
         }
-        let mut mean = |key, info: Option<&TextureInfo>| -> Result<Vec4> {
-            let Some(info) = info else { return Ok(Vec4::ONE) };
-            self.warn(&format!("{}: {key}: the mean of its texels is used", sheen::NAME));
-            let map = maps::map(self.source, images, (&self.of, key), info, Pick::Red)?;
-            Ok(map.and_then(|map| images.mean(self.source, &map.desc)).unwrap_or(Vec4::ONE))
-        };
-        let of_color = mean("sheenColorTexture", sheen.sheen_color_texture.as_ref())?;
-        let of_roughness = mean("sheenRoughnessTexture", sheen.sheen_roughness_texture.as_ref())?;
+        let of_color = self.mean(sheen::NAME, "sheenColorTexture", sheen.sheen_color_texture.as_ref(), images)?;
+        let of_roughness =
+            self.mean(sheen::NAME, "sheenRoughnessTexture", sheen.sheen_roughness_texture.as_ref(), images)?;
         desc.sheen = Vec3::from(color) * of_color.truncate();
         let roughness = sheen.sheen_roughness_factor * of_roughness.w;
         desc.sheen_roughness = self.clamped_between("sheenRoughnessFactor", roughness, MIN_SHEEN_ROUGHNESS, 1.0);
@@ -386,7 +373,6 @@ impl Reader<'_> {
             emissive: Factor::same(emissive.into()),
             occlusion_strength: scalar("occlusionTexture.strength", occlusion),
             culls_backs: !material.double_sided,
-            dielectric_f0: self.dielectric_f0()?,
             ..MaterialDesc::plain(name, Vec3::new(r, g, b), metallic, roughness)
         })
     }
@@ -442,7 +428,7 @@ impl Reader<'_> {
         let plain = glossy.plain();
         [desc.base_color_map, _] = maps;
         desc.base_color = Factor::same(plain.base_color);
-        (desc.metallic, desc.dielectric_f0) = (Factor::same(plain.metallic), plain.dielectric_f0);
+        (desc.metallic, desc.dielectric_f0) = (Factor::same(plain.metallic), Vec3::splat(plain.dielectric_f0));
         desc.roughness = Factor::same(plain.roughness);
         Ok(())
     }
@@ -465,7 +451,8 @@ impl Reader<'_> {
         desc.transmit(share, volume.per_surface());
         // What covers a part of what is behind stays a sheet: light would be bent in a part of it only.
         if volume.thickness_factor > 0.0 && share == 1.0 && desc.alpha == AlphaUse::Opacity {
-            desc.refract(surface_transmission, volume.absorption());
+            let ior = Some(self.ior()?).filter(|ior| *ior > 0.0).unwrap_or(MAX_IOR);
+            desc.refract(ior, surface_transmission, volume.absorption());
         }
         self.warn_of_sheets(desc);
         Ok(())

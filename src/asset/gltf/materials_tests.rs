@@ -207,7 +207,7 @@ fn specular_and_glossiness() {
         "diffuseFactor": [0.5, 0, 0, 1], "diffuseTexture": {"index": 0}, "glossinessFactor": 0.75, "specularFactor": [0.1, 0.1, 0.1],
     })));
     assert_eq!((dielectric.metallic.alone, dielectric.roughness.alone), (0.0, 0.25));
-    assert!((dielectric.dielectric_f0 - 0.1).abs() < 1e-6 && dielectric.base_color_map.is_some());
+    assert!((dielectric.dielectric_f0 - 0.1).abs().max_element() < 1e-6 && dielectric.base_color_map.is_some());
     assert!((dielectric.base_color.alone - vec3(0.5, 0.0, 0.0)).abs().max_element() < 1e-6);
     let gold = good(with(json!({"diffuseFactor": [0, 0, 0, 1], "specularFactor": [1.0, 0.8, 0.3]})));
     assert_eq!((gold.metallic.alone, gold.roughness.alone), (1.0, 0.0));
@@ -243,7 +243,7 @@ fn specular_and_glossiness() {
             warning.ends_with("drawn without") && plain.roughness_map.is_none() && plain.metallic_map.is_none(),
             "{warning}"
         );
-        assert_eq!((plain.metallic.alone, plain.roughness.alone, plain.dielectric_f0), (0.0, 0.5, 0.04));
+        assert_eq!((plain.metallic.alone, plain.roughness.alone, plain.dielectric_f0), (0.0, 0.5, Vec3::splat(0.04)));
         assert!((plain.base_color.alone - 0.5).abs().max_element() < 1e-6);
     }
 }
@@ -299,29 +299,44 @@ fn extensions_of_materials() {
 
 #[test]
 fn dielectrics_reflect_by_their_index_and_factors() {
-    let f0 = |ior: Value, specular: Value| {
+    let reflects = |ior: Value, specular: Value| {
         let extensions = json!({"KHR_materials_ior": ior, "KHR_materials_specular": specular});
         let (desc, warning) = read(json!({"extensions": extensions}));
-        (desc.dielectric_f0, warning)
+        (desc.dielectric_f0.to_array(), desc.dielectric_f90, warning)
     };
-    for (ior, want) in
-        [(json!({}), 0.04), (json!({"ior": 1.5}), 0.04), (json!({"ior": 1.0}), 0.0), (json!({"ior": 3}), 0.25)]
-    {
-        assert_eq!(f0(ior, json!({})), (want, String::new()));
+    for (ior, want) in [
+        (json!({}), 0.04),
+        (json!({"ior": 1.5}), 0.04),
+        (json!({"ior": 1.0}), 0.0),
+        (json!({"ior": 3}), 0.25),
+        (json!({"ior": 0}), 1.0),
+    ] {
+        assert_eq!(reflects(ior, json!({})), ([want; 3], 1.0, String::new()));
     }
-    assert_eq!(f0(json!({"ior": 0}), json!({})).0, 1.0);
-    let water = f0(json!({"ior": 1.33}), json!({"specularColorFactor": [2, 2, 2]}));
-    assert!((water.0 - 2.0 * (0.33f32 / 2.33).powi(2)).abs() < 1e-6 && water.1.is_empty(), "{water:?}");
-    assert_eq!(
-        f0(json!({"ior": 0.5}), json!({})),
-        (0.0, "a.glb: material 0: ior: 0.5 is not in 1..=10; 1 is used".into())
-    );
-    let unread = "a.glb: material 0: KHR_materials_specular: its textures, its color and what it takes at grazing angles are \
-                  not supported";
-    assert_eq!(f0(json!({}), json!({"specularFactor": 0.5})), (0.02, unread.into()));
-    assert_eq!(f0(json!({}), json!({"specularTexture": {"index": 0}})), (0.04, unread.into()));
-    assert_eq!(f0(json!({"ior": 0}), json!({"specularColorFactor": [9, 9, 9]})).0, 1.0);
-    assert!((f0(json!({}), json!({"specularColorFactor": [0, 1, 0]})).0 - 0.04 * 0.7152).abs() < 1e-6);
+    let ([water, ..], ..) = reflects(json!({"ior": 1.33}), json!({"specularColorFactor": [2, 2, 2]}));
+    assert!((water - 2.0 * (0.33f32 / 2.33).powi(2)).abs() < 1e-6, "{water}");
+    let warning = "a.glb: material 0: ior: 0.5 is not in 1..=10; 1 is used";
+    assert_eq!(reflects(json!({"ior": 0.5}), json!({})), ([0.0; 3], 1.0, warning.into()));
+    // The factor is that of all that is reflected, the color only of what is head on, up to all of it.
+    let half = reflects(json!({"ior": 3}), json!({"specularFactor": 0.5, "specularColorFactor": [0, 1, 9]}));
+    assert_eq!(half, ([0.0, 0.125, 0.5], 0.5, String::new()));
+    assert_eq!(reflects(json!({}), json!({"specularFactor": 0})), ([0.0; 3], 0.0, String::new()));
+    // Means of textures: that of the factor is in alpha.
+    let magenta = Vec3::new(0.04, 0.0, 0.04);
+    for (key, f0, f90) in [("specularTexture", Vec3::splat(0.008), 0.2), ("specularColorTexture", magenta, 1.0)] {
+        let mut build = build(json!({"extensions": {"KHR_materials_specular": {key: {"index": 0}}}}));
+        let mut png = std::io::Cursor::new(Vec::new());
+        let picture = image::RgbaImage::from_pixel(2, 2, image::Rgba([255, 0, 255, 51]));
+        picture.write_to(&mut png, image::ImageFormat::Png).unwrap();
+        let view = build.view(png.get_ref());
+        build.json["images"][0] = json!({"bufferView": view});
+        let (model, warning) = build.warned();
+        let expected = format!("a.glb: material 0: KHR_materials_specular: {key}: the mean of its texels is used");
+        assert_eq!(warning, expected);
+        let desc = &model.materials[0];
+        let is_near = (desc.dielectric_f0 - f0).abs().max_element() < 1e-6 && (desc.dielectric_f90 - f90).abs() < 1e-6;
+        assert!(is_near, "{key}: {desc:?}");
+    }
 }
 
 #[test]

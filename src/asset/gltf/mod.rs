@@ -17,6 +17,7 @@ mod nodes;
 mod scene;
 mod sheen;
 mod source;
+mod specular;
 mod triangles;
 mod uri;
 mod views;

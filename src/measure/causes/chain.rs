@@ -5,7 +5,7 @@ use glam::DVec3;
 
 use super::super::sums::Sums;
 use crate::precompute::{CubeTexels, TableAt, TableTexels};
-use crate::reference::brdf::{DIELECTRIC_F0, Geometry, f_schlick_roughness, f0_from_metallic};
+use crate::reference::brdf::{DIELECTRIC_F0, Fresnel, Geometry, f_schlick_roughness, f0_from_metallic};
 use crate::reference::energy::{Energy, Scattering, diffuse_taken, multiple_taken};
 use crate::reference::integrals::{Surface, Terms, grazing, reflected_by};
 use crate::reference::levels::{LEVELS, alpha_from_level, alpha_from_spread, level_from_spread};
@@ -93,7 +93,8 @@ impl Point {
     /// Share of the irradiance that comes back diffuse or after several bounces.
     fn even(&self, at: &TableAt, scattering: Scattering, grazing: f64) -> DVec3 {
         let Surface { base_color, metallic, roughness, .. } = self.surface;
-        let (energy, entry) = (Energy { mean: at.mean, dielectric_f0: DIELECTRIC_F0, scattering }, entry(at));
+        let (energy, entry) =
+            (Energy { mean: at.mean, dielectric: Fresnel::dielectric(DIELECTRIC_F0), scattering }, entry(at));
         energy.diffuse_even(base_color, metallic, entry) * diffuse_taken(roughness, grazing)
             + energy.multiple_even(base_color, metallic, entry) * multiple_taken(roughness, grazing)
     }

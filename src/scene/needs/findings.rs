@@ -109,6 +109,11 @@ fn maps(materials: &[MaterialFinding]) -> Vec<Finding> {
             &|m| m.features.blends,
             "no material lets through what is behind: all is drawn once, in any order",
         ),
+        finding(
+            "specular factors",
+            &|m| m.features.specular,
+            "what is no metal reflects all colours alike, and all at grazing angles",
+        ),
         finding("clear coats", &|m| m.features.clearcoat, "no surface has a coat over it"),
         finding("sheen", &|m| m.features.sheen, "nothing is cloth with a sheen"),
         finding("refraction", &|m| m.features.refracts, "nothing is a solid ball of glass"),
