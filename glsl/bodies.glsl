@@ -36,7 +36,7 @@ bool look_into_bodies(inout PathPoint p, uint material, bool inside, inout vec3 
         seed.w += 1u;
         uvec4 bits = pcg4d(seed);
         if (alpha >= MIRROR_ALPHA)
-            h = sample_vndf(v, units_from_bits(bits.xy), alpha);
+            h = sample_vndf(v, units_from_bits(bits.xy), vec2(alpha));
         Crossing c = cross_boundary(v, h, alpha, inside ? 1.0 / ior : ior, unit_from_bits(bits.z));
         if (!inside && !c.transmitted)
             return true; // what the surface mirrors is its own light

@@ -47,6 +47,30 @@ float d_ggx(vec3 n, vec3 h, float alpha)
     return k * k * INV_PI;
 }
 
+// Alphas along the direction in which highlights are stretched, and across it, for a strength from 0 to 1:
+// KHR_materials_anisotropy.
+vec2 stretched_alphas(float alpha, float strength)
+{
+    return vec2(mix(alpha, 1.0, strength * strength), alpha);
+}
+
+// GGX over an ellipse of slopes: Burley (2012), appendix B.2; h of any length in a frame whose x is the direction of alphas.x and
+// whose z is the normal. Finite for all alphas >= 0, as d_ggx.
+float d_ggx_stretched(vec3 h, vec2 alphas)
+{
+    float ratio = max(alphas.x, TINY) / max(alphas.y, TINY), product = alphas.x * alphas.y;
+    float k = sqrt(product) * dot(h, h) / max(h.x * h.x / ratio + h.y * h.y * ratio + product * h.z * h.z, TINY);
+    return k * k * INV_PI;
+}
+
+// v_smith_height_correlated for it, in the same frame: Heitz (2014), eq. 86.
+float v_smith_stretched(vec3 l, vec3 v, vec2 alphas)
+{
+    float towards_v = max(l.z, MIN_COS) * length(vec3(alphas * v.xy, max(v.z, MIN_COS)));
+    float towards_l = max(v.z, MIN_COS) * length(vec3(alphas * l.xy, max(l.z, MIN_COS)));
+    return 0.5 / (towards_v + towards_l);
+}
+
 // Height-correlated Smith masking and shadowing over 4 nl nv: Heitz, "Understanding the Masking-Shadowing Function"
 // (2014), eq. 99, with Lambda of GGX, eq. 72. Both cosines are cancelled, so nothing vanishes at grazing angles.
 float v_smith_height_correlated(float nl, float nv, float alpha)

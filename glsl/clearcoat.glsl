@@ -20,7 +20,7 @@ Surface clearcoat_layer(Surface s)
     s.dielectric = CLEARCOAT_FRESNEL;
     s.roughness = s.clearcoat_roughness;
     s.sheen = vec3(0.0);
-    return s;
+    return unstretched(s);
 }
 
 // The share of its light that the base keeps below a coat of this factor; `at_v`: the table's entry at the coat's n.v.

@@ -103,13 +103,55 @@ vec3 mirrored(Surface s, SpecularLobe lobe, vec3 over_pi)
     return round_reflectance(lobe) * min(radiance, bound) + spheres;
 }
 
+// What single scattering takes of all around; `over_pi`: all irradiance over pi.
+vec3 single_environment(Surface s, SpecularLobe lobe, vec3 over_pi)
+{
+    return mirrored(s, lobe, over_pi) + lobe.reflectance * lobe.even * over_pi;
+}
+
+// The same of stretched highlights: taps with half vectors tilted along the stretch, each of an equal share of the slopes that make
+// the lobe longer than it is wide, with a round lobe of its width around it. Slopes along one direction, over alpha, are
+// u / sqrt(1 - u^2) for even u: GGX's marginal. Each tap also covers the slopes up to its neighbours, and counts by how much its
+// microfacets face the eye and by what of their light is not shadowed. There are as many as the lobe is longer than wide: on a ball
+// of roughness 0.3 that is stretched by 0.8 the error is then that of a round lobe, 6 %.
+const float LEAST_TAPS = 4.0, MOST_TAPS = 24.0, TAPS_PER_WIDTH = 4.0;
+
+vec3 stretched_environment(Surface s, SpecularLobe whole, vec3 over_pi)
+{
+    vec3 across = cross(s.n, s.stretch);
+    float longer2 = s.alphas.x * s.alphas.x - s.alphas.y * s.alphas.y, longer = sqrt(max(longer2, 0.0));
+    float taps = clamp(ceil(TAPS_PER_WIDTH * longer / max(s.alphas.y, TINY)), LEAST_TAPS, MOST_TAPS), weights = 0.0;
+    vec3 sum = vec3(0.0);
+    for (float i = 0.5; i < taps; ++i) {
+        float u = 2.0 * i / taps - 1.0, cosine2 = 1.0 - u * u;
+        float slope = longer * u * inversesqrt(cosine2), step = longer * inversesqrt(cosine2) / (cosine2 * taps);
+        Surface tap = s;
+        tap.n = normalize(s.n + slope * s.stretch);
+        vec3 l = reflect(-s.v, tap.n);
+        l = vec3(dot(l, s.stretch), dot(l, across), dot(l, s.n));
+        float up = max(l.z, MIN_COS), shadowing = l.z > 0.0 ? 2.0 * up / (up + length(vec3(s.alphas * l.xy, up))) : 0.0;
+        float weight = max(s.nv + slope * dot(s.stretch, s.v), 0.0) * shadowing;
+        tap.nv = clamp(dot(tap.n, s.v), MIN_COS, 1.0);
+        tap.roughness = sqrt(sqrt(min(s.alphas.y * s.alphas.y + step * step / 3.0, 1.0)));
+        SpecularLobe lobe = lobe_of(tap);
+        lobe.reflectance = whole.reflectance;
+        lobe.apart = vec3(0.0); // narrow enough for one
+        if (weight > 0.0) {
+            sum += weight * single_environment(unstretched(tap), lobe, over_pi);
+            weights += weight;
+        }
+    }
+    return sum / max(weights, TINY);
+}
+
 // What the environment gives the surface below its sheen: the split sum, and with the irradiance what is diffuse or scattered more
 // than once. That is exact under even light; elsewhere these terms' share of grazing light is fitted (energy.glsl).
 Split environment_below(Surface s, SpecularLobe lobe)
 {
     EvenLight light = even_light(s);
     vec3 even = light.over_pi;
-    Split split = Split(vec3(0.0), mirrored(s, lobe, even) + lobe.reflectance * lobe.even * even);
+    vec3 single = ANISOTROPY && s.stretch != vec3(0.0) ? stretched_environment(s, lobe, even) : single_environment(s, lobe, even);
+    Split split = Split(vec3(0.0), single);
     bool multiple = MULTI_SCATTER && GEOMETRY == GEOMETRY_SMITH;
     if (METALNESS == METALNESS_METAL && !multiple)
         return split;
@@ -149,6 +191,7 @@ Split environment(Surface s, SpecularLobe lobe)
 Surface widened_for_point_lights(Surface s, float variance)
 {
     s.roughness = widened_roughness(s.roughness, variance);
+    s.alphas = vec2(widened_alpha(s.alphas.x, variance), widened_alpha(s.alphas.y, variance));
     return s;
 }
 

@@ -28,6 +28,7 @@ struct Material {
     float ior; // above 1 if it is the surface of bodies that bend light
     vec3 sheen;
     float sheen_roughness;
+    vec2 anisotropy; // direction in which highlights are stretched, along tangent and bitangent, as long as they are strongly
 };
 
 // Least roughness of a clear coat: its lobe is narrower than a texel of any panorama, and never taken for a mirror's.

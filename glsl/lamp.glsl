@@ -3,6 +3,7 @@
 #define LAMP_GLSL
 
 #include "shared.glsl"
+#include "anisotropy.glsl"
 #include "energy.glsl"
 #include "shading_point.glsl"
 
@@ -40,7 +41,7 @@ float lamp_density(float cosine, float distance_metres)
 vec3 brdf(Surface s, vec3 l, Energy energy, vec2 at_v)
 {
     Fresnel f = fresnel_of(s);
-    vec3 sum = specular(s.n, s.v, l, f, s.roughness, GEOMETRY);
+    vec3 sum = light_specular(s, l, f, GEOMETRY);
     if (GEOMETRY == GEOMETRY_KARIS2013)
         sum += (1.0 - s.metallic) * diffuse_karis2013(s.base_color, f, 0.5 * length(s.v + l));
     else if (METALNESS != METALNESS_METAL || MULTI_SCATTER) {

@@ -228,6 +228,7 @@ vec3 glossy_radiance(RayHit hit, vec3 d, out float density)
 {
     PathPoint p = ray_point(hit, d);
     p.s.roughness = max(p.s.roughness, CAUSTIC_ROUGHNESS);
+    p.s = unstretched(p.s);
     Energy energy = Energy(table_mean(brdf_table, p.s.roughness), MULTI_SCATTER, p.s.dielectric);
     vec2 at_v = table_entry(brdf_table, p.s.nv, p.s.roughness);
     vec3 sum = vec3(0.0);

@@ -142,7 +142,7 @@ vec3 relayed_light(PathPoint p, Scatter m, mat3 world_from_surface, bool first, 
         return vec3(0.0);
     float from_lamp = lamp_density(-dot(lit.side, d), hit.t);
     lit.s = seen_along(lit.s, c.l);
-    Scatter of_lit = make_scatter(lit.s, basis(lit.s.n));
+    Scatter of_lit = make_scatter(lit.s, surface_basis(lit.s));
     vec3 l_lamp;
     float lamp_far;
     vec3 radiance = lamp_light(lit, of_lit, lamp, l_lamp, lamp_far) * count;
@@ -164,7 +164,7 @@ vec3 relayed_sky(PathPoint p, Scatter m, mat3 world_from_surface, bool first, uv
         return vec3(0.0);
     float from_sky = relay_density(lit.position, d, dot(lit.side, d));
     lit.s = seen_along(lit.s, c.l);
-    mat3 world_from_lit = basis(lit.s.n);
+    mat3 world_from_lit = surface_basis(lit.s);
     Scatter of_lit = make_scatter(lit.s, world_from_lit);
     vec3 d_lit = d * world_from_lit, d_panorama = panorama_from_world(d);
     if (d_lit.z <= 0.0 || from_sky <= 0.0)
@@ -243,7 +243,7 @@ vec3 transported_light(PathPoint p, uvec4 seed)
     bool has_lamps = lamp_count() > 0u;
     float arrival = -1.0, drawn = 0.0; // `drawn`: density with which `emitted_light` finds this point
     for (uint bounce = 0u; bounce < MOST_BOUNCES; ++bounce) {
-        mat3 world_from_surface = basis(p.s.n);
+        mat3 world_from_surface = surface_basis(p.s);
         Scatter m = make_scatter(p.s, world_from_surface);
         uint place = TRANSPORT == TRANSPORT_ALL ? sky_place(p.position, p.side) : 0u;
         bool first = bounce == 0u;

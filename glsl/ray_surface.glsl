@@ -221,6 +221,23 @@ void set_clearcoat(inout Surface s, RayHit hit, Material material, vec2 uv, mat3
         s.clearcoat_n = own_from_local * ray_own_normal(hit);
 }
 
+// The surface of a hit with its highlights stretched where the material says so; `world_from_models` turns directions.
+Surface stretched_hit(Surface s, RayHit hit, Material material, mat3 world_from_models)
+{
+    if (material.anisotropy == vec2(0.0))
+        return unstretched(s);
+    uint first = 3u * hit.triangle;
+    vec3 n = vec3(0.0), t = vec3(0.0);
+    for (uint i = 0u; i < 3u; ++i) {
+        vec4 frame_local = ray_frame(ray_corners[first + i]);
+        n += hit.weights[i] * frame_normal(frame_local);
+        t += hit.weights[i] * frame_tangent(frame_local).xyz;
+    }
+    vec3 b = frame_tangent(ray_frame(ray_corners[first])).w * cross(n, t);
+    vec3 along = material.anisotropy.x * t + material.anisotropy.y * b;
+    return stretched(s, world_from_models * along, length(material.anisotropy));
+}
+
 // What a ray of unit direction d met.
 PathPoint ray_point(RayHit hit, vec3 d)
 {
@@ -253,6 +270,7 @@ PathPoint ray_point(RayHit hit, vec3 d)
         set_clearcoat(p.s, hit, material, uv, front * turn);
     p.s.sheen = rays_have(RAYS_SHEEN) ? material.sheen : vec3(0.0);
     p.s.sheen_roughness = material.sheen_roughness;
+    p.s = rays_have(RAYS_ANISOTROPY) ? stretched_hit(p.s, hit, material, turn) : unstretched(p.s);
     p.s.occlusion = 1.0; // rays find out themselves what light reaches
     return p;
 }

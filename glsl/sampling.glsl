@@ -89,24 +89,24 @@ float pdf_ggx(vec3 v, vec3 h, float alpha)
 // Half vector among those that v sees: Dupuy and Benyoub, "Sampling Visible GGX Normals with Spherical Caps" (2023),
 // section 3. The cap's sine is a product, not 1 - z^2, in which 1 - stretched.z keeps its digits when written as `below`; the
 // cap's height, rise - stretched.z, is not formed: the sum takes it back.
-vec3 sample_vndf(vec3 v, vec2 u, float alpha)
+// `alphas`: along x and along y.
+vec3 sample_vndf(vec3 v, vec2 u, vec2 alphas)
 {
-    vec3 stretched = normalize(vec3(alpha * v.xy, max(v.z, MIN_COS)));
+    vec3 stretched = normalize(vec3(alphas * v.xy, max(v.z, MIN_COS)));
     float rise = (1.0 - u.y) * (1.0 + stretched.z);
     float below = dot(stretched.xy, stretched.xy) / (1.0 + stretched.z);
     float sine = sqrt((1.0 + stretched.z) * u.y * (below + rise));
     float phi = 2.0 * PI * u.x;
     vec2 across = sine * vec2(cos(phi), sin(phi)) + stretched.xy;
-    return normalize(vec3(alpha * across, max(rise, MIN_COS)));
+    return normalize(vec3(alphas * across, max(rise, MIN_COS)));
 }
 
 // Density of l = reflect(-v, h) over solid angle for h from sample_vndf: Heitz, "Sampling the GGX Distribution of Visible
 // Normals" (2018), eq. 17, with G1 written out so that n.v cancels.
-float pdf_vndf(vec3 v, vec3 h, float alpha)
+float pdf_vndf(vec3 v, vec3 h, vec2 alphas)
 {
     float nv = max(v.z, MIN_COS);
-    float a2 = alpha * alpha;
-    return d_ggx(vec3(0.0, 0.0, 1.0), h, alpha) * 0.5 / (nv + sqrt(a2 + (1.0 - a2) * nv * nv));
+    return d_ggx_stretched(h, alphas) * 0.5 / (nv + length(vec3(alphas * v.xy, nv)));
 }
 
 #endif

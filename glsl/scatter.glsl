@@ -34,7 +34,7 @@ struct Scatter {
     Fresnel fresnel;
     float metallic;
     float roughness;
-    float alpha;
+    vec2 alphas; // along x and y
     float specular_share; // of the samples: from visible normals, or to a mirror's direction
     bool mirror;
     Energy energy;
@@ -75,6 +75,7 @@ float coat_scattered(Coat c, vec3 l)
     return c.factor * l.z * (single + multiple(c.energy, multiple_share(c.energy, CLEARCOAT_FRESNEL), at_l, c.at_v).x);
 }
 
+// `world_from_surface`: of surface_basis.
 Scatter make_scatter(Surface s, mat3 world_from_surface)
 {
     Scatter m;
@@ -84,8 +85,8 @@ Scatter make_scatter(Surface s, mat3 world_from_surface)
     m.fresnel = fresnel_of(s);
     m.metallic = s.metallic;
     m.roughness = s.roughness;
-    m.alpha = s.roughness * s.roughness;
-    m.mirror = m.alpha < MIRROR_ALPHA;
+    m.mirror = max(s.alphas.x, s.alphas.y) < MIRROR_ALPHA;
+    m.alphas = m.mirror ? s.alphas : max(s.alphas, MIRROR_ALPHA);
     // A mirror has no microfacets that light could bounce between.
     m.energy = Energy(table_mean(brdf_table, s.roughness), MULTI_SCATTER && !m.mirror, s.dielectric);
     m.at_v = table_entry(brdf_table, m.v.z, s.roughness);
@@ -106,6 +107,11 @@ Scatter make_scatter(Surface s, mat3 world_from_surface)
     return m;
 }
 
+float scatter_visibility(Scatter m, vec3 l)
+{
+    return GEOMETRY == GEOMETRY_KARIS2013 ? v_karis2013_ibl(l.z, m.v.z, m.roughness) : v_smith_stretched(l, m.v, m.alphas);
+}
+
 // BRDF times n.l for unit l above the surface; of a mirror without single scattering.
 vec3 scattered(Scatter m, vec3 l)
 {
@@ -117,7 +123,7 @@ vec3 scattered(Scatter m, vec3 l)
     else
         sum = beyond_single(m.energy, m.base_color, m.metallic, table_entry(brdf_table, l.z, m.roughness), m.at_v);
     if (!m.mirror)
-        sum += f_schlick(m.fresnel, vh) * (d_ggx(vec3(0.0, 0.0, 1.0), h, m.alpha) * v_environment(l.z, m.v.z, m.roughness, GEOMETRY));
+        sum += f_schlick(m.fresnel, vh) * (d_ggx_stretched(h, m.alphas) * scatter_visibility(m, l));
     if (rays_have(RAYS_SHEEN))
         sum = m.left_by_sheen * sum + m.sheen * sheen_brdf(vec3(0.0, 0.0, 1.0), m.v, l, m.sheen_roughness);
     return rays_have(RAYS_CLEARCOAT) ? sum * (m.coat.left * l.z) + coat_scattered(m.coat, l) : sum * l.z;
@@ -136,9 +142,9 @@ float scatter_density(Scatter m, vec3 l)
 {
     float density = (1.0 - m.specular_share) * l.z * INV_PI;
     if (!m.mirror)
-        density += m.specular_share * pdf_vndf(m.v, m.v + l, m.alpha);
+        density += m.specular_share * pdf_vndf(m.v, m.v + l, m.alphas);
     if (rays_have(RAYS_CLEARCOAT) && m.coat.share > 0.0)
-        density = mix(density, pdf_vndf(m.coat.v, m.coat.v + l * m.coat.base_from_coat, m.coat.alpha), m.coat.share);
+        density = mix(density, pdf_vndf(m.coat.v, m.coat.v + l * m.coat.base_from_coat, vec2(m.coat.alpha)), m.coat.share);
     return density;
 }
 
@@ -159,14 +165,14 @@ vec3 sample_scatter(Scatter m, uvec4 bits, out bool mirrored)
     mirrored = false;
     if (rays_have(RAYS_CLEARCOAT)) {
         if (which < m.coat.share)
-            return m.coat.base_from_coat * reflect(-m.coat.v, sample_vndf(m.coat.v, u, m.coat.alpha));
+            return m.coat.base_from_coat * reflect(-m.coat.v, sample_vndf(m.coat.v, u, vec2(m.coat.alpha)));
         which = (which - m.coat.share) / (1.0 - m.coat.share);
     }
     bool specular = which < m.specular_share;
     mirrored = specular && m.mirror;
     if (mirrored)
         return vec3(-m.v.xy, m.v.z);
-    return specular ? reflect(-m.v, sample_vndf(m.v, u, m.alpha)) : cosine_direction(u);
+    return specular ? reflect(-m.v, sample_vndf(m.v, u, m.alphas)) : cosine_direction(u);
 }
 
 #endif

@@ -2,7 +2,7 @@
 #ifndef SPHERE_LIGHTS_GLSL
 #define SPHERE_LIGHTS_GLSL
 
-#include "disc.glsl"
+#include "anisotropy.glsl"
 #include "placed_probes.glsl"
 #include "shadows.glsl"
 #include "surface.glsl"
@@ -27,7 +27,6 @@ vec3 mirrored_spheres(Surface s, float even, float variance)
     vec3 sum = vec3(0.0);
     Fresnel f = fresnel_of(s);
     vec3 p = position_in_models(position_world), n = models_from_world(triangle_normal());
-    float alpha = widened_alpha(s.roughness * s.roughness, variance);
     for (uint i = 0u; i < SPHERE_LIGHTS; ++i) {
         SphereLight light = frame.sphere_lights[i];
         vec3 to = light.position - p;
@@ -35,7 +34,7 @@ vec3 mirrored_spheres(Surface s, float even, float variance)
         vec3 l = mat3(frame.world_from_models) * normalize_or(to, vec3(0.0, 1.0, 0.0));
         float sine = sqrt(radius2 / far2), cosine = disc_cosine(dot(s.n, l), sine);
         if (cosine > 0.0)
-            sum += light.intensity * sphere_visibility(light, p, n) * (cosine / far2) * disc_specular(s.n, s.v, l, f, alpha, sine, GEOMETRY);
+            sum += light.intensity * sphere_visibility(light, p, n) * (cosine / far2) * light_disc_specular(s, l, f, variance, sine, GEOMETRY);
     }
     return (1.0 - even) * sum;
 }

@@ -3,6 +3,7 @@
 #define SUN_LIGHT_GLSL
 
 #include "sun.glsl"
+#include "anisotropy.glsl"
 #include "energy.glsl"
 #include "sheen.glsl"
 #include "surface.glsl"
@@ -30,8 +31,7 @@ vec3 sun_light(Surface s, float variance, Energy energy, vec2 at_v)
     if (irradiance == vec3(0.0))
         return vec3(0.0);
     Fresnel f = fresnel_of(s);
-    float alpha = widened_alpha(s.roughness * s.roughness, variance);
-    vec3 sum = disc_specular(s.n, s.v, l, f, alpha, frame.sun.sine, GEOMETRY);
+    vec3 sum = light_disc_specular(s, l, f, variance, frame.sun.sine, GEOMETRY);
     if (GEOMETRY == GEOMETRY_KARIS2013)
         sum += (1.0 - s.metallic) * diffuse_karis2013(s.base_color, f, 0.5 * length(s.v + l));
     else if (METALNESS != METALNESS_METAL || MULTI_SCATTER) {

@@ -120,6 +120,12 @@ Surface read_surface()
         s.sheen = material.sheen;
         s.sheen_roughness = material.sheen_roughness;
     }
+    s = unstretched(s);
+    if (ANISOTROPY) {
+        vec2 along = materials[instances[draw.instance].material].anisotropy;
+        vec3 b = tangent_world.w * cross(normal_world, tangent_world.xyz);
+        s = stretched(s, along.x * tangent_world.xyz + along.y * b, length(along));
+    }
     s.v = normalize_or(frame.eyes[eye].world_from_view[3].xyz - position_world, s.n);
     // A mapped normal may lean away from the eye; the surface is seen all the same.
     s.nv = clamp(dot(s.n, s.v), MIN_COS, 1.0);

@@ -1,6 +1,6 @@
 //! Materials as model files describe them, checked: factors and maps of the metallic–roughness model.
 
-use glam::Vec3;
+use glam::{Vec2, Vec3};
 
 use super::image_source::ImageSource;
 use super::texture::Pick;
@@ -58,6 +58,8 @@ pub struct MaterialDesc {
     pub clearcoat_bumps: bool,
     /// Multiplies the share.
     pub clearcoat_map: Option<MapDesc>,
+    /// In which direction highlights are stretched, along tangent and bitangent, as long as they are strongly: 0 to 1.
+    pub anisotropy: Vec2,
     /// Color of the sheen of cloth, linear RGB, 0 to 1, and its roughness, [`MIN_SHEEN_ROUGHNESS`] to 1.
     pub sheen: Vec3,
     pub sheen_roughness: f32,
@@ -191,6 +193,7 @@ impl MaterialDesc {
             clearcoat: 0.0,
             clearcoat_roughness: 0.0,
             clearcoat_bumps: false,
+            anisotropy: Vec2::ZERO,
             clearcoat_map: None,
             sheen: Vec3::ZERO,
             sheen_roughness: 1.0,

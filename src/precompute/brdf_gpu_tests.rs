@@ -34,6 +34,8 @@ struct BrdfInput {
 struct BrdfOutput {
     alpha: f32,
     d: f32,
+    stretched_d: f32,
+    stretched_smith: f32,
     smith: f32,
     karis: f32,
     karis_direct: f32,
@@ -126,6 +128,10 @@ fn judge_terms(judge: &mut Judge, i: &BrdfInput, o: &BrdfOutput) {
     let base_color = dvec3(i.base_color);
     let close = [0.0, 3e-6];
     judge.near("alpha_from_roughness", i, &[o.alpha], &[brdf::alpha_from_roughness(r)], close);
+    // In the frame of x, y and z, whatever n is there; metallic is any strength.
+    let (alphas, [l, h, v]) = (brdf::stretched_alphas(alpha, metallic), [i.l, i.h, i.v].map(dvec3));
+    judge.near("d_ggx_stretched", i, &[o.stretched_d], &[brdf::d_ggx_stretched(h, alphas)], [1e-30, 1e-5]);
+    judge.near("v_smith_stretched", i, &[o.stretched_smith], &[brdf::v_smith_stretched(l, v, alphas)], close);
     judge.near("v_smith", i, &[o.smith], &[brdf::v_smith_height_correlated(nl, nv, alpha)], close);
     judge.near("v_karis2013", i, &[o.karis], &[brdf::v_karis2013(nl, nv, alpha)], close);
     judge.near("v_karis2013_direct", i, &[o.karis_direct], &[brdf::v_karis2013_direct(nl, nv, r)], close);
@@ -200,6 +206,7 @@ struct SamplingInput {
     h: [f32; 3],
     u: [f32; 2],
     alpha: f32,
+    alphas: [f32; 2],
     index: u32,
     log2_count: u32,
 }
@@ -233,11 +240,13 @@ fn sampling_inputs() -> Vec<SamplingInput> {
     let poles = [DVec3::Z, -DVec3::Z, DVec3::X, -DVec3::Y, DVec3::new(0.6, 0.0, -0.8), DVec3::new(1e-4, 0.0, -1.0)];
     for alpha in alphas {
         for cosine in cosines {
-            for (u, v) in [(0.0, 0.0), (LAST, LAST), (0.0, LAST), (LAST, 0.0), (0.5, 0.5)] {
+            for (u, v0) in [(0.0, 0.0), (LAST, LAST), (0.0, LAST), (LAST, 0.0), (0.5, 0.5)] {
                 let n = poles[inputs.len() % poles.len()].normalize().as_vec3().into();
                 let index = indices[inputs.len() % indices.len()];
                 let v3 = slanted(cosine, 1.0).as_vec3();
-                inputs.push(SamplingInput { n, v: v3.into(), h: [0.0; 3], u: [u, v], alpha, index, log2_count: 30 });
+                let alphas = [alpha, alphas[inputs.len() % alphas.len()]];
+                let v = v3.into();
+                inputs.push(SamplingInput { n, v, h: [0.0; 3], u: [u, v0], alpha, alphas, index, log2_count: 30 });
             }
         }
     }
@@ -249,6 +258,7 @@ fn sampling_inputs() -> Vec<SamplingInput> {
             h: [0.0; 3],
             u: [random.unit() as f32 * LAST, random.unit() as f32 * LAST],
             alpha: random.unit().powi(3) as f32,
+            alphas: [random.unit().powi(3) as f32, random.unit().powi(3) as f32],
             index: random.bits() as u32 & ((1u32 << log2_count) - 1),
             log2_count,
         });
@@ -288,12 +298,15 @@ fn samples_and_densities_agree() {
             judge.near("basis", i, got, &want.to_array(), [1e-6, 0.0]);
         }
         judge.near("sample_ggx", i, &o.ggx, &sampling::sample_ggx(u, alpha).to_array(), [5e-6, 0.0]);
-        let vndf = sampling::sample_vndf(v, u, alpha);
-        judge.near("sample_vndf", i, &o.vndf, &vndf.to_array(), [1e-5, 0.0]);
+        let alphas = DVec2::from_array(i.alphas.map(f64::from));
+        let vndf = sampling::sample_vndf(v, u, alphas);
+        // The rounding of an angle grows by how much longer than wide the lobe is.
+        let stretch = (alphas.max_element() / alphas.min_element().max(1e-9)).min(1e4);
+        judge.near("sample_vndf", i, &o.vndf, &vndf.to_array(), [1e-5 + 3e-7 * (stretch - 1.0).max(0.0), 0.0]);
         // Divided by v·h, which carries an error of 1e-7.
         let cosine = 2e-7 / v.dot(h).abs();
         judge.near("pdf_ggx", i, &[o.pdf_ggx], &[sampling::pdf_ggx(v, h, alpha)], [1e-30, 1e-5 + cosine]);
-        judge.near("pdf_vndf", i, &[o.pdf_vndf], &[sampling::pdf_vndf(v, h, alpha)], [1e-30, 1e-5]);
+        judge.near("pdf_vndf", i, &[o.pdf_vndf], &[sampling::pdf_vndf(v, h, alphas)], [1e-30, 1e-5]);
         let lowest = [o.ggx[2], o.vndf[2], o.pdf_ggx, o.pdf_vndf].into_iter().fold(0.0, f32::min);
         assert!(lowest >= 0.0, "{i:?}: {o:?}");
     }

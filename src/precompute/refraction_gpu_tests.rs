@@ -46,7 +46,7 @@ fn inputs() -> Vec<Input> {
         v.z = v.z.abs() * if i.is_multiple_of(4) { 0.05 } else { 1.0 };
         let v = v.normalize();
         let alpha = if i.is_multiple_of(3) { 0.0 } else { random.unit() };
-        let h = sample_vndf(v, DVec2::new(random.unit(), random.unit()), alpha);
+        let h = sample_vndf(v, DVec2::new(random.unit(), random.unit()), DVec2::splat(alpha));
         let ior = 1.0 + 1.5 * random.unit();
         let n = random.direction();
         let single = |d: DVec3| d.as_vec3().to_array();

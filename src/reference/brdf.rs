@@ -6,7 +6,7 @@
 use std::f64::consts::{FRAC_1_PI, PI};
 
 use clap::ValueEnum;
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 
 use super::math::{MIN_COS, TINY};
 
@@ -54,6 +54,27 @@ pub fn d_ggx(n: DVec3, h: DVec3, alpha: f64) -> f64 {
     let sine_squared = n.cross(h).length_squared();
     let k = alpha * h.length_squared() / (sine_squared + (alpha * n.dot(h)).powi(2)).max(TINY);
     k * k * FRAC_1_PI
+}
+
+/// Alphas along the direction in which highlights are stretched, and across it, for a strength from 0 to 1:
+/// KHR_materials_anisotropy.
+pub fn stretched_alphas(alpha: f64, strength: f64) -> DVec2 {
+    DVec2::new(alpha + (1.0 - alpha) * strength * strength, alpha)
+}
+
+/// GGX over an ellipse of slopes: Burley, "Physically-Based Shading at Disney" (2012), appendix B.2; h of any length in a
+/// frame whose x is the direction of `alphas.x` and whose z is the normal.
+pub fn d_ggx_stretched(h: DVec3, alphas: DVec2) -> f64 {
+    let (ratio, product) = (alphas.x.max(TINY) / alphas.y.max(TINY), alphas.x * alphas.y);
+    let below = h.x * h.x / ratio + h.y * h.y * ratio + product * h.z * h.z;
+    let k = product.sqrt() * h.length_squared() / below.max(TINY);
+    k * k * FRAC_1_PI
+}
+
+/// [`v_smith_height_correlated`] for it, in the same frame: Heitz (2014), eq. 86.
+pub fn v_smith_stretched(l: DVec3, v: DVec3, alphas: DVec2) -> f64 {
+    let stretched = |d: DVec3| DVec3::new(alphas.x * d.x, alphas.y * d.y, d.z.max(MIN_COS)).length();
+    0.5 / (l.z.max(MIN_COS) * stretched(v) + v.z.max(MIN_COS) * stretched(l))
 }
 
 /// Height-correlated Smith masking and shadowing over 4 nl nv: Heitz, "Understanding the Masking-Shadowing Function"

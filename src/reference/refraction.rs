@@ -98,7 +98,7 @@ mod tests {
 
     /// A path from v through a ball of radius 1 whose normal there is n, with half vectors of these points of the unit square.
     fn crossed(n: DVec3, v: DVec3, ior: f64, alpha: f64, points: [DVec2; 2]) -> Option<DVec3> {
-        let half = |v: DVec3, u| if alpha > 0.0 { sample_vndf(v, u, alpha) } else { DVec3::Z };
+        let half = |v: DVec3, u| if alpha > 0.0 { sample_vndf(v, u, DVec2::splat(alpha)) } else { DVec3::Z };
         let through = |world_from_local: DMat3, v: DVec3, eta: f64, u| {
             let v = world_from_local.transpose() * v;
             let crossing = cross_boundary(v, half(v, u), alpha, eta, 0.999_999);
@@ -146,7 +146,9 @@ mod tests {
         let alpha = 0.05;
         let point = |i: u32, turn: u32| hammersley(i.wrapping_mul(turn) % 4096, 12);
         let mirrored: Vec<f64> = (0..4096)
-            .map(|i| (-DVec3::Z).reflect(sample_vndf(DVec3::Z, point(i, 1), alpha)).z.clamp(-1.0, 1.0).acos())
+            .map(|i| {
+                (-DVec3::Z).reflect(sample_vndf(DVec3::Z, point(i, 1), DVec2::splat(alpha))).z.clamp(-1.0, 1.0).acos()
+            })
             .collect();
         for ior in [1.2, 1.5, 1.8] {
             let through =
@@ -200,7 +202,7 @@ mod tests {
                         let u = hammersley(i, 14);
                         // The golden ratio's multiples are even beside the set's points.
                         let which = (f64::from(i) * 0.618_033_988_749_895).fract();
-                        let h = sample_vndf(v, DVec2::new(u.x, u.y), alpha);
+                        let h = sample_vndf(v, DVec2::new(u.x, u.y), DVec2::splat(alpha));
                         cross_boundary(v, h, alpha, eta, which).weight
                     })
                     .sum();

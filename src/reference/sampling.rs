@@ -6,7 +6,7 @@ use std::f64::consts::TAU;
 use glam::{DMat3, DVec2, DVec3};
 
 use super::{
-    brdf::d_ggx,
+    brdf::{d_ggx, d_ggx_stretched},
     math::{MIN_COS, TINY},
 };
 
@@ -71,23 +71,22 @@ pub fn pdf_ggx(v: DVec3, h: DVec3, alpha: f64) -> f64 {
 }
 
 /// Half vector of the distribution of visible normals: Dupuy and Benyoub, "Sampling Visible GGX Normals with Spherical
-/// Caps" (2023), section 3; u in [0, 1)².
-pub fn sample_vndf(v: DVec3, u: DVec2, alpha: f64) -> DVec3 {
-    let stretched = DVec3::new(alpha * v.x, alpha * v.y, v.z.max(MIN_COS)).normalize();
+/// Caps" (2023), section 3; u in [0, 1)². `alphas`: along x and along y.
+pub fn sample_vndf(v: DVec3, u: DVec2, alphas: DVec2) -> DVec3 {
+    let stretched = DVec3::new(alphas.x * v.x, alphas.y * v.y, v.z.max(MIN_COS)).normalize();
     let rise = (1.0 - u.y) * (1.0 + stretched.z);
     let below = (stretched.x * stretched.x + stretched.y * stretched.y) / (1.0 + stretched.z);
     let sine = ((1.0 + stretched.z) * u.y * (below + rise)).sqrt();
     let (sin_phi, cos_phi) = (TAU * u.x).sin_cos();
     let across = sine * DVec2::new(cos_phi, sin_phi) + DVec2::new(stretched.x, stretched.y);
-    DVec3::new(alpha * across.x, alpha * across.y, rise.max(MIN_COS)).normalize()
+    DVec3::new(alphas.x * across.x, alphas.y * across.y, rise.max(MIN_COS)).normalize()
 }
 
 /// Density of l = reflect(−v, h) in 1/sr for h from [`sample_vndf`]: Heitz, "Sampling the GGX Distribution of Visible
 /// Normals" (2018), eq. 17, with G1 written out so that n·v cancels.
-pub fn pdf_vndf(v: DVec3, h: DVec3, alpha: f64) -> f64 {
+pub fn pdf_vndf(v: DVec3, h: DVec3, alphas: DVec2) -> f64 {
     let nv = v.z.max(MIN_COS);
-    let a2 = alpha * alpha;
-    d_ggx(DVec3::Z, h, alpha) * 0.5 / (nv + (a2 + (1.0 - a2) * nv * nv).sqrt())
+    d_ggx_stretched(h, alphas) * 0.5 / (nv + DVec3::new(alphas.x * v.x, alphas.y * v.y, nv).length())
 }
 
 #[cfg(test)]
@@ -187,16 +186,16 @@ mod tests {
     /// Stratified points lie far below χ²'s mean; a wrong density lies far above it.
     fn chi_squared_per_cell(
         v: DVec3,
-        alpha: f64,
-        half: fn(DVec3, DVec2, f64) -> DVec3,
-        pdf: fn(DVec3, DVec3, f64) -> f64,
+        alphas: DVec2,
+        half: impl Fn(DVec3, DVec2, DVec2) -> DVec3,
+        pdf: impl Fn(DVec3, DVec3, DVec2) -> f64,
     ) -> f64 {
         const CELLS: usize = 16;
         const LOG2: u32 = 16;
         const FINE: usize = 24;
         let mut counts = [[0f64; CELLS]; CELLS];
         for i in 0..1u32 << LOG2 {
-            let h = half(v, hammersley(i, LOG2), alpha);
+            let h = half(v, hammersley(i, LOG2), alphas);
             let l = 2.0 * v.dot(h) * h - v;
             let row = ((l.z + 1.0) / 2.0 * CELLS as f64) as usize;
             let column = ((l.y.atan2(l.x) / TAU + 0.5) * CELLS as f64) as usize;
@@ -212,7 +211,7 @@ mod tests {
                 let across = (1.0 - z * z).sqrt();
                 let h = (DVec3::new(across * phi.cos(), across * phi.sin(), z) + v).normalize();
                 if h.z > 0.0 {
-                    expected[row / FINE][column / FINE] += pdf(v, h, alpha) * cell * f64::from(1u32 << LOG2);
+                    expected[row / FINE][column / FINE] += pdf(v, h, alphas) * cell * f64::from(1u32 << LOG2);
                 }
             }
         }
@@ -226,22 +225,29 @@ mod tests {
 
     #[test]
     fn samples_follow_their_density() {
-        let ggx: fn(DVec3, DVec2, f64) -> DVec3 = |_, u, alpha| sample_ggx(u, alpha);
+        let ggx = |_, u, alphas: DVec2| sample_ggx(u, alphas.x);
+        let ggx_density = |v, h, alphas: DVec2| pdf_ggx(v, h, alphas.x);
         for nv in [0.2f64, 0.7, 1.0] {
             let v = DVec3::new((1.0 - nv * nv).sqrt(), 0.0, nv);
-            for alpha in [0.4, 1.0] {
-                let good = chi_squared_per_cell(v, alpha, sample_vndf, pdf_vndf);
-                assert!(good < 1.0, "visible normals: {good} at n·v {nv}, alpha {alpha}");
+            for (alpha, across) in [(0.4, 0.4), (1.0, 1.0), (0.9, 0.3), (0.3, 0.7)] {
+                let alphas = DVec2::new(alpha, across);
+                let good = chi_squared_per_cell(v, alphas, sample_vndf, pdf_vndf);
+                assert!(good < 1.0, "visible normals: {good} at n·v {nv}, {alphas}");
                 // h seen from behind reflects below; its density is not defined there, so only steep views are
                 // compared.
-                if nv == 1.0 {
-                    let good = chi_squared_per_cell(v, alpha, ggx, pdf_ggx);
+                if nv == 1.0 && alpha == across {
+                    let good = chi_squared_per_cell(v, alphas, ggx, ggx_density);
                     assert!(good < 1.0, "normals: {good} at n·v {nv}, alpha {alpha}");
                 }
             }
         }
         let v = DVec3::new(0.6, 0.0, 0.8);
-        let wrong = chi_squared_per_cell(v, 0.4, |v, u, _| sample_vndf(v, u, 0.5), pdf_vndf);
+        let wrong = chi_squared_per_cell(
+            v,
+            DVec2::new(0.4, 0.6),
+            |v, u, alphas| sample_vndf(v, u, DVec2::new(alphas.y, alphas.x)),
+            pdf_vndf,
+        );
         assert!(wrong > 10.0, "the test no longer sees a wrong density: {wrong}");
     }
 
@@ -250,7 +256,11 @@ mod tests {
         let v = DVec3::new(1.0, 0.0, 0.0);
         for u in [DVec2::ZERO, DVec2::splat(1.0 - 2f64.powi(-24)), DVec2::new(1.0 - 2f64.powi(-24), 0.0)] {
             for alpha in [0.0, 1e-6, 1.0] {
-                for h in [sample_ggx(u, alpha), sample_vndf(v, u, alpha), sample_vndf(DVec3::Z, u, alpha)] {
+                for h in [
+                    sample_ggx(u, alpha),
+                    sample_vndf(v, u, DVec2::splat(alpha)),
+                    sample_vndf(DVec3::Z, u, DVec2::splat(alpha)),
+                ] {
                     assert!((h.length() - 1.0).abs() < 1e-9 && h.z >= 0.0, "{h} for {u}, alpha {alpha}");
                 }
             }

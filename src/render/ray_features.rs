@@ -1,6 +1,6 @@
 //! What rays may meet in a scene, for shaders that have code for nothing else.
 
-use glam::Vec3;
+use glam::{Vec2, Vec3};
 
 use super::shared::{VertexExtraBlock, ray_feature};
 use crate::scene::{GeometryView, Material};
@@ -20,6 +20,7 @@ pub fn features(materials: &[Material], geometry: GeometryView<'_>) -> u32 {
         (ray_feature::TINTS, any(&Material::tints)),
         (ray_feature::CLEARCOAT, any(&|material| material.clearcoat_factor > 0.0)),
         (ray_feature::SHEEN, any(&|material| material.sheen_color != Vec3::ZERO)),
+        (ray_feature::ANISOTROPY, any(&|material| material.anisotropy != Vec2::ZERO)),
         (ray_feature::REFRACTS, any(&|material| material.refraction.is_some())),
         (ray_feature::EXTRAS, any(&Material::takes_second_uv) || extra()),
     ];
@@ -54,6 +55,7 @@ mod tests {
         assert_eq!(of(|m| (m.blends, m.transmission) = (true, Some(Vec3::ONE))), ray_feature::HOLES);
         assert_eq!(of(|m| m.clearcoat_factor = 0.1), ray_feature::CLEARCOAT);
         assert_eq!(of(|m| m.sheen_color.y = 0.1), ray_feature::SHEEN);
+        assert_eq!(of(|m| m.anisotropy.y = 0.1), ray_feature::ANISOTROPY);
         assert_eq!(of(|m| m.emissive_factor.z = 0.1), ray_feature::EMITTERS);
         assert_eq!(of(|m| (m.metallic_range, m.roughness_range) = ([0.0, 1.0], [0.2, 0.9])), ray_feature::GLOSSY);
         assert_eq!(of(|m| (m.metallic_range, m.roughness_range) = ([0.0, 1.0], [0.7, 0.9])), 0);

@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 use std::sync::Arc;
 
 use bytemuck::{Pod, Zeroable};
-use glam::{DVec3, Vec3};
+use glam::{DMat3, DVec3, Vec3};
 
 use super::bindings::SCENE;
 use crate::context::Context;
@@ -14,7 +14,9 @@ use crate::gpu::{
 };
 use crate::precompute::BrdfTable;
 use crate::precompute::harness_tests::{Judge, Random, with_gpu};
-use crate::reference::brdf::{Fresnel, Geometry, specular};
+use crate::reference::brdf::{
+    Fresnel, Geometry, d_ggx_stretched, f_schlick, specular, stretched_alphas, v_smith_stretched,
+};
 use crate::reference::clearcoat::Clearcoat;
 use crate::reference::energy::{Curve, Energy, Scattering};
 use crate::reference::sheen::{sheen_albedo, sheen_brdf, under_sheen};
@@ -35,6 +37,8 @@ struct Input {
     clearcoat_n: [f32; 3],
     sheen: [f32; 3],
     sheen_roughness: f32,
+    /// Strength, along (0.8, 0.6, 0).
+    stretch: f32,
     bits: [u32; 4],
 }
 
@@ -53,6 +57,7 @@ impl Input {
             clearcoat_n: [0.0, 0.0, 1.0],
             sheen: [0.0; 3],
             sheen_roughness: 1.0,
+            stretch: 0.0,
             bits,
         }
     }
@@ -109,15 +114,16 @@ const GRID: [u32; 2] = [256, 512];
 #[test]
 fn samples_have_the_density_that_is_said() {
     with_gpu(|gpu| {
-        // The last: factor, roughness and inclination of a clear coat; gray and roughness of sheen.
-        let no_sheen = [0.0f32, 1.0];
+        // The last: factor, roughness and inclination of a clear coat; gray and roughness of sheen, and how much
+        // highlights are stretched.
+        let no_sheen = [0.0f32, 1.0, 0.0];
         for (
             metallic,
             roughness,
             base_color,
             cosine,
             [clearcoat, clearcoat_roughness, inclination],
-            [sheen, sheen_roughness],
+            [sheen, sheen_roughness, stretch],
         ) in [
             (0.0f32, 1.0f32, 0.8f32, 0.9, [0.0f32; 3], no_sheen),
             (0.0, 0.4, 0.5, 0.3, [0.0; 3], no_sheen),
@@ -127,9 +133,11 @@ fn samples_have_the_density_that_is_said() {
             (0.0, 0.3, 0.0, 0.8, [0.0; 3], no_sheen),
             (0.0, 0.8, 0.1, 0.8, [1.0, 0.3, 0.0], no_sheen),
             (1.0, 0.6, 0.9, 0.4, [0.7, 0.5, 0.3], no_sheen),
-            (0.0, 0.8, 0.4, 0.4, [0.0; 3], [0.8, 0.5]),
-            (1.0, 0.3, 0.6, 0.2, [0.0; 3], [1.0, 0.7]),
-            (0.0, 0.5, 0.2, 0.6, [0.5, 0.4, 0.2], [0.9, 0.3]),
+            (0.0, 0.8, 0.4, 0.4, [0.0; 3], [0.8, 0.5, 0.0]),
+            (1.0, 0.3, 0.6, 0.2, [0.0; 3], [1.0, 0.7, 0.0]),
+            (0.0, 0.5, 0.2, 0.6, [0.5, 0.4, 0.2], [0.9, 0.3, 0.5]),
+            (1.0, 0.4, 0.9, 0.5, [0.0; 3], [0.0, 1.0, 0.9]),
+            (0.0, 0.5, 0.5, 0.2, [0.0; 3], [0.0, 1.0, 0.6]),
         ] {
             let v = slanted(cosine, 0.4).as_vec3();
             let mut random = Random(3);
@@ -148,6 +156,7 @@ fn samples_have_the_density_that_is_said() {
                 clearcoat_n: [inclination.sin(), 0.0, inclination.cos()],
                 sheen: [sheen; 3],
                 sheen_roughness,
+                stretch,
                 ..Input::plain(v, cell(i), bits())
             };
             let inputs: Vec<Input> = (0..count).map(input).collect();
@@ -160,8 +169,9 @@ fn samples_have_the_density_that_is_said() {
             let ratio = |o: &&Output| f64::from(o.sample_value[0]) / f64::from(o.sample_density);
             let sampled = above.iter().map(ratio).sum::<f64>() / f64::from(count);
             let most = above.iter().map(ratio).fold(0.0, f64::max);
-            let name =
-                format!("metallic {metallic}, roughness {roughness}, n.v {cosine}, coat {clearcoat}, sheen {sheen}");
+            let name = format!(
+                "metallic {metallic}, roughness {roughness}, n.v {cosine}, coat {clearcoat}, sheen {sheen}, {stretch}"
+            );
             println!("{name}: density {density:.4} for {part:.4}; {sampled:.4} for {value:.4}; at most {most:.2}");
             assert!((density - part).abs() < 0.006, "{name}: {density}, not {part}");
             assert!((sampled / value - 1.0).abs() < 0.01, "{name}: {sampled}, not {value}");
@@ -244,5 +254,34 @@ fn the_value_agrees() {
         // The table's entries are good to 2e-4; what is lost is a difference from 1, and divided by another.
         judge.near("scattered", input, &output.value, &want.to_array(), [1e-3, 2e-3]);
         assert!(output.density > 0.0 && output.share >= 0.1 && output.share <= 1.0);
+    }
+}
+
+/// In a frame along the stretch; what is not single scattering is that of a round lobe of the root mean square of both alphas.
+#[test]
+fn stretched_highlights_agree_with_their_twin() {
+    let mut random = Random(9);
+    let mut judge = Judge::default();
+    for (roughness, stretch) in [(0.3f32, 0.5f32), (0.5, 1.0), (0.7, 0.8)] {
+        let alphas = stretched_alphas(f64::from(roughness * roughness), stretch.into());
+        let round = (0.5 * alphas.length_squared()).sqrt().sqrt();
+        let energy = Energy::new(round, Geometry::Smith, Scattering::Multiple);
+        let curve = Curve::new(round, Geometry::Smith);
+        let input = |_| {
+            let [v, l] = [0; 2].map(|_| slanted(0.05 + 0.95 * random.unit(), TAU * random.unit()).as_vec3());
+            let base_color = random.colour().as_vec3().into();
+            Input { base_color, metallic: 1.0, roughness, stretch, ..Input::plain(v, l, [0; 4]) }
+        };
+        let inputs: Vec<Input> = (0..1000).map(input).collect();
+        let outputs = with_gpu(|gpu| run(gpu, &inputs));
+        let frame = DMat3::from_cols(DVec3::new(0.8, 0.6, 0.0), DVec3::new(-0.6, 0.8, 0.0), DVec3::Z);
+        for (input, output) in inputs.iter().zip(&outputs) {
+            let [v, l] = [input.v, input.l].map(|d| frame.transpose() * Vec3::from(d).as_dvec3());
+            let base_color = Vec3::from(input.base_color).as_dvec3();
+            let lobe = d_ggx_stretched(v + l, alphas) * v_smith_stretched(l, v, alphas);
+            let single = f_schlick(base_color, 0.5 * (v + l).length()) * lobe;
+            let want = (single + energy.beyond_single(base_color, 1.0, curve.at(l.z), curve.at(v.z))) * l.z;
+            judge.near("scattered", input, &output.value, &want.to_array(), [1e-3, 2e-3]);
+        }
     }
 }

@@ -302,6 +302,7 @@ fn material_block(material: &Material, textures: u32) -> MaterialBlock {
         ior: refraction.ior,
         sheen: material.sheen_color.into(),
         sheen_roughness: material.sheen_roughness,
+        anisotropy: material.anisotropy.into(),
         emission: material.emissive_factor.into(),
         flags: material_flags(material),
     }

@@ -129,6 +129,8 @@ pub struct MaterialBlock {
     /// The color of its sheen, and its roughness.
     pub sheen: [f32; 3],
     pub sheen_roughness: f32,
+    /// In which direction highlights are stretched, along tangent and bitangent, as long as they are strongly.
+    pub anisotropy: [f32; 2],
 }
 
 /// Bits of [`MaterialBlock::flags`], as in `glsl/instance.glsl`.
@@ -222,7 +224,7 @@ const _: () = {
     assert!(size_of::<FrameBlock>() == 144 * MAX_EYES + 188 + size_of::<[SphereLightBlock; MAX_SPHERE_LIGHTS]>());
     assert!(offset_of!(InstanceBlock, material) == 64 && size_of::<InstanceBlock>() == 68);
     assert!(offset_of!(MaterialBlock, metallic) == 12 && offset_of!(MaterialBlock, emission) == 32);
-    assert!(size_of::<MaterialBlock>() == 128 && size_of::<VertexExtraBlock>() == 16);
+    assert!(size_of::<MaterialBlock>() == 136 && size_of::<VertexExtraBlock>() == 16);
     assert!(offset_of!(LightBlock, radius) == 12 && offset_of!(LightBlock, intensity) == 16);
     assert!(offset_of!(LightBlock, shadow_near) == 28 && offset_of!(LightBlock, shadow_layer) == 32);
     assert!(offset_of!(LightBlock, along) == 36 && size_of::<LightBlock>() == 56);
@@ -261,6 +263,7 @@ pub mod constant {
     pub const REFRACTS: u32 = 27;
     pub const SHEEN: u32 = 28;
     pub const SPECULAR: u32 = 29;
+    pub const ANISOTROPY: u32 = 30;
 }
 
 /// What rays may meet or be sent to in a scene: bits of [`constant::RAY_FEATURES`], described in `glsl/ray_features.glsl`.
@@ -275,6 +278,7 @@ pub mod ray_feature {
     pub const CLEARCOAT: u32 = 128;
     pub const REFRACTS: u32 = 256;
     pub const SHEEN: u32 = 512;
+    pub const ANISOTROPY: u32 = 16384;
     /// Shifted by the number of a map, as [`material_flag::SECOND_UV`].
     pub const MAPS: u32 = 1024;
 }

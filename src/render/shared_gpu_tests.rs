@@ -95,6 +95,7 @@ impl Blocks {
             ior: counter.next(),
             sheen: counter.list(),
             sheen_roughness: counter.next(),
+            anisotropy: counter.list(),
         });
         let lights = std::array::from_fn(|_| LightBlock {
             position: counter.list(),
@@ -156,7 +157,7 @@ impl Blocks {
             numbers.extend(transmission);
             numbers.extend([clearcoat, clearcoat_roughness]);
             numbers.extend(material.surface_transmission.iter().chain(&material.absorption).chain(&[material.ior]));
-            numbers.extend(material.sheen.iter().chain(&[material.sheen_roughness]));
+            numbers.extend(material.sheen.iter().chain(&[material.sheen_roughness]).chain(&material.anisotropy));
         }
         numbers
     }
@@ -237,6 +238,7 @@ fn features_of_rays_have_the_same_bits_as_in_glsl() {
         ("CLEARCOAT", ray_feature::CLEARCOAT),
         ("REFRACTS", ray_feature::REFRACTS),
         ("SHEEN", ray_feature::SHEEN),
+        ("ANISOTROPY", ray_feature::ANISOTROPY),
         ("MAPS", ray_feature::MAPS),
     ];
     assert_eq!(constants(RAY_FEATURES, "uint", "RAYS_"), ours.map(|(name, bit)| (name.to_owned(), bit)));
@@ -276,6 +278,7 @@ fn specialization_constants_have_their_ids() {
         ("TINTS", constant::TINTS),
         ("CLEARCOAT", constant::CLEARCOAT),
         ("SHEEN", constant::SHEEN),
+        ("ANISOTROPY", constant::ANISOTROPY),
         ("REFRACTS", constant::REFRACTS),
         ("SPHERE_LIGHTS", constant::SPHERE_LIGHTS),
     ];

@@ -1,6 +1,6 @@
 //! The data of a scene: instances, materials, lights, cameras, environment.
 
-use glam::{Mat4, Vec3};
+use glam::{Mat4, Vec2, Vec3};
 use serde::Serialize;
 
 use super::mesh::{Bounds, Mesh};
@@ -87,6 +87,8 @@ pub struct Material {
     pub clearcoat_roughness: f32,
     /// Whether the normal map shows in the coat, too.
     pub clearcoat_bumps: bool,
+    /// In which direction highlights are stretched, along tangent and bitangent, as long as they are strongly: 0 to 1.
+    pub anisotropy: Vec2,
     /// Linear RGB, 0 to 1; black where it has no sheen.
     pub sheen_color: Vec3,
     pub sheen_roughness: f32,

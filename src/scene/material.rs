@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeSet, HashMap};
 
-use glam::Vec3;
+use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
 use super::Material;
@@ -32,6 +32,7 @@ impl Material {
             clearcoat_factor: 0.0,
             clearcoat_roughness: 0.0,
             clearcoat_bumps: false,
+            anisotropy: Vec2::ZERO,
             sheen_color: Vec3::ZERO,
             sheen_roughness: 1.0,
             emissive_factor: Vec3::ZERO,
@@ -184,6 +185,7 @@ impl Plan<'_> {
             clearcoat_factor: desc.clearcoat,
             clearcoat_roughness: desc.clearcoat_roughness,
             clearcoat_bumps: desc.clearcoat_bumps,
+            anisotropy: desc.anisotropy,
             sheen_color: desc.sheen,
             sheen_roughness: desc.sheen_roughness,
             emissive_factor: desc.emissive.of(has_colour(emissive)) * factor(emissive),

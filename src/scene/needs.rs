@@ -7,7 +7,7 @@ pub mod mirrors;
 pub mod resolution;
 
 use clap::ValueEnum;
-use glam::Vec3;
+use glam::{Vec2, Vec3};
 use serde::Serialize;
 
 use super::{Material, Scene};
@@ -74,6 +74,8 @@ pub struct MaterialFeatures {
     pub clearcoat: bool,
     /// The sheen of cloth.
     pub sheen: bool,
+    /// Stretched highlights.
+    pub anisotropy: bool,
     /// Balls through which their surroundings are seen upside down.
     pub refracts: bool,
 }
@@ -95,6 +97,7 @@ impl MaterialFeatures {
         specular: false,
         clearcoat: false,
         sheen: false,
+        anisotropy: false,
         refracts: false,
     };
 
@@ -105,9 +108,20 @@ impl MaterialFeatures {
 
     /// Everything but what only this material's vertices have, or what changes its picture.
     fn everything(material: &Material) -> Self {
-        let Self { vertex_colours, second_uv, blends, tints, specular, clearcoat, sheen, refracts, .. } =
+        let Self { vertex_colours, second_uv, blends, tints, specular, clearcoat, sheen, anisotropy, refracts, .. } =
             Self::of(material);
-        Self { vertex_colours, second_uv, blends, tints, specular, clearcoat, sheen, refracts, ..Self::EVERYTHING }
+        Self {
+            vertex_colours,
+            second_uv,
+            blends,
+            tints,
+            specular,
+            clearcoat,
+            sheen,
+            anisotropy,
+            refracts,
+            ..Self::EVERYTHING
+        }
     }
 
     fn of(material: &Material) -> Self {
@@ -134,6 +148,7 @@ impl MaterialFeatures {
             specular: material.has_specular_factors(),
             clearcoat: material.clearcoat_factor > 0.0,
             sheen: material.sheen_color != Vec3::ZERO,
+            anisotropy: material.anisotropy != Vec2::ZERO,
             refracts: material.blends && material.refraction.is_some_and(|refraction| refraction.balls),
         }
     }

@@ -11,7 +11,7 @@ struct Input {
     float roughness, alpha, nl, nv, vh;
 };
 struct Output {
-    float alpha, d, smith, karis, karis_direct, karis_ibl, direct[2], environment[2], weight, exponent, phong, widened, slanted;
+    float alpha, d, stretched_d, stretched_smith, smith, karis, karis_direct, karis_ibl, direct[2], environment[2], weight, exponent, phong, widened, slanted;
     vec3 schlick, schlick_roughness, lambert, thesis;
     Fresnel fresnel;
     vec3 specular[2];
@@ -29,6 +29,9 @@ void main()
     Output o;
     o.alpha = alpha_from_roughness(i.roughness);
     o.d = d_ggx(i.n, i.h, i.alpha);
+    vec2 alphas = stretched_alphas(i.alpha, i.metallic);
+    o.stretched_d = d_ggx_stretched(i.h, alphas);
+    o.stretched_smith = v_smith_stretched(i.l, i.v, alphas);
     o.smith = v_smith_height_correlated(i.nl, i.nv, i.alpha);
     o.karis = v_karis2013(i.nl, i.nv, i.alpha);
     o.karis_direct = v_karis2013_direct(i.nl, i.nv, i.roughness);

@@ -8,6 +8,7 @@ struct Input {
     vec3 n, v, h;
     vec2 u;
     float alpha;
+    vec2 alphas;
     uint index, log2_count;
 };
 struct Output {
@@ -30,7 +31,7 @@ void main()
     Input i = inputs[id];
     mat3 axes = basis(i.n);
     outputs[id] = Output(unit_from_bits(i.index), radical_inverse(i.index), hammersley(i.index, i.log2_count), axes[0],
-                         axes[1], axes[2], sample_ggx(i.u, i.alpha), sample_vndf(i.v, i.u, i.alpha),
-                         pdf_ggx(i.v, i.h, i.alpha), pdf_vndf(i.v, i.h, i.alpha),
+                         axes[1], axes[2], sample_ggx(i.u, i.alpha), sample_vndf(i.v, i.u, i.alphas),
+                         pdf_ggx(i.v, i.h, i.alpha), pdf_vndf(i.v, i.h, i.alphas),
                          sobol(i.index, uvec2(i.log2_count, ~i.index)), sphere_direction(i.u), cosine_direction(i.u));
 }

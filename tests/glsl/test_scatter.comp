@@ -9,7 +9,7 @@ struct Input {
     Fresnel dielectric;
     float roughness, clearcoat, clearcoat_roughness;
     vec3 clearcoat_n, sheen;
-    float sheen_roughness;
+    float sheen_roughness, stretch;
     uvec4 bits;
 };
 struct Output {
@@ -45,14 +45,17 @@ void main()
     s.n = vec3(0.0, 0.0, 1.0);
     s.v = i.v;
     s.nv = i.v.z;
-    Scatter m = make_scatter(s, mat3(1.0));
+    s = i.stretch > 0.0 ? stretched(s, vec3(0.8, 0.6, 0.0), i.stretch) : unstretched(s);
+    mat3 world_from_surface = surface_basis(s);
+    Scatter m = make_scatter(s, world_from_surface);
     Output o;
-    o.value = scattered(m, i.l);
-    o.density = scatter_density(m, i.l);
+    o.value = scattered(m, i.l * world_from_surface);
+    o.density = scatter_density(m, i.l * world_from_surface);
     bool mirrored;
-    o.l = sample_scatter(m, i.bits, mirrored);
+    vec3 l = sample_scatter(m, i.bits, mirrored);
+    o.l = world_from_surface * l;
     o.mirrored = mirrored ? 1u : 0u;
-    vec3 above = vec3(o.l.xy, max(o.l.z, 1e-6));
+    vec3 above = vec3(l.xy, max(l.z, 1e-6));
     o.sample_value = scattered(m, above);
     o.sample_density = scatter_density(m, above);
     o.share = m.specular_share;

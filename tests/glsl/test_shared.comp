@@ -77,5 +77,7 @@ void main()
         put(materials[i].sheen.y);
         put(materials[i].sheen.z);
         put(materials[i].sheen_roughness);
+        put(materials[i].anisotropy.x);
+        put(materials[i].anisotropy.y);
     }
 }

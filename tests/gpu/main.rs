@@ -5,6 +5,7 @@
 #[path = "../common/mod.rs"]
 mod common;
 
+mod anisotropy;
 mod blending;
 mod clearcoat;
 mod damaged;

@@ -9,7 +9,7 @@ use super::source::Source;
 use crate::Result;
 use crate::error::{MAX_QUOTED, shortened};
 
-const READ: [&str; 16] = [
+const READ: [&str; 17] = [
     "KHR_lights_punctual",
     "KHR_texture_transform",
     "KHR_materials_clearcoat",
@@ -22,6 +22,7 @@ const READ: [&str; 16] = [
     "KHR_materials_unlit",
     "KHR_materials_volume",
     "KHR_mesh_quantization",
+    super::anisotropy::NAME,
     draco::NAME,
     instances::NAME,
     maps::WEBP,
@@ -29,8 +30,7 @@ const READ: [&str; 16] = [
 ];
 
 /// Those of materials that are not drawn, and what a picture lacks without each.
-const NOT_DRAWN: [(&str, &str); 5] = [
-    ("KHR_materials_anisotropy", "its highlights are not stretched"),
+const NOT_DRAWN: [(&str, &str); 4] = [
     ("KHR_materials_diffuse_transmission", "no light shines through it"),
     ("KHR_materials_dispersion", "it does not split light into colours"),
     ("KHR_materials_iridescence", "drawn without its play of colours"),

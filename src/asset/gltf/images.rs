@@ -21,7 +21,7 @@ pub struct Images {
     /// By index. `None` within: it cannot be used, which is warned of.
     pictures: Vec<Option<Option<ImageSource>>>,
     /// Means of their texels, linear RGB and alpha.
-    means: HashMap<PathBuf, Option<Vec4>>,
+    means: HashMap<(PathBuf, Encoding), Option<Vec4>>,
     /// Base color, and roughness with metalness, by what they are made of.
     converted: HashMap<PathBuf, Option<[ImageSource; 2]>>,
 }
@@ -39,9 +39,9 @@ impl Images {
         known.get_or_insert_with(|| picture_or_warning(source, index)).clone()
     }
 
-    /// Mean of a color map's texels, linear RGB and alpha; `None`: it cannot be read, which is warned of.
-    pub fn mean(&mut self, source: &Source<'_>, map: &MapDesc) -> Option<Vec4> {
-        let mean = || match Texture::load(&map.image, Encoding::Srgb) {
+    /// Mean of a map's texels, linear RGB and alpha; `None`: it cannot be read, which is warned of.
+    pub fn mean(&mut self, source: &Source<'_>, map: &MapDesc, encoding: Encoding) -> Option<Vec4> {
+        let mean = || match Texture::load(&map.image, encoding) {
             Ok(texture) => Some(texture.mean()),
             Err(error) => {
                 source
@@ -49,7 +49,7 @@ impl Images {
                 None
             }
         };
-        *self.means.entry(map.image.place().into()).or_insert_with(mean)
+        *self.means.entry((map.image.place().into(), encoding)).or_insert_with(mean)
     }
 
     /// Base color, and roughness with metalness, of a material of diffuse and specular textures; `None`: one of them cannot be

@@ -5,6 +5,7 @@ use std::collections::HashMap;
 use glam::{Vec3, Vec4};
 use serde::Deserialize;
 
+use super::anisotropy::{self, Anisotropy};
 use super::document::{Material, MetallicRoughness, TextureInfo};
 use super::extensions;
 use super::glossy::{self, Glossy};
@@ -13,24 +14,20 @@ use super::maps::{self, Coordinates, Map};
 use super::sheen::{self, Sheen};
 use super::source::{Source, label};
 use super::specular::{self, Specular};
+use super::transmission::{Transmission, Volume};
 use crate::Result;
 use crate::asset::image_source::ImageSource;
 use crate::asset::material::{
     AlphaUse, Factor, MAX_EMISSION, MAX_IOR, MIN_SHEEN_ROUGHNESS, MapDesc, MaterialDesc, NormalsDesc, NormalsKind,
     f0_from_ior,
 };
-use crate::asset::texture::Pick;
+use crate::asset::texture::{Encoding, Pick};
 use crate::error::{MAX_QUOTED, shortened};
 
 /// The least opacity by which a mask's cutoff is divided.
 const MIN_OPACITY: f32 = 1e-6;
 /// Of a surface that says nothing else.
 const USUAL_IOR: f32 = 1.5;
-
-/// What stands for an attenuation color of 0.
-pub(super) const MIN_ATTENUATION: f32 = 1e-6;
-/// Of a body that nothing is seen through, 1/m.
-const MAX_ABSORPTION: f32 = 1e6;
 
 /// Materials in the order of their first use.
 #[derive(Default)]
@@ -115,43 +112,6 @@ impl Default for Ior {
 
 #[derive(Default, Deserialize)]
 #[serde(default, rename_all = "camelCase")]
-struct Transmission {
-    transmission_factor: f32,
-    transmission_texture: Option<TextureInfo>,
-}
-
-/// What a closed body of it does to light on its way through.
-#[derive(Deserialize)]
-#[serde(default, rename_all = "camelCase")]
-struct Volume {
-    thickness_factor: f32,
-    attenuation_distance: f32,
-    attenuation_color: [f32; 3],
-}
-
-impl Default for Volume {
-    fn default() -> Self {
-        Self { thickness_factor: 0.0, attenuation_distance: f32::INFINITY, attenuation_color: [1.0; 3] }
-    }
-}
-
-impl Volume {
-    /// By which light is multiplied at each of the two surfaces that it goes through, by Beer and Lambert's law.
-    fn per_surface(&self) -> Vec3 {
-        let distances = self.thickness_factor.max(0.0) / self.attenuation_distance.max(f32::MIN_POSITIVE);
-        let color = Vec3::from(self.attenuation_color).clamp(Vec3::ZERO, Vec3::ONE);
-        color.powf(0.5 * distances.min(f32::MAX))
-    }
-
-    /// The same law's coefficient, 1/m.
-    fn absorption(&self) -> Vec3 {
-        let color = Vec3::from(self.attenuation_color).clamp(Vec3::splat(MIN_ATTENUATION), Vec3::ONE);
-        (-color.map(f32::ln) / self.attenuation_distance.max(f32::MIN_POSITIVE)).min(Vec3::splat(MAX_ABSORPTION))
-    }
-}
-
-#[derive(Default, Deserialize)]
-#[serde(default, rename_all = "camelCase")]
 struct Clearcoat {
     clearcoat_factor: f32,
     clearcoat_texture: Option<TextureInfo>,
@@ -182,6 +142,7 @@ impl Reader<'_> {
         (desc.clearcoat, desc.clearcoat_roughness) = (clearcoat.clearcoat_factor, clearcoat.clearcoat_roughness_factor);
         desc.clearcoat_bumps = self.has_bumps(&clearcoat);
         self.set_specular(&mut desc, images)?;
+        self.set_anisotropy(&mut desc, images)?;
         self.set_sheen(&mut desc, images)?;
         self.set_alpha(&mut desc);
         self.set_maps(&mut desc, maps);
@@ -224,12 +185,32 @@ impl Reader<'_> {
         Ok(())
     }
 
-    /// The mean of a texture that is not looked up texel by texel; white without one.
+    fn set_anisotropy(&self, desc: &mut MaterialDesc, images: &mut Images) -> Result<()> {
+        let Some(anisotropy) = self.extension::<Anisotropy>(anisotropy::NAME)? else { return Ok(()) };
+        let strength = self.clamped("anisotropyStrength", anisotropy.anisotropy_strength, 1.0);
+        let texture = anisotropy.anisotropy_texture.as_ref().filter(|_| strength > 0.0);
+        let texel = self.texture_mean((anisotropy::NAME, "anisotropyTexture"), texture, Encoding::Linear, images)?;
+        desc.anisotropy = anisotropy.along(strength, texel);
+        Ok(())
+    }
+
+    /// The mean of a color texture that is not looked up texel by texel; white without one.
     fn mean(&self, extension: &str, key: &str, info: Option<&TextureInfo>, images: &mut Images) -> Result<Vec4> {
-        let Some(info) = info else { return Ok(Vec4::ONE) };
+        Ok(self.texture_mean((extension, key), info, Encoding::Srgb, images)?.unwrap_or(Vec4::ONE))
+    }
+
+    /// The mean of a texture that is not looked up texel by texel, if there is one that can be read.
+    fn texture_mean(
+        &self,
+        (extension, key): (&str, &str),
+        info: Option<&TextureInfo>,
+        encoding: Encoding,
+        images: &mut Images,
+    ) -> Result<Option<Vec4>> {
+        let Some(info) = info else { return Ok(None) };
         self.warn(&format!("{extension}: {key}: the mean of its texels is used"));
         let map = maps::map(self.source, images, (&self.of, key), info, Pick::Red)?;
-        Ok(map.and_then(|map| images.mean(self.source, &map.desc)).unwrap_or(Vec4::ONE))
+        Ok(map.and_then(|map| images.mean(self.source, &map.desc, encoding)))
     }
 
     /// Of the model before metalness and roughness, with factors in 0 to 1.

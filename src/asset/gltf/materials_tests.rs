@@ -4,7 +4,7 @@ use glam::{Vec2, Vec3, vec2, vec3};
 use serde_json::{Value, json};
 
 use super::build_tests::{Build, only};
-use super::materials::MIN_ATTENUATION;
+use super::transmission::MIN_ATTENUATION;
 use crate::asset::material::{
     AlphaUse, Factor, MIN_SHEEN_ROUGHNESS, MapDesc, MaterialDesc, NormalsKind, Sampling, Wrap,
 };

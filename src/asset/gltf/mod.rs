@@ -1,6 +1,7 @@
 //! glTF 2.0 models, `.glb` and `.gltf`: geometry where its nodes place it, materials, cameras and lights.
 
 mod accessor;
+mod anisotropy;
 mod container;
 mod deform;
 mod document;
@@ -18,6 +19,7 @@ mod scene;
 mod sheen;
 mod source;
 mod specular;
+mod transmission;
 mod triangles;
 mod uri;
 mod views;
