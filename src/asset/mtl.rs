@@ -46,6 +46,9 @@ pub struct Mtl {
     pub clearcoat: Option<f32>,
     pub clearcoat_roughness: Option<f32>,
     pub sheen: Option<f32>,
+    pub anisotropy: Option<f32>,
+    /// In turns, counter-clockwise from the tangent.
+    pub anisotropy_rotation: Option<f32>,
     pub map_kd: Option<Map>,
     pub map_ke: Option<Map>,
     pub map_ka: Option<Map>,
@@ -183,6 +186,8 @@ fn read_key(
         "pc" => material.clearcoat = Some(number(value)?),
         "pcr" => material.clearcoat_roughness = Some(number(value)?),
         "ps" => material.sheen = Some(number(value)?),
+        "aniso" => material.anisotropy = Some(number(value)?),
+        "anisor" => material.anisotropy_rotation = number(value).ok(),
         "pr" => material.roughness = Some(number(value)?),
         "map_kd" => material.map_kd = map()?,
         "map_ke" => material.map_ke = map()?,
@@ -199,7 +204,7 @@ fn read_key(
         "map_ns" if material.by_blender => material.map_roughness = map()?,
         "map_refl" if material.by_blender => material.map_metallic = map()?,
         _ => {
-            if let Some(why) = unread(&lower, value) {
+            if let Some(why) = unread(&lower) {
                 not_honoured(key, why);
             }
         }
@@ -214,11 +219,10 @@ fn set_packed(material: &mut Mtl, map: &Option<Map>, picks: [Pick; 3]) {
     (material.map_ao, material.map_roughness, material.map_metallic) = (occlusion, roughness, metallic);
 }
 
-/// What a key that is not read would have done; `None` where its value does nothing, and at the end of a file.
-fn unread(key: &str, value: &str) -> Option<&'static str> {
-    let differs_from = |nothing: f32| value.split_whitespace().any(|word| word.parse() != Ok(nothing));
+/// What a key that is not read would have done; `None` where it does nothing, and at the end of a file.
+fn unread(key: &str) -> Option<&'static str> {
     Some(match key {
-        "" | "newmtl" | "sharpness" | "anisor" => return None,
+        "" | "newmtl" | "sharpness" => return None,
         _ if key.starts_with('#') => return None,
         "map_ks" => "a colour of highlights is not modelled; dielectrics mirror as Ni says, metals their base colour",
         "map_ns" => "exponents of highlights are not read from pictures; give roughness as map_Pr",
@@ -227,10 +231,9 @@ fn unread(key: &str, value: &str) -> Option<&'static str> {
         "disp" | "map_disp" => "displacement is not modelled; give heights as map_Bump",
         "decal" => "decals are not modelled",
         "map_tr" => "pictures of transparency are not read; give coverage as map_d",
-        "aniso" if !differs_from(0.0) => return None,
         "map_ps" => "sheen has no map; Ps is used alone",
         "map_pcr" => "roughness of clear coats is not read from pictures; give it as Pcr",
-        "aniso" | "map_aniso" => "anisotropic highlights are not modelled; they are drawn round",
+        "map_aniso" | "map_anisor" => "anisotropy has no map; aniso and anisor are used alone",
         "map_aat" => return None,
         _ => "unknown key; ignored",
     })
@@ -417,14 +420,14 @@ mod tests {
     #[test]
     fn keys() {
         let text = b"# comment\r\nKd 1 1 1\r\nnewmtl  first one\r\n\tKd 0.1 0.2 0.3\r\n Ks .5\r\nNs 50\r\nTr 0.25\r\nPm 1\r\nPr 0.5\r\n\
-            map_Kd a b.png\r\nnorm n.png\r\nmap_Pm m.png\r\nmap_Pr r.png\r\nmap_Ka o.png\r\nmap_d d.png\r\nillum 2\r\nPs .25\r\nnewmtl second\r\nd -halo 0.5";
+            map_Kd a b.png\r\nnorm n.png\r\nmap_Pm m.png\r\nmap_Pr r.png\r\nmap_Ka o.png\r\nmap_d d.png\r\nillum 2\r\nPs .25\r\naniso .5\r\nanisor .25\r\nnewmtl second\r\nd -halo 0.5";
         let (materials, warnings) = parsed(text);
         assert_eq!((materials.len(), warnings.len()), (2, 0));
         let first = &materials[0];
         assert_eq!(first.name, "first one");
         assert_eq!((first.kd, first.ks, first.ns), (Some([0.1, 0.2, 0.3]), Some([0.5; 3]), Some(50.0)));
         assert_eq!((first.dissolve, first.metallic, first.roughness), (Some(0.75), Some(1.0), Some(0.5)));
-        assert_eq!(first.sheen, Some(0.25));
+        assert_eq!((first.sheen, first.anisotropy, first.anisotropy_rotation), (Some(0.25), Some(0.5), Some(0.25)));
         let map = first.map_kd.as_ref().unwrap();
         assert_eq!((map.key.as_str(), map.line, map.file.as_str()), ("map_Kd", 10, "a b.png"));
         for map in [&first.norm, &first.map_metallic, &first.map_roughness, &first.map_ka, &first.map_d] {

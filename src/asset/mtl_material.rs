@@ -1,9 +1,10 @@
 //! What the keys of MTL mean: from the Phong and PBR keys of a material to the metallic–roughness model.
 
 use std::collections::HashSet;
+use std::f32::consts::TAU;
 use std::path::{Path, PathBuf};
 
-use glam::Vec3;
+use glam::{Vec2, Vec3};
 
 use super::image_source::ImageSource;
 use super::material::{
@@ -137,6 +138,7 @@ impl Interpreter<'_> {
             clearcoat_map,
             sheen: Vec3::splat(self.factor(mtl, ("Ps", mtl.sheen), false, 0.0).alone),
             sheen_roughness: SHEEN_ROUGHNESS,
+            anisotropy: self.anisotropy(mtl),
             emissive: self.emissive(mtl, emissive_map.is_some()),
             base_color_map,
             mask_map,
@@ -235,6 +237,12 @@ impl Interpreter<'_> {
 
     fn roughness(&self, mtl: &Mtl, has_map: bool) -> Factor<f32> {
         self.factor(mtl, ("Pr", mtl.roughness), has_map, phong_roughness(mtl))
+    }
+
+    /// Along tangent and bitangent.
+    fn anisotropy(&self, mtl: &Mtl) -> Vec2 {
+        let turns = mtl.anisotropy_rotation.filter(|turns| turns.is_finite()).unwrap_or(0.0);
+        self.factor(mtl, ("aniso", mtl.anisotropy), false, 0.0).alone * Vec2::from_angle(TAU * turns)
     }
 
     /// What a key says, in 0 to 1; where it is absent `otherwise`, or with a map 1.

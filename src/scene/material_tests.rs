@@ -421,4 +421,6 @@ fn glass_of_an_illumination_model_lets_light_through() {
     let covered = of("Kd 0 0 0\nd 0.5\nillum 9");
     assert!(covered.blends && covered.transmission.is_none() && covered.opacity == 0.5);
     assert_eq!(of("Kd 1 1 1\nNi 1.45").dielectric_f0, Vec3::splat(0.04));
+    assert_eq!(of("Kd 1 1 1\nanisor 0.3").anisotropy, Vec2::ZERO);
+    assert!(of("Kd 1 1 1\naniso 0.5\nanisor 0.25").anisotropy.abs_diff_eq(Vec2::new(0.0, 0.5), 1e-6));
 }
