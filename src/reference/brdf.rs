@@ -62,6 +62,12 @@ pub fn stretched_alphas(alpha: f64, strength: f64) -> DVec2 {
     DVec2::new(alpha + (1.0 - alpha) * strength * strength, alpha)
 }
 
+/// Roughness of the round lobe that stands for a stretched one where it is averaged over all views: of the root mean square
+/// of both alphas, which is what masking sees. Its albedo is that of the stretched lobe to 4 %.
+pub fn round_roughness(alphas: DVec2) -> f64 {
+    (0.5 * alphas.length_squared()).sqrt().sqrt()
+}
+
 /// GGX over an ellipse of slopes: Burley, "Physically-Based Shading at Disney" (2012), appendix B.2; h of any length in a
 /// frame whose x is the direction of `alphas.x` and whose z is the normal.
 pub fn d_ggx_stretched(h: DVec3, alphas: DVec2) -> f64 {

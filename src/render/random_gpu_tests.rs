@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use bytemuck::{Pod, Zeroable};
-use glam::{Mat4, Vec3};
+use glam::{Mat4, Vec2, Vec3};
 
 use super::eye::Eye;
 use super::frame::{FRAME_BYTES, FrameInputs};
@@ -67,6 +67,7 @@ fn scene() -> Scene {
         base_color_factor: Vec3::from_array([(); 3].map(|()| factors[random.below(5) as usize])),
         metallic_factor: factors[(i % 5) as usize],
         roughness_factor: factors[(i / 3) as usize % 5],
+        anisotropy: [Vec2::ZERO, Vec2::new(factors[(i / 4) as usize % 5], factors[i as usize % 5])][i as usize / 2 % 2],
         dielectric_f0: Vec3::splat(factors[(i / 2) as usize % 5]),
         base_color_map: Some(0),
         normal_map: Some(1),

@@ -15,7 +15,7 @@ use crate::gpu::{
 use crate::precompute::BrdfTable;
 use crate::precompute::harness_tests::{Judge, Random, with_gpu};
 use crate::reference::brdf::{
-    Fresnel, Geometry, d_ggx_stretched, f_schlick, specular, stretched_alphas, v_smith_stretched,
+    Fresnel, Geometry, d_ggx_stretched, f_schlick, round_roughness, specular, stretched_alphas, v_smith_stretched,
 };
 use crate::reference::clearcoat::Clearcoat;
 use crate::reference::energy::{Curve, Energy, Scattering};
@@ -264,7 +264,7 @@ fn stretched_highlights_agree_with_their_twin() {
     let mut judge = Judge::default();
     for (roughness, stretch) in [(0.3f32, 0.5f32), (0.5, 1.0), (0.7, 0.8)] {
         let alphas = stretched_alphas(f64::from(roughness * roughness), stretch.into());
-        let round = (0.5 * alphas.length_squared()).sqrt().sqrt();
+        let round = round_roughness(alphas);
         let energy = Energy::new(round, Geometry::Smith, Scattering::Multiple);
         let curve = Curve::new(round, Geometry::Smith);
         let input = |_| {

@@ -11,6 +11,7 @@ use glam::{Vec2, Vec3};
 use serde::Serialize;
 
 use super::{Material, Scene};
+use crate::reference::brdf::{round_roughness, stretched_alphas};
 use crate::reference::energy::is_multi_scatter_visible;
 use casting::nothing_casts;
 use resolution::{Viewpoint, first_levels};
@@ -157,6 +158,7 @@ impl MaterialFeatures {
 /// Whether multiple scattering could be visible on any part of a material. Maps multiply the base color by at most 1.
 fn multi_scatter(material: &Material) -> bool {
     let [roughness, metallic] = [material.roughness_range, material.metallic_range].map(|[_, most]| f64::from(most));
+    let roughness = round_roughness(stretched_alphas(roughness * roughness, material.anisotropy.length().into()));
     is_multi_scatter_visible(
         roughness,
         metallic,
@@ -279,6 +281,13 @@ pub mod tests {
             let features = SceneFeatures::of(&scene(vec![material], 0), Model::Needed, None);
             assert_eq!(features.materials[0].multi_scatter, needed, "{base_color}, {metallic}, {roughness}");
         }
+    }
+
+    #[test]
+    fn a_smooth_metal_is_rough_where_its_highlights_are_stretched() {
+        let anisotropy = Vec2::new(0.0, 0.8);
+        let material = Material { anisotropy, ..Material::plain("brushed", Vec3::splat(0.9), 1.0, 0.02) };
+        assert!(SceneFeatures::of(&scene(vec![material], 0), Model::Needed, None).materials[0].multi_scatter);
     }
 
     #[test]

@@ -4,7 +4,9 @@ use std::f64::consts::FRAC_PI_2;
 
 use glam::{DVec2, DVec3};
 use pbr_vr::asset::picture::Picture;
-use pbr_vr::reference::brdf::{Geometry, d_ggx_stretched, f_schlick, stretched_alphas, v_smith_stretched};
+use pbr_vr::reference::brdf::{
+    Geometry, d_ggx_stretched, f_schlick, round_roughness, stretched_alphas, v_smith_stretched,
+};
 use pbr_vr::reference::energy::{Curve, Energy, Scattering};
 use pbr_vr::render::Shading;
 use serde_json::{Value, json};
@@ -56,7 +58,7 @@ fn a_lamp_on_brushed_metal_is_what_f64_says() {
         (0.6, 0.5, -0.4, DVec3::Z, slanted(0.5, 0.2)),
     ] {
         let alphas = stretched_alphas(roughness * roughness, strength);
-        let round = (0.5 * alphas.length_squared()).sqrt().sqrt();
+        let round = round_roughness(alphas);
         let energy = Energy::new(round, Geometry::Smith, Scattering::Multiple);
         let curve = Curve::new(round, Geometry::Smith);
         let color = DVec3::from(GOLD);

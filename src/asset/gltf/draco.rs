@@ -5,10 +5,9 @@ use std::collections::BTreeMap;
 use draco_core::{DecodeLimits, DecoderBuffer, Mesh, MeshDecoder};
 use serde::Deserialize;
 
-use super::accessor::{Unpacked, shape};
+use super::component::{Unpacked, shape};
 use super::container::MAX_FILE_BYTES;
 use super::document::Primitive;
-use super::geometry::MAX_TRIANGLES;
 use super::source::Source;
 use crate::Result;
 use crate::asset::contained::contained;
@@ -25,11 +24,11 @@ struct Packed {
     attributes: BTreeMap<String, u32>,
 }
 
-/// Decompresses a primitive's triangles and vertices into its accessors; `false`: it is not compressed.
+/// Decompresses a primitive's triangles, at most so many, and vertices into its accessors; `false`: it is not compressed.
 ///
 /// # Errors
 /// It is not as the extension has it, or too large.
-pub fn unpack(source: &Source<'_>, of: &str, primitive: &Primitive) -> Result<bool> {
+pub fn unpack(source: &Source<'_>, of: &str, primitive: &Primitive, most: usize) -> Result<bool> {
     let Some(packed): Option<Packed> = source.extension(of, &primitive.extensions, NAME)? else { return Ok(false) };
     let Some(indices) = primitive.indices else {
         return Err(source.broken(format!("{of}: it is compressed, and has no indices")));
@@ -42,7 +41,7 @@ pub fn unpack(source: &Source<'_>, of: &str, primitive: &Primitive) -> Result<bo
     }
     let problem = |problem: String| source.broken(format!("{of}: {problem}"));
     let (bytes, _) = source.view(packed.buffer_view)?;
-    let mesh = contained(|| decoded(bytes)).and_then(|mesh| mesh).map_err(problem)?;
+    let mesh = contained(|| decoded(bytes, most as u64)).and_then(|mesh| mesh).map_err(problem)?;
     let corners = mesh.faces().iter().flatten().map(|point| point.0);
     source.keep_unpacked(indices, Unpacked::indices(corners))?;
     for (key, id, accessor) in accessors() {
@@ -58,10 +57,10 @@ pub fn unpack(source: &Source<'_>, of: &str, primitive: &Primitive) -> Result<bo
     Ok(true)
 }
 
-fn decoded(bytes: &[u8]) -> std::result::Result<Mesh, String> {
+fn decoded(bytes: &[u8], most: u64) -> std::result::Result<Mesh, String> {
     let mut limits = DecodeLimits::default();
-    limits.max_faces = MAX_TRIANGLES as u64;
-    limits.max_points = 3 * MAX_TRIANGLES as u64;
+    limits.max_faces = most;
+    limits.max_points = 3 * most;
     limits.max_decoded_bytes = MAX_FILE_BYTES;
     let mut mesh = Mesh::new();
     let result = MeshDecoder::new().decode(&mut DecoderBuffer::new(bytes).with_limits(limits), &mut mesh);

@@ -66,7 +66,7 @@ impl Read {
             return Ok(None);
         };
         // What is compressed is a list, whatever it was before.
-        let mode = if draco::unpack(source, of, primitive)? { Mode::List } else { mode };
+        let mode = if draco::unpack(source, of, primitive, MAX_TRIANGLES)? { Mode::List } else { mode };
         let Some(positions) = primitive.attributes.get("POSITION") else {
             source.warn_once("no positions", &format!("{of}: it has no positions; left out"));
             return Ok(None);

@@ -2,6 +2,7 @@
 
 mod accessor;
 mod anisotropy;
+mod component;
 mod container;
 mod deform;
 mod document;

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
 
-use super::accessor::Unpacked;
+use super::component::Unpacked;
 use super::container::{self, MAX_FILE_BYTES};
 use super::document::{Document, Extensions, View};
 use super::{meshopt, uri};
@@ -145,7 +145,7 @@ impl<'a> Source<'a> {
         let Some(kept) = self.unpacked.get(accessor) else {
             return Err(self.broken(format!("there is no accessor {accessor}")));
         };
-        self.count_bytes(unpacked.bytes())?;
+        self.count_bytes(unpacked.bytes.len())?;
         kept.get_or_init(|| unpacked);
         Ok(())
     }
