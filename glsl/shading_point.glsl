@@ -26,20 +26,23 @@ struct Surface {
     vec2 alphas;  // along it and across it
 };
 
-// The surface with its highlights stretched along `along`. Its roughness becomes that of a round lobe with the root mean square of
-// both alphas, which on average over all views is what masking sees: its albedo is that of the stretched one to 4 %.
-Surface stretched(Surface s, vec3 along, float strength)
-{
-    s.alphas = stretched_alphas(s.roughness * s.roughness, strength);
-    s.roughness = sqrt(sqrt(0.5 * dot(s.alphas, s.alphas)));
-    s.stretch = normalize_or(along - dot(along, s.n) * s.n, vec3(0.0));
-    return s;
-}
-
 Surface unstretched(Surface s)
 {
     s.stretch = vec3(0.0);
     s.alphas = vec2(s.roughness * s.roughness);
+    return s;
+}
+
+// The surface with its highlights stretched along `along`. Its roughness becomes that of a round lobe with the root mean square of
+// both alphas, which on average over all views is what masking sees: its albedo is that of the stretched one to 5 %.
+Surface stretched(Surface s, vec3 along, float strength)
+{
+    s = unstretched(s);
+    s.stretch = normalize_or(along - dot(along, s.n) * s.n, vec3(0.0));
+    if (s.stretch == vec3(0.0))
+        return s;
+    s.alphas = stretched_alphas(s.alphas.y, strength);
+    s.roughness = sqrt(sqrt(0.5 * dot(s.alphas, s.alphas)));
     return s;
 }
 

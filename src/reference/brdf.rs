@@ -63,7 +63,7 @@ pub fn stretched_alphas(alpha: f64, strength: f64) -> DVec2 {
 }
 
 /// Roughness of the round lobe that stands for a stretched one where it is averaged over all views: of the root mean square
-/// of both alphas, which is what masking sees. Its albedo is that of the stretched lobe to 4 %.
+/// of both alphas, which is what masking sees. Its albedo is that of the stretched lobe to 5 %.
 pub fn round_roughness(alphas: DVec2) -> f64 {
     (0.5 * alphas.length_squared()).sqrt().sqrt()
 }

@@ -179,7 +179,9 @@ impl Reader<'_> {
         let of_color =
             self.mean(specular::NAME, "specularColorTexture", specular.specular_color_texture.as_ref(), images)?;
         let factor = self.clamped("specularFactor", specular.specular_factor, 1.0) * of_factor.w;
-        let color = Vec3::from(specular.specular_color_factor).max(Vec3::ZERO) * of_color.truncate();
+        // Infinity times nothing is no number.
+        let color = Vec3::from(specular.specular_color_factor).clamp(Vec3::ZERO, Vec3::splat(f32::MAX));
+        let color = color * of_color.truncate();
         desc.dielectric_f0 = factor * (desc.dielectric_f0 * color).min(Vec3::ONE);
         desc.dielectric_f90 = factor;
         Ok(())

@@ -321,6 +321,8 @@ fn dielectrics_reflect_by_their_index_and_factors() {
     let half = reflects(json!({"ior": 3}), json!({"specularFactor": 0.5, "specularColorFactor": [0, 1, 9]}));
     assert_eq!(half, ([0.0, 0.125, 0.5], 0.5, String::new()));
     assert_eq!(reflects(json!({}), json!({"specularFactor": 0})), ([0.0; 3], 0.0, String::new()));
+    let endless = reflects(json!({"ior": 1}), json!({"specularColorFactor": [1e39, 1, 1]}));
+    assert_eq!(endless, ([0.0; 3], 1.0, String::new()));
     // Means of textures: that of the factor is in alpha.
     let magenta = Vec3::new(0.04, 0.0, 0.04);
     for (key, f0, f90) in [("specularTexture", Vec3::splat(0.008), 0.2), ("specularColorTexture", magenta, 1.0)] {
