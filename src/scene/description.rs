@@ -15,7 +15,7 @@ use super::{Camera, PointLight, Probe};
 use crate::asset::contained::contained;
 use crate::asset::mesh::MAX_COORDINATE;
 use crate::asset::{file, shipped};
-use crate::error::{MAX_QUOTED, shortened};
+use crate::error::{MAX_QUOTED, one_line, shortened};
 use crate::{Error, Result};
 
 const MAX_FILE_BYTES: u64 = 16 << 20;
@@ -334,7 +334,7 @@ impl Check<'_> {
                 return Err(self.error(
                     "name",
                     &keys.name,
-                    format!("there are two cameras `{}`", shortened(keys.name.get_ref(), MAX_QUOTED)),
+                    format!("there are two cameras `{}`", one_line(keys.name.get_ref(), MAX_QUOTED)),
                 ));
             }
             cameras.push(self.camera(keys)?);

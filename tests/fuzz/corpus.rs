@@ -16,6 +16,7 @@ pub fn all() -> Vec<(Reader, &'static str, Vec<u8>)> {
         (Reader::Exr, "exr panics: differences of B44 overflow (where overflow is checked)", exr_b44()),
         (Reader::Gltf, "a compressed view of 37 bytes declares 946 MB, which were allocated", gltf_packed()),
         (Reader::Gltf, "the name of an extension breaks the line of the error", gltf_name()),
+        (Reader::Gltf, "so does its version", br#"{"asset":{"version":"1\n"}}"#.to_vec()),
         (Reader::Exr, "the error names all channels, whose names are long", exr_channels()),
     ]
 }

@@ -6,7 +6,7 @@ use std::path::Path;
 use super::document::Document;
 use crate::asset::contained::from_json;
 use crate::asset::file;
-use crate::error::{MAX_QUOTED, shortened};
+use crate::error::{MAX_QUOTED, shortened, shown};
 use crate::{Error, Result};
 
 /// The most bytes of a file, and of each buffer.
@@ -44,8 +44,9 @@ pub fn read(path: &Path) -> Result<Container> {
     Ok(Container { document, binary })
 }
 
-fn broken(path: &Path, problem: String, remedy: &'static str) -> Error {
-    Error::Broken { path: path.into(), what: "glTF model", problem, remedy }
+/// The error of a file that is not as it should be; `problem` may quote the file.
+pub fn broken(path: &Path, problem: String, remedy: &'static str) -> Error {
+    Error::Broken { path: path.into(), what: "glTF model", problem: shown(&problem, false), remedy }
 }
 
 /// Where the chunks of JSON and of bytes are.

@@ -11,7 +11,7 @@ use super::container::{self, MAX_FILE_BYTES};
 use super::document::{Document, Extensions, View};
 use super::{meshopt, uri};
 use crate::asset::{Report, file};
-use crate::error::{MAX_QUOTED, shortened, shown};
+use crate::error::{MAX_QUOTED, shortened};
 use crate::{Error, Result};
 
 /// The most bytes of all buffers, decompressed views and pictures inside of files together.
@@ -73,8 +73,7 @@ impl<'a> Source<'a> {
 
     /// The same with a remedy of its own.
     pub fn broken_with(&self, problem: impl Into<String>, remedy: &'static str) -> Error {
-        let problem = shown(&problem.into(), false);
-        Error::Broken { path: self.path.into(), what: "glTF model", problem, remedy }
+        container::broken(self.path, problem.into(), remedy)
     }
 
     /// The error of a file that would take too much memory.
