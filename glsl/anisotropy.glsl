@@ -30,8 +30,7 @@ vec3 light_disc_specular(Surface s, vec3 l, Fresnel f, float variance, float sin
     if (s.stretch == vec3(0.0))
         return disc_specular(s.n, s.v, l, f, widened_alpha(s.roughness * s.roughness, variance), sine, geometry);
     float wider = variance + 0.125 * sine * sine;
-    vec2 alphas = vec2(widened_alpha(s.alphas.x, wider), widened_alpha(s.alphas.y, wider));
-    return stretched_specular(s, l, f, max(alphas, DISC_MIN_ALPHA));
+    return stretched_specular(s, l, f, max(widened_alphas(s.alphas, wider), DISC_MIN_ALPHA));
 }
 
 #endif

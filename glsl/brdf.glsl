@@ -31,6 +31,11 @@ float widened_alpha(float alpha, float variance)
     return sqrt(min(alpha * alpha + min(variance, MOST_WIDENED), 1.0));
 }
 
+vec2 widened_alphas(vec2 alphas, float variance)
+{
+    return vec2(widened_alpha(alphas.x, variance), widened_alpha(alphas.y, variance));
+}
+
 float widened_roughness(float roughness, float variance)
 {
     return sqrt(widened_alpha(alpha_from_roughness(roughness), variance));
@@ -161,6 +166,12 @@ vec3 diffuse_lambert(vec3 albedo)
 vec3 diffuse_karis2013(vec3 albedo, Fresnel f, float vh)
 {
     return (1.0 - f_schlick(f, vh)) * diffuse_lambert(albedo);
+}
+
+// Albedo of single scattering, F0 A + F90 B; `entry`: A and B.
+vec3 single_albedo(Fresnel f, vec2 entry)
+{
+    return f.f0 * entry.x + f.f90 * entry.y;
 }
 
 // A dielectric's reflectance, or a metal's, whose base color it is. Karis (2013), section "Material Model".

@@ -48,7 +48,7 @@ vec3 multiple(Energy energy, vec3 share, vec2 at_l, vec2 at_v)
 // Share of light from all sides that single and multiple scattering send towards v.
 vec3 specular_albedo(Energy energy, Fresnel f, vec2 at_v)
 {
-    return f.f0 * at_v.x + f.f90 * at_v.y + lost(at_v) * multiple_share(energy, f);
+    return single_albedo(f, at_v) + lost(at_v) * multiple_share(energy, f);
 }
 
 // What a dielectric's specular part leaves, the same of all colours: of the one that it reflects most (KHR_materials_specular).

@@ -51,7 +51,7 @@ SpecularLobe specular_lobe(vec3 n, vec3 v, float nv, Fresnel f, float roughness,
     float share_apart = SPLIT_SUM == TWO_LOBES ? apart_over_sin2(roughness) : 0.0;
     Pair pair = split_lobe(found, share_apart, sin2);
     SpecularLobe lobe;
-    lobe.reflectance = f.f0 * parts.x + f.f90 * parts.y;
+    lobe.reflectance = single_albedo(f, parts.xy);
     lobe.even = even;
     lobe.towards = found.towards.x * r + found.towards.y * t;
     lobe.apart = pair.apart.x * r + pair.apart.y * t;

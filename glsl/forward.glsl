@@ -191,7 +191,7 @@ Split environment(Surface s, SpecularLobe lobe)
 Surface widened_for_point_lights(Surface s, float variance)
 {
     s.roughness = widened_roughness(s.roughness, variance);
-    s.alphas = vec2(widened_alpha(s.alphas.x, variance), widened_alpha(s.alphas.y, variance));
+    s.alphas = widened_alphas(s.alphas, variance);
     return s;
 }
 

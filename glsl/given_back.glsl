@@ -12,7 +12,7 @@
 vec3 total_albedo(Energy energy, vec3 base_color, float metallic, vec2 at)
 {
     Fresnel f = fresnel_from_metallic(base_color, metallic, energy.dielectric);
-    vec3 specular = f.f0 * at.x + f.f90 * at.y + multiple_even(energy, base_color, metallic, at);
+    vec3 specular = single_albedo(f, at) + multiple_even(energy, base_color, metallic, at);
     return min(specular + diffuse_even(energy, base_color, metallic, at), vec3(1.0));
 }
 

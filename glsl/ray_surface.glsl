@@ -159,8 +159,8 @@ vec3 ray_own_normal(RayHit hit)
     return normalize_or(n, vec3(0.0, 1.0, 0.0));
 }
 
-// The normal map's vector; see surface.glsl's `mapped_normal`.
-vec3 ray_normal_of(RayHit hit, Material material, vec2 uv)
+// Tangent, bitangent and normal as interpolated, neither perpendicular nor of unit length: see surface.glsl's `tangent_space`.
+mat3 ray_tangent_space(RayHit hit)
 {
     uint first = 3u * hit.triangle;
     vec3 n = vec3(0.0), t = vec3(0.0);
@@ -169,13 +169,18 @@ vec3 ray_normal_of(RayHit hit, Material material, vec2 uv)
         n += hit.weights[i] * frame_normal(frame_local);
         t += hit.weights[i] * frame_tangent(frame_local).xyz;
     }
+    return mat3(t, frame_tangent(ray_frame(ray_corners[first])).w * cross(n, t), n);
+}
+
+// The normal map's vector.
+vec3 ray_normal_of(RayHit hit, Material material, vec2 uv)
+{
     if (!has_map(MAP_NORMAL))
-        return normalize_or(n, vec3(0.0, 1.0, 0.0));
+        return ray_own_normal(hit);
     vec3 at = ray_map_at(hit, material, uv, MAP_NORMAL, textureSize(ray_normal, 0).x);
-    float sign = frame_tangent(ray_frame(ray_corners[first])).w;
     vec2 m_xy = 2.0 * textureLod(ray_normal, at, 0.0).xy - 1.0;
     float m_z = sqrt(max(1.0 - dot(m_xy, m_xy), 0.0));
-    return normalize_or(m_xy.x * t + m_xy.y * sign * cross(n, t) + m_z * n, vec3(0.0, 1.0, 0.0));
+    return normalize_or(ray_tangent_space(hit) * vec3(m_xy, m_z), vec3(0.0, 1.0, 0.0));
 }
 
 vec2 corner_lightmap_uv(uint corner)
@@ -226,15 +231,7 @@ Surface stretched_hit(Surface s, RayHit hit, Material material, mat3 world_from_
 {
     if (material.anisotropy == vec2(0.0))
         return unstretched(s);
-    uint first = 3u * hit.triangle;
-    vec3 n = vec3(0.0), t = vec3(0.0);
-    for (uint i = 0u; i < 3u; ++i) {
-        vec4 frame_local = ray_frame(ray_corners[first + i]);
-        n += hit.weights[i] * frame_normal(frame_local);
-        t += hit.weights[i] * frame_tangent(frame_local).xyz;
-    }
-    vec3 b = frame_tangent(ray_frame(ray_corners[first])).w * cross(n, t);
-    vec3 along = material.anisotropy.x * t + material.anisotropy.y * b;
+    vec3 along = ray_tangent_space(hit) * vec3(material.anisotropy, 0.0);
     return stretched(s, world_from_models * along, length(material.anisotropy));
 }
 

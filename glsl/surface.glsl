@@ -45,9 +45,15 @@ vec2 map_uv(uint map)
     return (SECOND_UV >> map & 1u) != 0u ? uv1 : uv;
 }
 
-// The normal map's vector in world space. MikkTSpace: the bitangent is made per fragment, and n and t enter as
-// interpolated, not renormalised, because that is how the map was baked (Mikkelsen 2008, "Simulation of Wrinkled
-// Surfaces Revisited", section 3.3).
+// Tangent, bitangent and normal. MikkTSpace: the bitangent is made per fragment, and n and t enter as interpolated, not
+// renormalised, because that is how maps were baked (Mikkelsen 2008, "Simulation of Wrinkled Surfaces Revisited",
+// section 3.3).
+mat3 tangent_space()
+{
+    return mat3(tangent_world.xyz, tangent_world.w * cross(normal_world, tangent_world.xyz), normal_world);
+}
+
+// The normal map's vector in world space.
 vec3 mapped_normal()
 {
     vec3 n = normalize_or(normal_world, vec3(0.0, 1.0, 0.0));
@@ -56,8 +62,7 @@ vec3 mapped_normal()
     // Two channels hold a unit vector on the surface's own side.
     vec2 m_xy = 2.0 * SURFACE_TEXEL(normal_map, map_uv(MAP_NORMAL)).xy - 1.0;
     vec3 m = vec3(m_xy, sqrt(max(1.0 - dot(m_xy, m_xy), 0.0)));
-    vec3 b = tangent_world.w * cross(normal_world, tangent_world.xyz);
-    return normalize_or(m.x * tangent_world.xyz + m.y * b + m.z * normal_world, n);
+    return normalize_or(tangent_space() * m, n);
 }
 
 // The normal of the triangle itself, towards the eye: smooth normals are not where shadow maps have the surface. In a picture
@@ -123,8 +128,7 @@ Surface read_surface()
     s = unstretched(s);
     if (ANISOTROPY) {
         vec2 along = materials[instances[draw.instance].material].anisotropy;
-        vec3 b = tangent_world.w * cross(normal_world, tangent_world.xyz);
-        s = stretched(s, along.x * tangent_world.xyz + along.y * b, length(along));
+        s = stretched(s, tangent_space() * vec3(along, 0.0), length(along));
     }
     s.v = normalize_or(frame.eyes[eye].world_from_view[3].xyz - position_world, s.n);
     // A mapped normal may lean away from the eye; the surface is seen all the same.

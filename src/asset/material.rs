@@ -14,6 +14,8 @@ pub const MAX_EMISSION: f32 = 1e6;
 
 /// The most index of refraction that is not infinite; diamond has 2.42.
 pub const MAX_IOR: f32 = 10.0;
+/// That of a surface that says nothing else; its reflectance is [`DIELECTRIC_F0`].
+pub const USUAL_IOR: f32 = 1.5;
 
 /// Of a dielectric with this index of refraction, by Fresnel's equations.
 pub fn f0_from_ior(ior: f32) -> f32 {

@@ -8,8 +8,8 @@ use glam::{Vec2, Vec3};
 
 use super::image_source::ImageSource;
 use super::material::{
-    AlphaUse, Factor, MAX_EMISSION, MAX_IOR, MapDesc, MaterialDesc, NormalsDesc, NormalsKind, Sampling, Wrap,
-    f0_from_ior,
+    AlphaUse, Factor, MAX_EMISSION, MAX_IOR, MapDesc, MaterialDesc, NormalsDesc, NormalsKind, Sampling, USUAL_IOR,
+    Wrap, f0_from_ior,
 };
 use super::mtl::{Map, Mtl};
 use super::texture::Pick;
@@ -79,7 +79,7 @@ fn phong_roughness(mtl: &Mtl) -> f32 {
 /// By the index of refraction where that is one on purpose: 1 stands for no refraction at all, and exporters write 1.3 to 1.7 for
 /// materials whose highlights are those of 1.5.
 fn ior(mtl: &Mtl) -> f32 {
-    mtl.ior.filter(|ior| *ior > 1.0 && !(1.3..=1.7).contains(ior)).unwrap_or(1.5)
+    mtl.ior.filter(|ior| *ior > 1.0 && !(1.3..=1.7).contains(ior)).unwrap_or(USUAL_IOR)
 }
 
 /// Illumination models 4 and 9 have glass, 6 and 7 refraction. Some programs write one for anything, but not with a black

@@ -87,6 +87,17 @@ impl Workshop {
         })
     }
 
+    /// Renders a model around the origin under `sky.exr`, seen from far away along -v through an angle of 0.02 degrees, with what
+    /// the description says `more`.
+    pub fn seen_from_afar(&self, model: &str, v: DVec3, more: &str, options: &PictureOptions<'_>) -> Picture {
+        let [x, y, z] = (20.0 * v).to_array();
+        let text = format!(
+            "environment = {{ panorama = \"sky.exr\" }}\n{more}[[model]]\nfile = \"{model}\"\n[[camera]]\nname = \"c\"\n\
+             position = [{x}, {y}, {z}]\ntarget = [0, 0, 0]\nvertical_fov_degrees = 0.02\n"
+        );
+        self.render(&self.write("scene.toml", &text), options).remove(0)
+    }
+
     /// Renders with validation on, and light from [`light`]; any message fails the test at its end.
     pub fn render(&self, scene: &Path, options: &PictureOptions<'_>) -> Vec<Picture> {
         let output = self.path(options.file);

@@ -33,12 +33,7 @@ fn picture(shop: &Workshop, material: Value, v: DVec3, more: &str, options: &Pic
     let material = gltf.material(material);
     gltf.show(&Shape::plate([-0.5, 0.5], [-0.5, 0.5], 0.0), material);
     gltf.write(shop, "metal.gltf");
-    let [x, y, z] = (20.0 * v).to_array();
-    let text = format!(
-        "environment = {{ panorama = \"sky.exr\" }}\n{more}[[model]]\nfile = \"metal.gltf\"\n[[camera]]\nname = \"c\"\n\
-         position = [{x}, {y}, {z}]\ntarget = [0, 0, 0]\nvertical_fov_degrees = 0.02\n"
-    );
-    shop.render(&shop.write("scene.toml", &text), options).remove(0)
+    shop.seen_from_afar("metal.gltf", v, more, options)
 }
 
 /// A direction in the frame whose x is turned by `rotation` from the tangent.

@@ -18,12 +18,7 @@ const SIDE: u32 = 33;
 fn picture(shop: &Workshop, mtl: &str, v: DVec3, more: &str, options: &PictureOptions<'_>) -> Picture {
     shop.write("m.mtl", mtl);
     shop.write("model.obj", &square("m.mtl"));
-    let [x, y, z] = (20.0 * v).to_array();
-    let text = format!(
-        "environment = {{ panorama = \"sky.exr\" }}\n{more}[[model]]\nfile = \"model.obj\"\n[[camera]]\nname = \"c\"\n\
-         position = [{x}, {y}, {z}]\ntarget = [0, 0, 0]\nvertical_fov_degrees = 0.02\n"
-    );
-    shop.render(&shop.write("scene.toml", &text), options).remove(0)
+    shop.seen_from_afar("model.obj", v, more, options)
 }
 
 #[test]

@@ -38,12 +38,7 @@ fn picture(
 ) -> Picture {
     gltf.show(&Shape::plate([-0.5, 0.5], [-0.5, 0.5], 0.0), material);
     gltf.write(shop, "cloth.gltf");
-    let [x, y, z] = (20.0 * v).to_array();
-    let text = format!(
-        "environment = {{ panorama = \"sky.exr\" }}\n{more}[[model]]\nfile = \"cloth.gltf\"\n[[camera]]\nname = \"c\"\n\
-         position = [{x}, {y}, {z}]\ntarget = [0, 0, 0]\nvertical_fov_degrees = 0.02\n"
-    );
-    shop.render(&shop.write("scene.toml", &text), options).remove(0)
+    shop.seen_from_afar("cloth.gltf", v, more, options)
 }
 
 /// The same of a material alone.

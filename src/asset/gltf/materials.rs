@@ -19,15 +19,13 @@ use crate::Result;
 use crate::asset::image_source::ImageSource;
 use crate::asset::material::{
     AlphaUse, Factor, MAX_EMISSION, MAX_IOR, MIN_SHEEN_ROUGHNESS, MapDesc, MaterialDesc, NormalsDesc, NormalsKind,
-    f0_from_ior,
+    USUAL_IOR, f0_from_ior,
 };
 use crate::asset::texture::{Encoding, Pick};
 use crate::error::{MAX_QUOTED, shortened};
 
 /// The least opacity by which a mask's cutoff is divided.
 const MIN_OPACITY: f32 = 1e-6;
-/// Of a surface that says nothing else.
-const USUAL_IOR: f32 = 1.5;
 
 /// Materials in the order of their first use.
 #[derive(Default)]
