@@ -12,7 +12,7 @@ use crate::Result;
 /// Largest picture file, in bytes.
 pub const MAX_FILE_BYTES: u64 = 1 << 30;
 
-/// A PNG, JPEG, WebP or TGA picture, not decoded yet.
+/// A PNG, JPEG, WebP, TGA or KTX2 picture, not decoded yet.
 #[derive(Clone, Debug)]
 pub struct ImageSource {
     /// The picture's file; of one inside a model, the model's file and a name: no other picture has it.

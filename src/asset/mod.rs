@@ -1,6 +1,7 @@
 //! Files to checked CPU data (models, materials, textures with mips, panoramas, pictures, KTX2), writing results, the
 //! cache.
 
+pub mod basis;
 pub mod cache;
 pub mod comparison;
 mod compress;

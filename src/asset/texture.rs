@@ -7,6 +7,7 @@ use glam::{DVec4, Vec4};
 use image::imageops::{self, FilterType};
 use image::{DynamicImage, GrayImage, ImageError, ImageFormat, ImageReader, Limits, RgbaImage};
 
+use super::basis::BasisPicture;
 use super::contained::contained;
 use super::image_source::ImageSource;
 use super::{file, jpeg};
@@ -48,7 +49,8 @@ pub struct Texture {
 }
 
 impl Texture {
-    /// Decodes a PNG, JPEG, WebP or TGA picture (recognised by content) of any bit depth, grey or colour, palette or not.
+    /// Decodes a PNG, JPEG, WebP, TGA or KTX2 picture (recognised by content) of any bit depth, grey or colour, palette or
+    /// not; KTX2 of Basis Universal.
     ///
     /// # Errors
     /// The file cannot be read, is broken or of another format, or is larger than [`MAX_SIDE`] on a side.
@@ -332,6 +334,9 @@ fn rgba(picture: DynamicImage) -> Vec<u8> {
 }
 
 fn decode(path: &Path, bytes: &[u8]) -> Result<DynamicImage> {
+    if BasisPicture::is_it(bytes) {
+        return decode_basis(path, bytes).map(DynamicImage::ImageRgba8);
+    }
     // TGA has no signature: any other content is tried as TGA.
     let known = image::guess_format(bytes).ok();
     let reader = || {
@@ -349,14 +354,27 @@ fn decode(path: &Path, bytes: &[u8]) -> Result<DynamicImage> {
         }
         _ => picture_error(path, error),
     })?;
-    if width == 0 || height == 0 || width > MAX_SIDE || height > MAX_SIDE {
-        let (size, limit) = (format!("{width}x{height}"), format!("1x1 to {MAX_SIDE}x{MAX_SIDE}"));
-        return Err(Error::TooLarge { path: path.into(), what: "texture", size, limit });
-    }
+    check_size(path, [width, height])?;
     if !jpeg::is_whole(bytes) {
         return Err(broken(path, "it ends too early".into()));
     }
     contained(|| reader().decode()).map_err(given_up)?.map_err(|error| picture_error(path, error))
+}
+
+fn decode_basis(path: &Path, bytes: &[u8]) -> Result<RgbaImage> {
+    let picture = contained(|| BasisPicture::open(bytes)).flatten().map_err(|problem| broken(path, problem))?;
+    let [width, height] = picture.size;
+    check_size(path, picture.size)?;
+    let texels = contained(|| picture.decode()).flatten().map_err(|problem| broken(path, problem))?;
+    RgbaImage::from_raw(width, height, texels).ok_or_else(|| broken(path, "it has too few texels".into()))
+}
+
+fn check_size(path: &Path, [width, height]: [u32; 2]) -> Result<()> {
+    if width == 0 || height == 0 || width > MAX_SIDE || height > MAX_SIDE {
+        let (size, limit) = (format!("{width}x{height}"), format!("1x1 to {MAX_SIDE}x{MAX_SIDE}"));
+        return Err(Error::TooLarge { path: path.into(), what: "texture", size, limit });
+    }
+    Ok(())
 }
 
 fn picture_error(path: &Path, error: ImageError) -> Error {

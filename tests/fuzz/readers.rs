@@ -40,6 +40,7 @@ pub enum Reader {
     Jpeg,
     Tga,
     Webp,
+    Basis,
     Ktx2,
     CachedTextures,
     CachedLight,
@@ -56,7 +57,7 @@ pub enum Taken {
 }
 
 impl Reader {
-    pub const ALL: [Self; 15] = [
+    pub const ALL: [Self; 16] = [
         Self::Obj,
         Self::Mtl,
         Self::Scene,
@@ -68,6 +69,7 @@ impl Reader {
         Self::Jpeg,
         Self::Tga,
         Self::Webp,
+        Self::Basis,
         Self::Ktx2,
         Self::CachedTextures,
         Self::CachedLight,
@@ -93,7 +95,7 @@ impl Reader {
             Self::Jpeg => "case.jpg",
             Self::Tga => "case.tga",
             Self::Webp => "case.webp",
-            Self::Ktx2 | Self::CachedTextures | Self::CachedLight => "case.ktx2",
+            Self::Basis | Self::Ktx2 | Self::CachedTextures | Self::CachedLight => "case.ktx2",
             Self::States => "case.json",
         }
     }
@@ -137,6 +139,7 @@ impl Reader {
             Self::Jpeg => Format::Jpeg,
             Self::Tga => Format::Head(18),
             Self::Webp => Format::Head(40),
+            Self::Basis => Format::Head(350),
             Self::Ktx2 | Self::CachedTextures | Self::CachedLight => Format::Head(260),
         }
     }
@@ -165,6 +168,7 @@ impl Reader {
             Self::Jpeg => seeds::jpegs(),
             Self::Tga => seeds::tgas(),
             Self::Webp => seeds::webps(),
+            Self::Basis => crate::asset::basis::tests::files().into(),
             Self::Ktx2 => seeds::ktx2s(),
             Self::CachedTextures | Self::CachedLight => bench.entries.iter().map(|(_, bytes)| bytes.clone()).collect(),
             Self::States => seeds::states(),
@@ -184,7 +188,7 @@ impl Reader {
             Self::Jpeg => &["jpg", "JPG"],
             Self::Tga => &["tga"],
             Self::Webp => &["webp"],
-            Self::Scene | Self::Ktx2 | Self::CachedTextures | Self::CachedLight | Self::States => &[],
+            Self::Scene | Self::Basis | Self::Ktx2 | Self::CachedTextures | Self::CachedLight | Self::States => &[],
         }
     }
 }
@@ -272,10 +276,9 @@ impl Bench {
             }
             Reader::Png | Reader::Jpeg | Reader::Tga | Reader::Webp => {
                 let picture = self.taken(picture(&path));
-                let texture =
-                    Texture::load(&ImageSource::file(path), Encoding::Srgb).map(|texture| check_texture(&texture));
-                worse(self.taken(texture), picture)
+                worse(self.taken(texture(path)), picture)
             }
+            Reader::Basis => self.taken(texture(path)),
             Reader::Ktx2 => self.taken(Ktx2::read(&path, ENTRY_BYTES).map(drop)),
             Reader::CachedTextures | Reader::CachedLight => self.read_entries(&path, bytes),
             Reader::States => self.read_states(&path),
@@ -386,6 +389,10 @@ fn check_levels(texture: &MipChain) {
     for (level, bytes) in entry.levels.iter().enumerate() {
         assert_eq!(bytes.len() as u64, entry.level_bytes(level as u32), "{} level {level}", texture.name);
     }
+}
+
+fn texture(path: PathBuf) -> Result<()> {
+    Texture::load(&ImageSource::file(path), Encoding::Srgb).map(|texture| check_texture(&texture))
 }
 
 fn check_texture(texture: &Texture) {

@@ -9,7 +9,7 @@ use super::source::Source;
 use crate::Result;
 use crate::error::{MAX_QUOTED, shortened};
 
-const READ: [&str; 17] = [
+const READ: [&str; 18] = [
     "KHR_lights_punctual",
     "KHR_texture_transform",
     "KHR_materials_clearcoat",
@@ -25,7 +25,8 @@ const READ: [&str; 17] = [
     super::anisotropy::NAME,
     draco::NAME,
     instances::NAME,
-    maps::WEBP,
+    maps::OTHER_PICTURES[0],
+    maps::OTHER_PICTURES[1],
     meshopt::NAME,
 ];
 
@@ -37,8 +38,8 @@ const NOT_DRAWN: [(&str, &str); 4] = [
     ("KHR_materials_variants", "drawn in its first variant"),
 ];
 
-/// Other forms of pictures, where a file has a usual one as well; a map without warns of itself.
-const PICTURES: [&str; 2] = ["KHR_texture_basisu", "MSFT_texture_dds"];
+/// Another form of pictures, where a file has a usual one as well; a map without warns of itself.
+const DDS: &str = "MSFT_texture_dds";
 
 fn is_not_drawn(name: &str) -> bool {
     NOT_DRAWN.iter().any(|(known, _)| *known == name)
@@ -56,7 +57,7 @@ pub fn check(source: &Source<'_>) -> Result<()> {
             return Err(source.broken_with(problem, remedy(name)));
         }
     }
-    let known = |name: &str| READ.contains(&name) || is_not_drawn(name) || PICTURES.contains(&name);
+    let known = |name: &str| READ.contains(&name) || is_not_drawn(name) || name == DDS;
     for name in document.extensions_used.iter().filter(|name| !known(name)) {
         let name = shortened(name, MAX_QUOTED);
         source.warn_once(name.clone(), &format!("the extension {name} is not supported; drawn without"));
@@ -66,7 +67,7 @@ pub fn check(source: &Source<'_>) -> Result<()> {
 
 fn remedy(name: &str) -> &'static str {
     match name {
-        name if PICTURES.contains(&name) => "export it again with PNG, JPEG or WebP textures",
+        DDS => "export it again with PNG, JPEG, WebP or KTX2 textures",
         _ => "export it again without it",
     }
 }

@@ -54,7 +54,7 @@ fn extensions_that_are_needed() {
         needs(name).model();
     }
     for (name, remedy) in [
-        ("KHR_texture_basisu", "export it again with PNG, JPEG or WebP textures"),
+        ("MSFT_texture_dds", "export it again with PNG, JPEG, WebP or KTX2 textures"),
         ("OTHER_thing", "export it again without it"),
     ] {
         let problem = needs(name).problem();

@@ -56,12 +56,12 @@ impl Default for Transform {
     }
 }
 
-/// The extension of textures whose picture is WebP.
-pub const WEBP: &str = "EXT_texture_webp";
+/// The extensions of textures whose picture is WebP, or KTX2 of Basis Universal.
+pub const OTHER_PICTURES: [&str; 2] = ["EXT_texture_webp", "KHR_texture_basisu"];
 
-/// What it says.
+/// What they say.
 #[derive(Deserialize)]
-struct Webp {
+struct OtherPicture {
     source: usize,
 }
 
@@ -88,12 +88,16 @@ pub fn map(
         return Err(source.broken(format!("{of}: there is no texture {}", info.index)));
     };
     let coordinates = coordinates(source, &of, info)?;
-    let webp: Option<Webp> = source.extension(&of, &texture.extensions, WEBP)?;
-    let Some(image) = texture.source.or(webp.map(|webp| webp.source)) else {
+    let mut image = texture.source;
+    for name in OTHER_PICTURES {
+        let other: Option<OtherPicture> = source.extension(&of, &texture.extensions, name)?;
+        image = image.or(other.map(|other| other.source));
+    }
+    let Some(image) = image else {
         let other = texture.extensions.keys().next().map_or("nothing", |name| name.as_str());
         let other = shortened(other, MAX_QUOTED);
         let key = format!("texture {}", info.index);
-        source.warn_once(key, &format!("{of}: it has no PNG, JPEG or WebP picture, only {other}; drawn without"));
+        source.warn_once(key, &format!("{of}: it has no PNG, JPEG, WebP or KTX2 picture, only {other}; drawn without"));
         return Ok(None);
     };
     let sampling = sampling(source, &of, texture.sampler)?;

@@ -163,14 +163,16 @@ fn pictures_that_cannot_be_used() {
         assert!(model.materials[0].emissive_map.is_none() && model.materials[0].normals.is_none());
     }
     let mut build = build(json!({"emissiveTexture": {"index": 0}}));
-    build.json["textures"][0] = json!({"extensions": {"KHR_texture_basisu": {"source": 0}}});
-    assert!(build.warned().1.contains("emissiveTexture: it has no PNG, JPEG or WebP picture, only KHR_texture_basisu"));
-    // WebP where there is nothing else.
-    let webp = |source: usize| json!({"EXT_texture_webp": {"source": source}});
-    build.json["textures"][0] = json!({"extensions": webp(0)});
-    assert!(build.model().materials[0].emissive_map.is_some());
-    build.json["textures"][0] = json!({"source": 0, "extensions": webp(9)});
-    assert!(build.model().materials[0].emissive_map.is_some());
+    build.json["textures"][0] = json!({"extensions": {"MSFT_texture_dds": {"source": 0}}});
+    let only = "emissiveTexture: it has no PNG, JPEG, WebP or KTX2 picture, only MSFT_texture_dds";
+    assert!(build.warned().1.contains(only));
+    // WebP or KTX2 where there is nothing else.
+    for name in ["EXT_texture_webp", "KHR_texture_basisu"] {
+        build.json["textures"][0] = json!({"extensions": {name: {"source": 0}}});
+        assert!(build.model().materials[0].emissive_map.is_some());
+        build.json["textures"][0] = json!({"source": 0, "extensions": {name: {"source": 9}}});
+        assert!(build.model().materials[0].emissive_map.is_some());
+    }
     build.json["textures"][0] = json!({"source": 9});
     assert_eq!(build.warned().1, "a.glb: there is no image 9; drawn without");
     build.json["textures"] = json!([]);
