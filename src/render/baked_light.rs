@@ -9,7 +9,7 @@ use super::frame_set::FrameSet;
 use super::layouts::Layouts;
 use super::light_bake::{BakeSource, LightBake};
 use super::light_detail::LightDetail;
-use super::light_plan::LightPlan;
+use super::light_plan::{DARK, LightPlan};
 use super::lighting::Lighting;
 use super::lightmap::{self, dark_lightmap};
 use super::probe_maps::ProbeMaps;
@@ -133,7 +133,10 @@ impl BakedLight {
         settings: &RenderSettings,
     ) -> Result<Self> {
         let LightSource { ray_scene, importance, .. } = source;
-        let (gpu, LightPlan { layers, probes }) = (&context.gpu, plan);
+        let (gpu, LightPlan { layers, probes, dark }) = (&context.gpu, plan);
+        if *dark {
+            context.report.warn(DARK);
+        }
         let has_probes = !probes.is_empty() && gpu.has_cube_arrays();
         if !probes.is_empty() && !has_probes {
             context.report.warn(format!("{}: no arrays of cubes; rooms mirror the panorama alone", gpu.info().name));

@@ -18,7 +18,7 @@ use crate::scene::needs::mirrors::ProbePlan;
 use crate::scene::{Bounds, Probe, Scene};
 
 /// Raise it whenever rays find other sides or other places.
-const VERSION: u32 = 7;
+const VERSION: u32 = 8;
 /// Limit of an entry, in bytes.
 const ENTRY_BYTES: u64 = 1 << 20;
 
@@ -28,7 +28,13 @@ pub struct LightPlan {
     /// Of the lightmap: 1 for fronts, 2 where backs are read, too.
     pub layers: u32,
     pub probes: Vec<Probe>,
+    /// Whether almost no light reaches what the cameras see.
+    pub dark: bool,
 }
+
+/// What [`LightPlan::dark`] is told by.
+pub const DARK: &str = "less than a sixtieth of the panorama's light comes to most of what is seen: it is nearly closed, and no lamp is in it; \
+                        add lamps to the scene file (`[[light]]`), raise `--exposure`, or draw with `--light open`";
 
 /// A probe in the cache.
 #[repr(C)]
@@ -62,7 +68,8 @@ impl LightPlan {
             tracing::debug!("reflection probes: {why}: {probes:?}");
             probes
         };
-        Ok((Self { layers: if texels.has_backs() { 2 } else { 1 }, probes }, texels))
+        let dark = ray_scene.is_dark(&rays);
+        Ok((Self { layers: if texels.has_backs() { 2 } else { 1 }, probes, dark }, texels))
     }
 
     /// The name in the cache of the plan of light that is made by this with these settings.
@@ -78,14 +85,17 @@ impl LightPlan {
         let entry = cache.load(key, ENTRY_BYTES, |entry| entry.format == TexelFormat::Rgba8)?;
         // Bytes need not be aligned as words are.
         let words: Vec<u32> = bytemuck::pod_collect_to_vec(entry.levels.first()?);
-        let (layers, probes) = words.split_first().filter(|(layers, _)| [1, 2].contains(*layers))?;
+        let ([layers, dark], probes) = words.split_first_chunk()?;
+        if !([1, 2].contains(layers) && [0, 1].contains(dark)) {
+            return None;
+        }
         let probes: &[ProbeWords] = bytemuck::try_cast_slice(probes).ok()?;
         let probe = |words: &ProbeWords| {
             let corners = |[min, max]: [[f32; 3]; 2]| Bounds { min: min.into(), max: max.into() };
             let [bounds, thing] = [words.bounds, words.thing].map(corners);
             Probe { position: words.position.into(), bounds, thing: (thing != Bounds::EMPTY).then_some(thing) }
         };
-        Some(Self { layers: *layers, probes: probes.iter().map(probe).collect() })
+        Some(Self { layers: *layers, probes: probes.iter().map(probe).collect(), dark: *dark == 1 })
     }
 
     /// Keeps it; a failure is logged.
@@ -97,7 +107,8 @@ impl LightPlan {
             thing: corners(probe.thing.unwrap_or(Bounds::EMPTY)),
         };
         let probes: Vec<ProbeWords> = self.probes.iter().map(words).collect();
-        let level = [bytemuck::bytes_of(&self.layers), bytemuck::cast_slice(&probes)].concat();
+        let head = [self.layers, self.dark.into()];
+        let level = [bytemuck::bytes_of(&head), bytemuck::cast_slice(&probes)].concat();
         let size = [(level.len() / size_of::<u32>()) as u32, 1];
         let entry =
             Ktx2 { format: TexelFormat::Rgba8, size, layers: 0, faces: 1, levels: vec![level], key_values: [].into() };
@@ -121,11 +132,11 @@ mod tests {
             thing: (x > 1.0).then_some(Bounds { min: Vec3::ZERO, max: Vec3::splat(x) }),
         };
         for (layers, probes) in [(1, vec![]), (2, vec![probe(0.5)]), (2, (0..8).map(|i| probe(i as f32)).collect())] {
-            let plan = LightPlan { layers, probes };
+            let plan = LightPlan { layers, probes, dark: layers == 2 };
             plan.keep(&cache, "plan");
             assert_eq!(LightPlan::load(&cache, "plan"), Some(plan));
         }
-        let broken = LightPlan { layers: 3, probes: vec![] };
+        let broken = LightPlan { layers: 3, probes: vec![], dark: false };
         broken.keep(&cache, "broken");
         assert_eq!(["broken", "none"].map(|key| LightPlan::load(&cache, key)), [None, None]);
     }

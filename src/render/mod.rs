@@ -45,6 +45,7 @@ mod probes;
 mod probes_gpu_tests;
 mod ray_features;
 mod ray_scene;
+mod ray_textures;
 #[cfg(test)]
 mod random_gpu_tests;
 mod reference_accumulator;

@@ -2,21 +2,20 @@
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use bytemuck::{Pod, Zeroable, bytes_of};
+use bytemuck::{Pod, Zeroable};
 use glam::{DVec4, Mat4, Vec3};
 
 use super::emitters;
 use super::layouts::Layouts;
 use super::ray_features::{EMISSIVE_MAP, features};
+use super::ray_textures::RayTextures;
 use super::shared::{VertexExtraBlock, constant, ray_feature};
 use crate::Result;
-use crate::gpu::{
-    AddressMode, Binding, Buffer, BufferKind, Constant, DescriptorSet, Format, Gpu, Image, ImageAccess, ImageDesc,
-    ImageUsageFlags, Pipeline, Sampler, Shape, Upload, submit_and_wait,
-};
+use crate::gpu::{AddressMode, Binding, Buffer, BufferKind, Constant, DescriptorSet, Gpu, Sampler, Upload};
 use crate::reference::octahedral::pack_frame;
 use crate::scene::atlas::steps;
 use crate::scene::bvh::{Bvh, BvhTriangle, Hit};
+use crate::scene::darkness::{TriangleLight, is_dark};
 use crate::scene::lightmap_texels::{LightmapTexels, Sides, sides};
 use crate::scene::places::Places;
 use crate::scene::sphere_lights::SphereLight;
@@ -28,23 +27,15 @@ const MASKED: u32 = 1 << 31;
 const ONE_SIDED: u32 = 1 << 30;
 /// It is part of a sphere light.
 const SPHERE: u32 = 1 << 29;
-/// Memory for the reduced textures, and the part of the GPU's that they may take: 24 bytes a texel of each layer with emission.
-const TEXTURE_BYTES: u64 = 192 << 20;
-const MEMORY_PART: u64 = 8;
-const TEXEL_BYTES: u64 = 24;
 /// Triangles that shine and are looked at one by one, at most.
 const MOST_EMITTERS: usize = 256;
-/// Sides of the reduced textures, in texels.
-const SIDES: [u32; 6] = [1024, 512, 256, 128, 64, 32];
-/// Texels along a side of `glsl/ray_textures.comp`'s workgroups.
-const GROUP: u32 = 8;
-
 /// The CPU data of a scene's rays, and from its first use on the scene on the GPU.
 pub struct LazyRayScene {
     meshes: Vec<Mesh>,
     instances: Vec<Instance>,
     /// For each of the scene's materials.
     masked: Vec<bool>,
+    culls_backs: Vec<bool>,
     /// Of each material, the sum of its channels.
     emission: Vec<f32>,
     has_textures: bool,
@@ -106,6 +97,7 @@ impl LazyRayScene {
             meshes: geometry.meshes.to_vec(),
             instances: geometry.instances.to_vec(),
             masked: scene.materials.iter().map(|m| m.alpha_cutoff.is_some() || m.blends).collect(),
+            culls_backs: scene.materials.iter().map(|m| m.culls_backs).collect(),
             emission: scene.materials.iter().map(|material| material.emissive_factor.element_sum()).collect(),
             has_textures: !scene.textures.is_empty(),
             features: features(&scene.materials, geometry),
@@ -123,6 +115,7 @@ impl LazyRayScene {
             meshes: Vec::new(),
             instances: Vec::new(),
             masked: Vec::new(),
+            culls_backs: Vec::new(),
             emission: Vec::new(),
             has_textures: false,
             features: 0,
@@ -148,9 +141,8 @@ impl LazyRayScene {
         let bvh = Bvh::new(&self.meshes, &self.instances)?;
         let sides = sides(&bvh, &self.meshes, &self.instances, [&self.cameras, &self.lamps]);
         let sets = Arc::clone(&locked(&self.texture_sets));
-        let side = if self.has_textures { affordable_side(gpu, sets.len() as u64) } else { 1 };
-        let emissive_side = if self.has(ray_feature::MAPS << EMISSIVE_MAP) { side } else { 1 };
-        let textures = RayTextures::new(gpu, layouts, &sets, [side, emissive_side])?;
+        let has = [self.has_textures, self.has(ray_feature::MAPS << EMISSIVE_MAP)];
+        let textures = RayTextures::new(gpu, layouts, &sets, has)?;
         let scene = Arc::new(RayScene::new(gpu, (bvh, sides), self, textures)?);
         *built = Some(Arc::clone(&scene));
         Ok(scene)
@@ -182,6 +174,19 @@ impl LazyRayScene {
     #[cfg(test)]
     pub fn is_built(&self) -> bool {
         locked(&self.built).is_some()
+    }
+
+    /// Whether almost no light reaches what the cameras see.
+    pub fn is_dark(&self, scene: &RayScene) -> bool {
+        let light = |triangle: usize| {
+            let material = self.mesh(&scene.bvh.triangles()[triangle]).material;
+            TriangleLight {
+                culls_back: self.culls_backs[material],
+                is_open: self.masked[material],
+                shines: self.emission[material] > 0.0,
+            }
+        };
+        self.lamps.is_empty() && self.spheres.is_empty() && is_dark(&scene.bvh, &self.cameras, &light)
     }
 
     /// The texels of a lightmap of this side.
@@ -220,22 +225,6 @@ impl LazyRayScene {
 /// A panic leaves nothing half done behind these locks.
 fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
-/// The side on this GPU; says if it has little memory.
-fn affordable_side(gpu: &Gpu, layers: u64) -> u32 {
-    let usual = side(layers, TEXTURE_BYTES);
-    let side = side(layers, TEXTURE_BYTES.min(gpu.info().memory / MEMORY_PART));
-    if side < usual {
-        tracing::warn!("GPU memory: rays see textures of {side}x{side} texels instead of {usual}x{usual}");
-    }
-    side
-}
-
-/// The largest side whose layers fit into the memory for them.
-fn side(layers: u64, memory: u64) -> u32 {
-    let fits = |side: &&u32| layers * u64::from(**side) * u64::from(**side) * TEXEL_BYTES <= memory;
-    *SIDES.iter().find(fits).unwrap_or(&SIDES[SIDES.len() - 1])
 }
 
 fn corner(vertex: &Vertex, place: Mat4) -> CornerBlock {
@@ -321,51 +310,6 @@ impl RayScene {
     }
 }
 
-/// Copies of all textures at one size: layer i holds those of texture set i.
-struct RayTextures {
-    base_color: Arc<Image>,
-    normal: Arc<Image>,
-    orm: Arc<Image>,
-    emission: Arc<Image>,
-}
-
-impl RayTextures {
-    /// Reduces the textures of each set to a layer of `side` texels a side, and of `emissive_side`.
-    fn new(gpu: &Arc<Gpu>, layouts: &Layouts, sets: &[DescriptorSet], [side, emissive_side]: [u32; 2]) -> Result<Self> {
-        let layers = (sets.len() as u32).max(1);
-        let image = |name, format, side: u32| {
-            let usage = ImageUsageFlags::SAMPLED | ImageUsageFlags::STORAGE;
-            let flat = ImageDesc::flat(format, [side; 2], usage);
-            Image::new(gpu, name, ImageDesc { shape: Shape::Layers(layers), ..flat })
-        };
-        // sRGB images cannot be written by shaders, and eight linear bits are too few.
-        let textures = Self {
-            base_color: image("ray base color", Format::R16G16B16A16_SFLOAT, side)?,
-            normal: image("ray normal", Format::R8G8B8A8_UNORM, side)?,
-            orm: image("ray orm", Format::R8G8B8A8_UNORM, side)?,
-            emission: image("ray emission", Format::R16G16B16A16_SFLOAT, emissive_side)?,
-        };
-        let all = [&textures.base_color, &textures.normal, &textures.orm, &textures.emission];
-        let targets =
-            DescriptorSet::new(gpu, "ray textures", &layouts.ray_textures, &all.map(|i| Binding::StorageImage(i, 0)))?;
-        let used = [&layouts.frame, &layouts.ray_textures, &layouts.textures];
-        let pipeline = Pipeline::compute(gpu, "ray_textures.comp", &[], &used, size_of::<u32>() as u32)?;
-        submit_and_wait(gpu, |commands| {
-            all.iter().for_each(|image| commands.prepare_fresh(image, ImageAccess::Storage));
-            commands.bind_pipeline(&pipeline);
-            commands.bind_set(&pipeline, 1, &targets, &[]);
-            for (layer, set) in (0u32..).zip(sets) {
-                commands.bind_set(&pipeline, 2, set, &[]);
-                commands.push(&pipeline, bytes_of(&layer));
-                commands.dispatch([side.div_ceil(GROUP), side.div_ceil(GROUP), 1]);
-            }
-            all.iter().for_each(|image| commands.prepare(image, ImageAccess::Sampled));
-            Ok(())
-        })?;
-        Ok(textures)
-    }
-}
-
 impl RaySet {
     /// Binds what rays meet, nothing for `None`, and the importance table of a panorama where one is sampled (`importance`).
     pub fn new(
@@ -401,7 +345,7 @@ impl RaySet {
 #[cfg(test)]
 mod gpu_tests {
     use super::*;
-    use crate::gpu::{BindingType, DescriptorSetLayout, read_buffer, with_gpu};
+    use crate::gpu::{BindingType, DescriptorSetLayout, Pipeline, read_buffer, submit_and_wait, with_gpu};
     use crate::scene::bvh::tests::{Random, closed_ball, soup};
 
     /// What tests/glsl/test_bvh.comp reads.
@@ -486,12 +430,5 @@ mod gpu_tests {
         let rays: Vec<Ray> = corners.chain(random).map(|d| Ray { o: o.into(), d: d.into(), far: 1e30 }).collect();
         let got = with_gpu(|gpu| traced(gpu, &bvh, &rays));
         assert!(got.iter().all(|met| met.t > 0.0 && met.any == 1));
-    }
-
-    #[test]
-    fn textures_for_rays_stay_within_their_memory() {
-        for (layers, want) in [(1, 1024), (8, 1024), (9, 512), (32, 512), (33, 256), (9000, 32)] {
-            assert_eq!(side(layers, TEXTURE_BYTES), want, "{layers} layers");
-        }
     }
 }

@@ -10,6 +10,7 @@ use serde::Serialize;
 use super::eye::Eye;
 use super::frame_set::FrameSet;
 use super::importance::importance;
+use super::light_plan::DARK;
 use super::output::Output;
 use super::pipeline_request::PipelineRequest;
 use super::ray_scene::RaySet;
@@ -104,7 +105,13 @@ impl ReferencePasses {
         };
         let traced = (settings.transport() != Transport::None).then_some(&**ray_scene);
         let places = match settings.transport() {
-            Transport::All => ray_scene.get(gpu, layouts)?.places(most_places(gpu)),
+            Transport::All => {
+                let rays = ray_scene.get(gpu, layouts)?;
+                if ray_scene.is_dark(&rays) {
+                    tracing::warn!("{DARK}");
+                }
+                rays.places(most_places(gpu))
+            }
             Transport::None | Transport::Direct => Places::default(),
         };
         let table = importance(gpu, panorama, sun.as_ref(), &places)?;

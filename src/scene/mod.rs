@@ -8,6 +8,7 @@ mod contents;
 mod caps;
 mod culling_bounds;
 mod groups;
+pub mod darkness;
 pub mod description;
 pub mod description_text;
 mod floor;

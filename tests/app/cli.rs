@@ -257,6 +257,31 @@ fn what_a_picture_lacks_and_what_cannot_be_kept_is_told_once() {
     }
 }
 
+/// A closed room without a lamp: black, which must not look like a fault.
+#[test]
+fn a_room_that_no_light_enters_is_told_of_with_new_and_kept_light_and_by_the_reference() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let cube = "v -1 -1 -1\nv 1 -1 -1\nv -1 1 -1\nv 1 1 -1\nv -1 -1 1\nv 1 -1 1\nv -1 1 1\nv 1 1 1\n\
+                f 1 3 4 2\nf 5 6 8 7\nf 1 2 6 5\nf 3 7 8 4\nf 1 5 7 3\nf 2 4 8 6\n";
+    std::fs::write(folder.path().join("room.obj"), cube).expect("a file");
+    let camera =
+        "[[model]]\nfile = \"room.obj\"\n[[camera]]\nname = \"a\"\nposition = [0, 0, 0.5]\ntarget = [0, 0, 0]\n";
+    std::fs::write(folder.path().join("dark.toml"), camera).expect("a file");
+    let lamp = "[[light]]\npoint = { position = [0, 0.5, 0], intensity = [1, 1, 1] }\n";
+    std::fs::write(folder.path().join("lit.toml"), format!("{camera}{lamp}")).expect("a file");
+    let told = |scene: &str, more: &[&str]| {
+        let output = run(
+            folder.path(),
+            &[&["render", scene, "-o", "a.png", "--size", "16x16", "--lightmap-size", "64"], more].concat(),
+        );
+        assert!(output.status.success(), "{}", text(&output.stderr));
+        text(&output.stderr).matches("less than a sixtieth of the panorama's light").count()
+    };
+    let reference = ["--shading", "reference", "--frames", "2"];
+    assert_eq!([&[][..], &[], &reference, &["--light", "open"]].map(|more| told("dark.toml", more)), [1, 1, 1, 0]);
+    assert_eq!([&[][..], &reference].map(|more| told("lit.toml", more)), [0, 0]);
+}
+
 #[cfg(target_os = "linux")]
 #[test]
 fn a_full_disk_is_told_and_a_closed_pipe_is_none() {

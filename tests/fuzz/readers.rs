@@ -229,7 +229,7 @@ impl Bench {
                 bench.flatten(&scene);
                 let bounds = Bounds { min: glam::Vec3::NEG_ONE, max: glam::Vec3::ONE };
                 let probes = vec![Probe { position: glam::Vec3::ZERO, bounds, thing: None }; 2];
-                LightPlan { layers: 2, probes }.keep(&bench.cache(), PLAN);
+                LightPlan { layers: 2, probes, dark: false }.keep(&bench.cache(), PLAN);
                 bench.scene = Some(scene);
             }
             _ => return bench,

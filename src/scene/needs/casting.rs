@@ -38,7 +38,9 @@ pub fn nothing_casts(scene: &Scene) -> Option<&'static str> {
     let has_holes = material.alpha_cutoff.is_some() || (material.blends && !is_glass_ball);
     let parts = connected_components(&mesh.vertices, &mesh.indices);
     let closed = parts.len() == 1 && parts[0].closed() && !has_holes;
-    (closed && is_convex(&all, &corners(mesh, instance.world_from_local), margin))
+    // From inside it is a room.
+    let is_room = || scene.cameras.iter().any(|camera| is_behind_all(&all, camera.position.as_dvec3(), margin));
+    (closed && is_convex(&all, &corners(mesh, instance.world_from_local), margin) && !is_room())
         .then_some("all is one convex thing, which casts no shadow on itself")
 }
 
@@ -80,16 +82,21 @@ fn is_convex(triangles: &[[DVec3; 3]], corners: &[DVec3], margin: f64) -> bool {
     })
 }
 
+/// Whether a point is behind the planes of all triangles.
+fn is_behind_all(triangles: &[[DVec3; 3]], p: DVec3, margin: f64) -> bool {
+    triangles.par_iter().filter_map(|t| Some((t[0], normal(t, margin)?))).all(|(at, n)| n.dot(p - at) < 0.0)
+}
+
 #[cfg(test)]
 mod tests {
     use glam::Vec3;
 
     use super::*;
     use crate::asset::material::Refraction;
-    use crate::scene::Material;
     use crate::scene::material::default_material;
     use crate::scene::mesh::{Bounds, Vertex};
     use crate::scene::needs::tests::scene;
+    use crate::scene::{Camera, Material};
 
     fn square() -> Mesh {
         let vertex = |x: f32, y: f32| Vertex {
@@ -124,6 +131,16 @@ mod tests {
         assert!(reason(vec![], &[]).unwrap().contains("nothing is shown"));
         assert_eq!(reason(vec![Mesh::ball(12, 0.3)], &[(0, turned), (0, aside)]), None, "two balls");
         assert_eq!(reason(vec![square()], &[(0, turned), (0, Mat4::IDENTITY)]), None, "two planes");
+    }
+
+    #[test]
+    fn a_ball_with_a_camera_in_it_is_a_room() {
+        let from = |position: Vec3| {
+            let mut scene = ball_of(default_material());
+            scene.cameras.push(Camera { name: "eye".into(), position, target: Vec3::ZERO, vertical_fov_degrees: 60.0 });
+            nothing_casts(&scene).is_none()
+        };
+        assert_eq!([Vec3::splat(0.1), Vec3::splat(0.2)].map(from), [true, false]);
     }
 
     #[test]
