@@ -12,7 +12,7 @@ vec3 stretched_specular(Surface s, vec3 l, Fresnel f, vec2 alphas)
     vec3 v = s.v * world_from_surface;
     l = l * world_from_surface;
     vec3 h = v + l;
-    return f_schlick(f, 0.5 * length(h)) * (d_ggx_stretched(h, alphas) * v_smith_stretched(l, v, alphas));
+    return reflectance(f, 0.5 * length(h)) * (d_ggx_stretched(h, alphas) * v_smith_stretched(l, v, alphas));
 }
 
 // For light of no size.

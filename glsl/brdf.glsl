@@ -3,6 +3,7 @@
 #ifndef PBR_VR_BRDF
 #define PBR_VR_BRDF
 
+#include "fresnel.glsl"
 #include "math.glsl"
 
 // Values of `geometry` below, the two sets of terms; a stage file may feed them from a specialisation constant.
@@ -122,26 +123,6 @@ float v_environment(float nl, float nv, float roughness, int geometry)
                                           : v_smith_height_correlated(nl, nv, roughness * roughness);
 }
 
-// (1 - cosine)^5, multiplied out: pow() of a base that rounding made negative is NaN.
-float schlick_weight(float cosine)
-{
-    float x = 1.0 - clamp(cosine, 0.0, 1.0);
-    float x2 = x * x;
-    return x2 * x2 * x;
-}
-
-// What a surface reflects seen head on, and at grazing angles; the latter is 1 but for KHR_materials_specular.
-struct Fresnel {
-    vec3 f0;
-    float f90;
-};
-
-// Schlick, "An Inexpensive BRDF Model for Physically-based Rendering" (1994), eq. 15.
-vec3 f_schlick(Fresnel f, float vh)
-{
-    return f.f0 + (f.f90 - f.f0) * schlick_weight(vh);
-}
-
 // Schlick's weight towards max(1 - roughness, f0) instead of 1: Lagarde, "Adopting a physically based shading model"
 // (2011). A split-sum table holds this effect already; on top of one it counts Fresnel twice.
 vec3 f_schlick_roughness(vec3 f0, float nv, float roughness)
@@ -165,19 +146,13 @@ vec3 diffuse_lambert(vec3 albedo)
 // The thesis's: Lambert times 1 - F(v.h), for light of no size. Reflects up to 1.86 times what it gets.
 vec3 diffuse_karis2013(vec3 albedo, Fresnel f, float vh)
 {
-    return (1.0 - f_schlick(f, vh)) * diffuse_lambert(albedo);
+    return (1.0 - reflectance(f, vh)) * diffuse_lambert(albedo);
 }
 
 // Albedo of single scattering, F0 A + F90 B; `entry`: A and B.
 vec3 single_albedo(Fresnel f, vec2 entry)
 {
     return f.f0 * entry.x + f.f90 * entry.y;
-}
-
-// A dielectric's reflectance, or a metal's, whose base color it is. Karis (2013), section "Material Model".
-Fresnel fresnel_from_metallic(vec3 base_color, float metallic, Fresnel dielectric)
-{
-    return Fresnel(mix(dielectric.f0, base_color, metallic), mix(dielectric.f90, 1.0, metallic));
 }
 
 // Single scattering for light of no size, in 1/sr; multiply by max(n.l, 0) and the light's irradiance.
@@ -187,7 +162,7 @@ vec3 specular(vec3 n, vec3 v, vec3 l, Fresnel f, float roughness, int geometry)
 {
     vec3 h = v + l;
     float d = d_ggx(n, h, alpha_from_roughness(roughness));
-    return f_schlick(f, 0.5 * length(h)) * (d * v_direct(dot(n, l), dot(n, v), roughness, geometry));
+    return reflectance(f, 0.5 * length(h)) * (d * v_direct(dot(n, l), dot(n, v), roughness, geometry));
 }
 
 // Phong exponent whose lobe is as wide as Beckmann's of this roughness. 2 / alpha^2 - 2 is the exponent over n.h (Walter

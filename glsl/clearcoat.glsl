@@ -8,7 +8,7 @@
 #include "shading_point.glsl"
 
 // Of an index of refraction of 1.5: KHR_materials_clearcoat.
-const Fresnel CLEARCOAT_FRESNEL = Fresnel(vec3(0.04), 1.0);
+const Fresnel CLEARCOAT_FRESNEL = Fresnel(vec3(0.04), 1.0, NO_FILM);
 
 // The coat as a surface; black, so that nothing of it is diffuse.
 Surface clearcoat_layer(Surface s)

@@ -63,7 +63,7 @@ vec3 disc_specular(vec3 n, vec3 v, vec3 l, Fresnel f, float alpha, float sine, i
     l += (nl - dot(n, l)) * n; // what is above the horizon
     float visibility = geometry == GEOMETRY_KARIS2013 ? v_karis2013_direct(nl, dot(n, v), sqrt(alpha))
                                                       : v_smith_height_correlated(nl, dot(n, v), alpha);
-    return f_schlick(f, 0.5 * length(v + l)) * (disc_ggx(n, v, l, alpha, sine) * visibility);
+    return reflectance(f, 0.5 * length(v + l)) * (disc_ggx(n, v, l, alpha, sine) * visibility);
 }
 
 // Phong exponent of a lobe that is widened by the disc: variances, 1 / exponent and sine^2 / 4 along each axis, add up.

@@ -36,7 +36,7 @@ vec3 multiple_share(Energy energy, Fresnel fresnel)
 // The same for a surface that is in part metal.
 vec3 mixed_share(Energy energy, vec3 base_color, float metallic)
 {
-    return mix(multiple_share(energy, energy.dielectric), multiple_share(energy, Fresnel(base_color, 1.0)), metallic);
+    return mix(multiple_share(energy, energy.dielectric), multiple_share(energy, bare_fresnel(base_color, 1.0)), metallic);
 }
 
 // Multiple scattering in 1/sr for a share: Kulla and Conty (2017).

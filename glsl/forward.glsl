@@ -65,7 +65,7 @@ float normal_variance()
 
 SpecularLobe lobe_of(Surface s)
 {
-    return specular_lobe(s.n, s.v, s.nv, fresnel_of(s), s.roughness, normal_variance());
+    return specular_lobe(s.n, s.v, s.nv, seen_fresnel(fresnel_of(s), s.nv), s.roughness, normal_variance());
 }
 
 // The share of a lobe's light that comes from as far away as its image shows it: see share_in_image in lightmap_gather.comp. What is
@@ -244,7 +244,7 @@ vec3 term(Surface s)
     float nl = max(dot(s.n, l), 0.0);
     vec3 h = s.v + l;
     if (SHADING == SHADING_F)
-        return f_schlick(fresnel_of(s), 0.5 * length(h));
+        return reflectance(fresnel_of(s), 0.5 * length(h));
     if (SHADING == SHADING_G)
         return vec3(v_direct(nl, s.nv, s.roughness, GEOMETRY) * 4.0 * nl * s.nv);
     // D has no upper bound: D / (1 + D) shows all of it.

@@ -26,7 +26,7 @@ float pixel_width2(vec3 v)
 SpecularLobe through_lobe(Surface s, float ior, vec3 l, float width2)
 {
     float variance = width2 * ball_spread2(s.nv, ior) / 12.0;
-    float mirrored = specular_lobe(s.n, s.n, 1.0, Fresnel(vec3(1.0), 1.0), s.roughness, 0.0).spread;
+    float mirrored = specular_lobe(s.n, s.n, 1.0, bare_fresnel(vec3(1.0), 1.0), s.roughness, 0.0).spread;
     SpecularLobe lobe;
     lobe.reflectance = vec3(1.0);
     lobe.even = 0.0;

@@ -20,6 +20,7 @@ struct Material {
     vec3 emission; // radiance, W/(m^2 sr)
     uint flags;
     Fresnel dielectric; // of the part that is no metal
+    float film_thinnest; // where the map of its thickness is 0
     vec3 transmission; // by which light is multiplied that goes through
     float clearcoat;
     float clearcoat_roughness;
@@ -30,6 +31,14 @@ struct Material {
     float sheen_roughness;
     vec2 anisotropy; // direction in which highlights are stretched, along tangent and bitangent, as long as they are strongly
 };
+
+// A dielectric with its film; `thickness`: what the map of it says.
+Fresnel with_film(Material material, float thickness)
+{
+    Fresnel f = material.dielectric;
+    f.film.thickness = mix(material.film_thinnest, f.film.thickness, thickness);
+    return f;
+}
 
 // Least roughness of a clear coat: its lobe is narrower than a texel of any panorama, and never taken for a mirror's.
 const float MIN_CLEARCOAT_ROUGHNESS = 0.011;

@@ -214,12 +214,20 @@ vec3 emission_of_hit(RayHit hit)
     return ray_emission_of(hit, materials[bvh_material(hit.triangle)], ray_uv(hit));
 }
 
+// What the ORM map says of the layer above: its share, or thickness.
+float ray_layer(RayHit hit, Material material, vec2 uv)
+{
+    if (!has_map(MAP_ORM))
+        return 1.0;
+    return textureLod(ray_orm, ray_map_at(hit, material, uv, MAP_ORM, textureSize(ray_orm, 0).x), 0.0).a;
+}
+
 // The coat of a hit; `own_from_local`: turns normals to the world and to the ray's side.
 void set_clearcoat(inout Surface s, RayHit hit, Material material, vec2 uv, mat3 own_from_local)
 {
     s.clearcoat = material.clearcoat;
-    if (has_map(MAP_ORM) && s.clearcoat > 0.0)
-        s.clearcoat *= textureLod(ray_orm, ray_map_at(hit, material, uv, MAP_ORM, textureSize(ray_orm, 0).x), 0.0).a;
+    if (s.clearcoat > 0.0)
+        s.clearcoat *= ray_layer(hit, material, uv);
     s.clearcoat_roughness = max(material.clearcoat_roughness, MIN_CLEARCOAT_ROUGHNESS);
     s.clearcoat_n = s.n;
     if (has_map(MAP_NORMAL) && (material.flags & MATERIAL_CLEARCOAT_BUMPS) == 0u)
@@ -261,7 +269,9 @@ PathPoint ray_point(RayHit hit, vec3 d)
     p.s.emission = ray_emission_of(hit, material, uv);
     p.s.metallic = metallic_roughness.x;
     p.s.roughness = metallic_roughness.y;
-    p.s.dielectric = material.dielectric;
+    p.s.dielectric = bare_fresnel(material.dielectric.f0, material.dielectric.f90);
+    if (rays_have(RAYS_FILM) && material.dielectric.film.share > 0.0)
+        p.s.dielectric = with_film(material, ray_layer(hit, material, uv));
     p.s.clearcoat = 0.0;
     if (rays_have(RAYS_CLEARCOAT))
         set_clearcoat(p.s, hit, material, uv, front * turn);

@@ -90,7 +90,7 @@ Scatter make_scatter(Surface s, mat3 world_from_surface)
     // A mirror has no microfacets that light could bounce between.
     m.energy = Energy(table_mean(brdf_table, s.roughness), MULTI_SCATTER && !m.mirror, s.dielectric);
     m.at_v = table_entry(brdf_table, m.v.z, s.roughness);
-    vec3 f = f_schlick(m.fresnel, m.v.z);
+    vec3 f = reflectance(m.fresnel, m.v.z);
     vec3 diffuse = (1.0 - s.metallic) * s.base_color + multiple_even(m.energy, s.base_color, s.metallic, m.at_v);
     if (rays_have(RAYS_SHEEN)) {
         float albedo = sheen_albedo(m.v.z, s.sheen_roughness);
@@ -123,7 +123,7 @@ vec3 scattered(Scatter m, vec3 l)
     else
         sum = beyond_single(m.energy, m.base_color, m.metallic, table_entry(brdf_table, l.z, m.roughness), m.at_v);
     if (!m.mirror)
-        sum += f_schlick(m.fresnel, vh) * (d_ggx_stretched(h, m.alphas) * scatter_visibility(m, l));
+        sum += reflectance(m.fresnel, vh) * (d_ggx_stretched(h, m.alphas) * scatter_visibility(m, l));
     if (rays_have(RAYS_SHEEN))
         sum = m.left_by_sheen * sum + m.sheen * sheen_brdf(vec3(0.0, 0.0, 1.0), m.v, l, m.sheen_roughness);
     return rays_have(RAYS_CLEARCOAT) ? sum * (m.coat.left * l.z) + coat_scattered(m.coat, l) : sum * l.z;
@@ -151,7 +151,7 @@ float scatter_density(Scatter m, vec3 l)
 // By which a mirror's own light is multiplied where `sample_scatter` has drawn it.
 vec3 mirrored_weight(Scatter m)
 {
-    vec3 weight = f_schlick(m.fresnel, m.v.z) / m.specular_share;
+    vec3 weight = reflectance(m.fresnel, m.v.z) / m.specular_share;
     if (rays_have(RAYS_SHEEN))
         weight *= m.left_by_sheen;
     return rays_have(RAYS_CLEARCOAT) ? weight * (m.coat.left / (1.0 - m.coat.share)) : weight;

@@ -71,11 +71,13 @@ layout(constant_id = 25) const bool TINTS = false;   // what is behind is seen i
 const bool CLEARCOAT = false;
 const bool SHEEN = false;
 const bool ANISOTROPY = false;
+const bool FILM = false;
 const bool REFRACTS = false;
 #else
 layout(constant_id = 26) const bool CLEARCOAT = false;
 layout(constant_id = 28) const bool SHEEN = false;
 layout(constant_id = 30) const bool ANISOTROPY = false; // stretched highlights
+layout(constant_id = 31) const bool FILM = false; // a thin film; with SPECULAR
 layout(constant_id = 27) const bool REFRACTS = false; // solid balls show what is around them
 #endif
 layout(constant_id = 23) const uint SPHERE_LIGHTS = 0;

@@ -102,9 +102,13 @@ Surface read_surface()
     s.occlusion = maps.r;
     s.roughness = maps.g * surface_factors.x;
     s.metallic = METALNESS == METALNESS_MIXED ? maps.b * base_color_metallic.a : float(METALNESS == METALNESS_METAL);
-    s.dielectric = Fresnel(vec3(surface_factors.z), 1.0);
-    if (SPECULAR)
-        s.dielectric = materials[instances[draw.instance].material].dielectric;
+    s.dielectric = bare_fresnel(vec3(surface_factors.z), 1.0);
+    if (SPECULAR) {
+        Material material = materials[instances[draw.instance].material];
+        s.dielectric = bare_fresnel(material.dielectric.f0, material.dielectric.f90);
+        if (FILM)
+            s.dielectric = with_film(material, maps.a);
+    }
     vec3 n = mapped_normal(), own_n = normalize_or(normal_world, vec3(0.0, 1.0, 0.0));
     // Cloth and leaves are seen from behind, too.
     s.n = gl_FrontFacing ? n : -n;

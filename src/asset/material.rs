@@ -1,10 +1,12 @@
 //! Materials as model files describe them, checked: factors and maps of the metallic–roughness model.
 
-use glam::{Vec2, Vec3};
+use glam::{DVec3, Vec2, Vec3};
 
 use super::image_source::ImageSource;
 use super::texture::Pick;
-use crate::reference::{brdf, sheen, tone};
+use crate::reference::brdf::{self, Fresnel};
+use crate::reference::film::Film;
+use crate::reference::{sheen, tone};
 
 /// Reflectance at normal incidence of most plastics, glass and wood, whose index of refraction is 1.5: ((1.5 − 1) / (1.5 + 1))².
 pub const DIELECTRIC_F0: f32 = brdf::DIELECTRIC_F0 as f32;
@@ -25,6 +27,34 @@ pub fn f0_from_ior(ior: f32) -> f32 {
 
 /// Least roughness of sheen.
 pub const MIN_SHEEN_ROUGHNESS: f32 = sheen::MIN_SHEEN_ROUGHNESS as f32;
+
+/// A thin film over a surface, whose interference colours what the surface reflects.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ThinFilm {
+    /// Of the surface that has it, 0 to 1.
+    pub share: f32,
+    /// Index of refraction, at least 1.
+    pub ior: f32,
+    /// Nanometres, where the map of it is 0 and 1; without a map the latter.
+    pub thickness: [f32; 2],
+}
+
+impl ThinFilm {
+    /// F0 by Schlick's form of a surface that reflects as much of light from all sides as one of this F0 and F90 with the film does,
+    /// for all thicknesses.
+    pub fn even_f0(&self, f0: Vec3, f90: f32) -> Vec3 {
+        const THICKNESSES: u8 = 9;
+        let [least, largest] = self.thickness;
+        let bare = Fresnel { f0: f0.as_dvec3(), f90: f90.into() };
+        let of = |i: u8| {
+            let thickness = least + f32::from(i) / f32::from(THICKNESSES - 1) * (largest - least);
+            let film =
+                Film { share: self.share.into(), ior: self.ior.into(), thickness: thickness.into(), base_f0: bare.f0 };
+            film.even(bare).f0
+        };
+        ((0..THICKNESSES).map(of).sum::<DVec3>() / f64::from(THICKNESSES)).as_vec3()
+    }
+}
 
 /// How a closed body bends light that goes through it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -60,6 +90,9 @@ pub struct MaterialDesc {
     pub clearcoat_bumps: bool,
     /// Multiplies the share.
     pub clearcoat_map: Option<MapDesc>,
+    pub film: Option<ThinFilm>,
+    /// Of its thickness; there is none where there is a map of the clear coat.
+    pub film_map: Option<MapDesc>,
     /// In which direction highlights are stretched, along tangent and bitangent, as long as they are strongly: 0 to 1.
     pub anisotropy: Vec2,
     /// Color of the sheen of cloth, linear RGB, 0 to 1, and its roughness, [`MIN_SHEEN_ROUGHNESS`] to 1.
@@ -197,6 +230,8 @@ impl MaterialDesc {
             clearcoat_bumps: false,
             anisotropy: Vec2::ZERO,
             clearcoat_map: None,
+            film: None,
+            film_map: None,
             sheen: Vec3::ZERO,
             sheen_roughness: 1.0,
             emissive: Factor::same(Vec3::ZERO),
@@ -225,12 +260,16 @@ impl MaterialDesc {
     pub fn transmit(&mut self, share: f32, inside: Vec3) {
         // Of light from all sides, by Schlick's form; shaders make it more at slanted views.
         let luminance = |color: Vec3| tone::luminance(color.as_dvec3()) as f32;
-        let f0 = luminance(self.dielectric_f0);
-        let reflectance = f0 + (self.dielectric_f90 - f0) / 21.0;
+        // Of a film its mean colour; in mirror images it is that of a metal.
+        let f0 = self.film.take().map_or(Vec3::splat(luminance(self.dielectric_f0)), |film| {
+            film.even_f0(self.dielectric_f0, self.dielectric_f90)
+        });
+        let reflectance_of = f0 + (Vec3::splat(self.dielectric_f90) - f0) / 21.0;
+        let reflectance = reflectance_of.max_element();
         let color = self.base_color.alone;
         let mirrored = share * reflectance;
         let coverage = 1.0 - share * (1.0 - reflectance);
-        let covering = (Vec3::splat(mirrored) + (1.0 - share) * color) / coverage;
+        let covering = (share * reflectance_of + (1.0 - share) * color) / coverage;
         self.transmission = Some(inside * self.base_color.of(self.base_color_map.is_some()));
         self.culls_backs = false;
         self.base_color = Factor::same(covering.min(Vec3::ONE));
@@ -257,7 +296,8 @@ impl MaterialDesc {
     pub fn origins(&self) -> Vec<String> {
         let normals = self.normals.as_ref().map(|normals| &normals.map);
         let maps = [&self.base_color_map, &self.mask_map, &self.occlusion_map, &self.roughness_map, &self.metallic_map];
-        let maps = maps.into_iter().chain([&self.emissive_map, &self.clearcoat_map]).flatten().chain(normals);
+        let maps =
+            maps.into_iter().chain([&self.emissive_map, &self.clearcoat_map, &self.film_map]).flatten().chain(normals);
         maps.map(|map| map.origin.clone()).collect()
     }
 }

@@ -136,6 +136,8 @@ impl Interpreter<'_> {
                 .of(clearcoat_map.is_some()),
             clearcoat_roughness: self.factor(mtl, ("Pcr", mtl.clearcoat_roughness), false, 0.0).alone,
             clearcoat_map,
+            film: None,
+            film_map: None,
             sheen: Vec3::splat(self.factor(mtl, ("Ps", mtl.sheen), false, 0.0).alone),
             sheen_roughness: SHEEN_ROUGHNESS,
             anisotropy: self.anisotropy(mtl),

@@ -25,6 +25,8 @@ mod brdf_gpu_tests;
 #[cfg(test)]
 mod disc_gpu_tests;
 #[cfg(test)]
+mod fresnel_gpu_tests;
+#[cfg(test)]
 mod energy_gpu_tests;
 #[cfg(test)]
 mod glsl_gpu_tests;

@@ -1,7 +1,7 @@
 //! Reference implementations in f64, without Vulkan: BRDF terms, sampling, integrals, colour, picture metrics.
 //!
 //! `math`, `brdf`, `clearcoat`, `disc`, `energy`, `sampling`, `cube`, `octahedral`, `openness`, `refraction`, `sheen`, `tone`, `probe`, `shadow` and `split_sum` are the twins
-//! of the files of the same name in `glsl/` (`probe` of `probe_box.glsl`, `shadow` of `shadow_place.glsl`, `reprojection` of
+//! of the files of the same name in `glsl/` (`film` of `fresnel.glsl`, `probe` of `probe_box.glsl`, `shadow` of `shadow_place.glsl`, `reprojection` of
 //! `mirror.frag`): same functions, same arguments, same constants.
 
 pub mod brdf;
@@ -9,6 +9,7 @@ pub mod clearcoat;
 pub mod cube;
 pub mod disc;
 pub mod energy;
+pub mod film;
 pub mod importance;
 pub mod integrals;
 pub mod math;

@@ -223,7 +223,7 @@ impl ForwardPass {
     }
 }
 
-fn constants(features: MaterialFeatures, multiple: bool) -> [Constant; 15] {
+fn constants(features: MaterialFeatures, multiple: bool) -> [Constant; 16] {
     [
         (constant::HAS_BASE_COLOR_MAP, u32::from(features.base_color_map)),
         (constant::HAS_NORMAL_MAP, u32::from(features.normal_map)),
@@ -239,6 +239,7 @@ fn constants(features: MaterialFeatures, multiple: bool) -> [Constant; 15] {
         (constant::CLEARCOAT, u32::from(features.clearcoat)),
         (constant::SHEEN, u32::from(features.sheen)),
         (constant::ANISOTROPY, u32::from(features.anisotropy)),
+        (constant::FILM, u32::from(features.film)),
         (constant::SPECULAR, u32::from(features.specular)),
     ]
 }

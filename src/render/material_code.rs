@@ -1,4 +1,5 @@
-//! Which code for materials a pipeline has: for core materials, which have no clear coat, no sheen, no stretched highlights and do not refract, or for all.
+//! Which code for materials a pipeline has: for core materials, which have no clear coat, no sheen, no stretched highlights, no film and do not
+//! refract, or for all.
 //!
 //! Constants alone would do, but validation layers, software renderers and drivers work through all of a shader before they
 //! leave out what its constants do.
@@ -7,9 +8,11 @@ use super::shared::{constant, ray_feature};
 use crate::gpu::{Constant, core_materials};
 
 /// What is true or not of the material of the surface that is drawn.
-const OF_SURFACE: [u32; 4] = [constant::CLEARCOAT, constant::SHEEN, constant::ANISOTROPY, constant::REFRACTS];
+const OF_SURFACE: [u32; 5] =
+    [constant::CLEARCOAT, constant::SHEEN, constant::ANISOTROPY, constant::FILM, constant::REFRACTS];
 /// What rays may meet.
-const OF_RAYS: u32 = ray_feature::CLEARCOAT | ray_feature::SHEEN | ray_feature::ANISOTROPY | ray_feature::REFRACTS;
+const OF_RAYS: u32 =
+    ray_feature::CLEARCOAT | ray_feature::SHEEN | ray_feature::ANISOTROPY | ray_feature::FILM | ray_feature::REFRACTS;
 
 /// The name of `shader` with no more code than these constants use.
 pub fn shader_for(shader: &str, constants: &[Constant]) -> String {
@@ -35,7 +38,13 @@ mod tests {
         for id in OF_SURFACE {
             assert_eq!(shader_for("a.frag", &[none[0], (id, 1)]), "a.frag");
         }
-        for bit in [ray_feature::CLEARCOAT, ray_feature::SHEEN, ray_feature::ANISOTROPY, ray_feature::REFRACTS] {
+        for bit in [
+            ray_feature::CLEARCOAT,
+            ray_feature::SHEEN,
+            ray_feature::ANISOTROPY,
+            ray_feature::FILM,
+            ray_feature::REFRACTS,
+        ] {
             assert_eq!(shader_for("a.frag", &[(constant::RAY_FEATURES, bit)]), "a.frag");
         }
     }

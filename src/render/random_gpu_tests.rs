@@ -12,6 +12,7 @@ use super::renderer::Renderer;
 use super::settings::{LightModel, RenderSettings, Shading, TextureSettings};
 use super::shared::constant;
 use crate::asset::ktx2::TexelFormat;
+use crate::asset::material::ThinFilm;
 use crate::asset::mips::{level_count, level_size};
 use crate::asset::{MipChain, Panorama};
 use crate::context::Context;
@@ -69,6 +70,11 @@ fn scene() -> Scene {
         roughness_factor: factors[(i / 3) as usize % 5],
         anisotropy: [Vec2::ZERO, Vec2::new(factors[(i / 4) as usize % 5], factors[i as usize % 5])][i as usize / 2 % 2],
         dielectric_f0: Vec3::splat(factors[(i / 2) as usize % 5]),
+        film: (i % 3 == 1).then(|| ThinFilm {
+            share: factors[i as usize % 5],
+            ior: 1.0 + factors[(i / 2) as usize % 5],
+            thickness: [factors[(i / 4) as usize % 5], 1e5 * factors[(i / 3) as usize % 5]],
+        }),
         base_color_map: Some(0),
         normal_map: Some(1),
         orm_map: Some(2),

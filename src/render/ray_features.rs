@@ -21,6 +21,7 @@ pub fn features(materials: &[Material], geometry: GeometryView<'_>) -> u32 {
         (ray_feature::CLEARCOAT, any(&|material| material.clearcoat_factor > 0.0)),
         (ray_feature::SHEEN, any(&|material| material.sheen_color != Vec3::ZERO)),
         (ray_feature::ANISOTROPY, any(&|material| material.anisotropy != Vec2::ZERO)),
+        (ray_feature::FILM, any(&|material| material.film.is_some())),
         (ray_feature::REFRACTS, any(&|material| material.refraction.is_some())),
         (ray_feature::EXTRAS, any(&Material::takes_second_uv) || extra()),
     ];
@@ -36,6 +37,7 @@ fn is_glossy(material: &Material) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::asset::material::ThinFilm;
     use crate::scene::Mesh;
 
     #[test]
@@ -56,6 +58,8 @@ mod tests {
         assert_eq!(of(|m| m.clearcoat_factor = 0.1), ray_feature::CLEARCOAT);
         assert_eq!(of(|m| m.sheen_color.y = 0.1), ray_feature::SHEEN);
         assert_eq!(of(|m| m.anisotropy.y = 0.1), ray_feature::ANISOTROPY);
+        let film = |m: &mut Material| m.film = Some(ThinFilm { share: 0.1, ior: 1.3, thickness: [400.0; 2] });
+        assert_eq!(of(film), ray_feature::FILM);
         assert_eq!(of(|m| m.emissive_factor.z = 0.1), ray_feature::EMITTERS);
         assert_eq!(of(|m| (m.metallic_range, m.roughness_range) = ([0.0, 1.0], [0.2, 0.9])), ray_feature::GLOSSY);
         assert_eq!(of(|m| (m.metallic_range, m.roughness_range) = ([0.0, 1.0], [0.7, 0.9])), 0);

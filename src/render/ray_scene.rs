@@ -155,11 +155,12 @@ impl LazyRayScene {
     /// A constant of shaders that trace rays: the scene's features, and `more` that the scene alone does not say.
     pub fn features(&self, model: Model, more: u32) -> Constant {
         // Without sheets that tint there are no maps of what they let through; a clear coat is a second surface, sheen another layer;
-        // stretched highlights have directions; bodies of glass are followed through.
+        // stretched highlights have directions; films have colours; bodies of glass are followed through.
         let of_materials = ray_feature::TINTS
             | ray_feature::CLEARCOAT
             | ray_feature::SHEEN
             | ray_feature::ANISOTROPY
+            | ray_feature::FILM
             | ray_feature::REFRACTS;
         let everything = if model == Model::Everything { !of_materials } else { 0 };
         (constant::RAY_FEATURES, self.features | more | everything)

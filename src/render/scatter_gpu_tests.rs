@@ -19,6 +19,7 @@ use crate::reference::brdf::{
 };
 use crate::reference::clearcoat::Clearcoat;
 use crate::reference::energy::{Curve, Energy, Scattering};
+use crate::reference::film::Film;
 use crate::reference::sheen::{sheen_albedo, sheen_brdf, under_sheen};
 use crate::reference::split_sum::SplitSum;
 
@@ -31,6 +32,8 @@ struct Input {
     metallic: f32,
     /// F0 and F90.
     dielectric: [f32; 4],
+    /// Share, index of refraction, thickness.
+    film: [f32; 3],
     roughness: f32,
     clearcoat: f32,
     clearcoat_roughness: f32,
@@ -51,6 +54,7 @@ impl Input {
             base_color: [1.0; 3],
             metallic: 0.0,
             dielectric: [0.04, 0.04, 0.04, 1.0],
+            film: [0.0, 1.0, 0.0],
             roughness: 0.5,
             clearcoat: 0.0,
             clearcoat_roughness: 1.0,
@@ -228,7 +232,8 @@ fn the_value_agrees() {
         // Sheen on every fourth two.
         let sheen = [[0.0; 3], random.colour().as_vec3().into()][usize::from(i / 10 % 4 == 3)];
         let sheen_roughness = [0.2, 0.45, 1.0][i / 40 % 3];
-        inputs.push(Input { base_color, metallic, dielectric, roughness, sheen, sheen_roughness, ..coat });
+        let film = [[0.0, 1.0, 0.0], [0.8, 1.4, 600.0 * random.unit() as f32]][usize::from(i % 7 == 3)];
+        inputs.push(Input { film, base_color, metallic, dielectric, roughness, sheen, sheen_roughness, ..coat });
     }
     let coats = [0.0, 0.7].map(|factor| Clearcoat::new(factor, f64::from(0.4f32), Scattering::Multiple));
     let terms = roughnesses.map(|r| {
@@ -244,7 +249,13 @@ fn the_value_agrees() {
         let [v, l, base_color] = [input.v, input.l, input.base_color].map(|v| Vec3::from(v).as_dvec3());
         let (metallic, roughness) = (f64::from(input.metallic), f64::from(input.roughness));
         let fresnel = energy.dielectric.mixed(base_color, metallic);
-        let single = specular(DVec3::Z, v, l, fresnel, roughness, Geometry::Smith);
+        let mut single = specular(DVec3::Z, v, l, fresnel, roughness, Geometry::Smith);
+        let [share, ior, thickness] = input.film.map(f64::from);
+        if share > 0.0 {
+            let film = Film { share, ior, thickness, base_f0: fresnel.f0 };
+            let vh = 0.5 * (v + l).length();
+            single *= film.reflectance(fresnel, vh) / f_schlick(fresnel, vh);
+        }
         let below = single + energy.beyond_single(base_color, metallic, curve.at(l.z), curve.at(v.z));
         let (sheen, sheen_roughness) = (Vec3::from(input.sheen).as_dvec3(), input.sheen_roughness.into());
         let left = under_sheen(sheen, sheen_albedo(v.z, sheen_roughness));

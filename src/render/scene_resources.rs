@@ -17,7 +17,7 @@ use super::settings::RenderSettings;
 use super::shadow_plan::ShadowPlan;
 use super::shared::{InstanceBlock, LightBlock, MaterialBlock, SphereLightBlock, material_flag};
 use crate::Result;
-use crate::asset::material::Refraction;
+use crate::asset::material::{Refraction, ThinFilm};
 use crate::asset::model::Cone;
 use crate::context::Context;
 use crate::gpu::{Buffer, BufferKind, Commands, Gpu};
@@ -285,6 +285,7 @@ fn light_buffer(gpu: &Arc<Gpu>, lights: &[LightBlock]) -> Result<Arc<Buffer>> {
 fn material_block(material: &Material, textures: u32) -> MaterialBlock {
     let straight = Refraction { ior: 1.0, surface_transmission: Vec3::ONE, absorption: Vec3::ZERO, balls: false };
     let refraction = material.refraction.unwrap_or(straight);
+    let film = material.film.unwrap_or(ThinFilm { share: 0.0, ior: 1.0, thickness: [0.0; 2] });
     MaterialBlock {
         base_color: material.base_color_factor.into(),
         metallic: material.metallic_factor,
@@ -292,8 +293,13 @@ fn material_block(material: &Material, textures: u32) -> MaterialBlock {
         alpha_cutoff: material.alpha_cutoff.unwrap_or(0.0),
         textures,
         opacity: material.opacity,
-        dielectric_f0: material.dielectric_f0.into(),
+        dielectric_f0: material.even_dielectric_f0().into(),
         dielectric_f90: material.dielectric_f90,
+        film_share: film.share,
+        film_ior: film.ior,
+        film_thickness: film.thickness[1],
+        film_base_f0: material.dielectric_f0.into(),
+        film_thinnest: film.thickness[0],
         transmission: material.transmission.unwrap_or(Vec3::ONE).into(),
         clearcoat: material.clearcoat_factor,
         clearcoat_roughness: material.clearcoat_roughness,

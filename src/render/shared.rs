@@ -116,6 +116,14 @@ pub struct MaterialBlock {
     /// Reflectance of the part that is no metal, at normal incidence and at grazing angles.
     pub dielectric_f0: [f32; 3],
     pub dielectric_f90: f32,
+    /// A thin film: its share, index of refraction and thickness (nm), and F0 of what is below it where that is no metal. With a film
+    /// `dielectric_f0` is what has the same mean over all directions.
+    pub film_share: f32,
+    pub film_ior: f32,
+    pub film_thickness: f32,
+    pub film_base_f0: [f32; 3],
+    /// Its thickness where the map of it is 0.
+    pub film_thinnest: f32,
     /// By which light is multiplied that goes through it.
     pub transmission: [f32; 3],
     /// The share that has a clear coat, and the coat's roughness.
@@ -224,7 +232,7 @@ const _: () = {
     assert!(size_of::<FrameBlock>() == 144 * MAX_EYES + 188 + size_of::<[SphereLightBlock; MAX_SPHERE_LIGHTS]>());
     assert!(offset_of!(InstanceBlock, material) == 64 && size_of::<InstanceBlock>() == 68);
     assert!(offset_of!(MaterialBlock, metallic) == 12 && offset_of!(MaterialBlock, emission) == 32);
-    assert!(size_of::<MaterialBlock>() == 136 && size_of::<VertexExtraBlock>() == 16);
+    assert!(size_of::<MaterialBlock>() == 164 && size_of::<VertexExtraBlock>() == 16);
     assert!(offset_of!(LightBlock, radius) == 12 && offset_of!(LightBlock, intensity) == 16);
     assert!(offset_of!(LightBlock, shadow_near) == 28 && offset_of!(LightBlock, shadow_layer) == 32);
     assert!(offset_of!(LightBlock, along) == 36 && size_of::<LightBlock>() == 56);
@@ -264,6 +272,7 @@ pub mod constant {
     pub const SHEEN: u32 = 28;
     pub const SPECULAR: u32 = 29;
     pub const ANISOTROPY: u32 = 30;
+    pub const FILM: u32 = 31;
 }
 
 /// What rays may meet or be sent to in a scene: bits of [`constant::RAY_FEATURES`], described in `glsl/ray_features.glsl`.
@@ -279,6 +288,7 @@ pub mod ray_feature {
     pub const REFRACTS: u32 = 256;
     pub const SHEEN: u32 = 512;
     pub const ANISOTROPY: u32 = 16384;
+    pub const FILM: u32 = 32768;
     /// Shifted by the number of a map, as [`material_flag::SECOND_UV`].
     pub const MAPS: u32 = 1024;
 }

@@ -87,6 +87,11 @@ impl Blocks {
             flags: counter.next() as u32,
             dielectric_f0: counter.list(),
             dielectric_f90: counter.next(),
+            film_share: counter.next(),
+            film_ior: counter.next(),
+            film_thickness: counter.next(),
+            film_base_f0: counter.list(),
+            film_thinnest: counter.next(),
             transmission: counter.list(),
             clearcoat: counter.next(),
             clearcoat_roughness: counter.next(),
@@ -154,6 +159,8 @@ impl Blocks {
             numbers.push(flags as f32);
             numbers.extend(dielectric_f0);
             numbers.push(dielectric_f90);
+            numbers.extend([material.film_share, material.film_ior, material.film_thickness]);
+            numbers.extend(material.film_base_f0.iter().chain(&[material.film_thinnest]));
             numbers.extend(transmission);
             numbers.extend([clearcoat, clearcoat_roughness]);
             numbers.extend(material.surface_transmission.iter().chain(&material.absorption).chain(&[material.ior]));
@@ -239,6 +246,7 @@ fn features_of_rays_have_the_same_bits_as_in_glsl() {
         ("REFRACTS", ray_feature::REFRACTS),
         ("SHEEN", ray_feature::SHEEN),
         ("ANISOTROPY", ray_feature::ANISOTROPY),
+        ("FILM", ray_feature::FILM),
         ("MAPS", ray_feature::MAPS),
     ];
     assert_eq!(constants(RAY_FEATURES, "uint", "RAYS_"), ours.map(|(name, bit)| (name.to_owned(), bit)));
@@ -279,6 +287,7 @@ fn specialization_constants_have_their_ids() {
         ("CLEARCOAT", constant::CLEARCOAT),
         ("SHEEN", constant::SHEEN),
         ("ANISOTROPY", constant::ANISOTROPY),
+        ("FILM", constant::FILM),
         ("REFRACTS", constant::REFRACTS),
         ("SPHERE_LIGHTS", constant::SPHERE_LIGHTS),
     ];

@@ -4,7 +4,7 @@ use glam::{Mat4, Vec2, Vec3};
 use serde::Serialize;
 
 use super::mesh::{Bounds, Mesh};
-use crate::asset::material::{Refraction, Sampling};
+use crate::asset::material::{Refraction, Sampling, ThinFilm};
 use crate::asset::model::Cone;
 use crate::asset::{MipChain, Panorama};
 
@@ -87,6 +87,8 @@ pub struct Material {
     pub clearcoat_roughness: f32,
     /// Whether the normal map shows in the coat, too.
     pub clearcoat_bumps: bool,
+    /// A thin film below the coat, whose thickness the ORM map's alpha says where the coat has no map.
+    pub film: Option<ThinFilm>,
     /// In which direction highlights are stretched, along tangent and bitangent, as long as they are strongly: 0 to 1.
     pub anisotropy: Vec2,
     /// Linear RGB, 0 to 1; black where it has no sheen.
@@ -136,7 +138,12 @@ pub struct MaterialSource {
 impl Material {
     /// Whether what is no metal in it reflects otherwise than by an index of refraction alone.
     pub fn has_specular_factors(&self) -> bool {
-        self.dielectric_f0 != Vec3::splat(self.dielectric_f0.x) || self.dielectric_f90 != 1.0
+        self.film.is_some() || self.dielectric_f0 != Vec3::splat(self.dielectric_f0.x) || self.dielectric_f90 != 1.0
+    }
+
+    /// F0 of the part that is no metal for light from all sides, with the film.
+    pub fn even_dielectric_f0(&self) -> Vec3 {
+        self.film.map_or(self.dielectric_f0, |film| film.even_f0(self.dielectric_f0, self.dielectric_f90))
     }
 
     /// Base color, normal, ORM and emissive map.

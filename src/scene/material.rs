@@ -32,6 +32,7 @@ impl Material {
             clearcoat_factor: 0.0,
             clearcoat_roughness: 0.0,
             clearcoat_bumps: false,
+            film: None,
             anisotropy: Vec2::ZERO,
             sheen_color: Vec3::ZERO,
             sheen_roughness: 1.0,
@@ -130,7 +131,8 @@ impl Plan<'_> {
 
     fn orm_maps(&self) -> [&Option<MapDesc>; 4] {
         let desc = self.desc;
-        [&desc.occlusion_map, &desc.roughness_map, &desc.metallic_map, &desc.clearcoat_map]
+        let layer = if desc.clearcoat_map.is_some() { &desc.clearcoat_map } else { &desc.film_map };
+        [&desc.occlusion_map, &desc.roughness_map, &desc.metallic_map, layer]
     }
 
     /// Includes the roughness factor with the map, and the one for when the map is absent or broken.
@@ -185,6 +187,7 @@ impl Plan<'_> {
             clearcoat_factor: desc.clearcoat,
             clearcoat_roughness: desc.clearcoat_roughness,
             clearcoat_bumps: desc.clearcoat_bumps,
+            film: desc.film,
             anisotropy: desc.anisotropy,
             sheen_color: desc.sheen,
             sheen_roughness: desc.sheen_roughness,
@@ -223,10 +226,8 @@ impl Plan<'_> {
     fn lookups(&self) -> [Lookup; 4] {
         let desc = self.desc;
         let normal = desc.normals.as_ref().map(|normals| &normals.map);
-        let orm = [&desc.roughness_map, &desc.metallic_map, &desc.occlusion_map, &desc.clearcoat_map]
-            .into_iter()
-            .flatten()
-            .next();
+        let [occlusion, roughness, metallic, layer] = self.orm_maps();
+        let orm = [roughness, metallic, occlusion, layer].into_iter().flatten().next();
         let colour = desc.base_color_map.as_ref().or(desc.mask_map.as_ref());
         let lookup = |map: &MapDesc| Lookup { sampling: map.sampling, second_uv: map.second_uv };
         // Roughness that normals lose has their place.

@@ -77,6 +77,8 @@ pub struct MaterialFeatures {
     pub sheen: bool,
     /// Stretched highlights.
     pub anisotropy: bool,
+    /// A thin film.
+    pub film: bool,
     /// Balls through which their surroundings are seen upside down.
     pub refracts: bool,
 }
@@ -99,6 +101,7 @@ impl MaterialFeatures {
         clearcoat: false,
         sheen: false,
         anisotropy: false,
+        film: false,
         refracts: false,
     };
 
@@ -109,8 +112,19 @@ impl MaterialFeatures {
 
     /// Everything but what only this material's vertices have, or what changes its picture.
     fn everything(material: &Material) -> Self {
-        let Self { vertex_colours, second_uv, blends, tints, specular, clearcoat, sheen, anisotropy, refracts, .. } =
-            Self::of(material);
+        let Self {
+            vertex_colours,
+            second_uv,
+            blends,
+            tints,
+            specular,
+            clearcoat,
+            sheen,
+            anisotropy,
+            film,
+            refracts,
+            ..
+        } = Self::of(material);
         Self {
             vertex_colours,
             second_uv,
@@ -120,6 +134,7 @@ impl MaterialFeatures {
             clearcoat,
             sheen,
             anisotropy,
+            film,
             refracts,
             ..Self::EVERYTHING
         }
@@ -150,6 +165,7 @@ impl MaterialFeatures {
             clearcoat: material.clearcoat_factor > 0.0,
             sheen: material.sheen_color != Vec3::ZERO,
             anisotropy: material.anisotropy != Vec2::ZERO,
+            film: material.film.is_some(),
             refracts: material.blends && material.refraction.is_some_and(|refraction| refraction.balls),
         }
     }
@@ -163,7 +179,7 @@ fn multi_scatter(material: &Material) -> bool {
         roughness,
         metallic,
         material.base_color_factor.max_element().into(),
-        material.dielectric_f0.max_element().into(),
+        material.even_dielectric_f0().max_element().into(),
     )
 }
 

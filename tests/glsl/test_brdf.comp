@@ -7,13 +7,13 @@
 struct Input {
     vec3 n, v, l, h, base_color;
     float metallic;
-    Fresnel dielectric;
+    vec4 dielectric; // F0 and F90
     float roughness, alpha, nl, nv, vh;
 };
 struct Output {
     float alpha, d, stretched_d, stretched_smith, smith, karis, karis_direct, karis_ibl, direct[2], environment[2], weight, exponent, phong, widened, slanted;
     vec3 schlick, schlick_roughness, lambert, thesis;
-    Fresnel fresnel;
+    vec4 fresnel;
     vec3 specular[2];
 };
 layout(local_size_x = 64) in;
@@ -41,15 +41,16 @@ void main()
     o.phong = phong_specular(i.n, i.v, i.l, i.roughness);
     o.widened = widened_roughness(i.roughness, i.metallic); // any number from 0 to 1
     o.slanted = slanted_coverage(i.metallic, i.vh);
-    o.fresnel = fresnel_from_metallic(i.base_color, i.metallic, i.dielectric);
-    o.schlick = f_schlick(o.fresnel, i.vh);
+    Fresnel f = fresnel_from_metallic(i.base_color, i.metallic, bare_fresnel(i.dielectric.rgb, i.dielectric.a));
+    o.fresnel = vec4(f.f0, f.f90);
+    o.schlick = f_schlick(f, i.vh);
     o.schlick_roughness = f_schlick_roughness(i.base_color, i.nv, i.roughness);
     o.lambert = diffuse_lambert(i.base_color);
-    o.thesis = diffuse_karis2013(i.base_color, o.fresnel, i.vh);
+    o.thesis = diffuse_karis2013(i.base_color, f, i.vh);
     for (int geometry = 0; geometry < 2; ++geometry) {
         o.direct[geometry] = v_direct(i.nl, i.nv, i.roughness, geometry);
         o.environment[geometry] = v_environment(i.nl, i.nv, i.roughness, geometry);
-        o.specular[geometry] = specular(i.n, i.v, i.l, o.fresnel, i.roughness, geometry);
+        o.specular[geometry] = specular(i.n, i.v, i.l, f, i.roughness, geometry);
     }
     outputs[id] = o;
 }

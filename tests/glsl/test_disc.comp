@@ -29,7 +29,7 @@ void main()
     o.ggx = disc_ggx(m.n, m.v, m.l, max(m.alpha, DISC_MIN_ALPHA), m.sine);
     o.phong = disc_phong_exponent(m.exponent, m.sine);
     o.coverage = disc_coverage(m.angle, m.radius, m.pixel);
-    o.specular = disc_specular(m.n, m.v, m.l, Fresnel(m.f0, 1.0), m.alpha, m.sine, GEOMETRY_SMITH);
+    o.specular = disc_specular(m.n, m.v, m.l, bare_fresnel(m.f0, 1.0), m.alpha, m.sine, GEOMETRY_SMITH);
     o.direction = sample_disc(m.u, m.l, m.sine);
     o.density_inside = disc_density(sample_disc(vec2(0.98 * m.u.x, m.u.y), m.l, m.sine), m.l, m.sine);
     o.density_outside = disc_density(basis(m.l) * vec3(1.1 * m.sine, 0.0, sqrt(1.0 - 1.21 * m.sine * m.sine)), m.l, m.sine);

@@ -9,7 +9,7 @@ struct Input {
     vec3 base_color;
     float metallic;
     uint multiple;
-    Fresnel fresnel, dielectric;
+    vec4 fresnel, dielectric; // F0 and F90
     float roughness, grazing; // of diffuse_taken and multiple_taken
 };
 struct Output {
@@ -26,12 +26,13 @@ void main()
     if (id >= inputs.length())
         return;
     Input i = inputs[id];
-    Energy energy = Energy(i.mean, i.multiple != 0u, i.dielectric);
+    Energy energy = Energy(i.mean, i.multiple != 0u, bare_fresnel(i.dielectric.rgb, i.dielectric.a));
+    Fresnel f = bare_fresnel(i.fresnel.rgb, i.fresnel.a);
     Output o;
-    o.share = multiple_share(energy, i.fresnel);
+    o.share = multiple_share(energy, f);
     o.mixed = mixed_share(energy, i.base_color, i.metallic);
     o.lobe = multiple(energy, o.mixed, i.at_l, i.at_v);
-    o.specular = specular_albedo(energy, i.fresnel, i.at_v);
+    o.specular = specular_albedo(energy, f, i.at_v);
     o.diffuse = diffuse_kelemen2001(energy, i.base_color, i.at_l, i.at_v);
     o.beyond = beyond_single(energy, i.base_color, i.metallic, i.at_l, i.at_v);
     o.diffuse_even = diffuse_even(energy, i.base_color, i.metallic, i.at_v);

@@ -6,7 +6,8 @@
 struct Input {
     vec3 v, l, base_color;
     float metallic;
-    Fresnel dielectric;
+    vec4 dielectric; // F0 and F90
+    vec3 film;       // share, index of refraction, thickness
     float roughness, clearcoat, clearcoat_roughness;
     vec3 clearcoat_n, sheen;
     float sheen_roughness, stretch;
@@ -34,7 +35,8 @@ void main()
     Surface s;
     s.base_color = i.base_color;
     s.metallic = i.metallic;
-    s.dielectric = i.dielectric;
+    s.dielectric = bare_fresnel(i.dielectric.rgb, i.dielectric.a);
+    s.dielectric.film = Film(i.film.x, i.film.y, i.film.z, i.dielectric.rgb);
     s.roughness = i.roughness;
     s.clearcoat = i.clearcoat;
     s.clearcoat_roughness = i.clearcoat_roughness;

@@ -61,6 +61,13 @@ void main()
         put(materials[i].dielectric.f0.y);
         put(materials[i].dielectric.f0.z);
         put(materials[i].dielectric.f90);
+        put(materials[i].dielectric.film.share);
+        put(materials[i].dielectric.film.ior);
+        put(materials[i].dielectric.film.thickness);
+        put(materials[i].dielectric.film.base_f0.x);
+        put(materials[i].dielectric.film.base_f0.y);
+        put(materials[i].dielectric.film.base_f0.z);
+        put(materials[i].film_thinnest);
         put(materials[i].transmission.x);
         put(materials[i].transmission.y);
         put(materials[i].transmission.z);

@@ -9,7 +9,7 @@ use super::source::Source;
 use crate::Result;
 use crate::error::{MAX_QUOTED, shortened};
 
-const READ: [&str; 18] = [
+const READ: [&str; 19] = [
     "KHR_lights_punctual",
     "KHR_texture_transform",
     "KHR_materials_clearcoat",
@@ -25,16 +25,16 @@ const READ: [&str; 18] = [
     super::anisotropy::NAME,
     draco::NAME,
     instances::NAME,
+    super::iridescence::NAME,
     maps::OTHER_PICTURES[0],
     maps::OTHER_PICTURES[1],
     meshopt::NAME,
 ];
 
 /// Those of materials that are not drawn, and what a picture lacks without each.
-const NOT_DRAWN: [(&str, &str); 4] = [
+const NOT_DRAWN: [(&str, &str); 3] = [
     ("KHR_materials_diffuse_transmission", "no light shines through it"),
     ("KHR_materials_dispersion", "it does not split light into colours"),
-    ("KHR_materials_iridescence", "drawn without its play of colours"),
     ("KHR_materials_variants", "drawn in its first variant"),
 ];
 

@@ -2,26 +2,25 @@
 
 use std::collections::HashMap;
 
-use glam::{Vec3, Vec4};
+use glam::Vec3;
 use serde::Deserialize;
 
-use super::anisotropy::{self, Anisotropy};
 use super::document::{Material, MetallicRoughness, TextureInfo};
 use super::extensions;
 use super::glossy::{self, Glossy};
 use super::images::Images;
+use super::iridescence::Iridescence;
+use super::layers::Clearcoat;
 use super::maps::{self, Coordinates, Map};
-use super::sheen::{self, Sheen};
+use super::material_reader::MaterialReader;
 use super::source::{Source, label};
-use super::specular::{self, Specular};
 use super::transmission::{Transmission, Volume};
 use crate::Result;
 use crate::asset::image_source::ImageSource;
 use crate::asset::material::{
-    AlphaUse, Factor, MAX_EMISSION, MAX_IOR, MIN_SHEEN_ROUGHNESS, MapDesc, MaterialDesc, NormalsDesc, NormalsKind,
-    USUAL_IOR, f0_from_ior,
+    AlphaUse, Factor, MAX_EMISSION, MAX_IOR, MapDesc, MaterialDesc, NormalsDesc, NormalsKind,
 };
-use crate::asset::texture::{Encoding, Pick};
+use crate::asset::texture::Pick;
 use crate::error::{MAX_QUOTED, shortened};
 
 /// The least opacity by which a mask's cutoff is divided.
@@ -49,7 +48,8 @@ impl Materials {
         let Some(material) = source.document.materials.get(index) else {
             return Err(source.broken(format!("there is no material {index}")));
         };
-        let (desc, coordinates) = Reader { source, of: name_of(index, material), material }.read(&mut self.images)?;
+        let (desc, coordinates) =
+            MaterialReader { source, of: name_of(index, material), material }.read(&mut self.images)?;
         self.known.insert(index, self.descs.len());
         self.descs.push(desc);
         self.coordinates.push(coordinates);
@@ -73,6 +73,7 @@ struct Maps {
     roughness: Option<Map>,
     occlusion: Option<Map>,
     clearcoat: Option<Map>,
+    film: Option<Map>,
     emissive: Option<Map>,
 }
 
@@ -80,7 +81,10 @@ impl Maps {
     /// All there are, in the order in which they choose texture coordinates: tangents belong to those of the normals.
     fn all(&mut self) -> impl Iterator<Item = &mut Map> {
         let first = [&mut self.normal, &mut self.base_color, &mut self.roughness];
-        first.into_iter().chain([&mut self.emissive, &mut self.occlusion, &mut self.clearcoat]).flatten()
+        first
+            .into_iter()
+            .chain([&mut self.emissive, &mut self.occlusion, &mut self.clearcoat, &mut self.film])
+            .flatten()
     }
 }
 
@@ -96,36 +100,7 @@ impl Default for Strength {
     }
 }
 
-#[derive(Deserialize)]
-#[serde(default)]
-struct Ior {
-    ior: f32,
-}
-
-impl Default for Ior {
-    fn default() -> Self {
-        Self { ior: USUAL_IOR }
-    }
-}
-
-#[derive(Default, Deserialize)]
-#[serde(default, rename_all = "camelCase")]
-struct Clearcoat {
-    clearcoat_factor: f32,
-    clearcoat_texture: Option<TextureInfo>,
-    clearcoat_roughness_factor: f32,
-    clearcoat_roughness_texture: Option<TextureInfo>,
-    clearcoat_normal_texture: Option<TextureInfo>,
-}
-
-struct Reader<'a> {
-    source: &'a Source<'a>,
-    /// The material in words.
-    of: String,
-    material: &'a Material,
-}
-
-impl Reader<'_> {
+impl MaterialReader<'_> {
     fn read(&self, images: &mut Images) -> Result<(MaterialDesc, [Option<Coordinates>; 2])> {
         extensions::warn_of_material(self.source, &self.of, self.material);
         let own = self.material.pbr_metallic_roughness.as_ref();
@@ -133,7 +108,8 @@ impl Reader<'_> {
         let as_own = glossy.as_ref().map(Glossy::as_metallic_roughness);
         let surface = own.or(as_own.as_ref());
         let clearcoat = self.clearcoat()?;
-        let mut maps = self.maps(surface, &clearcoat, images)?;
+        let iridescence = self.iridescence()?;
+        let mut maps = self.maps(surface, (&clearcoat, &iridescence), images)?;
         self.drop_unpackable(&mut maps);
         let coordinates = self.choose_coordinates(&mut maps);
         let mut desc = self.factors(surface)?;
@@ -144,6 +120,7 @@ impl Reader<'_> {
         self.set_sheen(&mut desc, images)?;
         self.set_alpha(&mut desc);
         self.set_maps(&mut desc, maps);
+        self.set_film(&mut desc, &iridescence, images)?;
         if let Some(glossy) = &glossy {
             self.set_glossy(&mut desc, glossy, images)?;
         }
@@ -155,64 +132,6 @@ impl Reader<'_> {
         Ok((desc, coordinates))
     }
 
-    fn warn(&self, what: &str) {
-        self.source.warn_once(format!("{}: {what}", self.of), &format!("{}: {what}", self.of));
-    }
-
-    fn extension<T: for<'de> Deserialize<'de>>(&self, name: &str) -> Result<Option<T>> {
-        self.source.extension(&self.of, &self.material.extensions, name)
-    }
-
-    /// The index of refraction; 0 stands for an infinite one.
-    fn ior(&self) -> Result<f32> {
-        let ior = self.extension::<Ior>("KHR_materials_ior")?.unwrap_or_default().ior;
-        Ok(if ior == 0.0 { ior } else { self.clamped_between("ior", ior, 1.0, MAX_IOR) })
-    }
-
-    /// What is no metal reflects by its index and `KHR_materials_specular`, of one colour: the means of its textures.
-    fn set_specular(&self, desc: &mut MaterialDesc, images: &mut Images) -> Result<()> {
-        desc.dielectric_f0 = Vec3::splat(f0_from_ior(self.ior()?));
-        let Some(specular) = self.extension::<Specular>(specular::NAME)? else { return Ok(()) };
-        let of_factor = self.mean(specular::NAME, "specularTexture", specular.specular_texture.as_ref(), images)?;
-        let of_color =
-            self.mean(specular::NAME, "specularColorTexture", specular.specular_color_texture.as_ref(), images)?;
-        let factor = self.clamped("specularFactor", specular.specular_factor, 1.0) * of_factor.w;
-        // Infinity times nothing is no number.
-        let color = Vec3::from(specular.specular_color_factor).clamp(Vec3::ZERO, Vec3::splat(f32::MAX));
-        let color = color * of_color.truncate();
-        desc.dielectric_f0 = factor * (desc.dielectric_f0 * color).min(Vec3::ONE);
-        desc.dielectric_f90 = factor;
-        Ok(())
-    }
-
-    fn set_anisotropy(&self, desc: &mut MaterialDesc, images: &mut Images) -> Result<()> {
-        let Some(anisotropy) = self.extension::<Anisotropy>(anisotropy::NAME)? else { return Ok(()) };
-        let strength = self.clamped("anisotropyStrength", anisotropy.anisotropy_strength, 1.0);
-        let texture = anisotropy.anisotropy_texture.as_ref().filter(|_| strength > 0.0);
-        let texel = self.texture_mean((anisotropy::NAME, "anisotropyTexture"), texture, Encoding::Linear, images)?;
-        desc.anisotropy = anisotropy.along(strength, texel);
-        Ok(())
-    }
-
-    /// The mean of a color texture that is not looked up texel by texel; white without one.
-    fn mean(&self, extension: &str, key: &str, info: Option<&TextureInfo>, images: &mut Images) -> Result<Vec4> {
-        Ok(self.texture_mean((extension, key), info, Encoding::Srgb, images)?.unwrap_or(Vec4::ONE))
-    }
-
-    /// The mean of a texture that is not looked up texel by texel, if there is one that can be read.
-    fn texture_mean(
-        &self,
-        (extension, key): (&str, &str),
-        info: Option<&TextureInfo>,
-        encoding: Encoding,
-        images: &mut Images,
-    ) -> Result<Option<Vec4>> {
-        let Some(info) = info else { return Ok(None) };
-        self.warn(&format!("{extension}: {key}: the mean of its texels is used"));
-        let map = maps::map(self.source, images, (&self.of, key), info, Pick::Red)?;
-        Ok(map.and_then(|map| images.mean(self.source, &map.desc, encoding)))
-    }
-
     /// Of the model before metalness and roughness, with factors in 0 to 1.
     fn glossy(&self) -> Result<Option<Glossy>> {
         let Some(mut glossy) = self.extension::<Glossy>(glossy::NAME)? else { return Ok(None) };
@@ -222,49 +141,12 @@ impl Reader<'_> {
         Ok(Some(glossy))
     }
 
-    /// With factors in 0 to 1, and without a map that does nothing.
-    fn clearcoat(&self) -> Result<Clearcoat> {
-        let key = "KHR_materials_clearcoat";
-        let mut coat: Clearcoat = self.extension(key)?.unwrap_or_default();
-        coat.clearcoat_factor = self.clamped("clearcoatFactor", coat.clearcoat_factor, 1.0);
-        coat.clearcoat_roughness_factor =
-            self.clamped("clearcoatRoughnessFactor", coat.clearcoat_roughness_factor, 1.0);
-        if coat.clearcoat_factor == 0.0 {
-            return Ok(Clearcoat::default());
-        }
-        if coat.clearcoat_roughness_texture.is_some() {
-            self.warn(&format!("{key}: clearcoatRoughnessTexture is not supported; its factor is used alone"));
-        }
-        if coat.clearcoat_normal_texture.is_some() && !self.has_bumps(&coat) {
-            self.warn(&format!("{key}: a clearcoatNormalTexture that is not the normalTexture is not supported; the coat is drawn without bumps"));
-        }
-        Ok(coat)
-    }
-
-    /// Sheen of one color and one roughness: the means of its textures.
-    fn set_sheen(&self, desc: &mut MaterialDesc, images: &mut Images) -> Result<()> {
-        let Some(sheen) = self.extension::<Sheen>(sheen::NAME)? else { return Ok(()) };
-        let color = sheen.sheen_color_factor.map(|value| self.clamped("sheenColorFactor", value, 1.0));
-        if color == [0.0; 3] {
-            return Ok(());
-        }
-        let of_color = self.mean(sheen::NAME, "sheenColorTexture", sheen.sheen_color_texture.as_ref(), images)?;
-        let of_roughness =
-            self.mean(sheen::NAME, "sheenRoughnessTexture", sheen.sheen_roughness_texture.as_ref(), images)?;
-        desc.sheen = Vec3::from(color) * of_color.truncate();
-        let roughness = sheen.sheen_roughness_factor * of_roughness.w;
-        desc.sheen_roughness = self.clamped_between("sheenRoughnessFactor", roughness, MIN_SHEEN_ROUGHNESS, 1.0);
-        Ok(())
-    }
-
-    /// Whether a coat has the surface's own bumps.
-    fn has_bumps(&self, coat: &Clearcoat) -> bool {
-        let [own, of_coat] =
-            [&self.material.normal_texture, &coat.clearcoat_normal_texture].map(|info| info.as_ref().map(|t| t.index));
-        own.is_some() && own == of_coat
-    }
-
-    fn maps(&self, surface: Option<&MetallicRoughness>, coat: &Clearcoat, images: &mut Images) -> Result<Maps> {
+    fn maps(
+        &self,
+        surface: Option<&MetallicRoughness>,
+        (coat, film): (&Clearcoat, &Iridescence),
+        images: &mut Images,
+    ) -> Result<Maps> {
         let mut map = |key, info: Option<&TextureInfo>, pick| match info {
             Some(info) => maps::map(self.source, images, (&self.of, key), info, pick),
             None => Ok(None),
@@ -282,6 +164,7 @@ impl Reader<'_> {
             occlusion: map("occlusionTexture", self.material.occlusion_texture.as_ref(), Pick::Red)?,
             emissive: map("emissiveTexture", self.material.emissive_texture.as_ref(), Pick::Red)?,
             clearcoat: map("clearcoatTexture", coat.clearcoat_texture.as_ref(), Pick::Red)?,
+            film: map("iridescenceThicknessTexture", film.iridescence_thickness_texture.as_ref(), Pick::Green)?,
         })
     }
 
@@ -304,6 +187,11 @@ impl Reader<'_> {
             self.warn("clearcoatTexture: it is not sampled as metallicRoughnessTexture; its factor is used alone");
             maps.clearcoat = None;
         }
+        let is_apart = [&maps.roughness, &maps.occlusion].into_iter().any(|other| differ(&maps.film, other));
+        // The coat's map has its place; then its mean is used.
+        if is_apart || maps.clearcoat.is_some() {
+            maps.film = None;
+        }
     }
 
     /// The first two different texture coordinates of the maps. Maps with others take the first.
@@ -319,20 +207,6 @@ impl Reader<'_> {
             }
         }
         chosen
-    }
-
-    /// A factor within 0 to `most`.
-    fn clamped(&self, key: &str, value: f32, most: f32) -> f32 {
-        self.clamped_between(key, value, 0.0, most)
-    }
-
-    fn clamped_between(&self, key: &str, value: f32, least: f32, most: f32) -> f32 {
-        // NaN, which a file cannot say, would be the least.
-        let within = value.max(least).min(most);
-        if within != value {
-            self.warn(&format!("{key}: {value} is not in {least}..={most}; {within} is used"));
-        }
-        within
     }
 
     fn factors(&self, surface: Option<&MetallicRoughness>) -> Result<MaterialDesc> {
@@ -385,6 +259,7 @@ impl Reader<'_> {
         desc.occlusion_map = desc_of(maps.occlusion);
         desc.emissive_map = desc_of(maps.emissive);
         desc.clearcoat_map = desc_of(maps.clearcoat);
+        desc.film_map = desc_of(maps.film);
     }
 
     /// Makes metalness and roughness of what the material has as maps and factors.

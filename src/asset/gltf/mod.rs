@@ -12,7 +12,10 @@ mod geometry;
 mod glossy;
 mod images;
 mod instances;
+mod iridescence;
+mod layers;
 mod maps;
+mod material_reader;
 mod materials;
 mod meshopt;
 mod nodes;
@@ -122,6 +125,8 @@ pub(crate) mod draco_tests;
 mod files_tests;
 #[cfg(test)]
 mod geometry_tests;
+#[cfg(test)]
+mod layers_tests;
 #[cfg(test)]
 mod materials_tests;
 #[cfg(test)]

@@ -117,6 +117,7 @@ fn maps(materials: &[MaterialFinding]) -> Vec<Finding> {
         finding("clear coats", &|m| m.features.clearcoat, "no surface has a coat over it"),
         finding("sheen", &|m| m.features.sheen, "nothing is cloth with a sheen"),
         finding("anisotropy", &|m| m.features.anisotropy, "no highlight is longer than wide"),
+        finding("iridescence", &|m| m.features.film, "nothing has a thin film over it"),
         finding("refraction", &|m| m.features.refracts, "nothing is a solid ball of glass"),
         finding("emission", &|m| m.features.emits, "no material shines"),
         finding("vertex colours", &|m| m.features.vertex_colours != VertexColours::None, "all are white"),

@@ -1,0 +1,129 @@
+//! Layers and other extensions of a glTF material's surface: specular factors, stretched highlights, a thin film, sheen, a clear
+//! coat.
+
+use glam::Vec3;
+use serde::Deserialize;
+
+use super::anisotropy::{self, Anisotropy};
+use super::document::TextureInfo;
+use super::images::Images;
+use super::iridescence::{self, Iridescence};
+use super::material_reader::MaterialReader;
+use super::sheen::{self, Sheen};
+use super::specular::{self, Specular};
+use crate::Result;
+use crate::asset::material::{MAX_IOR, MIN_SHEEN_ROUGHNESS, MaterialDesc, ThinFilm, f0_from_ior};
+use crate::asset::texture::Encoding;
+
+#[derive(Default, Deserialize)]
+#[serde(default, rename_all = "camelCase")]
+pub struct Clearcoat {
+    pub clearcoat_factor: f32,
+    pub clearcoat_texture: Option<TextureInfo>,
+    pub clearcoat_roughness_factor: f32,
+    pub clearcoat_roughness_texture: Option<TextureInfo>,
+    pub clearcoat_normal_texture: Option<TextureInfo>,
+}
+
+impl MaterialReader<'_> {
+    /// What is no metal reflects by its index and `KHR_materials_specular`, of one colour: the means of its textures.
+    pub fn set_specular(&self, desc: &mut MaterialDesc, images: &mut Images) -> Result<()> {
+        desc.dielectric_f0 = Vec3::splat(f0_from_ior(self.ior()?));
+        let Some(specular) = self.extension::<Specular>(specular::NAME)? else { return Ok(()) };
+        let of_factor = self.mean(specular::NAME, "specularTexture", specular.specular_texture.as_ref(), images)?;
+        let of_color =
+            self.mean(specular::NAME, "specularColorTexture", specular.specular_color_texture.as_ref(), images)?;
+        let factor = self.clamped("specularFactor", specular.specular_factor, 1.0) * of_factor.w;
+        // Infinity times nothing is no number.
+        let color = Vec3::from(specular.specular_color_factor).clamp(Vec3::ZERO, Vec3::splat(f32::MAX));
+        let color = color * of_color.truncate();
+        desc.dielectric_f0 = factor * (desc.dielectric_f0 * color).min(Vec3::ONE);
+        desc.dielectric_f90 = factor;
+        Ok(())
+    }
+
+    pub fn set_anisotropy(&self, desc: &mut MaterialDesc, images: &mut Images) -> Result<()> {
+        let Some(anisotropy) = self.extension::<Anisotropy>(anisotropy::NAME)? else { return Ok(()) };
+        let strength = self.clamped("anisotropyStrength", anisotropy.anisotropy_strength, 1.0);
+        let texture = anisotropy.anisotropy_texture.as_ref().filter(|_| strength > 0.0);
+        let texel = self.texture_mean((anisotropy::NAME, "anisotropyTexture"), texture, Encoding::Linear, images)?;
+        desc.anisotropy = anisotropy.along(strength, texel);
+        Ok(())
+    }
+
+    /// With a factor in 0 to 1, and without a map that does nothing.
+    pub fn iridescence(&self) -> Result<Iridescence> {
+        let mut film: Iridescence = self.extension(iridescence::NAME)?.unwrap_or_default();
+        film.iridescence_factor = self.clamped("iridescenceFactor", film.iridescence_factor, 1.0);
+        Ok(if film.iridescence_factor == 0.0 { Iridescence::default() } else { film })
+    }
+
+    /// A film of one share: the mean of its texture. Of a thickness texture that is no map the mean is used, too.
+    pub fn set_film(&self, desc: &mut MaterialDesc, film: &Iridescence, images: &mut Images) -> Result<()> {
+        let texture = film.iridescence_texture.as_ref();
+        let of_share =
+            self.texture_mean((iridescence::NAME, "iridescenceTexture"), texture, Encoding::Linear, images)?;
+        let share = film.iridescence_factor * of_share.map_or(1.0, |mean| mean.x);
+        if share <= 0.0 {
+            return Ok(());
+        }
+        let texture = film.iridescence_thickness_texture.as_ref().filter(|_| desc.film_map.is_none());
+        let key = (iridescence::NAME, "iridescenceThicknessTexture");
+        let part = self.texture_mean(key, texture, Encoding::Linear, images)?;
+        let thickness = [
+            ("iridescenceThicknessMinimum", film.iridescence_thickness_minimum),
+            ("iridescenceThicknessMaximum", film.iridescence_thickness_maximum),
+        ];
+        let [least, most] = thickness.map(|(key, value)| self.clamped(key, value, iridescence::MAX_THICKNESS));
+        let ior = self.clamped_between("iridescenceIor", film.iridescence_ior, 1.0, MAX_IOR);
+        let thickness = match part {
+            Some(mean) => [least + mean.y * (most - least); 2],
+            None if desc.film_map.is_none() => [most; 2],
+            None => [least, most],
+        };
+        desc.film = Some(ThinFilm { share, ior, thickness });
+        Ok(())
+    }
+
+    /// Sheen of one color and one roughness: the means of its textures.
+    pub fn set_sheen(&self, desc: &mut MaterialDesc, images: &mut Images) -> Result<()> {
+        let Some(sheen) = self.extension::<Sheen>(sheen::NAME)? else { return Ok(()) };
+        let color = sheen.sheen_color_factor.map(|value| self.clamped("sheenColorFactor", value, 1.0));
+        if color == [0.0; 3] {
+            return Ok(());
+        }
+        let of_color = self.mean(sheen::NAME, "sheenColorTexture", sheen.sheen_color_texture.as_ref(), images)?;
+        let of_roughness =
+            self.mean(sheen::NAME, "sheenRoughnessTexture", sheen.sheen_roughness_texture.as_ref(), images)?;
+        desc.sheen = Vec3::from(color) * of_color.truncate();
+        let roughness = sheen.sheen_roughness_factor * of_roughness.w;
+        desc.sheen_roughness = self.clamped_between("sheenRoughnessFactor", roughness, MIN_SHEEN_ROUGHNESS, 1.0);
+        Ok(())
+    }
+
+    /// With factors in 0 to 1, and without a map that does nothing.
+    pub fn clearcoat(&self) -> Result<Clearcoat> {
+        let key = "KHR_materials_clearcoat";
+        let mut coat: Clearcoat = self.extension(key)?.unwrap_or_default();
+        coat.clearcoat_factor = self.clamped("clearcoatFactor", coat.clearcoat_factor, 1.0);
+        coat.clearcoat_roughness_factor =
+            self.clamped("clearcoatRoughnessFactor", coat.clearcoat_roughness_factor, 1.0);
+        if coat.clearcoat_factor == 0.0 {
+            return Ok(Clearcoat::default());
+        }
+        if coat.clearcoat_roughness_texture.is_some() {
+            self.warn(&format!("{key}: clearcoatRoughnessTexture is not supported; its factor is used alone"));
+        }
+        if coat.clearcoat_normal_texture.is_some() && !self.has_bumps(&coat) {
+            self.warn(&format!("{key}: a clearcoatNormalTexture that is not the normalTexture is not supported; the coat is drawn without bumps"));
+        }
+        Ok(coat)
+    }
+
+    /// Whether a coat has the surface's own bumps.
+    pub fn has_bumps(&self, coat: &Clearcoat) -> bool {
+        let [own, of_coat] =
+            [&self.material.normal_texture, &coat.clearcoat_normal_texture].map(|info| info.as_ref().map(|t| t.index));
+        own.is_some() && own == of_coat
+    }
+}
