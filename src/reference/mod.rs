@@ -1,8 +1,8 @@
 //! Reference implementations in f64, without Vulkan: BRDF terms, sampling, integrals, colour, picture metrics.
 //!
-//! `math`, `brdf`, `clearcoat`, `disc`, `energy`, `sampling`, `cube`, `octahedral`, `openness`, `refraction`, `sheen`, `tone`, `probe`, `shadow` and `split_sum` are the twins
-//! of the files of the same name in `glsl/` (`film` of `fresnel.glsl`, `probe` of `probe_box.glsl`, `shadow` of `shadow_place.glsl`, `reprojection` of
-//! `mirror.frag`): same functions, same arguments, same constants.
+//! `math`, `brdf`, `clearcoat`, `disc`, `energy`, `film`, `sampling`, `cube`, `octahedral`, `openness`, `refraction`, `sheen`, `tone`,
+//! `probe`, `shadow` and `split_sum` are the twins of the files of the same name in `glsl/` (`film` of `fresnel.glsl`, `probe` of
+//! `probe_box.glsl`, `shadow` of `shadow_place.glsl`, `reprojection` of `mirror.frag`): same functions, same arguments, same constants.
 
 pub mod brdf;
 pub mod clearcoat;
