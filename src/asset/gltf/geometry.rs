@@ -55,21 +55,21 @@ impl Read {
         Ok(())
     }
 
-    /// A primitive's triangles; `None` if it has none.
+    /// A primitive's triangles, those of different materials apart; none if it has none.
     ///
     /// # Errors
     /// It is not as it should be, or too large.
-    pub fn primitive(&mut self, source: &Source<'_>, wanted: &Wanted<'_>) -> Result<Option<Submesh>> {
+    pub fn primitive(&mut self, source: &Source<'_>, wanted: &Wanted<'_>) -> Result<Vec<Submesh>> {
         let Wanted { primitive, of, .. } = *wanted;
         let Some(mode) = Mode::of(source, of, primitive.mode)? else {
             source.warn_once("points", &format!("{of}: points and lines are not drawn"));
-            return Ok(None);
+            return Ok(Vec::new());
         };
         // What is compressed is a list, whatever it was before.
         let mode = if draco::unpack(source, of, primitive, MAX_TRIANGLES)? { Mode::List } else { mode };
         let Some(positions) = primitive.attributes.get("POSITION") else {
             source.warn_once("no positions", &format!("{of}: it has no positions; left out"));
-            return Ok(None);
+            return Ok(Vec::new());
         };
         let positions: Elements<'_, 3> = Elements::of(source, *positions)?;
         let indices: Option<Elements<'_, 1>> =
@@ -81,7 +81,7 @@ impl Read {
         self.count(source, mode.triangles(corners))?;
         let triangles = triangles(source, of, mode, indices.as_ref(), positions.count)?;
         if triangles.is_empty() {
-            return Ok(None);
+            return Ok(Vec::new());
         }
         extensions::warn_of_variants(source, of, primitive);
         let (material, coordinates) = match primitive.material {
@@ -93,7 +93,7 @@ impl Read {
         if self.morphed > MAX_MORPHED {
             return Err(source.too_large(format!("over {MAX_MORPHED} morphed vertices"), format!("{MAX_MORPHED}")));
         }
-        attributes.submesh(source, wanted, material, &triangles).map(Some)
+        Ok(self.materials.split(attributes.submesh(source, wanted, material, &triangles)?))
     }
 }
 

@@ -9,11 +9,11 @@ use glam::Vec4;
 use super::glossy::Glossy;
 use super::source::{Source, label};
 use super::uri;
-use crate::Result;
 use crate::asset::image_source::{ImageSource, MAX_FILE_BYTES};
 use crate::asset::material::MapDesc;
-use crate::asset::texture::{Encoding, Texture};
+use crate::asset::texture::{Channel, Encoding, Texture};
 use crate::error::{MAX_QUOTED, shortened};
+use crate::{Error, Result};
 
 /// The pictures that materials have asked for.
 #[derive(Default)]
@@ -41,15 +41,16 @@ impl Images {
 
     /// Mean of a map's texels, linear RGB and alpha; `None`: it cannot be read, which is warned of.
     pub fn mean(&mut self, source: &Source<'_>, map: &MapDesc, encoding: Encoding) -> Option<Vec4> {
-        let mean = || match Texture::load(&map.image, encoding) {
-            Ok(texture) => Some(texture.mean()),
-            Err(error) => {
-                source
-                    .warn_once(map.image.place().to_string_lossy(), &format!("{}: {error}; drawn without", map.origin));
-                None
-            }
+        let mean = || {
+            let loaded = Texture::load(&map.image, encoding).map(|texture| texture.mean());
+            loaded.map_err(|error| warn_unusable(source, map, &error)).ok()
         };
         *self.means.entry((map.image.place().into(), encoding)).or_insert_with(mean)
+    }
+
+    /// One channel of a map; `None`: it cannot be read, which is warned of.
+    pub fn channel(&self, source: &Source<'_>, map: &MapDesc) -> Option<Channel> {
+        Channel::load(&map.image, map.pick).map_err(|error| warn_unusable(source, map, &error)).ok()
     }
 
     /// Base color, and roughness with metalness, of a material of diffuse and specular textures; `None`: one of them cannot be
@@ -81,6 +82,10 @@ impl Images {
         self.converted.insert(place, made.clone());
         Ok(made)
     }
+}
+
+fn warn_unusable(source: &Source<'_>, map: &MapDesc, error: &Error) {
+    source.warn_once(map.image.place().to_string_lossy(), &format!("{}: {error}; drawn without", map.origin));
 }
 
 fn picture_or_warning(source: &Source<'_>, index: usize) -> Option<ImageSource> {

@@ -10,9 +10,13 @@ use crate::asset::texture::Pick;
 
 /// A file whose first picture has one texel's colour, alpha 0.2.
 fn with_magenta(material: Value) -> Build {
+    with_picture(material, &image::RgbaImage::from_pixel(2, 2, image::Rgba([255, 0, 255, 51])))
+}
+
+/// A file with this first picture.
+fn with_picture(material: Value, picture: &image::RgbaImage) -> Build {
     let mut build = build(material);
     let mut png = std::io::Cursor::new(Vec::new());
-    let picture = image::RgbaImage::from_pixel(2, 2, image::Rgba([255, 0, 255, 51]));
     picture.write_to(&mut png, image::ImageFormat::Png).unwrap();
     let view = build.view(png.get_ref());
     build.json["images"][0] = json!({"bufferView": view});
@@ -121,4 +125,27 @@ fn dielectrics_reflect_by_their_index_and_factors() {
         let is_near = (desc.dielectric_f0 - f0).abs().max_element() < 1e-6 && (desc.dielectric_f90 - f90).abs() < 1e-6;
         assert!(is_near, "{key}: {desc:?}");
     }
+}
+
+/// The triangle's coordinates are (0, 0), (1, 0) and (0, 1): three quarters of it are in the texture's left half.
+#[test]
+fn triangles_with_a_transmission_texture_are_sheets_or_not() {
+    let material = json!({"pbrMetallicRoughness": {"metallicFactor": 0}, "extensions": {"KHR_materials_transmission":
+        {"transmissionFactor": 1, "transmissionTexture": {"index": 0}}}});
+    let of = |left: u8, right: u8| {
+        let texel = |x: u32, _| image::Rgba([if x < 4 { left } else { right }, 0, 0, 255]);
+        with_picture(material.clone(), &image::RgbaImage::from_fn(8, 8, texel)).load()
+    };
+    let (model, warnings) = of(204, 0);
+    let model = model.unwrap();
+    assert!(warnings.iter().any(|warning| warning.contains("transmissionTexture: triangles of which more")));
+    assert_eq!((model.submeshes.len(), model.submeshes[0].material, model.materials.len()), (1, Some(1), 2));
+    let [solid, sheet] = &model.materials[..] else { panic!("two materials") };
+    assert!(solid.transmission.is_none() && solid.opacity == 1.0);
+    // Of 0.8 of the light, what is mirrored stays: 1 - 0.8 (1 - R).
+    assert!(sheet.transmission.is_some() && (sheet.opacity - 0.269).abs() < 0.002, "{}", sheet.opacity);
+    let (model, _) = of(0, 255);
+    assert_eq!(model.unwrap().submeshes[0].material, Some(0));
+    let (model, warnings) = of(100, 100);
+    assert_eq!((model.unwrap().materials.len(), warnings), (1, Vec::new()), "nothing lets through half of it");
 }

@@ -14,12 +14,13 @@ use super::layers::Clearcoat;
 use super::maps::{self, Coordinates, Map};
 use super::material_reader::MaterialReader;
 use super::source::{Source, label};
-use super::transmission::{Transmission, Volume};
+use super::transmission::{self, SheetMap, Transmission, Volume};
 use crate::Result;
 use crate::asset::image_source::ImageSource;
 use crate::asset::material::{
     AlphaUse, Factor, MAX_EMISSION, MAX_IOR, MapDesc, MaterialDesc, NormalsDesc, NormalsKind,
 };
+use crate::asset::mesh::Submesh;
 use crate::asset::texture::Pick;
 use crate::error::{MAX_QUOTED, shortened};
 
@@ -33,7 +34,18 @@ pub struct Materials {
     /// Of each: the texture coordinates that vertices need, ours first and second.
     coordinates: Vec<[Option<Coordinates>; 2]>,
     known: HashMap<usize, usize>,
+    /// Of materials that are sheets in part: what says where, and the material there.
+    sheets: HashMap<usize, (SheetMap, usize)>,
     images: Images,
+}
+
+/// A material as it is read.
+struct ReadMaterial {
+    desc: MaterialDesc,
+    /// Of vertices, first and second.
+    coordinates: [Option<Coordinates>; 2],
+    /// What it is where light goes through, if that is not everywhere.
+    sheet: Option<(SheetMap, MaterialDesc)>,
 }
 
 impl Materials {
@@ -48,12 +60,28 @@ impl Materials {
         let Some(material) = source.document.materials.get(index) else {
             return Err(source.broken(format!("there is no material {index}")));
         };
-        let (desc, coordinates) =
-            MaterialReader { source, of: name_of(index, material), material }.read(&mut self.images)?;
-        self.known.insert(index, self.descs.len());
+        let reader = MaterialReader { source, of: name_of(index, material), material };
+        let ReadMaterial { desc, coordinates, sheet } = reader.read(&mut self.images)?;
+        let first = self.descs.len();
+        self.known.insert(index, first);
         self.descs.push(desc);
         self.coordinates.push(coordinates);
-        Ok((self.descs.len() - 1, coordinates))
+        if let Some((map, desc)) = sheet {
+            self.sheets.insert(first, (map, first + 1));
+            self.descs.push(desc);
+            self.coordinates.push(coordinates);
+        }
+        Ok((first, coordinates))
+    }
+
+    /// A mesh of one material, or what of it is none, and what is a sheet.
+    pub fn split(&self, submesh: Submesh) -> Vec<Submesh> {
+        match submesh.material.and_then(|material| self.sheets.get(&material)) {
+            Some((map, sheet)) => {
+                map.split(submesh, *sheet).into_iter().filter(|part| !part.corners.is_empty()).collect()
+            }
+            None => vec![submesh],
+        }
     }
 }
 
@@ -74,6 +102,7 @@ struct Maps {
     occlusion: Option<Map>,
     clearcoat: Option<Map>,
     film: Option<Map>,
+    transmission: Option<Map>,
     emissive: Option<Map>,
 }
 
@@ -83,7 +112,13 @@ impl Maps {
         let first = [&mut self.normal, &mut self.base_color, &mut self.roughness];
         first
             .into_iter()
-            .chain([&mut self.emissive, &mut self.occlusion, &mut self.clearcoat, &mut self.film])
+            .chain([
+                &mut self.emissive,
+                &mut self.occlusion,
+                &mut self.clearcoat,
+                &mut self.film,
+                &mut self.transmission,
+            ])
             .flatten()
     }
 }
@@ -101,7 +136,7 @@ impl Default for Strength {
 }
 
 impl MaterialReader<'_> {
-    fn read(&self, images: &mut Images) -> Result<(MaterialDesc, [Option<Coordinates>; 2])> {
+    fn read(&self, images: &mut Images) -> Result<ReadMaterial> {
         extensions::warn_of_material(self.source, &self.of, self.material);
         let own = self.material.pbr_metallic_roughness.as_ref();
         let glossy = if own.is_none() { self.glossy()? } else { None };
@@ -109,7 +144,8 @@ impl MaterialReader<'_> {
         let surface = own.or(as_own.as_ref());
         let clearcoat = self.clearcoat()?;
         let iridescence = self.iridescence()?;
-        let mut maps = self.maps(surface, (&clearcoat, &iridescence), images)?;
+        let transmission: Transmission = self.extension(transmission::NAME)?.unwrap_or_default();
+        let mut maps = self.maps(surface, (&clearcoat, &iridescence, &transmission), images)?;
         self.drop_unpackable(&mut maps);
         let coordinates = self.choose_coordinates(&mut maps);
         let mut desc = self.factors(surface)?;
@@ -119,17 +155,21 @@ impl MaterialReader<'_> {
         self.set_anisotropy(&mut desc, images)?;
         self.set_sheen(&mut desc, images)?;
         self.set_alpha(&mut desc);
+        let sheet_map = maps.transmission.take().map(|map| map.desc);
         self.set_maps(&mut desc, maps);
         self.set_film(&mut desc, &iridescence, images)?;
         if let Some(glossy) = &glossy {
             self.set_glossy(&mut desc, glossy, images)?;
         }
+        let mut sheet = None;
         if self.material.extensions.contains_key("KHR_materials_unlit") {
             self.shine(&mut desc);
+        } else if transmission.transmission_texture.is_some() {
+            sheet = self.sheet_in_part(&desc, &transmission, sheet_map, images)?;
         } else {
-            self.set_transmission(&mut desc)?;
+            self.set_transmission(&mut desc, transmission.transmission_factor)?;
         }
-        Ok((desc, coordinates))
+        Ok(ReadMaterial { desc, coordinates, sheet })
     }
 
     /// Of the model before metalness and roughness, with factors in 0 to 1.
@@ -144,7 +184,7 @@ impl MaterialReader<'_> {
     fn maps(
         &self,
         surface: Option<&MetallicRoughness>,
-        (coat, film): (&Clearcoat, &Iridescence),
+        (coat, film, transmission): (&Clearcoat, &Iridescence, &Transmission),
         images: &mut Images,
     ) -> Result<Maps> {
         let mut map = |key, info: Option<&TextureInfo>, pick| match info {
@@ -164,6 +204,7 @@ impl MaterialReader<'_> {
             occlusion: map("occlusionTexture", self.material.occlusion_texture.as_ref(), Pick::Red)?,
             emissive: map("emissiveTexture", self.material.emissive_texture.as_ref(), Pick::Red)?,
             clearcoat: map("clearcoatTexture", coat.clearcoat_texture.as_ref(), Pick::Red)?,
+            transmission: map("transmissionTexture", transmission.transmission_texture.as_ref(), Pick::Red)?,
             film: map("iridescenceThicknessTexture", film.iridescence_thickness_texture.as_ref(), Pick::Green)?,
         })
     }
@@ -290,16 +331,15 @@ impl MaterialReader<'_> {
     }
 
     /// Makes a thin sheet of what light goes through, which is the surface of a solid body where it has a volume.
-    fn set_transmission(&self, desc: &mut MaterialDesc) -> Result<()> {
-        let key = "KHR_materials_transmission";
-        let transmission: Transmission = self.extension(key)?.unwrap_or_default();
+    fn set_transmission(&self, desc: &mut MaterialDesc, factor: f32) -> Result<()> {
+        let key = transmission::NAME;
         let dielectric = if desc.metallic_map.is_some() { 1.0 } else { 1.0 - desc.metallic.alone };
-        let share = dielectric * self.clamped("transmissionFactor", transmission.transmission_factor, 1.0);
+        let share = dielectric * self.clamped("transmissionFactor", factor, 1.0);
         if share <= 0.0 {
             return Ok(());
         }
-        if transmission.transmission_texture.is_some() || matches!(desc.alpha, AlphaUse::Mask(_)) {
-            self.warn(&format!("{key}: not supported with a texture or a mask; drawn as if it were not transparent"));
+        if matches!(desc.alpha, AlphaUse::Mask(_)) {
+            self.warn(&format!("{key}: not supported with a mask; drawn as if it were not transparent"));
             return Ok(());
         }
         let volume = self.extension::<Volume>("KHR_materials_volume")?.unwrap_or_default();
@@ -314,6 +354,27 @@ impl MaterialReader<'_> {
         Ok(())
     }
 
+    /// What the material is where a texture lets light through; `None` where that is nowhere.
+    fn sheet_in_part(
+        &self,
+        desc: &MaterialDesc,
+        transmission: &Transmission,
+        map: Option<MapDesc>,
+        images: &mut Images,
+    ) -> Result<Option<(SheetMap, MaterialDesc)>> {
+        let channel = map.as_ref().and_then(|map| images.channel(self.source, map));
+        let Some((map, share)) = map.zip(channel).and_then(|(map, channel)| SheetMap::new(channel, &map)) else {
+            return Ok(None);
+        };
+        let mut sheet = desc.clone();
+        self.set_transmission(&mut sheet, transmission.transmission_factor * share)?;
+        if sheet.transmission.is_none() {
+            return Ok(None);
+        }
+        self.warn("transmissionTexture: triangles of which more than half lets light through are drawn as sheets of its mean there, all others as if they were not transparent");
+        Ok(Some((map, sheet)))
+    }
+
     /// Says once for each kind of surface what is not drawn of the light that goes through.
     fn warn_of_sheets(&self, desc: &MaterialDesc) {
         let (key, left_out) = match desc.refraction {
@@ -321,7 +382,7 @@ impl MaterialReader<'_> {
                 "KHR_materials_volume",
                 "balls alone bend light that goes through them, and in exact pictures all bodies",
             ),
-            None => ("KHR_materials_transmission", "light goes straight through it, neither bent nor blurred"),
+            None => (transmission::NAME, "light goes straight through it, neither bent nor blurred"),
         };
         self.source.warn_once(key, &format!("{}: {key}: {left_out}", self.of));
     }
