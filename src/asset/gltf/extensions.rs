@@ -5,11 +5,12 @@ use super::draco;
 use super::instances;
 use super::maps;
 use super::meshopt;
+use super::nodes;
 use super::source::Source;
 use crate::Result;
 use crate::error::{MAX_QUOTED, shortened};
 
-const READ: [&str; 19] = [
+const READ: [&str; 20] = [
     "KHR_lights_punctual",
     "KHR_texture_transform",
     "KHR_materials_clearcoat",
@@ -29,6 +30,7 @@ const READ: [&str; 19] = [
     maps::OTHER_PICTURES[0],
     maps::OTHER_PICTURES[1],
     meshopt::NAME,
+    nodes::VISIBILITY,
 ];
 
 /// Those of materials that are not drawn, and what a picture lacks without each.

@@ -15,6 +15,7 @@ use crate::Result;
 use crate::asset::material::{MAX_IOR, MIN_SHEEN_ROUGHNESS, MaterialDesc, ThinFilm, f0_from_ior};
 use crate::asset::texture::Encoding;
 
+/// `KHR_materials_clearcoat`.
 #[derive(Default, Deserialize)]
 #[serde(default, rename_all = "camelCase")]
 pub struct Clearcoat {
@@ -25,6 +26,7 @@ pub struct Clearcoat {
     pub clearcoat_normal_texture: Option<TextureInfo>,
 }
 
+/// All of these fail only where an extension is not of its form, or names a texture that does not exist.
 impl MaterialReader<'_> {
     /// What is no metal reflects by its index and `KHR_materials_specular`, of one colour: the means of its textures.
     pub fn set_specular(&self, desc: &mut MaterialDesc, images: &mut Images) -> Result<()> {
@@ -42,6 +44,7 @@ impl MaterialReader<'_> {
         Ok(())
     }
 
+    /// Highlights stretched in one direction: the mean of its texture.
     pub fn set_anisotropy(&self, desc: &mut MaterialDesc, images: &mut Images) -> Result<()> {
         let Some(anisotropy) = self.extension::<Anisotropy>(anisotropy::NAME)? else { return Ok(()) };
         let strength = self.clamped("anisotropyStrength", anisotropy.anisotropy_strength, 1.0);
@@ -101,8 +104,8 @@ impl MaterialReader<'_> {
         Ok(())
     }
 
-    /// With factors in 0 to 1, and without a map that does nothing.
-    pub fn clearcoat(&self) -> Result<Clearcoat> {
+    /// With factors in 0 to 1, and without a map that does nothing. Of its texture of roughness the mean is used.
+    pub fn clearcoat(&self, images: &mut Images) -> Result<Clearcoat> {
         let key = "KHR_materials_clearcoat";
         let mut coat: Clearcoat = self.extension(key)?.unwrap_or_default();
         coat.clearcoat_factor = self.clamped("clearcoatFactor", coat.clearcoat_factor, 1.0);
@@ -111,9 +114,9 @@ impl MaterialReader<'_> {
         if coat.clearcoat_factor == 0.0 {
             return Ok(Clearcoat::default());
         }
-        if coat.clearcoat_roughness_texture.is_some() {
-            self.warn(&format!("{key}: clearcoatRoughnessTexture is not supported; its factor is used alone"));
-        }
+        let texture = coat.clearcoat_roughness_texture.as_ref();
+        let mean = self.texture_mean((key, "clearcoatRoughnessTexture"), texture, Encoding::Linear, images)?;
+        coat.clearcoat_roughness_factor *= mean.map_or(1.0, |mean| mean.y);
         if coat.clearcoat_normal_texture.is_some() && !self.has_bumps(&coat) {
             self.warn(&format!("{key}: a clearcoatNormalTexture that is not the normalTexture is not supported; the coat is drawn without bumps"));
         }

@@ -41,11 +41,15 @@ fn clear_coats() {
             json!({"clearcoatFactor": 1, "clearcoatNormalTexture": {"index": 0}}),
             "clearcoatNormalTexture that is not the normalTexture",
         ),
-        (json!({"clearcoatFactor": 1, "clearcoatRoughnessTexture": {"index": 0}}), "clearcoatRoughnessTexture is not"),
     ] {
         let (desc, warning) = read(with(more));
         assert!(desc.clearcoat == 1.0 && warning.contains(problem), "{warning}");
     }
+    // The texture's green is 0.
+    let smooth = json!({"clearcoatFactor": 1, "clearcoatRoughnessFactor": 0.8, "clearcoatRoughnessTexture": {"index": 0}});
+    let (model, warning) = with_magenta(with(smooth)).warned();
+    assert_eq!(model.materials[0].clearcoat_roughness, 0.0);
+    assert!(warning.contains("clearcoatRoughnessTexture: the mean of its texels is used"), "{warning}");
 }
 
 #[test]

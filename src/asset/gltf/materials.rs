@@ -142,7 +142,7 @@ impl MaterialReader<'_> {
         let glossy = if own.is_none() { self.glossy()? } else { None };
         let as_own = glossy.as_ref().map(Glossy::as_metallic_roughness);
         let surface = own.or(as_own.as_ref());
-        let clearcoat = self.clearcoat()?;
+        let clearcoat = self.clearcoat(images)?;
         let iridescence = self.iridescence()?;
         let transmission: Transmission = self.extension(transmission::NAME)?.unwrap_or_default();
         let mut maps = self.maps(surface, (&clearcoat, &iridescence, &transmission), images)?;
@@ -399,5 +399,6 @@ impl MaterialReader<'_> {
         desc.roughness = Factor::same(1.0);
         (desc.normals, desc.occlusion_map, desc.roughness_map, desc.metallic_map) = (None, None, None, None);
         (desc.clearcoat, desc.clearcoat_map, desc.sheen) = (0.0, None, Vec3::ZERO);
+        (desc.film, desc.film_map) = (None, None);
     }
 }

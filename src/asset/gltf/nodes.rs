@@ -1,17 +1,31 @@
 //! The tree of nodes: where each of them is, and which of them the scene shows.
 
 use glam::{DAffine3, DMat3, DQuat, DVec3};
+use serde::Deserialize;
 
 use super::document::Node;
 use super::source::{Source, label};
 use crate::Result;
 use crate::asset::mesh::MAX_COORDINATE;
 
+/// The extension by which a node is hidden with all below it.
+pub const VISIBILITY: &str = "KHR_node_visibility";
+
+#[derive(Deserialize)]
+struct Visibility {
+    #[serde(default = "yes")]
+    visible: bool,
+}
+
+fn yes() -> bool {
+    true
+}
+
 /// The nodes of a file.
 pub struct Nodes {
     /// Of each: model from node.
     pub globals: Vec<DAffine3>,
-    /// Those of the scene, parents first.
+    /// Those of the scene that are not hidden, parents first.
     pub shown: Vec<usize>,
 }
 
@@ -59,7 +73,7 @@ fn roots(source: &Source<'_>) -> Result<Vec<usize>> {
     Ok((0..nodes.len()).filter(|node| !has_parent[*node]).collect())
 }
 
-/// The nodes of the default scene, else of the first one, else of none.
+/// The visible nodes of the default scene, else of the first one, else of none.
 fn shown(source: &Source<'_>, roots: Vec<usize>) -> Result<Vec<usize>> {
     let document = &source.document;
     let number = document.scene.unwrap_or(0);
@@ -69,17 +83,27 @@ fn shown(source: &Source<'_>, roots: Vec<usize>) -> Result<Vec<usize>> {
         None => roots,
     };
     next.reverse();
+    let mut next: Vec<(usize, bool)> = next.into_iter().map(|root| (root, true)).collect();
     let (mut seen, mut shown) = (vec![false; document.nodes.len()], Vec::new());
-    while let Some(node) = next.pop() {
+    while let Some((node, above)) = next.pop() {
         match seen.get_mut(node) {
             None => return Err(source.broken(format!("its scene has a node {node}, which does not exist"))),
             Some(true) => return Err(source.broken(format!("its scene shows {} twice", name_of(source, node)))),
             Some(seen) => *seen = true,
         }
-        shown.push(node);
-        next.extend(document.nodes[node].children.iter().rev());
+        let visible = above && is_visible(source, node)?;
+        if visible {
+            shown.push(node);
+        }
+        next.extend(document.nodes[node].children.iter().rev().map(|child| (*child, visible)));
     }
     Ok(shown)
+}
+
+fn is_visible(source: &Source<'_>, node: usize) -> Result<bool> {
+    let extensions = &source.document.nodes[node].extensions;
+    let said: Option<Visibility> = source.extension(&name_of(source, node), extensions, VISIBILITY)?;
+    Ok(said.is_none_or(|said| said.visible))
 }
 
 fn local(node: &Node) -> DAffine3 {

@@ -67,6 +67,26 @@ fn transforms_of_nodes_are_multiplied() {
     assert_eq!(only(&model).name, "mesh 0");
 }
 
+/// `KHR_node_visibility`: with all that is below a node.
+#[test]
+fn hidden_nodes_are_not_shown() {
+    let shown = |first: Value, second: Value| {
+        let mut build = Build::triangle();
+        build.json["nodes"] = json!([
+            {"mesh": 0, "children": [1], "extensions": {"KHR_node_visibility": first}},
+            {"mesh": 0, "extensions": {"KHR_node_visibility": second}},
+            {"mesh": 0},
+        ]);
+        build.json["scenes"][0]["nodes"] = json!([0, 2]);
+        build.json["extensionsRequired"] = json!(["KHR_node_visibility"]);
+        build.model().placements.len()
+    };
+    let (hidden, visible) = (json!({"visible": false}), json!({"visible": true}));
+    assert_eq!(shown(json!({}), visible.clone()), 3);
+    assert_eq!(shown(json!({}), hidden.clone()), 2);
+    assert_eq!(shown(hidden, visible), 1);
+}
+
 #[test]
 fn meshes_are_shared_and_scenes_chosen() {
     let mut build = Build::triangle();
