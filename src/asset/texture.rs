@@ -362,10 +362,11 @@ fn decode(path: &Path, bytes: &[u8]) -> Result<DynamicImage> {
 }
 
 fn decode_basis(path: &Path, bytes: &[u8]) -> Result<RgbaImage> {
-    let picture = contained(|| BasisPicture::open(bytes)).flatten().map_err(|problem| broken(path, problem))?;
+    let given_up = |problem| broken(path, problem);
+    let picture = contained(|| BasisPicture::open(bytes)).and_then(|picture| picture).map_err(given_up)?;
     let [width, height] = picture.size;
     check_size(path, picture.size)?;
-    let texels = contained(|| picture.decode()).flatten().map_err(|problem| broken(path, problem))?;
+    let texels = contained(|| picture.decode()).and_then(|texels| texels).map_err(given_up)?;
     RgbaImage::from_raw(width, height, texels).ok_or_else(|| broken(path, "it has too few texels".into()))
 }
 

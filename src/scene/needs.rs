@@ -112,32 +112,9 @@ impl MaterialFeatures {
 
     /// Everything but what only this material's vertices have, or what changes its picture.
     fn everything(material: &Material) -> Self {
-        let Self {
-            vertex_colours,
-            second_uv,
-            blends,
-            tints,
-            specular,
-            clearcoat,
-            sheen,
-            anisotropy,
-            film,
-            refracts,
-            ..
-        } = Self::of(material);
-        Self {
-            vertex_colours,
-            second_uv,
-            blends,
-            tints,
-            specular,
-            clearcoat,
-            sheen,
-            anisotropy,
-            film,
-            refracts,
-            ..Self::EVERYTHING
-        }
+        let Self { base_color_map, normal_map, orm_map, alpha_mask, metalness, multi_scatter, emits, .. } =
+            Self::EVERYTHING;
+        Self { base_color_map, normal_map, orm_map, alpha_mask, metalness, multi_scatter, emits, ..Self::of(material) }
     }
 
     fn of(material: &Material) -> Self {

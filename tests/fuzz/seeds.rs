@@ -348,6 +348,19 @@ impl Model {
                 "extensions": {"KHR_materials_unlit": {}},
             }),
         );
+        let texture = json!({"index": 1});
+        model.push(
+            "materials",
+            json!({"pbrMetallicRoughness": {"metallicFactor": 0, "metallicRoughnessTexture": texture}, "extensions": {
+                "KHR_materials_anisotropy": {"anisotropyStrength": 0.5, "anisotropyTexture": texture},
+                "KHR_materials_clearcoat": {"clearcoatFactor": 0.5, "clearcoatRoughnessTexture": texture},
+                "KHR_materials_iridescence": {"iridescenceFactor": 1, "iridescenceThicknessTexture": texture},
+                "KHR_materials_sheen": {"sheenColorFactor": [0.5, 1, 0], "sheenColorTexture": texture},
+                "KHR_materials_specular": {"specularFactor": 0.5, "specularColorTexture": texture},
+                "KHR_materials_transmission": {"transmissionFactor": 0.5, "transmissionTexture": texture},
+                "KHR_materials_volume": {"thicknessFactor": 0.1, "attenuationDistance": 2, "attenuationColor": [1, 0.5, 0]},
+            }}),
+        );
         let attributes = json!({
             "POSITION": position, "NORMAL": normal, "TANGENT": tangent, "TEXCOORD_0": uv, "TEXCOORD_1": uv1, "COLOR_0": colour,
             "JOINTS_0": joints, "WEIGHTS_0": weights,
@@ -360,7 +373,7 @@ impl Model {
             "meshes",
             json!({"primitives": [
                 {"attributes": {"POSITION": position, "TEXCOORD_0": uv}, "mode": 5, "material": 1},
-                {"attributes": {"POSITION": position}, "mode": 6},
+                {"attributes": {"POSITION": position, "TEXCOORD_0": uv}, "mode": 6, "material": 2},
                 {"attributes": {"POSITION": packed}},
             ]}),
         );
@@ -369,7 +382,11 @@ impl Model {
             "nodes",
             json!({"mesh": 1, "rotation": [0.5, 0.5, 0.5, 0.5], "scale": [-1, 1, 2], "translation": [1, 2, 3]}),
         );
-        model.push("nodes", json!({"mesh": 1, "matrix": [1, 0, 0, 0, 0.2, 1, 0, 0, 0, 0, 1, 0, -0.5, 0.5, 0.5, 1]}));
+        model.push(
+            "nodes",
+            json!({"mesh": 1, "matrix": [1, 0, 0, 0, 0.2, 1, 0, 0, 0, 0, 1, 0, -0.5, 0.5, 0.5, 1],
+                "extensions": {"KHR_node_visibility": {"visible": true}}}),
+        );
         let lights = ["point", "spot", "directional"].iter().map(|kind| {
             json!({"type": kind, "intensity": 20, "color": [1, 0.9, 0.8], "spot": {"innerConeAngle": 0.1, "outerConeAngle": 0.5}})
         });
@@ -393,6 +410,9 @@ impl Model {
             "KHR_materials_emissive_strength",
             "KHR_materials_ior",
             "KHR_materials_unlit",
+            "KHR_materials_iridescence",
+            "KHR_materials_transmission",
+            "KHR_node_visibility",
             "EXT_meshopt_compression",
         ]);
         model

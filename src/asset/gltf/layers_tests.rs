@@ -46,7 +46,8 @@ fn clear_coats() {
         assert!(desc.clearcoat == 1.0 && warning.contains(problem), "{warning}");
     }
     // The texture's green is 0.
-    let smooth = json!({"clearcoatFactor": 1, "clearcoatRoughnessFactor": 0.8, "clearcoatRoughnessTexture": {"index": 0}});
+    let smooth =
+        json!({"clearcoatFactor": 1, "clearcoatRoughnessFactor": 0.8, "clearcoatRoughnessTexture": {"index": 0}});
     let (model, warning) = with_magenta(with(smooth)).warned();
     assert_eq!(model.materials[0].clearcoat_roughness, 0.0);
     assert!(warning.contains("clearcoatRoughnessTexture: the mean of its texels is used"), "{warning}");
