@@ -23,21 +23,41 @@ RayHit trace_seen(vec3 o, vec3 d, bool stops)
     return hit;
 }
 
+// The colours whose index of refraction a path has; `left`: what it has left of each. Where bodies split light, that is one of them.
+struct LeftColour {
+    bool is_one;
+    uint channel;
+};
+
+LeftColour left_colour(vec3 left, float u)
+{
+    bvec3 there = greaterThan(left, vec3(0.0));
+    bool is_one = int(there.r) + int(there.g) + int(there.b) == 1;
+    return LeftColour(is_one, is_one ? (there.r ? 0u : there.g ? 1u : 2u) : min(uint(3.0 * u), 2u));
+}
+
 // From a point of a body, seen from `inside` of it or from outside, to the point that is seen there: of its surface, where it
 // mirrors, or of what is behind or in it. Light is multiplied by `throughput`. False where that is nothing: then `throughput`
 // has the panorama's light.
 bool look_into_bodies(inout PathPoint p, uint material, bool inside, inout vec3 throughput, inout uvec4 seed)
 {
     for (uint boundary = 0u; boundary < MOST_BOUNDARIES; ++boundary) {
-        float ior = materials[material].ior, alpha = p.s.roughness * p.s.roughness;
+        float ior = materials[material].ior, spread = materials[material].ior_spread, alpha = p.s.roughness * p.s.roughness;
         mat3 world_from_surface = basis(p.s.n);
         vec3 v = p.s.v * world_from_surface, h = vec3(0.0, 0.0, 1.0);
         v = normalize(vec3(v.xy, max(v.z, MIN_COS)));
         seed.w += 1u;
         uvec4 bits = pcg4d(seed);
+        LeftColour colour = LeftColour(true, 1u);
+        if (spread > 0.0) {
+            colour = left_colour(throughput, unit_from_bits(pcg4d(uvec4(seed.xyz, ~seed.w)).x));
+            ior += (float(colour.channel) - 1.0) * spread;
+        }
         if (alpha >= MIRROR_ALPHA)
             h = sample_vndf(v, units_from_bits(bits.xy), vec2(alpha));
         Crossing c = cross_boundary(v, h, alpha, inside ? 1.0 / ior : ior, unit_from_bits(bits.z));
+        if (spread > 0.0 && !colour.is_one)
+            throughput *= 3.0 * vec3(equal(uvec3(colour.channel), uvec3(0, 1, 2)));
         if (!inside && !c.transmitted)
             return true; // what the surface mirrors is its own light
         throughput *= c.transmitted ? c.weight * p.s.transmission : vec3(c.weight);

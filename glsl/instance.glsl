@@ -27,6 +27,7 @@ struct Material {
     vec3 surface_transmission; // by which light that goes through the surface of a body is multiplied, without
     vec3 absorption;           // what the body absorbs, 1/m
     float ior; // above 1 if it is the surface of bodies that bend light
+    float ior_spread; // by how much that of blue is above it, and that of red below it
     vec3 sheen;
     float sheen_roughness;
     vec2 anisotropy; // direction in which highlights are stretched, along tangent and bitangent, as long as they are strongly

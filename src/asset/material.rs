@@ -61,6 +61,8 @@ impl ThinFilm {
 pub struct Refraction {
     /// Index of refraction, above 1.
     pub ior: f32,
+    /// By how much that of blue light is above it, and that of red light below it: dispersion.
+    pub ior_spread: f32,
     /// By which each of its surfaces multiplies light that goes through, linear RGB, 0 to 1. The base color map multiplies it, too.
     pub surface_transmission: Vec3,
     /// What it absorbs on the way, 1/m.
@@ -288,8 +290,9 @@ impl MaterialDesc {
 
     /// Makes the surface of a solid body of what [`Self::transmit`] has made a sheet of; `surface_transmission`: without its map.
     /// Without effect where a body would bend nothing.
-    pub fn refract(&mut self, ior: f32, surface_transmission: Vec3, absorption: Vec3) {
-        self.refraction = (ior > 1.0).then_some(Refraction { ior, surface_transmission, absorption, balls: false });
+    pub fn refract(&mut self, [ior, ior_spread]: [f32; 2], surface_transmission: Vec3, absorption: Vec3) {
+        let refraction = Refraction { ior, ior_spread, surface_transmission, absorption, balls: false };
+        self.refraction = (ior > 1.0).then_some(refraction);
     }
 
     /// Its maps, as messages name them.

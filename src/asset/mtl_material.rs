@@ -158,7 +158,7 @@ impl Interpreter<'_> {
             desc.base_color = Factor::same(transmission);
             desc.transmit(1.0, Vec3::ONE);
             if matches!(mtl.illum, Some(6 | 7)) {
-                desc.refract(ior(mtl).min(MAX_IOR), transmission, Vec3::ZERO);
+                desc.refract([ior(mtl).min(MAX_IOR), 0.0], transmission, Vec3::ZERO);
             }
         } else if transmission != Vec3::ONE {
             self.report.warn(format!(

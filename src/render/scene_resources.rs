@@ -283,7 +283,8 @@ fn light_buffer(gpu: &Arc<Gpu>, lights: &[LightBlock]) -> Result<Arc<Buffer>> {
 }
 
 fn material_block(material: &Material, textures: u32) -> MaterialBlock {
-    let straight = Refraction { ior: 1.0, surface_transmission: Vec3::ONE, absorption: Vec3::ZERO, balls: false };
+    let straight =
+        Refraction { ior: 1.0, ior_spread: 0.0, surface_transmission: Vec3::ONE, absorption: Vec3::ZERO, balls: false };
     let refraction = material.refraction.unwrap_or(straight);
     let film = material.film.unwrap_or(ThinFilm { share: 0.0, ior: 1.0, thickness: [0.0; 2] });
     MaterialBlock {
@@ -306,6 +307,7 @@ fn material_block(material: &Material, textures: u32) -> MaterialBlock {
         surface_transmission: refraction.surface_transmission.into(),
         absorption: refraction.absorption.into(),
         ior: refraction.ior,
+        ior_spread: refraction.ior_spread,
         sheen: material.sheen_color.into(),
         sheen_roughness: material.sheen_roughness,
         anisotropy: material.anisotropy.into(),

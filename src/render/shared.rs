@@ -134,6 +134,8 @@ pub struct MaterialBlock {
     pub surface_transmission: [f32; 3],
     pub absorption: [f32; 3],
     pub ior: f32,
+    /// By how much the index of blue is above it, and that of red below it.
+    pub ior_spread: f32,
     /// The color of its sheen, and its roughness.
     pub sheen: [f32; 3],
     pub sheen_roughness: f32,
@@ -232,7 +234,7 @@ const _: () = {
     assert!(size_of::<FrameBlock>() == 144 * MAX_EYES + 188 + size_of::<[SphereLightBlock; MAX_SPHERE_LIGHTS]>());
     assert!(offset_of!(InstanceBlock, material) == 64 && size_of::<InstanceBlock>() == 68);
     assert!(offset_of!(MaterialBlock, metallic) == 12 && offset_of!(MaterialBlock, emission) == 32);
-    assert!(size_of::<MaterialBlock>() == 164 && size_of::<VertexExtraBlock>() == 16);
+    assert!(size_of::<MaterialBlock>() == 168 && size_of::<VertexExtraBlock>() == 16);
     assert!(offset_of!(LightBlock, radius) == 12 && offset_of!(LightBlock, intensity) == 16);
     assert!(offset_of!(LightBlock, shadow_near) == 28 && offset_of!(LightBlock, shadow_layer) == 32);
     assert!(offset_of!(LightBlock, along) == 36 && size_of::<LightBlock>() == 56);

@@ -98,6 +98,7 @@ impl Blocks {
             surface_transmission: counter.list(),
             absorption: counter.list(),
             ior: counter.next(),
+            ior_spread: counter.next(),
             sheen: counter.list(),
             sheen_roughness: counter.next(),
             anisotropy: counter.list(),
@@ -163,7 +164,13 @@ impl Blocks {
             numbers.extend(material.film_base_f0.iter().chain(&[material.film_thinnest]));
             numbers.extend(transmission);
             numbers.extend([clearcoat, clearcoat_roughness]);
-            numbers.extend(material.surface_transmission.iter().chain(&material.absorption).chain(&[material.ior]));
+            numbers.extend(
+                material
+                    .surface_transmission
+                    .iter()
+                    .chain(&material.absorption)
+                    .chain(&[material.ior, material.ior_spread]),
+            );
             numbers.extend(material.sheen.iter().chain(&[material.sheen_roughness]).chain(&material.anisotropy));
         }
         numbers

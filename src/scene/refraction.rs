@@ -97,7 +97,13 @@ mod tests {
 
     /// Whether each of these meshes of one material, each at its place, is drawn as balls; `None` for sheets.
     fn all_settled(placed: &[(Mesh, Mat4)]) -> Vec<Option<bool>> {
-        let glass = Refraction { ior: 1.5, surface_transmission: Vec3::ONE, absorption: Vec3::ZERO, balls: false };
+        let glass = Refraction {
+            ior: 1.5,
+            ior_spread: 0.0,
+            surface_transmission: Vec3::ONE,
+            absorption: Vec3::ZERO,
+            balls: false,
+        };
         let mut materials = vec![Material { refraction: Some(glass), ..Material::plain("glass", Vec3::ONE, 0.0, 0.0) }];
         let mut meshes: Vec<Mesh> = placed.iter().map(|(mesh, _)| mesh.clone()).collect();
         let instance = |(mesh, (_, world)): (usize, &(Mesh, Mat4))| Instance { mesh, world_from_local: *world };

@@ -80,6 +80,7 @@ void main()
         put(materials[i].absorption.y);
         put(materials[i].absorption.z);
         put(materials[i].ior);
+        put(materials[i].ior_spread);
         put(materials[i].sheen.x);
         put(materials[i].sheen.y);
         put(materials[i].sheen.z);

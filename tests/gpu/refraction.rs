@@ -120,6 +120,31 @@ fn a_ball_of_glass_shows_what_snells_law_says() {
     }
 }
 
+/// With an Abbe number of 2 the index of red is 1.375, and that of blue 1.625.
+#[test]
+fn a_ball_that_splits_light_shows_each_colour_by_its_own_index() {
+    let shop = Workshop::new();
+    shop.panorama("sky.exr", 256, |d| [slope(DVec3::from(d)) as f32; 3]);
+    let mut material = glass(0.0, json!({}));
+    material["extensions"]["KHR_materials_dispersion"] = json!({"dispersion": 10});
+    let got = picture(&shop, &material, &[Shape::ball(1.0, 88)], &[], &exact(512));
+    // Where between the pictures of two indices a channel's is, 0 to 1: noise of single pixels is as large as their difference.
+    let iors = [1.375, 1.5, 1.625];
+    let between = |channel: usize, is_expected: bool| {
+        let (mut product, mut square) = (0.0, 0.0);
+        for (x, y) in (0..SIDE).flat_map(|y| (0..SIDE).map(move |x| (x, y))) {
+            let [Some(red), Some(green), Some(blue)] = iors.map(|ior| pixel_through_ball(x, y, ior)) else { continue };
+            let is = if is_expected { [red, green, blue][channel] } else { pixel(&got, x, y)[channel] };
+            product += (is - red) * (blue - red);
+            square += (blue - red).powi(2);
+        }
+        product / square
+    };
+    let [at, want] = [false, true].map(|is_expected| [0, 1, 2].map(|channel| between(channel, is_expected)));
+    println!("red, green and blue between red's and blue's pictures: {at:.3?}, should be {want:.3?}");
+    assert!(want.iter().zip(at).all(|(want, at)| (at - want).abs() < 0.2), "{at:?}, not {want:?}");
+}
+
 /// Bodies of any form between which light is lost only by rough surfaces' microfacets.
 #[test]
 fn under_even_light_clear_glass_is_not_seen() {

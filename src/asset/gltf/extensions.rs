@@ -10,7 +10,7 @@ use super::source::Source;
 use crate::Result;
 use crate::error::{MAX_QUOTED, shortened};
 
-const READ: [&str; 20] = [
+const READ: [&str; 21] = [
     "KHR_lights_punctual",
     "KHR_texture_transform",
     "KHR_materials_clearcoat",
@@ -19,6 +19,7 @@ const READ: [&str; 20] = [
     super::sheen::NAME,
     super::glossy::NAME,
     super::specular::NAME,
+    super::transmission::DISPERSION,
     "KHR_materials_transmission",
     "KHR_materials_unlit",
     "KHR_materials_volume",
@@ -34,9 +35,8 @@ const READ: [&str; 20] = [
 ];
 
 /// Those of materials that are not drawn, and what a picture lacks without each.
-const NOT_DRAWN: [(&str, &str); 3] = [
+const NOT_DRAWN: [(&str, &str); 2] = [
     ("KHR_materials_diffuse_transmission", "no light shines through it"),
-    ("KHR_materials_dispersion", "it does not split light into colours"),
     ("KHR_materials_variants", "drawn in its first variant"),
 ];
 

@@ -154,3 +154,31 @@ fn triangles_with_a_transmission_texture_are_sheets_or_not() {
     let (model, warnings) = of(100, 100);
     assert_eq!((model.unwrap().materials.len(), warnings), (1, Vec::new()), "nothing lets through half of it");
 }
+
+#[test]
+fn bodies_split_light_by_their_abbe_number() {
+    let spread = |dispersion: f32| {
+        let (desc, warning) = read(json!({
+            "pbrMetallicRoughness": {"metallicFactor": 0},
+            "extensions": {
+                "KHR_materials_dispersion": {"dispersion": dispersion},
+                "KHR_materials_transmission": {"transmissionFactor": 1},
+            },
+        }));
+        assert!(desc.refraction.is_none() && warning.contains("light goes straight through it"), "a sheet: {warning}");
+        let (model, warnings) = build(json!({
+            "pbrMetallicRoughness": {"metallicFactor": 0},
+            "extensions": {
+                "KHR_materials_dispersion": {"dispersion": dispersion},
+                "KHR_materials_transmission": {"transmissionFactor": 1},
+                "KHR_materials_volume": {"thicknessFactor": 1},
+            },
+        }))
+        .load();
+        let told = warnings.iter().any(|warning| warning.contains("colours part in exact pictures alone"));
+        assert_eq!(told, dispersion > 0.0, "{warnings:?}");
+        model.unwrap().materials[0].refraction.expect("a body").ior_spread
+    };
+    // Of glass of index 1.5, that of blue less that of red over what it bends is Abbe's number's inverse.
+    assert_eq!([0.0, 2.0, 1000.0].map(spread), [0.0, 0.025, 0.5 * 0.5 * 39.0 / 20.0]);
+}

@@ -14,7 +14,7 @@ use super::layers::Clearcoat;
 use super::maps::{self, Coordinates, Map};
 use super::material_reader::MaterialReader;
 use super::source::{Source, label};
-use super::transmission::{self, SheetMap, Transmission, Volume};
+use super::transmission::{self, Dispersion, SheetMap, Transmission, Volume};
 use crate::Result;
 use crate::asset::image_source::ImageSource;
 use crate::asset::material::{
@@ -348,10 +348,22 @@ impl MaterialReader<'_> {
         // What covers a part of what is behind stays a sheet: light would be bent in a part of it only.
         if volume.thickness_factor > 0.0 && share == 1.0 && desc.alpha == AlphaUse::Opacity {
             let ior = Some(self.ior()?).filter(|ior| *ior > 0.0).unwrap_or(MAX_IOR);
-            desc.refract(ior, surface_transmission, volume.absorption());
+            let ior_spread = self.ior_spread(ior)?;
+            desc.refract([ior, ior_spread], surface_transmission, volume.absorption());
         }
         self.warn_of_sheets(desc);
         Ok(())
+    }
+
+    /// `KHR_materials_dispersion`: of the index of blue and red light, from Abbe's number, which is 20 over what is said.
+    fn ior_spread(&self, ior: f32) -> Result<f32> {
+        let key = transmission::DISPERSION;
+        let said = self.extension::<Dispersion>(key)?.unwrap_or_default().dispersion;
+        let dispersion = self.clamped("dispersion", said, transmission::MAX_DISPERSION);
+        if dispersion > 0.0 {
+            self.source.warn_once(key, &format!("{}: {key}: colours part in exact pictures alone", self.of));
+        }
+        Ok(0.5 * (ior - 1.0) * dispersion / 20.0)
     }
 
     /// What the material is where a texture lets light through; `None` where that is nowhere.

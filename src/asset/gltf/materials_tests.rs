@@ -251,10 +251,10 @@ fn specular_and_glossiness() {
 #[test]
 fn extensions_of_materials() {
     good(json!({"extensions": {"KHR_materials_ior": {}, "KHR_texture_transform": {}, "OTHER_thing": 1}}));
-    let (_, warning) = read(json!({"name": "Car", "extensions": {"KHR_materials_dispersion": {}}}));
+    let (_, warning) = read(json!({"name": "Car", "extensions": {"KHR_materials_diffuse_transmission": {}}}));
     assert_eq!(
         warning,
-        "a.glb: material Car: KHR_materials_dispersion is not supported; it does not split light into colours"
+        "a.glb: material Car: KHR_materials_diffuse_transmission is not supported; no light shines through it"
     );
     let broken = build(json!({"extensions": {"KHR_materials_ior": {"ior": []}}}));
     assert!(broken.problem().contains("material 0: KHR_materials_ior: invalid type"));
@@ -320,6 +320,7 @@ fn light_goes_through_what_transmits() {
         glass.refraction
     };
     let body = refraction(1.0, 0.1, "OPAQUE").expect("a body");
+    assert_eq!(body.ior_spread, 0.0);
     assert!((body.ior - 1.33).abs() < 1e-4 && body.surface_transmission == Vec3::new(1.0, 0.5, 1.0) && !body.balls);
     let want = Vec3::new(-0.5 * 0.25_f32.ln(), 0.0, -0.5 * MIN_ATTENUATION.ln());
     assert!((body.absorption - want).abs().max_element() < 1e-5, "{}", body.absorption);

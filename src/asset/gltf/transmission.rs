@@ -1,4 +1,4 @@
-//! `KHR_materials_transmission` and `KHR_materials_volume`: light that goes through surfaces, and what bodies absorb of it.
+//! `KHR_materials_transmission`, `…_volume` and `…_dispersion`: light that goes through surfaces, and what bodies do to it.
 
 use glam::{Vec2, Vec3};
 use serde::Deserialize;
@@ -9,6 +9,9 @@ use crate::asset::mesh::Submesh;
 use crate::asset::texture::Channel;
 
 pub const NAME: &str = "KHR_materials_transmission";
+pub const DISPERSION: &str = "KHR_materials_dispersion";
+/// Below that of which red light would not be bent at all.
+pub const MAX_DISPERSION: f32 = 39.0;
 
 /// What stands for an attenuation color of 0.
 pub(super) const MIN_ATTENUATION: f32 = 1e-6;
@@ -21,6 +24,14 @@ const MAX_ABSORPTION: f32 = 1e6;
 pub struct Transmission {
     pub transmission_factor: f32,
     pub transmission_texture: Option<TextureInfo>,
+}
+
+/// How far a body of it splits light into colours.
+#[derive(Default, Deserialize)]
+#[serde(default)]
+pub struct Dispersion {
+    /// 20 over Abbe's number.
+    pub dispersion: f32,
 }
 
 /// What a closed body of it does to light on its way through.

@@ -158,7 +158,13 @@ mod tests {
     #[test]
     fn a_lone_ball_of_glass_casts_nothing_and_a_vase_does() {
         let glass = |balls| {
-            let refraction = Refraction { ior: 1.5, surface_transmission: Vec3::ONE, absorption: Vec3::ZERO, balls };
+            let refraction = Refraction {
+                ior: 1.5,
+                ior_spread: 0.0,
+                surface_transmission: Vec3::ONE,
+                absorption: Vec3::ZERO,
+                balls,
+            };
             Material { blends: true, refraction: Some(refraction), ..default_material() }
         };
         assert!(nothing_casts(&ball_of(glass(true))).is_some_and(|why| why.contains("convex")));
