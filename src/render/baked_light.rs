@@ -9,7 +9,7 @@ use super::frame_set::FrameSet;
 use super::layouts::Layouts;
 use super::light_bake::{BakeSource, LightBake};
 use super::light_detail::LightDetail;
-use super::light_plan::{DARK, LightPlan};
+use super::light_plan::{DARK_SCENE, LightPlan};
 use super::lighting::Lighting;
 use super::lightmap::{self, dark_lightmap};
 use super::probe_maps::ProbeMaps;
@@ -135,7 +135,7 @@ impl BakedLight {
         let LightSource { ray_scene, importance, .. } = source;
         let (gpu, LightPlan { layers, probes, dark }) = (&context.gpu, plan);
         if *dark {
-            context.report.warn(DARK);
+            context.report.warn(DARK_SCENE);
         }
         let has_probes = !probes.is_empty() && gpu.has_cube_arrays();
         if !probes.is_empty() && !has_probes {

@@ -33,7 +33,7 @@ pub struct LightPlan {
 }
 
 /// What [`LightPlan::dark`] is told by.
-pub const DARK: &str = "less than a sixtieth of the panorama's light comes to most of what is seen: it is nearly closed, and no lamp is in it; \
+pub const DARK_SCENE: &str = "less than a sixtieth of the panorama's light comes to most of what is seen: it is nearly closed, and no lamp is in it; \
                         add lamps to the scene file (`[[light]]`), raise `--exposure`, or draw with `--light open`";
 
 /// A probe in the cache.

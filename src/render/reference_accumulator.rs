@@ -10,7 +10,7 @@ use serde::Serialize;
 use super::eye::Eye;
 use super::frame_set::FrameSet;
 use super::importance::importance;
-use super::light_plan::DARK;
+use super::light_plan::DARK_SCENE;
 use super::output::Output;
 use super::pipeline_request::PipelineRequest;
 use super::ray_scene::RaySet;
@@ -108,7 +108,7 @@ impl ReferencePasses {
             Transport::All => {
                 let rays = ray_scene.get(gpu, layouts)?;
                 if ray_scene.is_dark(&rays) {
-                    tracing::warn!("{DARK}");
+                    tracing::warn!("{DARK_SCENE}");
                 }
                 rays.places(most_places(gpu))
             }
