@@ -5,7 +5,7 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use super::bvh::{Bvh, Hit};
-use super::lightmap_texels::random_direction;
+use super::random_paths::{before, path_direction, random_direction};
 use super::surroundings::normal;
 
 /// Directions in which surfaces are looked for, how many are enough, and how many are too few to judge by.
@@ -39,7 +39,7 @@ pub fn is_dark(bvh: &Bvh, cameras: &[Vec3], of: &(impl Fn(usize) -> TriangleLigh
         let (from, d) = (cameras[i as usize % cameras.len()], random_direction(i));
         let is_seen = |hit: &Hit| !(of(hit.triangle).culls_back && normal(bvh, hit).dot(d) > 0.0);
         let hit = bvh.trace(from, d, f32::INFINITY, is_seen)?;
-        Some(beside(bvh, from, d, &hit))
+        Some(before(bvh, from, d, &hit))
     };
     let places: Vec<(Vec3, Vec3)> = (0..LOOKS).filter_map(seen).take(ENOUGH).collect();
     let is_dark = |(i, place): (usize, &(Vec3, Vec3))| {
@@ -56,23 +56,15 @@ fn light_of_path(bvh: &Bvh, start: (Vec3, Vec3), path: u32, of: &impl Fn(usize) 
     let (mut p, mut n) = start;
     let mut left = 1.0;
     for reflection in 0..=REFLECTIONS {
-        let d = (n + 0.999 * random_direction(path * (REFLECTIONS + 1) + reflection)).normalize_or(n);
+        let d = path_direction(Some(n), path * (REFLECTIONS + 1) + reflection);
         let Some(hit) = bvh.trace(p, d, f32::INFINITY, |hit| !of(hit.triangle).is_open) else { return left };
         if of(hit.triangle).shines {
             return left;
         }
         left *= ALBEDO;
-        (p, n) = beside(bvh, p, d, &hit);
+        (p, n) = before(bvh, p, d, &hit);
     }
     0.0
-}
-
-/// Just before where a ray meets a triangle, and the triangle's normal on that side.
-fn beside(bvh: &Bvh, o: Vec3, d: Vec3, hit: &Hit) -> (Vec3, Vec3) {
-    let n = normal(bvh, hit);
-    let n = if n.dot(d) > 0.0 { -n } else { n };
-    let p = o + hit.t * d;
-    (p + 1e-5 * (hit.t + p.abs().max_element()) * n, n)
 }
 
 #[cfg(test)]

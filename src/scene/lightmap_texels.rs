@@ -8,6 +8,8 @@ use rayon::prelude::*;
 
 use super::bvh::{Bvh, BvhTriangle};
 use super::culling_bounds::{ComponentOf, components_of_triangles};
+use super::random_paths::{before, path_direction, random_direction};
+use super::surroundings::normal;
 use super::{Instance, Mesh};
 
 /// A texel: an element of `LIGHTMAP_TEXELS`.
@@ -86,34 +88,16 @@ fn first_backs(bvh: &Bvh, from: Vec3) -> Vec<usize> {
 fn backs_met(bvh: &Bvh, start: Vec3, path: u32) -> Vec<usize> {
     let (mut met, mut o, mut axis) = (Vec::new(), start, None);
     for reflection in 0..=REFLECTIONS {
-        let d = random_direction(path * (REFLECTIONS + 1) + reflection);
-        let d = axis.map_or(d, |n: Vec3| (n + 0.999 * d).normalize_or(n));
+        let d = path_direction(axis, path * (REFLECTIONS + 1) + reflection);
         let Some(hit) = bvh.trace(o, d, f32::INFINITY, |_| true) else { break };
-        let [a, b, c] = bvh.triangles()[hit.triangle].corners.map(Vec3::from);
-        let n = (b - a).cross(c - a).normalize_or_zero();
-        if n.dot(d) > 0.0 {
+        if normal(bvh, &hit).dot(d) > 0.0 {
             met.push(hit.triangle);
         }
-        let side = if n.dot(d) > 0.0 { -n } else { n };
-        o += hit.t * d + 1e-5 * (hit.t + (o + hit.t * d).abs().max_element()) * side;
+        let side;
+        (o, side) = before(bvh, o, d, &hit);
         axis = Some(side);
     }
     met
-}
-
-/// Evenly over the sphere, the same for the same number.
-pub(super) fn random_direction(number: u32) -> Vec3 {
-    // O'Neill, "PCG: A Family of Simple Fast Space-Efficient Statistically Good Algorithms" (2014), section 6.3.
-    let pcg = |x: u32| {
-        let state = x.wrapping_mul(747_796_405).wrapping_add(2_891_336_453);
-        let word = ((state >> ((state >> 28) + 4)) ^ state).wrapping_mul(277_803_737);
-        (word >> 22) ^ word
-    };
-    let unit = |bits: u32| (bits >> 8) as f32 / (1 << 24) as f32;
-    let (first, second) = (pcg(number), pcg(pcg(number) ^ 0x9e37_79b9));
-    let (up, longitude) = (2.0 * unit(first) - 1.0, std::f32::consts::TAU * unit(second));
-    let across = (1.0 - up * up).sqrt();
-    Vec3::new(across * longitude.cos(), across * longitude.sin(), up)
 }
 
 /// The texels of a square atlas that bilinear filtering reads on some triangle.

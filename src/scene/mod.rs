@@ -21,6 +21,7 @@ mod model_lights;
 pub mod needs;
 pub mod places;
 pub mod probes;
+mod random_paths;
 pub mod sphere_lights;
 mod refraction;
 mod things;

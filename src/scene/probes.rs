@@ -6,8 +6,8 @@ use rayon::prelude::*;
 
 use super::Probe;
 use super::bvh::{Bvh, Hit};
-use super::lightmap_texels::random_direction;
 use super::mesh::Bounds;
+use super::random_paths::{before, path_direction};
 use super::surroundings::{FACES, Surroundings, exit, far, normal, spiral};
 use super::things::{holds_any, joined, outstanding, things};
 
@@ -310,13 +310,11 @@ fn is_clear(bvh: &Bvh, from: Vec3, to: Vec3) -> bool {
 fn smooth_met(bvh: &Bvh, camera: Vec3, path: u32, smooth: &impl Fn(usize) -> bool) -> Vec<SmoothHit> {
     let (mut met, mut o, mut axis) = (Vec::new(), camera, None);
     for reflection in 0..=REFLECTIONS {
-        let d = random_direction(path * (REFLECTIONS + 1) + reflection);
-        let d = axis.map_or(d, |n: Vec3| (n + 0.999 * d).normalize_or(n));
+        let d = path_direction(axis, path * (REFLECTIONS + 1) + reflection);
         let Some(hit) = bvh.trace(o, d, f32::INFINITY, |_| true) else { break };
-        let n = normal(bvh, &hit);
-        let side = if n.dot(d) > 0.0 { -n } else { n };
         let place = o + hit.t * d;
-        o = place + 1e-5 * (hit.t + place.abs().max_element()) * side;
+        let side;
+        (o, side) = before(bvh, o, d, &hit);
         if smooth(hit.triangle) {
             met.push(SmoothHit { place: place + 1e-3 * bvh.bounds().radius() * side, triangle: hit.triangle });
         }
