@@ -20,6 +20,7 @@ Surface clearcoat_layer(Surface s)
     s.dielectric = CLEARCOAT_FRESNEL;
     s.roughness = s.clearcoat_roughness;
     s.sheen = vec3(0.0);
+    s.diffuse_transmission = vec3(0.0);
     return unstretched(s);
 }
 

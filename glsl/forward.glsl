@@ -33,11 +33,17 @@ vec3 phong(Surface s)
     return s.base_color * environment_even(s.n).over_pi * s.occlusion + sun_light_phong(s) + point_lights_phong(s, position_world);
 }
 
-// The lightmap at this fragment's side; of one of LIGHTMAP_KINDS.
+// The lightmap at one side of this fragment's triangle; of one of LIGHTMAP_KINDS.
+vec3 lightmap_texel_of(uint kind, bool front)
+{
+    uint layer = kind * LIGHTMAP + (LIGHTMAP == LIGHTMAP_BOTH && !front ? 1u : 0u);
+    return textureLod(lightmap, vec3(lightmap_uv, layer), 0.0).rgb;
+}
+
+// The same at the side that is seen.
 vec3 lightmap_texel(uint kind)
 {
-    uint layer = kind * LIGHTMAP + (LIGHTMAP == LIGHTMAP_BOTH && !gl_FrontFacing ? 1u : 0u);
-    return textureLod(lightmap, vec3(lightmap_uv, layer), 0.0).rgb;
+    return lightmap_texel_of(kind, gl_FrontFacing);
 }
 
 // Soft light, of the lightmap or else of the panorama. A lightmap's irradiance is as the diffuse part takes it.
@@ -48,6 +54,14 @@ EvenLight even_light(Surface s)
     EvenLight light = environment_even(s.n);
     light.over_pi *= s.occlusion;
     return light;
+}
+
+// Soft light on the other side as irradiance over pi.
+vec3 soft_light_behind(Surface s)
+{
+    if (LIGHTMAP == LIGHTMAP_NONE)
+        return environment_even(-s.n).over_pi * s.occlusion;
+    return LIGHTMAP == LIGHTMAP_BOTH ? lightmap_texel_of(LIGHTMAP_IRRADIANCE, !gl_FrontFacing) * INV_PI : vec3(0.0);
 }
 
 struct Split {
@@ -156,10 +170,12 @@ Split environment_below(Surface s, SpecularLobe lobe)
     if (METALNESS == METALNESS_METAL && !multiple)
         return split;
     Energy energy = Energy(lobe.mean_entry, multiple, s.dielectric);
+    if (DIFFUSE_TRANSMISSION)
+        split.diffuse = s.diffuse_transmission * left_by_dielectric(energy, lobe.entry) * soft_light_behind(s);
     if (GEOMETRY == GEOMETRY_KARIS2013) // the thesis's: what the mixed specular part leaves
-        split.diffuse = (1.0 - lobe.reflectance) * (1.0 - s.metallic) * s.base_color * even;
+        split.diffuse += (1.0 - lobe.reflectance) * (1.0 - s.metallic) * s.base_color * even;
     else if (METALNESS != METALNESS_METAL)
-        split.diffuse = diffuse_even(energy, s.base_color, s.metallic, lobe.entry) * diffuse_taken(s.roughness, light.grazing) * even;
+        split.diffuse += diffuse_even(energy, s.base_color, s.metallic, lobe.entry) * diffuse_taken(s.roughness, light.grazing) * even;
     if (multiple)
         split.specular += multiple_even(energy, s.base_color, s.metallic, lobe.entry) * multiple_taken(s.roughness, light.grazing) * even;
     return split;
@@ -215,6 +231,18 @@ Split layered_environment(Surface s)
     return split;
 }
 
+// What diffuses through of the light of lamps and the sun on the other side.
+vec3 direct_light_behind(Surface s, Energy energy, vec2 at_v)
+{
+    vec3 irradiance = point_lights_behind(s, position_world);
+    if (SUN)
+        irradiance += sun_irradiance(-s.n, -triangle_normal());
+    float left = left_by_dielectric(energy, at_v);
+    if (SHEEN)
+        left *= under_sheen(s.sheen, sheen_albedo(s.nv, s.sheen_roughness));
+    return s.diffuse_transmission * (left * INV_PI) * irradiance;
+}
+
 // What one layer sends to the eye of all light.
 vec3 layer_light(Surface s)
 {
@@ -223,6 +251,8 @@ vec3 layer_light(Surface s)
     Energy energy = Energy(lobe.mean_entry, MULTI_SCATTER, s.dielectric);
     float variance = normal_variance();
     vec3 points = point_lights(widened_for_point_lights(s, variance), position_world, energy, lobe.entry);
+    if (DIFFUSE_TRANSMISSION)
+        split.diffuse += direct_light_behind(s, energy, lobe.entry);
     return split.diffuse + split.specular + points + sun_light(s, variance, energy, lobe.entry);
 }
 

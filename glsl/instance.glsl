@@ -31,7 +31,26 @@ struct Material {
     vec3 sheen;
     float sheen_roughness;
     vec2 anisotropy; // direction in which highlights are stretched, along tangent and bitangent, as long as they are strongly
+    float diffuse_transmission; // the share of diffuse light that goes through to the other side,
+    vec3 diffuse_transmission_color; // and its color
+    uint extension; // what the extension map is of
 };
+
+// A dielectric as its extension map has it: see asset::material::Extension.
+Fresnel dielectric_by_map(Fresnel f, vec4 texel)
+{
+    f.f0 *= texel.rgb * texel.a;
+    f.f90 *= texel.a;
+    f.film.base_f0 *= texel.rgb * texel.a;
+    return f;
+}
+
+// A stretch of highlights as its extension map has it: turned and shortened.
+vec2 stretch_by_map(vec2 along, vec4 texel)
+{
+    vec2 map = 2.0 * texel.xy - 1.0;
+    return vec2(along.x * map.x - along.y * map.y, along.x * map.y + along.y * map.x);
+}
 
 // A dielectric with its film; `thickness`: what the map of it says.
 Fresnel with_film(Material material, float thickness)
@@ -52,13 +71,13 @@ struct VertexExtra {
 
 // `flags`: colours of vertices count; alpha is coverage; from the third bit on for each map: it is looked up by the second texture
 // coordinates; colours of vertices count for emission; more is covered at slanted views, as by a sheet of glass. Maps are base
-// color, normal, ORM and emission.
+// color, normal, ORM, emission and extension.
 const uint MATERIAL_VERTEX_COLOURS = 1;
 const uint MATERIAL_BLENDS = 2;
 const uint MATERIAL_SECOND_UV = 4;
-const uint MATERIAL_UNLIT = 64;
-const uint MATERIAL_TRANSMITS = 128;
-const uint MATERIAL_CLEARCOAT_BUMPS = 1u << 24; // the normal map shows in the clear coat
+const uint MATERIAL_UNLIT = 128;
+const uint MATERIAL_TRANSMITS = 1u << 28;
+const uint MATERIAL_CLEARCOAT_BUMPS = 1u << 29; // the normal map shows in the clear coat
 // From this bit on for each map how coordinates beyond 0 to 1 are meant, two bits for u and two for v: the order of
 // asset::material::Wrap.
 const uint MATERIAL_WRAPS = 8;
@@ -69,6 +88,7 @@ const uint MAP_BASE_COLOR = 0;
 const uint MAP_NORMAL = 1;
 const uint MAP_ORM = 2;
 const uint MAP_EMISSION = 3;
+const uint MAP_EXTENSION = 4;
 
 vec4 unpacked_colour(VertexExtra extra)
 {

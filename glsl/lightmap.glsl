@@ -10,6 +10,8 @@
 
 layout(local_size_x = 64) in;
 
+const uint NO_TEXEL = 0xffffffffu;
+
 struct LightmapTexel {
     uint place;    // column and row
     uint triangle; // the upper bit: its back
@@ -33,6 +35,7 @@ struct Relay {
 // What a texel is like, and what is around it.
 struct LightmapSurface {
     vec4 albedo;    // with the share of places that are glossy
+    vec3 through;   // the same for light on the other side, which diffuses through
     uint places;    // bit i: its place i is one that can be seen
     vec3 place;     // mean of its places that are seen, metres
     vec3 normal;    // mean of their normals
@@ -140,10 +143,24 @@ vec3 irradiance_to_give(LightmapSums sums)
     return mean_irradiance(sums.steady) + mean_irradiance(vec4(sums.bounced, sums.all.a));
 }
 
+// The same on the other side of a texel's surface; 0 where nothing is known of that.
+vec3 irradiance_behind(ivec3 at)
+{
+    int other = 1 - at.z;
+    ivec3 size = imageSize(light_image);
+    if (size.z < 2 * int(LIGHTMAP_KINDS))
+        return vec3(0.0);
+    uint index = lightmap_indices[(other * size.y + at.y) * size.x + at.x];
+    return index == NO_TEXEL ? vec3(0.0) : max(irradiance_to_give(lightmap_sums[index]), 0.0);
+}
+
 // What a texel gives back of that.
 void store_soft(ivec3 at, LightmapSurface s, vec3 irradiance)
 {
-    imageStore(soft_image, at, vec4(s.albedo.rgb * irradiance * INV_PI, s.albedo.a));
+    vec3 given = s.albedo.rgb * irradiance;
+    if (rays_have(RAYS_DIFFUSE_TRANSMISSION) && s.through != vec3(0.0))
+        given += s.through * irradiance_behind(at);
+    imageStore(soft_image, at, vec4(given * INV_PI, s.albedo.a));
 }
 
 // The part of all relays that begin at what shines; the others begin at lamps.

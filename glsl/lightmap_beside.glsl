@@ -4,8 +4,6 @@
 
 #include "lightmap.glsl"
 
-const uint NO_TEXEL = 0xffffffffu;
-
 // The index of a texel that is seen and has samples, or NO_TEXEL.
 uint texel_at(ivec3 at)
 {

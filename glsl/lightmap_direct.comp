@@ -37,6 +37,20 @@ vec3 given_back_of_sun(PathPoint p, vec2 u)
     return irradiance != vec3(0.0) ? given_back_of(p.s, l) * irradiance * cosine : vec3(0.0);
 }
 
+// The same of lamps and the sun on the other side, whose light diffuses through; of a dielectric's mean.
+vec3 given_back_from_behind(PathPoint p, vec2 u)
+{
+    Energy energy = Energy(table_mean(brdf_table, p.s.roughness), MULTI_SCATTER, p.s.dielectric);
+    PathPoint behind = p;
+    behind.s = other_side(p.s, left_by_dielectric(energy, energy.mean));
+    behind.side = -p.side;
+    vec3 given = vec3(0.0);
+    float density;
+    for (uint lamp = 0u; lamp < lamp_count(); ++lamp)
+        given += given_back_of_lamp(behind, lights[lamp], density);
+    return frame.sun.irradiance != vec3(0.0) ? given + given_back_of_sun(behind, u) : given;
+}
+
 const uint PROBES = 8;
 
 // Whether one of some rays from a place says that no one sees it.
@@ -121,7 +135,7 @@ void main()
     LightmapTexel texel = lightmap_texels[index];
     uvec2 scramble = pcg4d(uvec4(index, 0u, 4u, 0u)).xy;
     uint lamps = lamp_count();
-    vec3 given = vec3(0.0), albedo = vec3(0.0), place = vec3(0.0), normal = vec3(0.0);
+    vec3 given = vec3(0.0), albedo = vec3(0.0), through = vec3(0.0), place = vec3(0.0), normal = vec3(0.0);
     float density = 0.0, glossy = 0.0;
     uint seen = seen_places(texel, index);
     for (uint i = 0u; i < work.samples; ++i) {
@@ -136,6 +150,10 @@ void main()
         }
         if (frame.sun.irradiance != vec3(0.0))
             given += given_back_of_sun(p, sobol(i, scramble));
+        if (rays_have(RAYS_DIFFUSE_TRANSMISSION) && p.s.diffuse_transmission != vec3(0.0)) {
+            given += given_back_from_behind(p, sobol(i, scramble));
+            through += p.s.diffuse_transmission;
+        }
         albedo += matt_albedo(p.s);
         place += p.position;
         normal += p.s.n;
@@ -153,7 +171,7 @@ void main()
     imageStore(direct_image, texel_address(texel), vec4(min(given, HALF_MOST), min(density, HALF_MOST)));
     imageStore(soft_image, texel_address(texel), vec4(vec3(0.0), glossy));
     vec3 n = normalize_or(normal, vec3(0.0, 1.0, 0.0));
-    lightmap_surfaces[index] = LightmapSurface(vec4(albedo * scale, glossy), seen, place * scale, n, texel_extent(texel),
+    lightmap_surfaces[index] = LightmapSurface(vec4(albedo * scale, glossy), through * scale, seen, place * scale, n, texel_extent(texel),
         vec4(0.0), 0.0, vec3(0.0));
     lightmap_sums[index] = LightmapSums(vec4(0.0), 0.0, vec4(0.0), vec3(0.0), vec2(0.0), vec4(0.0));
 }

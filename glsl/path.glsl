@@ -236,6 +236,22 @@ vec3 emitted_light(PathPoint p, Scatter m, mat3 world_from_surface, bool first, 
     return scattered_part(m, l_surface, first) * light.radiance * (light.area / max(density, TINY));
 }
 
+// At a sheet that light diffuses through a path goes on from one of its sides, each half of the time. From the other side no relay
+// was followed to it.
+void choose_side(inout PathPoint p, inout vec3 throughput, inout float arrival, inout uvec4 seed)
+{
+    seed.w += 1u;
+    throughput *= 2.0;
+    if (unit_from_bits(pcg4d(seed).x) < 0.5)
+        return;
+    Scatter m = make_scatter(p.s, surface_basis(p.s));
+    float left = left_by_dielectric(m.energy, m.at_v);
+    left *= (rays_have(RAYS_CLEARCOAT) ? m.coat.left : 1.0) * (rays_have(RAYS_SHEEN) ? m.left_by_sheen : 1.0);
+    p.s = other_side(p.s, left);
+    p.side = -p.side;
+    arrival = -1.0;
+}
+
 // `seed.w` counts the path's random numbers.
 vec3 transported_light(PathPoint p, uvec4 seed)
 {
@@ -243,12 +259,14 @@ vec3 transported_light(PathPoint p, uvec4 seed)
     bool has_lamps = lamp_count() > 0u;
     float arrival = -1.0, drawn = 0.0; // `drawn`: density with which `emitted_light` finds this point
     for (uint bounce = 0u; bounce < MOST_BOUNCES; ++bounce) {
-        mat3 world_from_surface = surface_basis(p.s);
-        Scatter m = make_scatter(p.s, world_from_surface);
-        uint place = TRANSPORT == TRANSPORT_ALL ? sky_place(p.position, p.side) : 0u;
         bool first = bounce == 0u;
         if (p.s.emission != vec3(0.0) && (!first || is_shown(true)))
             sum += throughput * p.s.emission * (arrival < 0.0 ? 1.0 : arrival / max(arrival + drawn, TINY));
+        if (rays_have(RAYS_DIFFUSE_TRANSMISSION) && p.s.diffuse_transmission != vec3(0.0))
+            choose_side(p, throughput, arrival, seed);
+        mat3 world_from_surface = surface_basis(p.s);
+        Scatter m = make_scatter(p.s, world_from_surface);
+        uint place = TRANSPORT == TRANSPORT_ALL ? sky_place(p.position, p.side) : 0u;
         if (has_lamps && !(first && !is_shown(true)))
             sum += throughput * lamps_light(p, m, first, arrival, seed);
         seed.w += 1u;

@@ -15,13 +15,15 @@ const uint RAYS_TINTS = 64;      // sheets that change the colour of what goes t
 const uint RAYS_CLEARCOAT = 128; // clear coats
 const uint RAYS_REFRACTS = 256;  // bodies that bend light
 const uint RAYS_SHEEN = 512;    // cloth with sheen
-const uint RAYS_ANISOTROPY = 16384; // stretched highlights
 const uint RAYS_FILM = 32768;    // thin films
+const uint RAYS_ANISOTROPY = 65536; // stretched highlights
+const uint RAYS_DIFFUSE_TRANSMISSION = 131072; // sheets that light diffuses through
 const uint RAYS_MAPS = 1024;      // shifted by the number of a map: some material has it
 
 // Of these, those that shaders for core materials know nothing of.
 #ifdef CORE_MATERIALS
-const uint MET_BY_NONE = RAYS_CLEARCOAT | RAYS_REFRACTS | RAYS_SHEEN | RAYS_ANISOTROPY | RAYS_FILM;
+const uint MET_BY_NONE = RAYS_CLEARCOAT | RAYS_REFRACTS | RAYS_SHEEN | RAYS_ANISOTROPY | RAYS_FILM
+    | RAYS_DIFFUSE_TRANSMISSION | RAYS_MAPS << 4;
 #else
 const uint MET_BY_NONE = 0;
 #endif

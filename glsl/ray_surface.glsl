@@ -24,6 +24,7 @@ layout(RAY_BASE_COLOR) uniform sampler2DArray ray_base_color;
 layout(RAY_NORMAL) uniform sampler2DArray ray_normal;
 layout(RAY_ORM) uniform sampler2DArray ray_orm;
 layout(RAY_EMISSION) uniform sampler2DArray ray_emission;
+layout(RAY_EXTENSION) uniform sampler2DArray ray_extension;
 // As RAY_CORNERS, or a single one where no corner needs any.
 layout(RAY_CORNER_EXTRAS, scalar) readonly buffer RayCornerExtras { VertexExtra ray_corner_extras[]; };
 
@@ -214,6 +215,14 @@ vec3 emission_of_hit(RayHit hit)
     return ray_emission_of(hit, materials[bvh_material(hit.triangle)], ray_uv(hit));
 }
 
+// The extension map, if that is what it is of.
+vec4 ray_extension_of(RayHit hit, Material material, vec2 uv, uint of)
+{
+    if (!has_map(MAP_EXTENSION) || material.extension != of)
+        return vec4(1.0);
+    return textureLod(ray_extension, ray_map_at(hit, material, uv, MAP_EXTENSION, textureSize(ray_extension, 0).x), 0.0);
+}
+
 // What the ORM map says of the layer above: its share, or thickness.
 float ray_layer(RayHit hit, Material material, vec2 uv)
 {
@@ -235,12 +244,14 @@ void set_clearcoat(inout Surface s, RayHit hit, Material material, vec2 uv, mat3
 }
 
 // The surface of a hit with its highlights stretched where the material says so; `world_from_models` turns directions.
-Surface stretched_hit(Surface s, RayHit hit, Material material, mat3 world_from_models)
+Surface stretched_hit(Surface s, RayHit hit, Material material, vec2 uv, mat3 world_from_models)
 {
-    if (material.anisotropy == vec2(0.0))
+    vec2 along = material.anisotropy;
+    if (along == vec2(0.0))
         return unstretched(s);
-    vec3 along = ray_tangent_space(hit) * vec3(material.anisotropy, 0.0);
-    return stretched(s, world_from_models * along, length(material.anisotropy));
+    if (has_map(MAP_EXTENSION) && material.extension == EXTENSION_ANISOTROPY)
+        along = stretch_by_map(along, ray_extension_of(hit, material, uv, EXTENSION_ANISOTROPY));
+    return stretched(s, world_from_models * (ray_tangent_space(hit) * vec3(along, 0.0)), length(along));
 }
 
 // What a ray of unit direction d met.
@@ -272,12 +283,25 @@ PathPoint ray_point(RayHit hit, vec3 d)
     p.s.dielectric = bare_fresnel(material.dielectric.f0, material.dielectric.f90);
     if (rays_have(RAYS_FILM) && material.dielectric.film.share > 0.0)
         p.s.dielectric = with_film(material, ray_layer(hit, material, uv));
+    if (has_map(MAP_EXTENSION))
+        p.s.dielectric = dielectric_by_map(p.s.dielectric, ray_extension_of(hit, material, uv, EXTENSION_SPECULAR));
     p.s.clearcoat = 0.0;
     if (rays_have(RAYS_CLEARCOAT))
         set_clearcoat(p.s, hit, material, uv, front * turn);
     p.s.sheen = rays_have(RAYS_SHEEN) ? material.sheen : vec3(0.0);
     p.s.sheen_roughness = material.sheen_roughness;
-    p.s = rays_have(RAYS_ANISOTROPY) ? stretched_hit(p.s, hit, material, turn) : unstretched(p.s);
+    if (rays_have(RAYS_SHEEN) && has_map(MAP_EXTENSION)) {
+        vec4 texel = ray_extension_of(hit, material, uv, EXTENSION_SHEEN);
+        p.s.sheen *= texel.rgb;
+        p.s.sheen_roughness = max(p.s.sheen_roughness * texel.a, MIN_SHEEN_ROUGHNESS);
+    }
+    p.s.diffuse_transmission = vec3(0.0);
+    if (rays_have(RAYS_DIFFUSE_TRANSMISSION) && material.diffuse_transmission > 0.0) {
+        vec4 texel = ray_extension_of(hit, material, uv, EXTENSION_DIFFUSE_TRANSMISSION);
+        vec3 color = material.diffuse_transmission_color * texel.rgb;
+        p.s = diffusing_through(p.s, material.diffuse_transmission * texel.a, color);
+    }
+    p.s = rays_have(RAYS_ANISOTROPY) ? stretched_hit(p.s, hit, material, uv, turn) : unstretched(p.s);
     p.s.occlusion = 1.0; // rays find out themselves what light reaches
     return p;
 }

@@ -8,10 +8,12 @@ layout(BASE_COLOR_MAP) uniform sampler2D base_color_map;
 layout(NORMAL_MAP) uniform sampler2D normal_map;
 layout(ORM_MAP) uniform sampler2D orm_map;
 layout(EMISSION_MAP) uniform sampler2D emission_map;
+layout(EXTENSION_MAP) uniform sampler2D extension_map;
 layout(RAY_TEXTURES_BASE_COLOR, rgba16f) uniform writeonly image2DArray base_color;
 layout(RAY_TEXTURES_NORMAL, rgba8) uniform writeonly image2DArray normal;
 layout(RAY_TEXTURES_ORM, rgba8) uniform writeonly image2DArray orm;
 layout(RAY_TEXTURES_EMISSION, rgba16f) uniform writeonly image2DArray emission; // one texel where there are no maps
+layout(RAY_TEXTURES_EXTENSION, rgba16f) uniform writeonly image2DArray extension; // the same
 layout(push_constant) uniform Target { uint layer; } target;
 
 // The mean over a texel of the layer, or nearly.
@@ -33,4 +35,6 @@ void main()
     imageStore(orm, texel, reduced(orm_map, at, size));
     if (all(lessThan(texel.xy, imageSize(emission).xy)))
         imageStore(emission, texel, reduced(emission_map, at, size));
+    if (all(lessThan(texel.xy, imageSize(extension).xy)))
+        imageStore(extension, texel, reduced(extension_map, at, size));
 }

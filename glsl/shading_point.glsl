@@ -5,6 +5,9 @@
 #include "brdf.glsl"
 #include "sampling.glsl"
 
+// Least roughness of sheen: below it, more would come back at grazing angles than arrives.
+const float MIN_SHEEN_ROUGHNESS = 0.2;
+
 struct Surface {
     vec3 n; // shading normal, towards the eye's side
     vec3 v; // to the eye
@@ -22,6 +25,7 @@ struct Surface {
     vec3 clearcoat_n; // its normal, as n
     vec3 sheen; // color of the layer of fibres over it; black where there is none
     float sheen_roughness;
+    vec3 diffuse_transmission; // albedo of what light from the other side diffuses through
     vec3 stretch; // unit direction on the surface in which highlights are stretched; 0 where they are not
     vec2 alphas;  // along it and across it
 };
@@ -44,6 +48,33 @@ Surface stretched(Surface s, vec3 along, float strength)
     s.alphas = stretched_alphas(s.alphas.y, strength);
     s.roughness = sqrt(sqrt(0.5 * dot(s.alphas, s.alphas)));
     return s;
+}
+
+// The surface with a share of the light that is no metal's mirror image going through to the other side instead: its dielectric
+// part is white light's mixture of a Lambertian reflection and a Lambertian transmission (KHR_materials_diffuse_transmission).
+Surface diffusing_through(Surface s, float share, vec3 color)
+{
+    share *= 1.0 - s.metallic;
+    s.base_color *= 1.0 - share;
+    s.diffuse_transmission = share * color;
+    return s;
+}
+
+// What such a surface is for light that comes from its other side: Lambertian and seen as from there. `left`: what the surface's
+// specular part and its layers leave of diffuse light towards the eye.
+Surface other_side(Surface s, float left)
+{
+    s.n = -s.n;
+    s.v = reflect(s.v, s.n);
+    s.base_color = s.diffuse_transmission * left;
+    s.diffuse_transmission = vec3(0.0);
+    s.metallic = 0.0;
+    s.dielectric = bare_fresnel(vec3(0.0), 0.0);
+    s.roughness = 1.0;
+    s.clearcoat = 0.0;
+    s.clearcoat_n = s.n;
+    s.sheen = vec3(0.0);
+    return unstretched(s);
 }
 
 // Columns: along the stretch or any direction, across it, and the normal.

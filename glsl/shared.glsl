@@ -72,12 +72,16 @@ const bool CLEARCOAT = false;
 const bool SHEEN = false;
 const bool ANISOTROPY = false;
 const bool FILM = false;
+const uint EXTENSION_MAP_OF = 0;
+const bool DIFFUSE_TRANSMISSION = false;
 const bool REFRACTS = false;
 #else
 layout(constant_id = 26) const bool CLEARCOAT = false;
 layout(constant_id = 28) const bool SHEEN = false;
 layout(constant_id = 30) const bool ANISOTROPY = false; // stretched highlights
 layout(constant_id = 31) const bool FILM = false; // a thin film; with SPECULAR
+layout(constant_id = 32) const uint EXTENSION_MAP_OF = 0;
+layout(constant_id = 33) const bool DIFFUSE_TRANSMISSION = false; // light diffuses through
 layout(constant_id = 27) const bool REFRACTS = false; // solid balls show what is around them
 #endif
 layout(constant_id = 23) const uint SPHERE_LIGHTS = 0;
@@ -91,6 +95,13 @@ const uint LAMP_SHADOWS_SOFT = 2;
 const uint METALNESS_DIELECTRIC = 0;
 const uint METALNESS_METAL = 1;
 const uint METALNESS_MIXED = 2;
+
+// EXTENSION_MAP_OF: the order of asset::material::Extension.
+const uint EXTENSION_NONE = 0;
+const uint EXTENSION_SPECULAR = 1;
+const uint EXTENSION_SHEEN = 2;
+const uint EXTENSION_ANISOTROPY = 3;
+const uint EXTENSION_DIFFUSE_TRANSMISSION = 4;
 
 // LIGHTMAP: soft light comes from the environment's maps, or from the scene's lightmap, of fronts alone or of both sides.
 const uint LIGHTMAP_NONE = 0;

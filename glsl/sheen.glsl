@@ -6,9 +6,6 @@
 
 #include "shading_point.glsl"
 
-// Below it, more would come back at grazing angles than arrives.
-const float MIN_SHEEN_ROUGHNESS = 0.2;
-
 // "Charlie": sin^(1 / alpha) of the half vector's angle to the normal, eq. 2; h of any length.
 float d_charlie(vec3 n, vec3 h, float alpha)
 {

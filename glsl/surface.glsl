@@ -22,6 +22,7 @@ layout(BASE_COLOR_MAP) uniform sampler2D base_color_map;
 layout(NORMAL_MAP) uniform sampler2D normal_map;
 layout(ORM_MAP) uniform sampler2D orm_map; // occlusion, roughness, metallic, clear coat
 layout(EMISSION_MAP) uniform sampler2D emission_map;
+layout(EXTENSION_MAP) uniform sampler2D extension_map;
 
 layout(location = 0) centroid in vec4 covered_position;
 layout(location = 1) centroid in vec3 normal_world;
@@ -102,12 +103,15 @@ Surface read_surface()
     s.occlusion = maps.r;
     s.roughness = maps.g * surface_factors.x;
     s.metallic = METALNESS == METALNESS_MIXED ? maps.b * base_color_metallic.a : float(METALNESS == METALNESS_METAL);
+    vec4 extension = EXTENSION_MAP_OF != EXTENSION_NONE ? SURFACE_TEXEL(extension_map, map_uv(MAP_EXTENSION)) : vec4(1.0);
     s.dielectric = bare_fresnel(vec3(surface_factors.z), 1.0);
     if (SPECULAR) {
         Material material = materials[instances[draw.instance].material];
         s.dielectric = bare_fresnel(material.dielectric.f0, material.dielectric.f90);
         if (FILM)
             s.dielectric = with_film(material, maps.a);
+        if (EXTENSION_MAP_OF == EXTENSION_SPECULAR)
+            s.dielectric = dielectric_by_map(s.dielectric, extension);
     }
     vec3 n = mapped_normal(), own_n = normalize_or(normal_world, vec3(0.0, 1.0, 0.0));
     // Cloth and leaves are seen from behind, too.
@@ -128,10 +132,22 @@ Surface read_surface()
         Material material = materials[instances[draw.instance].material];
         s.sheen = material.sheen;
         s.sheen_roughness = material.sheen_roughness;
+        if (EXTENSION_MAP_OF == EXTENSION_SHEEN) {
+            s.sheen *= extension.rgb;
+            s.sheen_roughness = max(s.sheen_roughness * extension.a, MIN_SHEEN_ROUGHNESS);
+        }
+    }
+    s.diffuse_transmission = vec3(0.0);
+    if (DIFFUSE_TRANSMISSION) {
+        Material material = materials[instances[draw.instance].material];
+        vec4 texel = EXTENSION_MAP_OF == EXTENSION_DIFFUSE_TRANSMISSION ? extension : vec4(1.0);
+        s = diffusing_through(s, material.diffuse_transmission * texel.a, material.diffuse_transmission_color * texel.rgb);
     }
     s = unstretched(s);
     if (ANISOTROPY) {
         vec2 along = materials[instances[draw.instance].material].anisotropy;
+        if (EXTENSION_MAP_OF == EXTENSION_ANISOTROPY)
+            along = stretch_by_map(along, extension);
         s = stretched(s, tangent_space() * vec3(along, 0.0), length(along));
     }
     s.v = normalize_or(frame.eyes[eye].world_from_view[3].xyz - position_world, s.n);

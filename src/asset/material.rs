@@ -1,6 +1,7 @@
 //! Materials as model files describe them, checked: factors and maps of the metallic–roughness model.
 
 use glam::{DVec3, Vec2, Vec3};
+use serde::Serialize;
 
 use super::image_source::ImageSource;
 use super::texture::Pick;
@@ -56,6 +57,15 @@ impl ThinFilm {
     }
 }
 
+/// Light that diffuses through a thin sheet, as through leaves, paper and lampshades.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DiffuseTransmission {
+    /// Of what would be reflected diffusely without it, 0 to 1.
+    pub share: f32,
+    /// By which that is multiplied on its way, linear RGB, 0 to 1.
+    pub color: Vec3,
+}
+
 /// How a closed body bends light that goes through it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Refraction {
@@ -69,6 +79,30 @@ pub struct Refraction {
     pub absorption: Vec3,
     /// Whether all bodies of it are balls, through which pictures show their surroundings.
     pub balls: bool,
+}
+
+/// What the extension map of a material says texel by texel; the same numbers as in `glsl/shared.glsl`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Extension {
+    /// By which F0 of the part that is no metal is multiplied, sRGB, and in alpha by which both F0 and F90 are.
+    Specular = 1,
+    /// By which the sheen's color is multiplied, sRGB, and in alpha its roughness.
+    Sheen,
+    /// The direction in which highlights are stretched, as long as they are strongly: R and G stand for −1 to 1.
+    Anisotropy,
+    /// By which the color of diffuse transmission is multiplied, sRGB, and in alpha its share.
+    DiffuseTransmission,
+}
+
+/// The maps of one extension of a material, which are packed in one texture.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ExtensionMaps {
+    pub of: Extension,
+    /// sRGB; of anisotropy direction and strength, linear RGB.
+    pub color: Option<MapDesc>,
+    /// One number; there is none of anisotropy.
+    pub number: Option<MapDesc>,
 }
 
 /// A material of a model. Factors are in their range; each map, where it can be read, is multiplied by its factor.
@@ -100,6 +134,7 @@ pub struct MaterialDesc {
     /// Color of the sheen of cloth, linear RGB, 0 to 1, and its roughness, [`MIN_SHEEN_ROUGHNESS`] to 1.
     pub sheen: Vec3,
     pub sheen_roughness: f32,
+    pub diffuse_transmission: Option<DiffuseTransmission>,
     /// Radiance, W/(m² sr).
     pub emissive: Factor<Vec3>,
     /// sRGB; alpha as `alpha` says.
@@ -114,6 +149,7 @@ pub struct MaterialDesc {
     pub metallic_map: Option<MapDesc>,
     /// sRGB.
     pub emissive_map: Option<MapDesc>,
+    pub extension_maps: Option<ExtensionMaps>,
     pub alpha: AlphaUse,
     /// Whether colours of vertices multiply alpha by less than 1.
     pub vertex_alpha: bool,
@@ -128,6 +164,13 @@ pub struct MaterialDesc {
     pub unlit: bool,
     /// What the file does not say and was taken from something else, or for granted.
     pub guesses: Vec<String>,
+}
+
+impl ExtensionMaps {
+    /// Those that there are.
+    pub fn all(&self) -> impl Iterator<Item = &MapDesc> {
+        [&self.color, &self.number].into_iter().flatten()
+    }
 }
 
 /// A factor's value where its map is read, and where there is none or it is broken.
@@ -236,6 +279,7 @@ impl MaterialDesc {
             film_map: None,
             sheen: Vec3::ZERO,
             sheen_roughness: 1.0,
+            diffuse_transmission: None,
             emissive: Factor::same(Vec3::ZERO),
             base_color_map: None,
             mask_map: None,
@@ -245,6 +289,7 @@ impl MaterialDesc {
             roughness_map: None,
             metallic_map: None,
             emissive_map: None,
+            extension_maps: None,
             alpha: AlphaUse::Opaque,
             vertex_alpha: false,
             culls_backs: false,
@@ -299,8 +344,9 @@ impl MaterialDesc {
     pub fn origins(&self) -> Vec<String> {
         let normals = self.normals.as_ref().map(|normals| &normals.map);
         let maps = [&self.base_color_map, &self.mask_map, &self.occlusion_map, &self.roughness_map, &self.metallic_map];
-        let maps =
-            maps.into_iter().chain([&self.emissive_map, &self.clearcoat_map, &self.film_map]).flatten().chain(normals);
+        let extension = self.extension_maps.iter().flat_map(ExtensionMaps::all);
+        let others = [&self.emissive_map, &self.clearcoat_map, &self.film_map].into_iter().flatten();
+        let maps = maps.into_iter().flatten().chain(others).chain(normals).chain(extension);
         maps.map(|map| map.origin.clone()).collect()
     }
 }

@@ -81,6 +81,13 @@ impl MipChain {
         Self { levels, ..plain }.stored(storage, Block::TwoChannels, report)
     }
 
+    /// Vectors of two channels, of which the levels hold the means.
+    pub fn anisotropy(texture: Texture, storage: Storage, report: &Report) -> Self {
+        let plain = Self::without_levels(&texture, TexelFormat::Rgba8);
+        let levels = report.time("mips", || mips::linear_levels(texture));
+        Self { levels, ..plain }.stored(storage, Block::TwoChannels, report)
+    }
+
     /// An ORM map; roughness is raised where `normals` lose detail.
     pub fn orm(texture: Texture, normals: Option<&NormalLoss>, storage: Storage, report: &Report) -> Self {
         let plain = Self::without_levels(&texture, TexelFormat::Rgba8);

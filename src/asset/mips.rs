@@ -55,6 +55,13 @@ pub fn base_color_levels(texture: Texture, cutoff: Option<f32>) -> Vec<Vec<u8>> 
     std::iter::once(texture.pixels).chain(chain.iter().map(bytes)).collect()
 }
 
+/// All levels of what is linear in all its channels, as RGBA bytes.
+pub fn linear_levels(texture: Texture) -> Vec<Vec<u8>> {
+    let chain = smaller_levels(&texture, |texel| texel.map(|value| f32::from(value) / 255.0));
+    let bytes = |level: &Level<4>| bytes_of(level.texels.iter().map(|texel| texel.map(byte)));
+    std::iter::once(texture.pixels).chain(chain.iter().map(bytes)).collect()
+}
+
 /// The mean vectors of a normal map for levels 1 and on, not normalised: the shorter, the more the normals vary.
 pub fn mean_normals(texture: &Texture) -> Vec<Level<3>> {
     smaller_levels(texture, unit_normal)

@@ -108,6 +108,11 @@ impl Texture {
         }
     }
 
+    /// Each texel as `of` makes it of itself.
+    pub fn map_texels(&mut self, of: impl Fn([u8; 4]) -> [u8; 4]) {
+        self.pixels.as_chunks_mut().0.iter_mut().for_each(|texel| *texel = of(*texel));
+    }
+
     /// Multiplies one channel by a factor of at most 1.
     pub fn scale_channel(&mut self, index: usize, factor: f32) {
         for texel in self.pixels.chunks_exact_mut(4).filter(|_| factor < 1.0) {

@@ -6,7 +6,7 @@ use ash::vk;
 use crate::{Error, Result};
 
 /// Images with samplers that one shader stage sees, in all sets of a pipeline; Vulkan requires 16.
-pub const SAMPLED_IN_STAGE: u32 = 22;
+pub const SAMPLED_IN_STAGE: u32 = 24;
 /// Storage buffers that one shader stage sees; Vulkan requires 4.
 pub const STORAGE_IN_STAGE: u32 = 16;
 

@@ -93,6 +93,13 @@ impl Energy {
         albedo * (at_l * at_v * FRAC_1_PI / mean.max(LEAST_LOST))
     }
 
+    /// Light that diffuses through a sheet, in 1/sr; multiply by |n·l| and by the irradiance on the side that is not seen. Of what the
+    /// dielectric's specular part leaves towards the eye, `share` takes this way instead of being reflected, and is multiplied by
+    /// `color`: KHR_materials_diffuse_transmission. Reflected is then (1 − `share`) of the base color.
+    pub fn diffuse_transmission(&self, share: f64, color: DVec3, metallic: f64, at_v: Entry) -> DVec3 {
+        color * (share * (1.0 - metallic) * self.left_by_dielectric(at_v) * FRAC_1_PI)
+    }
+
     /// Diffuse reflection and multiple scattering, in 1/sr.
     pub fn beyond_single(&self, base_color: DVec3, metallic: f64, at_l: Entry, at_v: Entry) -> DVec3 {
         (1.0 - metallic) * self.diffuse(base_color, at_l, at_v)

@@ -44,7 +44,13 @@ pub const SCENE: SetBindings = SetBindings {
 /// The textures of one material.
 pub const TEXTURES: SetBindings = SetBindings {
     set: 2,
-    bindings: &[("BASE_COLOR_MAP", Sampled), ("NORMAL_MAP", Sampled), ("ORM_MAP", Sampled), ("EMISSION_MAP", Sampled)],
+    bindings: &[
+        ("BASE_COLOR_MAP", Sampled),
+        ("NORMAL_MAP", Sampled),
+        ("ORM_MAP", Sampled),
+        ("EMISSION_MAP", Sampled),
+        ("EXTENSION_MAP", Sampled),
+    ],
 };
 
 /// What rays meet: the scene's triangles under a hierarchy, small copies of its textures, and the importance table of the
@@ -62,6 +68,7 @@ pub const RAYS: SetBindings = SetBindings {
         ("RAY_EMISSION", Sampled),
         ("RAY_CORNER_EXTRAS", Storage),
         ("RAY_EMITTERS", Storage),
+        ("RAY_EXTENSION", Sampled),
     ],
 };
 
@@ -73,6 +80,7 @@ pub const RAY_TEXTURES: SetBindings = SetBindings {
         ("RAY_TEXTURES_NORMAL", StorageImage),
         ("RAY_TEXTURES_ORM", StorageImage),
         ("RAY_TEXTURES_EMISSION", StorageImage),
+        ("RAY_TEXTURES_EXTENSION", StorageImage),
     ],
 };
 

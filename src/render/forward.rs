@@ -223,7 +223,7 @@ impl ForwardPass {
     }
 }
 
-fn constants(features: MaterialFeatures, multiple: bool) -> [Constant; 16] {
+fn constants(features: MaterialFeatures, multiple: bool) -> [Constant; 18] {
     [
         (constant::HAS_BASE_COLOR_MAP, u32::from(features.base_color_map)),
         (constant::HAS_NORMAL_MAP, u32::from(features.normal_map)),
@@ -241,6 +241,8 @@ fn constants(features: MaterialFeatures, multiple: bool) -> [Constant; 16] {
         (constant::ANISOTROPY, u32::from(features.anisotropy)),
         (constant::FILM, u32::from(features.film)),
         (constant::SPECULAR, u32::from(features.specular)),
+        (constant::DIFFUSE_TRANSMISSION, u32::from(features.diffuse_transmission)),
+        (constant::EXTENSION_MAP_OF, features.extension_map.map_or(0, |of| of as u32)),
     ]
 }
 

@@ -1,18 +1,31 @@
-//! Which code for materials a pipeline has: for core materials, which have no clear coat, no sheen, no stretched highlights, no film and do not
-//! refract, or for all.
+//! Which code for materials a pipeline has: for core materials, which have no clear coat, no sheen, no stretched highlights, no film, no diffuse
+//! transmission, no map of an extension and do not refract, or for all.
 //!
 //! Constants alone would do, but validation layers, software renderers and drivers work through all of a shader before they
 //! leave out what its constants do.
 
+use super::ray_features::EXTENSION_MAPS;
 use super::shared::{constant, ray_feature};
 use crate::gpu::{Constant, core_materials};
 
 /// What is true or not of the material of the surface that is drawn.
-const OF_SURFACE: [u32; 5] =
-    [constant::CLEARCOAT, constant::SHEEN, constant::ANISOTROPY, constant::FILM, constant::REFRACTS];
+const OF_SURFACE: [u32; 7] = [
+    constant::CLEARCOAT,
+    constant::SHEEN,
+    constant::ANISOTROPY,
+    constant::FILM,
+    constant::EXTENSION_MAP_OF,
+    constant::DIFFUSE_TRANSMISSION,
+    constant::REFRACTS,
+];
 /// What rays may meet.
-const OF_RAYS: u32 =
-    ray_feature::CLEARCOAT | ray_feature::SHEEN | ray_feature::ANISOTROPY | ray_feature::FILM | ray_feature::REFRACTS;
+const OF_RAYS: u32 = ray_feature::CLEARCOAT
+    | ray_feature::SHEEN
+    | ray_feature::ANISOTROPY
+    | ray_feature::FILM
+    | ray_feature::REFRACTS
+    | ray_feature::DIFFUSE_TRANSMISSION
+    | EXTENSION_MAPS;
 
 /// The name of `shader` with no more code than these constants use.
 pub fn shader_for(shader: &str, constants: &[Constant]) -> String {
@@ -44,6 +57,8 @@ mod tests {
             ray_feature::ANISOTROPY,
             ray_feature::FILM,
             ray_feature::REFRACTS,
+            ray_feature::DIFFUSE_TRANSMISSION,
+            EXTENSION_MAPS,
         ] {
             assert_eq!(shader_for("a.frag", &[(constant::RAY_FEATURES, bit)]), "a.frag");
         }

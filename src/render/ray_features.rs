@@ -3,10 +3,11 @@
 use glam::{Vec2, Vec3};
 
 use super::shared::{VertexExtraBlock, ray_feature};
-use crate::scene::{GeometryView, Material};
+use crate::scene::{GeometryView, MAPS, Material};
 
-/// The number of the emissive map among [`Material::maps`].
-pub const EMISSIVE_MAP: u32 = 3;
+/// Bits of the emissive and the extension map, as they stand in [`Material::maps`].
+pub const EMISSIVE_MAPS: u32 = ray_feature::MAPS << 3;
+pub const EXTENSION_MAPS: u32 = ray_feature::MAPS << 4;
 
 /// What rays may meet in a scene with this geometry: bits of [`ray_feature`].
 pub fn features(materials: &[Material], geometry: GeometryView<'_>) -> u32 {
@@ -22,10 +23,11 @@ pub fn features(materials: &[Material], geometry: GeometryView<'_>) -> u32 {
         (ray_feature::SHEEN, any(&|material| material.sheen_color != Vec3::ZERO)),
         (ray_feature::ANISOTROPY, any(&|material| material.anisotropy != Vec2::ZERO)),
         (ray_feature::FILM, any(&|material| material.film.is_some())),
+        (ray_feature::DIFFUSE_TRANSMISSION, any(&|material| material.diffuse_transmission.is_some())),
         (ray_feature::REFRACTS, any(&|material| material.refraction.is_some())),
         (ray_feature::EXTRAS, any(&Material::takes_second_uv) || extra()),
     ];
-    let of_maps = (0..4).filter(|i| maps(*i)).map(|i| ray_feature::MAPS << i);
+    let of_maps = (0..MAPS as u32).filter(|i| maps(*i)).map(|i| ray_feature::MAPS << i);
     all.into_iter().filter(|(_, has)| *has).map(|(feature, _)| feature).chain(of_maps).sum()
 }
 
@@ -37,7 +39,7 @@ fn is_glossy(material: &Material) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::asset::material::ThinFilm;
+    use crate::asset::material::{DiffuseTransmission, Extension, ThinFilm};
     use crate::scene::Mesh;
 
     #[test]
@@ -60,6 +62,12 @@ mod tests {
         assert_eq!(of(|m| m.anisotropy.y = 0.1), ray_feature::ANISOTROPY);
         let film = |m: &mut Material| m.film = Some(ThinFilm { share: 0.1, ior: 1.3, thickness: [400.0; 2] });
         assert_eq!(of(film), ray_feature::FILM);
+        let through = |m: &mut Material| {
+            m.diffuse_transmission = Some(DiffuseTransmission { share: 0.5, color: Vec3::ONE });
+        };
+        assert_eq!(of(through), ray_feature::DIFFUSE_TRANSMISSION);
+        let sheen = |m: &mut Material| m.extension_map = Some((Extension::Sheen, 0));
+        assert_eq!(of(sheen), EXTENSION_MAPS);
         assert_eq!(of(|m| m.emissive_factor.z = 0.1), ray_feature::EMITTERS);
         assert_eq!(of(|m| (m.metallic_range, m.roughness_range) = ([0.0, 1.0], [0.2, 0.9])), ray_feature::GLOSSY);
         assert_eq!(of(|m| (m.metallic_range, m.roughness_range) = ([0.0, 1.0], [0.7, 0.9])), 0);

@@ -7,7 +7,7 @@ use glam::{DVec4, Mat4, Vec3};
 
 use super::emitters;
 use super::layouts::Layouts;
-use super::ray_features::{EMISSIVE_MAP, features};
+use super::ray_features::{EMISSIVE_MAPS, EXTENSION_MAPS, features};
 use super::ray_textures::RayTextures;
 use super::shared::{VertexExtraBlock, constant, ray_feature};
 use crate::Result;
@@ -36,6 +36,7 @@ pub struct LazyRayScene {
     /// For each of the scene's materials.
     masked: Vec<bool>,
     culls_backs: Vec<bool>,
+    lets_through: Vec<bool>,
     /// Of each material, the sum of its channels.
     emission: Vec<f32>,
     has_textures: bool,
@@ -98,6 +99,7 @@ impl LazyRayScene {
             instances: geometry.instances.to_vec(),
             masked: scene.materials.iter().map(|m| m.alpha_cutoff.is_some() || m.blends).collect(),
             culls_backs: scene.materials.iter().map(|m| m.culls_backs).collect(),
+            lets_through: scene.materials.iter().map(|m| m.diffuse_transmission.is_some()).collect(),
             emission: scene.materials.iter().map(|material| material.emissive_factor.element_sum()).collect(),
             has_textures: !scene.textures.is_empty(),
             features: features(&scene.materials, geometry),
@@ -116,6 +118,7 @@ impl LazyRayScene {
             instances: Vec::new(),
             masked: Vec::new(),
             culls_backs: Vec::new(),
+            lets_through: Vec::new(),
             emission: Vec::new(),
             has_textures: false,
             features: 0,
@@ -139,9 +142,14 @@ impl LazyRayScene {
             return Ok(Arc::clone(built));
         }
         let bvh = Bvh::new(&self.meshes, &self.instances)?;
-        let sides = sides(&bvh, &self.meshes, &self.instances, [&self.cameras, &self.lamps]);
+        let mut sides = sides(&bvh, &self.meshes, &self.instances, [&self.cameras, &self.lamps]);
+        for (side, triangle) in sides.iter_mut().zip(bvh.triangles()) {
+            if self.lets_through[self.mesh(triangle).material] {
+                *side = Sides::Both;
+            }
+        }
         let sets = Arc::clone(&locked(&self.texture_sets));
-        let has = [self.has_textures, self.has(ray_feature::MAPS << EMISSIVE_MAP)];
+        let has = [self.has_textures, self.has(EMISSIVE_MAPS), self.has(EXTENSION_MAPS)];
         let textures = RayTextures::new(gpu, layouts, &sets, has)?;
         let scene = Arc::new(RayScene::new(gpu, (bvh, sides), self, textures)?);
         *built = Some(Arc::clone(&scene));
@@ -155,12 +163,14 @@ impl LazyRayScene {
     /// A constant of shaders that trace rays: the scene's features, and `more` that the scene alone does not say.
     pub fn features(&self, model: Model, more: u32) -> Constant {
         // Without sheets that tint there are no maps of what they let through; a clear coat is a second surface, sheen another layer;
-        // stretched highlights have directions; films have colours; bodies of glass are followed through.
+        // stretched highlights have directions; films have colours; light diffuses to the other side; bodies of glass are followed through.
         let of_materials = ray_feature::TINTS
             | ray_feature::CLEARCOAT
             | ray_feature::SHEEN
             | ray_feature::ANISOTROPY
             | ray_feature::FILM
+            | EXTENSION_MAPS
+            | ray_feature::DIFFUSE_TRANSMISSION
             | ray_feature::REFRACTS;
         let everything = if model == Model::Everything { !of_materials } else { 0 };
         (constant::RAY_FEATURES, self.features | more | everything)
@@ -338,6 +348,7 @@ impl RaySet {
             Binding::Sampled(&scene.textures.emission, &sampler),
             Binding::Storage(&scene.corner_extras),
             Binding::Storage(&scene.emitters),
+            Binding::Sampled(&scene.textures.extension, &sampler),
         ];
         Ok(Self { set: DescriptorSet::new(gpu, "rays", &layouts.rays, &bindings)? })
     }

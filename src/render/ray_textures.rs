@@ -11,10 +11,11 @@ use crate::gpu::{
     submit_and_wait,
 };
 
-/// Memory for the reduced textures, and the part of the GPU's that they may take: 24 bytes a texel of each layer with emission.
+/// Memory for the reduced textures, and the part of the GPU's that they may take: 32 bytes a texel of each layer with emission and
+/// extensions.
 const TEXTURE_BYTES: u64 = 192 << 20;
 const MEMORY_PART: u64 = 8;
-const TEXEL_BYTES: u64 = 24;
+const TEXEL_BYTES: u64 = 32;
 /// Sides of the reduced textures, in texels.
 const SIDES: [u32; 6] = [1024, 512, 256, 128, 64, 32];
 /// Texels along a side of `glsl/ray_textures.comp`'s workgroups.
@@ -26,18 +27,19 @@ pub struct RayTextures {
     pub normal: Arc<Image>,
     pub orm: Arc<Image>,
     pub emission: Arc<Image>,
+    pub extension: Arc<Image>,
 }
 
 impl RayTextures {
-    /// Reduces the textures of each set to a layer. `has` says whether any has texels that differ, and maps of emission; what has
-    /// not takes one texel.
+    /// Reduces the textures of each set to a layer. `has` says whether any has texels that differ, and maps of emission and of
+    /// extensions; what has not takes one texel.
     ///
     /// # Errors
     /// No memory; a failed Vulkan call.
-    pub fn new(gpu: &Arc<Gpu>, layouts: &Layouts, sets: &[DescriptorSet], has: [bool; 2]) -> Result<Self> {
-        let [any, emissive] = has;
+    pub fn new(gpu: &Arc<Gpu>, layouts: &Layouts, sets: &[DescriptorSet], has: [bool; 3]) -> Result<Self> {
+        let [any, emissive, extended] = has;
         let side = if any { affordable_side(gpu, sets.len() as u64) } else { 1 };
-        let emissive_side = if emissive { side } else { 1 };
+        let side_of = |has: bool| if has { side } else { 1 };
         let layers = (sets.len() as u32).max(1);
         let image = |name, format, side: u32| {
             let usage = ImageUsageFlags::SAMPLED | ImageUsageFlags::STORAGE;
@@ -49,9 +51,10 @@ impl RayTextures {
             base_color: image("ray base color", Format::R16G16B16A16_SFLOAT, side)?,
             normal: image("ray normal", Format::R8G8B8A8_UNORM, side)?,
             orm: image("ray orm", Format::R8G8B8A8_UNORM, side)?,
-            emission: image("ray emission", Format::R16G16B16A16_SFLOAT, emissive_side)?,
+            emission: image("ray emission", Format::R16G16B16A16_SFLOAT, side_of(emissive))?,
+            extension: image("ray extension", Format::R16G16B16A16_SFLOAT, side_of(extended))?,
         };
-        let all = [&textures.base_color, &textures.normal, &textures.orm, &textures.emission];
+        let all = [&textures.base_color, &textures.normal, &textures.orm, &textures.emission, &textures.extension];
         let targets =
             DescriptorSet::new(gpu, "ray textures", &layouts.ray_textures, &all.map(|i| Binding::StorageImage(i, 0)))?;
         let used = [&layouts.frame, &layouts.ray_textures, &layouts.textures];
@@ -94,7 +97,7 @@ mod tests {
 
     #[test]
     fn textures_for_rays_stay_within_their_memory() {
-        for (layers, want) in [(1, 1024), (8, 1024), (9, 512), (32, 512), (33, 256), (9000, 32)] {
+        for (layers, want) in [(1, 1024), (6, 1024), (7, 512), (24, 512), (25, 256), (9000, 32)] {
             assert_eq!(side(layers, TEXTURE_BYTES), want, "{layers} layers");
         }
     }

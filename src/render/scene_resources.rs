@@ -17,7 +17,7 @@ use super::settings::RenderSettings;
 use super::shadow_plan::ShadowPlan;
 use super::shared::{InstanceBlock, LightBlock, MaterialBlock, SphereLightBlock, material_flag};
 use crate::Result;
-use crate::asset::material::{Refraction, ThinFilm};
+use crate::asset::material::{DiffuseTransmission, Refraction, ThinFilm};
 use crate::asset::model::Cone;
 use crate::context::Context;
 use crate::gpu::{Buffer, BufferKind, Commands, Gpu};
@@ -286,6 +286,7 @@ fn material_block(material: &Material, textures: u32) -> MaterialBlock {
     let straight =
         Refraction { ior: 1.0, ior_spread: 0.0, surface_transmission: Vec3::ONE, absorption: Vec3::ZERO, balls: false };
     let refraction = material.refraction.unwrap_or(straight);
+    let through = material.diffuse_transmission.unwrap_or(DiffuseTransmission { share: 0.0, color: Vec3::ZERO });
     let film = material.film.unwrap_or(ThinFilm { share: 0.0, ior: 1.0, thickness: [0.0; 2] });
     MaterialBlock {
         base_color: material.base_color_factor.into(),
@@ -311,6 +312,9 @@ fn material_block(material: &Material, textures: u32) -> MaterialBlock {
         sheen: material.sheen_color.into(),
         sheen_roughness: material.sheen_roughness,
         anisotropy: material.anisotropy.into(),
+        diffuse_transmission: through.share,
+        diffuse_transmission_color: through.color.into(),
+        extension: material.extension_map.map_or(0, |(of, _)| of as u32),
         emission: material.emissive_factor.into(),
         flags: material_flags(material),
     }

@@ -141,6 +141,11 @@ pub struct MaterialBlock {
     pub sheen_roughness: f32,
     /// In which direction highlights are stretched, along tangent and bitangent, as long as they are strongly.
     pub anisotropy: [f32; 2],
+    /// The share of diffuse light that goes through to the other side, and its color.
+    pub diffuse_transmission: f32,
+    pub diffuse_transmission_color: [f32; 3],
+    /// What the extension map is of: an `asset::material::Extension`; 0 without one.
+    pub extension: u32,
 }
 
 /// Bits of [`MaterialBlock::flags`], as in `glsl/instance.glsl`.
@@ -150,13 +155,13 @@ pub mod material_flag {
     /// Of the first map; the others follow.
     pub const SECOND_UV: u32 = 4;
     /// Colours of vertices multiply emission.
-    pub const UNLIT: u32 = 64;
-    /// What is covered grows at slanted views.
-    pub const TRANSMITS: u32 = 128;
+    pub const UNLIT: u32 = 128;
     /// The first bit of the first map's u; two bits each.
     pub const WRAPS: u32 = 8;
+    /// What is covered grows at slanted views.
+    pub const TRANSMITS: u32 = 1 << 28;
     /// The normal map shows in the clear coat.
-    pub const CLEARCOAT_BUMPS: u32 = 1 << 24;
+    pub const CLEARCOAT_BUMPS: u32 = 1 << 29;
 }
 
 /// What few vertices have: an element of `SCENE_VERTEX_EXTRAS` and of `RAY_CORNER_EXTRAS`.
@@ -234,7 +239,7 @@ const _: () = {
     assert!(size_of::<FrameBlock>() == 144 * MAX_EYES + 188 + size_of::<[SphereLightBlock; MAX_SPHERE_LIGHTS]>());
     assert!(offset_of!(InstanceBlock, material) == 64 && size_of::<InstanceBlock>() == 68);
     assert!(offset_of!(MaterialBlock, metallic) == 12 && offset_of!(MaterialBlock, emission) == 32);
-    assert!(size_of::<MaterialBlock>() == 168 && size_of::<VertexExtraBlock>() == 16);
+    assert!(size_of::<MaterialBlock>() == 188 && size_of::<VertexExtraBlock>() == 16);
     assert!(offset_of!(LightBlock, radius) == 12 && offset_of!(LightBlock, intensity) == 16);
     assert!(offset_of!(LightBlock, shadow_near) == 28 && offset_of!(LightBlock, shadow_layer) == 32);
     assert!(offset_of!(LightBlock, along) == 36 && size_of::<LightBlock>() == 56);
@@ -275,6 +280,8 @@ pub mod constant {
     pub const SPECULAR: u32 = 29;
     pub const ANISOTROPY: u32 = 30;
     pub const FILM: u32 = 31;
+    pub const EXTENSION_MAP_OF: u32 = 32;
+    pub const DIFFUSE_TRANSMISSION: u32 = 33;
 }
 
 /// What rays may meet or be sent to in a scene: bits of [`constant::RAY_FEATURES`], described in `glsl/ray_features.glsl`.
@@ -289,8 +296,9 @@ pub mod ray_feature {
     pub const CLEARCOAT: u32 = 128;
     pub const REFRACTS: u32 = 256;
     pub const SHEEN: u32 = 512;
-    pub const ANISOTROPY: u32 = 16384;
     pub const FILM: u32 = 32768;
+    pub const ANISOTROPY: u32 = 65536;
+    pub const DIFFUSE_TRANSMISSION: u32 = 131072;
     /// Shifted by the number of a map, as [`material_flag::SECOND_UV`].
     pub const MAPS: u32 = 1024;
 }

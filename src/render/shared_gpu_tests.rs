@@ -102,6 +102,9 @@ impl Blocks {
             sheen: counter.list(),
             sheen_roughness: counter.next(),
             anisotropy: counter.list(),
+            diffuse_transmission: counter.next(),
+            diffuse_transmission_color: counter.list(),
+            extension: counter.next() as u32,
         });
         let lights = std::array::from_fn(|_| LightBlock {
             position: counter.list(),
@@ -172,6 +175,8 @@ impl Blocks {
                     .chain(&[material.ior, material.ior_spread]),
             );
             numbers.extend(material.sheen.iter().chain(&[material.sheen_roughness]).chain(&material.anisotropy));
+            numbers.push(material.diffuse_transmission);
+            numbers.extend(material.diffuse_transmission_color.iter().chain(&[material.extension as f32]));
         }
         numbers
     }
@@ -252,8 +257,9 @@ fn features_of_rays_have_the_same_bits_as_in_glsl() {
         ("CLEARCOAT", ray_feature::CLEARCOAT),
         ("REFRACTS", ray_feature::REFRACTS),
         ("SHEEN", ray_feature::SHEEN),
-        ("ANISOTROPY", ray_feature::ANISOTROPY),
         ("FILM", ray_feature::FILM),
+        ("ANISOTROPY", ray_feature::ANISOTROPY),
+        ("DIFFUSETRANSMISSION", ray_feature::DIFFUSE_TRANSMISSION),
         ("MAPS", ray_feature::MAPS),
     ];
     assert_eq!(constants(RAY_FEATURES, "uint", "RAYS_"), ours.map(|(name, bit)| (name.to_owned(), bit)));
@@ -295,6 +301,8 @@ fn specialization_constants_have_their_ids() {
         ("SHEEN", constant::SHEEN),
         ("ANISOTROPY", constant::ANISOTROPY),
         ("FILM", constant::FILM),
+        ("EXTENSION_MAP_OF", constant::EXTENSION_MAP_OF),
+        ("DIFFUSE_TRANSMISSION", constant::DIFFUSE_TRANSMISSION),
         ("REFRACTS", constant::REFRACTS),
         ("SPHERE_LIGHTS", constant::SPHERE_LIGHTS),
     ];

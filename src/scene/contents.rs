@@ -4,7 +4,7 @@ use glam::{Mat4, Vec2, Vec3};
 use serde::Serialize;
 
 use super::mesh::{Bounds, Mesh};
-use crate::asset::material::{Refraction, Sampling, ThinFilm};
+use crate::asset::material::{DiffuseTransmission, Extension, Refraction, Sampling, ThinFilm};
 use crate::asset::model::Cone;
 use crate::asset::{MipChain, Panorama};
 
@@ -67,6 +67,9 @@ pub struct Instance {
     pub world_from_local: Mat4,
 }
 
+/// The most maps of a material.
+pub const MAPS: usize = 5;
+
 /// Metallic–roughness material; each map, where present, is multiplied by its factor.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Material {
@@ -94,6 +97,7 @@ pub struct Material {
     /// Linear RGB, 0 to 1; black where it has no sheen.
     pub sheen_color: Vec3,
     pub sheen_roughness: f32,
+    pub diffuse_transmission: Option<DiffuseTransmission>,
     /// Radiance, W/(m² sr).
     pub emissive_factor: Vec3,
     /// Indices into [`Scene::textures`].
@@ -102,8 +106,10 @@ pub struct Material {
     /// Occlusion, roughness, metallic in R, G, B.
     pub orm_map: Option<usize>,
     pub emissive_map: Option<usize>,
-    /// How base color, normal, ORM and emissive map are looked up.
-    pub lookups: [Lookup; 4],
+    /// With what it is a map of.
+    pub extension_map: Option<(Extension, usize)>,
+    /// How base color, normal, ORM, emissive and extension map are looked up.
+    pub lookups: [Lookup; MAPS],
     /// Minimum and maximum of factor times map; coarser levels of a map may be rougher, where normals vary.
     pub metallic_range: [f32; 2],
     pub roughness_range: [f32; 2],
@@ -138,7 +144,11 @@ pub struct MaterialSource {
 impl Material {
     /// Whether what is no metal in it reflects otherwise than by an index of refraction alone.
     pub fn has_specular_factors(&self) -> bool {
-        self.film.is_some() || self.dielectric_f0 != Vec3::splat(self.dielectric_f0.x) || self.dielectric_f90 != 1.0
+        let has_map = self.extension_map.is_some_and(|(of, _)| of == Extension::Specular);
+        has_map
+            || self.film.is_some()
+            || self.dielectric_f0 != Vec3::splat(self.dielectric_f0.x)
+            || self.dielectric_f90 != 1.0
     }
 
     /// F0 of the part that is no metal for light from all sides, with the film.
@@ -146,9 +156,10 @@ impl Material {
         self.film.map_or(self.dielectric_f0, |film| film.even_f0(self.dielectric_f0, self.dielectric_f90))
     }
 
-    /// Base color, normal, ORM and emissive map.
-    pub fn maps(&self) -> [Option<usize>; 4] {
-        [self.base_color_map, self.normal_map, self.orm_map, self.emissive_map]
+    /// Base color, normal, ORM, emissive and extension map.
+    pub fn maps(&self) -> [Option<usize>; MAPS] {
+        let extension = self.extension_map.map(|(_, map)| map);
+        [self.base_color_map, self.normal_map, self.orm_map, self.emissive_map, extension]
     }
 
     /// Whether light that goes through it changes its colour.

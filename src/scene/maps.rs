@@ -5,7 +5,7 @@ use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::OnceLock;
 
-use glam::Vec3;
+use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
 use crate::asset::cache::Key;
@@ -46,6 +46,7 @@ pub enum Alpha {
     Opaque,
     /// A mask, with the bits of its cutoff.
     Mask(u32),
+    /// Coverage, or any other number that leaves the color what it is.
     Blend,
 }
 
@@ -58,6 +59,8 @@ pub enum TextureTask {
         alpha: Alpha,
     },
     Normal(Normals),
+    /// Direction and strength of stretched highlights.
+    Anisotropy(ImageSource),
     /// Occlusion, roughness, metallic, clear coat; the bits of the roughness factor with its map, and without it, and of the
     /// occlusion's strength.
     Orm {
@@ -175,6 +178,10 @@ impl<'a> Pictures<'a> {
                 add(Some(normals.image()))?;
                 format!("normal {:?}", normals.numbers())
             }
+            TextureTask::Anisotropy(image) => {
+                add(Some(image))?;
+                "anisotropy".into()
+            }
             TextureTask::Orm { maps, normals, roughness, strength } => {
                 maps.iter().try_for_each(|map| add(map.as_ref().map(|map| &map.image)))?;
                 add(normals.as_ref().map(Normals::image))?;
@@ -197,6 +204,14 @@ impl<'a> Pictures<'a> {
                 Err(problem) => {
                     TextureResult { problems: vec![(normals.image().clone(), problem)], ..TextureResult::nothing() }
                 }
+            },
+            TextureTask::Anisotropy(image) => match self.load(image, Encoding::Linear) {
+                Ok(mut texture) => {
+                    texture.map_texels(along_by_strength);
+                    let texture = Some(MipChain::anisotropy(texture, self.options.storage, self.report));
+                    TextureResult { texture, read: [true; 4], ..TextureResult::nothing() }
+                }
+                Err(problem) => TextureResult { problems: vec![(image.clone(), problem)], ..TextureResult::nothing() },
             },
             TextureTask::Orm { maps, normals, roughness, strength } => {
                 let strength = f32::from_bits(*strength);
@@ -372,12 +387,21 @@ fn plain(like: &Texture) -> Texture {
     Texture { name: "roughness".into(), encoding: Encoding::Linear, pixels, ..*like }
 }
 
+/// A texel of direction and strength as the direction times the strength, from −1 to 1.
+fn along_by_strength([x, y, strength, _]: [u8; 4]) -> [u8; 4] {
+    let unit = |value: u8| f32::from(value) / 255.0;
+    let along = (2.0 * Vec2::new(unit(x), unit(y)) - Vec2::ONE).clamp_length_max(1.0) * unit(strength);
+    let [x, y] = along.to_array().map(|value| (255.0 * (0.5 + 0.5 * value)).round() as u8);
+    [x, y, 0, 255]
+}
+
 fn images(task: &TextureTask) -> Vec<&ImageSource> {
     match task {
         TextureTask::BaseColor { colour, mask, .. } => {
             colour.iter().chain(mask.iter().map(|mask| &mask.image)).collect()
         }
         TextureTask::Normal(normals) => vec![normals.image()],
+        TextureTask::Anisotropy(image) => vec![image],
         TextureTask::Orm { maps, normals, .. } => {
             maps.iter().flatten().map(|map| &map.image).chain(normals.as_ref().map(Normals::image)).collect()
         }
@@ -387,7 +411,7 @@ fn images(task: &TextureTask) -> Vec<&ImageSource> {
 fn scalars(task: &TextureTask) -> Vec<OneChannel> {
     match task {
         TextureTask::BaseColor { mask, .. } => mask.iter().cloned().collect(),
-        TextureTask::Normal(_) => Vec::new(),
+        TextureTask::Normal(_) | TextureTask::Anisotropy(_) => Vec::new(),
         TextureTask::Orm { maps, .. } => maps.iter().flatten().cloned().collect(),
     }
 }
@@ -423,7 +447,7 @@ fn from_entry(entry: Ktx2, task: &TextureTask) -> Option<TextureResult> {
     let texture = if has_texture { Some(MipChain::from_ktx2(entry)?) } else { None };
     let read = match task {
         TextureTask::BaseColor { colour, .. } => [colour.is_some(); 4],
-        TextureTask::Normal(_) => [true; 4],
+        TextureTask::Normal(_) | TextureTask::Anisotropy(_) => [true; 4],
         TextureTask::Orm { maps, .. } => maps.each_ref().map(Option::is_some),
     };
     Some(TextureResult {

@@ -6,10 +6,13 @@ use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
 use super::Material;
-use super::contents::Lookup;
+use super::contents::{Lookup, MAPS};
 use super::maps::{ALPHA_CUTOFF, Alpha, Normals, OneChannel, Pictures, TextureResult, TextureTask};
 use crate::asset::image_source::ImageSource;
-use crate::asset::material::{AlphaUse, DIELECTRIC_F0, MapDesc, MaterialDesc, NormalsKind, Refraction};
+use crate::asset::material::{
+    AlphaUse, DIELECTRIC_F0, DiffuseTransmission, Extension, ExtensionMaps, MapDesc, MaterialDesc, NormalsKind,
+    Refraction,
+};
 use crate::asset::mtl_material::{DEFAULT_GREY, DEFAULT_ROUGHNESS};
 use crate::asset::{MipChain, Report, TextureOptions};
 
@@ -36,12 +39,14 @@ impl Material {
             anisotropy: Vec2::ZERO,
             sheen_color: Vec3::ZERO,
             sheen_roughness: 1.0,
+            diffuse_transmission: None,
             emissive_factor: Vec3::ZERO,
             base_color_map: None,
             normal_map: None,
             orm_map: None,
             emissive_map: None,
-            lookups: [Lookup::default(); 4],
+            extension_map: None,
+            lookups: [Lookup::default(); MAPS],
             metallic_range: [metallic; 2],
             roughness_range: [roughness; 2],
             occludes: false,
@@ -120,6 +125,20 @@ impl Plan<'_> {
         Some(TextureTask::BaseColor { colour: Some(colour), mask: None, alpha: Alpha::Opaque })
     }
 
+    fn extension_task(&self) -> Option<TextureTask> {
+        let maps = self.desc.extension_maps.as_ref()?;
+        let (colour, mask) = (image(&maps.color), one_channel(&maps.number));
+        match maps.of {
+            Extension::Anisotropy => colour.map(TextureTask::Anisotropy),
+            _ => (colour.is_some() || mask.is_some()).then_some(TextureTask::BaseColor {
+                colour,
+                // Alpha of the color map is that of its own picture alone where it is the map of the number.
+                alpha: if mask.is_some() { Alpha::Blend } else { Alpha::Opaque },
+                mask,
+            }),
+        }
+    }
+
     fn normals(&self) -> Option<Normals> {
         let normals = self.desc.normals.as_ref()?;
         let image = normals.map.image.clone();
@@ -148,7 +167,9 @@ impl Plan<'_> {
 
     fn tasks(&self) -> impl Iterator<Item = TextureTask> {
         let normal = self.normals().map(TextureTask::Normal);
-        [self.base_color_task(), normal, self.orm_task(), self.emissive_task()].into_iter().flatten()
+        [self.base_color_task(), normal, self.orm_task(), self.emissive_task(), self.extension_task()]
+            .into_iter()
+            .flatten()
     }
 
     fn material(&self, results: &HashMap<TextureTask, IndexedResult>, report: &Report) -> Material {
@@ -162,9 +183,14 @@ impl Plan<'_> {
         warn_unusable(normal, desc.normals.iter().map(|normals| &normals.map), report);
         warn_unusable(orm, self.orm_maps().into_iter().flatten(), report);
         warn_unusable(emissive, desc.emissive_map.iter(), report);
+        let extension = result_of(self.extension_task());
+        let extension_of = desc.extension_maps.as_ref().map(|maps| maps.of);
+        warn_unusable(extension, desc.extension_maps.iter().flat_map(ExtensionMaps::all), report);
+        let factor = |result: Option<&IndexedResult>| result.map_or(Vec3::ONE, |result| result.result.factor);
+        // Of a color map that does not vary.
+        let extension_factor = |of| if extension_of == Some(of) { factor(extension) } else { Vec3::ONE };
         let is_read = |i: usize| orm.is_some_and(|o| o.result.read[i]);
         let has_colour = |result: Option<&IndexedResult>| result.is_some_and(|r| r.result.read[0]);
-        let factor = |result: Option<&IndexedResult>| result.map_or(Vec3::ONE, |result| result.result.factor);
         let ranges = orm.map_or([[1.0; 2]; 3], |o| o.result.ranges.map(|r| r.map(|v| f32::from(v) / 255.0)));
         let own_roughness = desc.roughness.of(is_read(1));
         let metallic = desc.metallic.of(is_read(2));
@@ -182,20 +208,25 @@ impl Plan<'_> {
                 Some(orm) if orm.result.holds_roughness => 1.0,
                 _ => own_roughness * factor(orm).y,
             },
-            dielectric_f0: desc.dielectric_f0,
+            dielectric_f0: desc.dielectric_f0 * extension_factor(Extension::Specular),
             dielectric_f90: desc.dielectric_f90,
             clearcoat_factor: desc.clearcoat,
             clearcoat_roughness: desc.clearcoat_roughness,
             clearcoat_bumps: desc.clearcoat_bumps,
             film: desc.film,
             anisotropy: desc.anisotropy,
-            sheen_color: desc.sheen,
+            sheen_color: desc.sheen * extension_factor(Extension::Sheen),
             sheen_roughness: desc.sheen_roughness,
+            diffuse_transmission: desc.diffuse_transmission.map(|through| DiffuseTransmission {
+                color: through.color * extension_factor(Extension::DiffuseTransmission),
+                ..through
+            }),
             emissive_factor: desc.emissive.of(has_colour(emissive)) * factor(emissive),
             base_color_map: base_color.and_then(|b| b.texture),
             normal_map: normal.and_then(|normal| normal.texture),
             orm_map: orm.and_then(|o| o.texture),
             emissive_map: emissive.and_then(|e| e.texture),
+            extension_map: extension_of.zip(extension.and_then(|e| e.texture)),
             lookups: self.lookups(),
             metallic_range: ranges[2].map(|value| value * metallic),
             roughness_range: with_clearcoat(desc, ranges[1].map(|value| value * own_roughness)),
@@ -223,7 +254,7 @@ impl Plan<'_> {
     }
 
     /// Maps that share a texture are looked up as the first of them.
-    fn lookups(&self) -> [Lookup; 4] {
+    fn lookups(&self) -> [Lookup; MAPS] {
         let desc = self.desc;
         let normal = desc.normals.as_ref().map(|normals| &normals.map);
         let [occlusion, roughness, metallic, layer] = self.orm_maps();
@@ -231,7 +262,9 @@ impl Plan<'_> {
         let colour = desc.base_color_map.as_ref().or(desc.mask_map.as_ref());
         let lookup = |map: &MapDesc| Lookup { sampling: map.sampling, second_uv: map.second_uv };
         // Roughness that normals lose has their place.
-        [colour, normal, orm.or(normal), desc.emissive_map.as_ref()].map(|map| map.map_or(Lookup::default(), lookup))
+        let extension = desc.extension_maps.as_ref().and_then(|maps| maps.all().next());
+        let maps = [colour, normal, orm.or(normal), desc.emissive_map.as_ref(), extension];
+        maps.map(|map| map.map_or(Lookup::default(), lookup))
     }
 }
 

@@ -7,6 +7,8 @@ use image::{GrayImage, Luma, Rgb, RgbImage, Rgba, RgbaImage};
 use super::*;
 use crate::asset::cache::Key;
 use crate::asset::ktx2::TexelFormat;
+use crate::asset::material::Sampling;
+use crate::asset::texture::Pick;
 use crate::asset::{Cache, Storage, mtl, mtl_material};
 use crate::scene::maps::TEXTURES_VERSION;
 
@@ -423,4 +425,54 @@ fn glass_of_an_illumination_model_lets_light_through() {
     assert_eq!(of("Kd 1 1 1\nNi 1.45").dielectric_f0, Vec3::splat(0.04));
     assert_eq!(of("Kd 1 1 1\nanisor 0.3").anisotropy, Vec2::ZERO);
     assert!(of("Kd 1 1 1\naniso 0.5\nanisor 0.25").anisotropy.abs_diff_eq(Vec2::new(0.0, 0.5), 1e-6));
+}
+
+/// The material of a plain desc with these extension maps, and its textures.
+fn with_extension(folder: &Folder, of: Extension, [color, number]: [Option<&str>; 2]) -> (Material, Vec<MipChain>) {
+    let map = |name: &str, pick| MapDesc {
+        image: ImageSource::file(folder.path(name)),
+        pick,
+        second_uv: true,
+        sampling: Sampling::default(),
+        origin: format!("a: {name}"),
+    };
+    let [color, number] = [color.map(|name| map(name, Pick::Red)), number.map(|name| map(name, Pick::Alpha))];
+    let desc = MaterialDesc {
+        extension_maps: Some(ExtensionMaps { of, color, number }),
+        sheen: Vec3::new(1.0, 0.5, 0.0),
+        anisotropy: Vec2::X,
+        ..MaterialDesc::plain("a", Vec3::ONE, 0.0, 0.5)
+    };
+    let report = Report::silent();
+    let (mut materials, textures) = build(&[desc], &RAW, &report);
+    assert_eq!(report.warnings(), [""; 0]);
+    (materials.remove(0), textures)
+}
+
+#[test]
+fn maps_of_extensions_are_packed_in_one_texture() {
+    let folder = Folder::new();
+    let save = |name: &str, texel: fn(u32) -> [u8; 4]| {
+        let picture = image::RgbaImage::from_fn(2, 1, |x, _| image::Rgba(texel(x)));
+        picture.save(folder.path(name)).unwrap();
+    };
+    save("both.png", |x| [[255, 0, 128, 51], [0, 255, 128, 204]][x as usize]);
+    save("red.png", |_| [188, 0, 0, 255]);
+    save("along.png", |x| [[255, 128, 255, 255], [0, 255, 128, 255]][x as usize]);
+    let (sheen, textures) = with_extension(&folder, Extension::Sheen, [Some("both.png"), Some("both.png")]);
+    assert_eq!((sheen.extension_map, sheen.lookups[4].second_uv), (Some((Extension::Sheen, 0)), true));
+    assert_eq!((textures[0].format, first_texel(&textures[0])), (TexelFormat::Rgba8Srgb, [255, 0, 128, 51]));
+    let (color, textures) = with_extension(&folder, Extension::Sheen, [Some("both.png"), None]);
+    assert!(color.extension_map.is_some() && first_texel(&textures[0]) == [255, 0, 128, 255], "alpha means nothing");
+    let (number, textures) = with_extension(&folder, Extension::Specular, [None, Some("both.png")]);
+    assert!(number.has_specular_factors() && first_texel(&textures[0]) == [255, 255, 255, 51]);
+    // Of one color it is a factor: 188 is half of 255 in linear light.
+    let (factor, textures) = with_extension(&folder, Extension::Sheen, [Some("red.png"), None]);
+    assert!(factor.extension_map.is_none() && textures.is_empty());
+    assert!((factor.sheen_color - Vec3::new(0.5, 0.0, 0.0)).abs().max_element() < 0.005, "{}", factor.sheen_color);
+    // Directions are as long as they are strongly stretched; the second one's is clamped to 1 first.
+    let (along, textures) = with_extension(&folder, Extension::Anisotropy, [Some("along.png"), None]);
+    assert_eq!((along.extension_map, textures[0].format), (Some((Extension::Anisotropy, 0)), TexelFormat::Rgba8));
+    assert_eq!(textures[0].levels[0], [255, 128, 0, 255, 82, 173, 0, 255]);
+    assert_eq!(textures[0].levels[1], [169, 151, 0, 255], "the mean");
 }

@@ -30,7 +30,7 @@ pub mod surroundings;
 pub mod tangent;
 
 pub use contents::{
-    Camera, Environment, GeometryView, Instance, Lookup, Material, MaterialSource, PointLight, Probe, Scene,
+    Camera, Environment, GeometryView, Instance, Lookup, MAPS, Material, MaterialSource, PointLight, Probe, Scene,
 };
 pub use floor::floor_under;
 pub use load::{LoadOptions, is_scene, load};

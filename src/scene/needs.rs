@@ -11,6 +11,7 @@ use glam::{Vec2, Vec3};
 use serde::Serialize;
 
 use super::{Material, Scene};
+use crate::asset::material::Extension;
 use crate::reference::brdf::{round_roughness, stretched_alphas};
 use crate::reference::energy::is_multi_scatter_visible;
 use casting::nothing_casts;
@@ -63,7 +64,7 @@ pub struct MaterialFeatures {
     /// Light of its own.
     pub emits: bool,
     pub vertex_colours: VertexColours,
-    /// Bit i: the base color, normal, ORM or emissive map takes second texture coordinates.
+    /// Bit i: the base color, normal, ORM, emissive or extension map takes second texture coordinates.
     pub second_uv: u32,
     /// Coverage by alpha, over what is behind.
     pub blends: bool,
@@ -79,6 +80,10 @@ pub struct MaterialFeatures {
     pub anisotropy: bool,
     /// A thin film.
     pub film: bool,
+    /// Light that diffuses through.
+    pub diffuse_transmission: bool,
+    /// A map of an extension.
+    pub extension_map: Option<Extension>,
     /// Balls through which their surroundings are seen upside down.
     pub refracts: bool,
 }
@@ -102,6 +107,8 @@ impl MaterialFeatures {
         sheen: false,
         anisotropy: false,
         film: false,
+        diffuse_transmission: false,
+        extension_map: None,
         refracts: false,
     };
 
@@ -143,6 +150,8 @@ impl MaterialFeatures {
             sheen: material.sheen_color != Vec3::ZERO,
             anisotropy: material.anisotropy != Vec2::ZERO,
             film: material.film.is_some(),
+            diffuse_transmission: material.diffuse_transmission.is_some(),
+            extension_map: material.extension_map.map(|(of, _)| of),
             refracts: material.blends && material.refraction.is_some_and(|refraction| refraction.balls),
         }
     }

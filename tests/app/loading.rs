@@ -86,7 +86,7 @@ fn check(scene: &Scene) {
         }
     }
     for material in &scene.materials {
-        let maps = [material.base_color_map, material.normal_map, material.orm_map, material.emissive_map];
+        let maps = material.maps();
         assert!(maps.into_iter().flatten().all(|map| map < scene.textures.len()));
     }
     for texture in &scene.textures {

@@ -367,7 +367,7 @@ fn check_scene(scene: &Scene) {
         assert!(instance.mesh < scene.meshes.len() && instance.world_from_local.is_finite(), "{instance:?}");
     }
     for material in &scene.materials {
-        let maps = [material.base_color_map, material.normal_map, material.orm_map, material.emissive_map];
+        let maps = material.maps();
         assert!(maps.into_iter().flatten().all(|map| map < scene.textures.len()), "{maps:?}");
         let factors = [material.base_color_factor, material.emissive_factor];
         let numbers = [material.opacity, material.metallic_factor, material.roughness_factor];

@@ -339,7 +339,11 @@ impl Model {
             },
             "normalTexture": {"index": 0, "scale": 0.5}, "occlusionTexture": {"index": 2, "strength": 0.7},
             "emissiveTexture": {"index": 2}, "emissiveFactor": [0.1, 0.2, 0.3],
-            "extensions": {"KHR_materials_emissive_strength": {"emissiveStrength": 3}, "KHR_materials_ior": {"ior": 1.5}},
+            "extensions": {
+                "KHR_materials_emissive_strength": {"emissiveStrength": 3}, "KHR_materials_ior": {"ior": 1.5},
+                "KHR_materials_diffuse_transmission": {"diffuseTransmissionFactor": 0.5,
+                    "diffuseTransmissionColorTexture": {"index": 1}, "diffuseTransmissionTexture": {"index": 1}},
+            },
         }));
         model.push(
             "materials",

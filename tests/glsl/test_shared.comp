@@ -87,5 +87,10 @@ void main()
         put(materials[i].sheen_roughness);
         put(materials[i].anisotropy.x);
         put(materials[i].anisotropy.y);
+        put(materials[i].diffuse_transmission);
+        put(materials[i].diffuse_transmission_color.x);
+        put(materials[i].diffuse_transmission_color.y);
+        put(materials[i].diffuse_transmission_color.z);
+        put(float(materials[i].extension));
     }
 }

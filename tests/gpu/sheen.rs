@@ -123,34 +123,3 @@ fn sheen_of_a_panorama_is_that_of_the_exact_picture() {
         assert!(off < bound, "{roughness} {nv}: {fast} against {exact}");
     }
 }
-
-#[test]
-fn textures_of_sheen_count_by_their_means() {
-    let shop = Workshop::new();
-    shop.panorama("sky.exr", 16, |_| [1.0; 3]);
-    // Half of the texels are black, and half of the roughness is there.
-    let stripes = image::RgbaImage::from_fn(8, 8, |x, _| {
-        let c = if x % 2 == 0 { 255 } else { 0 };
-        image::Rgba([c, c, c, 128])
-    });
-    let draw = |extension: &dyn Fn(&mut Gltf) -> Value| {
-        let mut gltf = Gltf::new();
-        let extension = extension(&mut gltf);
-        let material = gltf.material(cloth(0.0, 1.0, &extension));
-        mean_colour(&picture(
-            &shop,
-            &mut gltf,
-            material,
-            slanted(0.2, 0.0),
-            "",
-            &PictureOptions::open(SIDE, Shading::Pbr, 1),
-        ))
-    };
-    let with_texture = draw(&|gltf| {
-        let stripes = json!({"index": gltf.texture(&stripes, json!({}))});
-        json!({"sheenColorFactor": COLOR, "sheenColorTexture": stripes, "sheenRoughnessFactor": 0.8, "sheenRoughnessTexture": stripes})
-    });
-    let with_means =
-        draw(&|_| json!({"sheenColorFactor": COLOR.map(|c| 0.5 * c), "sheenRoughnessFactor": 0.8 * 128.0 / 255.0}));
-    assert!((with_texture / with_means - 1.0).abs().max_element() < 1e-3, "{with_texture} {with_means}");
-}

@@ -1,4 +1,4 @@
-//! `KHR_materials_anisotropy`: in one direction and of one strength on all of a material, the means of its texture.
+//! `KHR_materials_anisotropy`: highlights stretched in one direction.
 
 use glam::{Vec2, Vec4};
 use serde::Deserialize;

@@ -10,7 +10,7 @@ use super::source::Source;
 use crate::Result;
 use crate::error::{MAX_QUOTED, shortened};
 
-const READ: [&str; 21] = [
+const READ: [&str; 22] = [
     "KHR_lights_punctual",
     "KHR_texture_transform",
     "KHR_materials_clearcoat",
@@ -22,7 +22,8 @@ const READ: [&str; 21] = [
     super::transmission::DISPERSION,
     "KHR_materials_transmission",
     "KHR_materials_unlit",
-    "KHR_materials_volume",
+    super::transmission::VOLUME,
+    super::diffuse_transmission::NAME,
     "KHR_mesh_quantization",
     super::anisotropy::NAME,
     draco::NAME,
@@ -36,7 +37,7 @@ const READ: [&str; 21] = [
 
 /// Those of materials that are not drawn, and what a picture lacks without each.
 const NOT_DRAWN: [(&str, &str); 2] = [
-    ("KHR_materials_diffuse_transmission", "no light shines through it"),
+    ("KHR_materials_volume_scatter", "what is inside does not scatter light"),
     ("KHR_materials_variants", "drawn in its first variant"),
 ];
 

@@ -1,18 +1,20 @@
 //! Layers and other extensions of a glTF material's surface: specular factors, stretched highlights, a thin film, sheen, a clear
 //! coat.
 
-use glam::Vec3;
+use glam::{Vec3, Vec4};
 use serde::Deserialize;
 
 use super::anisotropy::{self, Anisotropy};
+use super::diffuse_transmission::{self, DiffuseTransmission};
 use super::document::TextureInfo;
 use super::images::Images;
 use super::iridescence::{self, Iridescence};
 use super::material_reader::MaterialReader;
 use super::sheen::{self, Sheen};
 use super::specular::{self, Specular};
+use super::transmission::{self, Volume};
 use crate::Result;
-use crate::asset::material::{MAX_IOR, MIN_SHEEN_ROUGHNESS, MaterialDesc, ThinFilm, f0_from_ior};
+use crate::asset::material::{self, Extension, MAX_IOR, MIN_SHEEN_ROUGHNESS, MaterialDesc, ThinFilm, f0_from_ior};
 use crate::asset::texture::Encoding;
 
 /// `KHR_materials_clearcoat`.
@@ -26,15 +28,78 @@ pub struct Clearcoat {
     pub clearcoat_normal_texture: Option<TextureInfo>,
 }
 
+/// Textures of one extension that are looked up texel by texel: of color and of a number in alpha, with their keys.
+pub struct ExtensionTextures {
+    pub of: Extension,
+    pub textures: [Option<(&'static str, TextureInfo)>; 2],
+}
+
 /// All of these fail only where an extension is not of its form, or names a texture that does not exist.
 impl MaterialReader<'_> {
-    /// What is no metal reflects by its index and `KHR_materials_specular`, of one colour: the means of its textures.
+    /// Those of the first extension that has any and does anything, in the order of how much of a picture it changes.
+    pub fn extension_textures(&self) -> Result<Option<ExtensionTextures>> {
+        let anisotropy = self.extension::<Anisotropy>(anisotropy::NAME)?.unwrap_or_default();
+        let sheen = self.extension::<Sheen>(sheen::NAME)?.unwrap_or_default();
+        let specular = self.extension::<Specular>(specular::NAME)?.unwrap_or_default();
+        let diffuse = self.extension::<DiffuseTransmission>(diffuse_transmission::NAME)?.unwrap_or_default();
+        let texture = |key, info: Option<TextureInfo>| info.map(|info| (key, info));
+        let all = [
+            (
+                Extension::DiffuseTransmission,
+                diffuse.diffuse_transmission_factor > 0.0,
+                [
+                    texture("diffuseTransmissionColorTexture", diffuse.diffuse_transmission_color_texture),
+                    texture("diffuseTransmissionTexture", diffuse.diffuse_transmission_texture),
+                ],
+            ),
+            (
+                Extension::Anisotropy,
+                anisotropy.anisotropy_strength > 0.0,
+                [texture("anisotropyTexture", anisotropy.anisotropy_texture), None],
+            ),
+            (
+                Extension::Sheen,
+                sheen.sheen_color_factor != [0.0; 3],
+                [
+                    texture("sheenColorTexture", sheen.sheen_color_texture),
+                    texture("sheenRoughnessTexture", sheen.sheen_roughness_texture),
+                ],
+            ),
+            (
+                Extension::Specular,
+                specular.specular_factor > 0.0,
+                [
+                    texture("specularColorTexture", specular.specular_color_texture),
+                    texture("specularTexture", specular.specular_texture),
+                ],
+            ),
+        ];
+        let first = all.into_iter().find(|(_, acts, textures)| *acts && textures.iter().any(Option::is_some));
+        Ok(first.map(|(of, _, textures)| ExtensionTextures { of, textures }))
+    }
+
+    /// The mean of a color texture of an extension, or white where there is none or it is one of the material's maps.
+    fn mean_without_map(
+        &self,
+        desc: &MaterialDesc,
+        (of, name, key): (Extension, &str, &str),
+        info: Option<&TextureInfo>,
+        images: &mut Images,
+    ) -> Result<Vec4> {
+        let maps = desc.extension_maps.as_ref().filter(|maps| maps.of == of);
+        let is_map = maps.is_some_and(|maps| maps.all().any(|map| map.origin.ends_with(key)));
+        self.mean(name, key, info.filter(|_| !is_map), images)
+    }
+
+    /// What is no metal reflects by its index and `KHR_materials_specular`.
     pub fn set_specular(&self, desc: &mut MaterialDesc, images: &mut Images) -> Result<()> {
         desc.dielectric_f0 = Vec3::splat(f0_from_ior(self.ior()?));
         let Some(specular) = self.extension::<Specular>(specular::NAME)? else { return Ok(()) };
-        let of_factor = self.mean(specular::NAME, "specularTexture", specular.specular_texture.as_ref(), images)?;
-        let of_color =
-            self.mean(specular::NAME, "specularColorTexture", specular.specular_color_texture.as_ref(), images)?;
+        let mut mean = |key, info: &Option<TextureInfo>| {
+            self.mean_without_map(desc, (Extension::Specular, specular::NAME, key), info.as_ref(), images)
+        };
+        let of_factor = mean("specularTexture", &specular.specular_texture)?;
+        let of_color = mean("specularColorTexture", &specular.specular_color_texture)?;
         let factor = self.clamped("specularFactor", specular.specular_factor, 1.0) * of_factor.w;
         // Infinity times nothing is no number.
         let color = Vec3::from(specular.specular_color_factor).clamp(Vec3::ZERO, Vec3::splat(f32::MAX));
@@ -44,11 +109,12 @@ impl MaterialReader<'_> {
         Ok(())
     }
 
-    /// Highlights stretched in one direction: the mean of its texture.
+    /// Highlights stretched in one direction.
     pub fn set_anisotropy(&self, desc: &mut MaterialDesc, images: &mut Images) -> Result<()> {
         let Some(anisotropy) = self.extension::<Anisotropy>(anisotropy::NAME)? else { return Ok(()) };
         let strength = self.clamped("anisotropyStrength", anisotropy.anisotropy_strength, 1.0);
-        let texture = anisotropy.anisotropy_texture.as_ref().filter(|_| strength > 0.0);
+        let is_map = desc.extension_maps.as_ref().is_some_and(|maps| maps.of == Extension::Anisotropy);
+        let texture = anisotropy.anisotropy_texture.as_ref().filter(|_| strength > 0.0 && !is_map);
         let texel = self.texture_mean((anisotropy::NAME, "anisotropyTexture"), texture, Encoding::Linear, images)?;
         desc.anisotropy = anisotropy.along(strength, texel);
         Ok(())
@@ -88,19 +154,45 @@ impl MaterialReader<'_> {
         Ok(())
     }
 
-    /// Sheen of one color and one roughness: the means of its textures.
+    /// Sheen of cloth.
     pub fn set_sheen(&self, desc: &mut MaterialDesc, images: &mut Images) -> Result<()> {
         let Some(sheen) = self.extension::<Sheen>(sheen::NAME)? else { return Ok(()) };
         let color = sheen.sheen_color_factor.map(|value| self.clamped("sheenColorFactor", value, 1.0));
         if color == [0.0; 3] {
             return Ok(());
         }
-        let of_color = self.mean(sheen::NAME, "sheenColorTexture", sheen.sheen_color_texture.as_ref(), images)?;
-        let of_roughness =
-            self.mean(sheen::NAME, "sheenRoughnessTexture", sheen.sheen_roughness_texture.as_ref(), images)?;
+        let mut mean = |key, info: &Option<TextureInfo>| {
+            self.mean_without_map(desc, (Extension::Sheen, sheen::NAME, key), info.as_ref(), images)
+        };
+        let of_color = mean("sheenColorTexture", &sheen.sheen_color_texture)?;
+        let of_roughness = mean("sheenRoughnessTexture", &sheen.sheen_roughness_texture)?;
         desc.sheen = Vec3::from(color) * of_color.truncate();
         let roughness = sheen.sheen_roughness_factor * of_roughness.w;
         desc.sheen_roughness = self.clamped_between("sheenRoughnessFactor", roughness, MIN_SHEEN_ROUGHNESS, 1.0);
+        Ok(())
+    }
+
+    /// Light that diffuses through it.
+    pub fn set_diffuse_transmission(&self, desc: &mut MaterialDesc, images: &mut Images) -> Result<()> {
+        let of = (Extension::DiffuseTransmission, diffuse_transmission::NAME);
+        let Some(diffuse) = self.extension::<DiffuseTransmission>(of.1)? else { return Ok(()) };
+        let share = self.clamped("diffuseTransmissionFactor", diffuse.diffuse_transmission_factor, 1.0);
+        if share == 0.0 {
+            return Ok(());
+        }
+        let factor = diffuse
+            .diffuse_transmission_color_factor
+            .map(|value| self.clamped("diffuseTransmissionColorFactor", value, 1.0));
+        let mut mean =
+            |key, info: &Option<TextureInfo>| self.mean_without_map(desc, (of.0, of.1, key), info.as_ref(), images);
+        let of_share = mean("diffuseTransmissionTexture", &diffuse.diffuse_transmission_texture)?;
+        let of_color = mean("diffuseTransmissionColorTexture", &diffuse.diffuse_transmission_color_texture)?;
+        let color = Vec3::from(factor) * of_color.truncate();
+        desc.diffuse_transmission = Some(material::DiffuseTransmission { share: share * of_share.w, color });
+        if self.extension::<Volume>(transmission::VOLUME)?.is_some_and(|volume| volume.thickness_factor > 0.0) {
+            let what = format!("{}: {}: drawn as a thin sheet, whose volume does nothing", self.of, of.1);
+            self.source.warn_once(of.1, &what);
+        }
         Ok(())
     }
 

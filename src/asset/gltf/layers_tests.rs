@@ -5,7 +5,7 @@ use serde_json::{Value, json};
 
 use super::build_tests::Build;
 use super::materials_tests::{build, good, read};
-use crate::asset::material::{MIN_SHEEN_ROUGHNESS, ThinFilm};
+use crate::asset::material::{DiffuseTransmission, Extension, MIN_SHEEN_ROUGHNESS, MapDesc, ThinFilm};
 use crate::asset::texture::Pick;
 
 /// A file whose first picture has one texel's colour, alpha 0.2.
@@ -119,17 +119,61 @@ fn dielectrics_reflect_by_their_index_and_factors() {
     assert_eq!(reflects(json!({}), json!({"specularFactor": 0})), ([0.0; 3], 0.0, String::new()));
     let endless = reflects(json!({"ior": 1}), json!({"specularColorFactor": [1e39, 1, 1]}));
     assert_eq!(endless, ([0.0; 3], 1.0, String::new()));
-    // Means of textures: that of the factor is in alpha.
+    // Means of textures where another extension has the map: that of the factor is in alpha.
     let magenta = Vec3::new(0.04, 0.0, 0.04);
+    let sheen = json!({"sheenColorFactor": [1, 1, 1], "sheenRoughnessFactor": 1, "sheenColorTexture": {"index": 0}});
     for (key, f0, f90) in [("specularTexture", Vec3::splat(0.008), 0.2), ("specularColorTexture", magenta, 1.0)] {
-        let specular = json!({"extensions": {"KHR_materials_specular": {key: {"index": 0}}}});
-        let (model, warning) = with_magenta(specular).warned();
+        let both = json!({"KHR_materials_sheen": sheen, "KHR_materials_specular": {key: {"index": 0}}});
+        let (model, warning) = with_magenta(json!({"extensions": both})).warned();
         let expected = format!("a.glb: material 0: KHR_materials_specular: {key}: the mean of its texels is used");
         assert_eq!(warning, expected);
         let desc = &model.materials[0];
         let is_near = (desc.dielectric_f0 - f0).abs().max_element() < 1e-6 && (desc.dielectric_f90 - f90).abs() < 1e-6;
         assert!(is_near, "{key}: {desc:?}");
     }
+}
+
+/// Of a material with these extensions: what its extension maps are of, their channels, and all warnings.
+fn extension_maps(extensions: Value) -> (Option<Extension>, [Option<Pick>; 2], String) {
+    let (model, warnings) = with_magenta(json!({"extensions": extensions})).load();
+    let maps = model.unwrap().materials.remove(0).extension_maps;
+    let pick = |map: &Option<MapDesc>| map.as_ref().map(|map| map.pick);
+    let picks = maps.as_ref().map_or([None; 2], |maps| [pick(&maps.color), pick(&maps.number)]);
+    (maps.map(|maps| maps.of), picks, warnings.join("\n"))
+}
+
+#[test]
+fn the_first_extension_with_textures_has_maps() {
+    let texture = json!({"index": 0});
+    let specular = json!({"specularColorTexture": texture, "specularTexture": texture});
+    let sheen = json!({"sheenColorFactor": [1, 1, 1], "sheenRoughnessFactor": 0.5, "sheenRoughnessTexture": texture});
+    let anisotropy = json!({"anisotropyStrength": 0.5, "anisotropyTexture": texture});
+    let (of, picks, warning) = extension_maps(json!({"KHR_materials_specular": specular}));
+    assert_eq!((of, picks), (Some(Extension::Specular), [Some(Pick::Red), Some(Pick::Alpha)]), "{warning}");
+    assert_eq!(warning, "");
+    let (of, picks, warning) =
+        extension_maps(json!({"KHR_materials_specular": specular, "KHR_materials_sheen": sheen}));
+    assert_eq!((of, picks), (Some(Extension::Sheen), [None, Some(Pick::Alpha)]));
+    assert_eq!(warning.matches("the mean of its texels is used").count(), 2, "{warning}");
+    let (of, picks, warning) =
+        extension_maps(json!({"KHR_materials_anisotropy": anisotropy, "KHR_materials_sheen": sheen}));
+    assert_eq!((of, picks), (Some(Extension::Anisotropy), [Some(Pick::Red), None]));
+    assert!(warning.contains("sheenRoughnessTexture: the mean of its texels is used"), "{warning}");
+    // What does nothing has no maps, and sheets have none.
+    for (extensions, mean) in [
+        (json!({"KHR_materials_sheen": {"sheenColorTexture": texture}}), false),
+        (json!({"KHR_materials_anisotropy": {"anisotropyTexture": texture}}), false),
+        (json!({"KHR_materials_specular": {"specularFactor": 0, "specularColorTexture": texture}}), true),
+        (json!({"KHR_materials_specular": specular, "KHR_materials_transmission": {"transmissionFactor": 1}}), true),
+    ] {
+        let (of, _, warning) = extension_maps(extensions.clone());
+        assert!(of.is_none() && warning.contains("the mean of its texels") == mean, "{extensions}: {warning}");
+    }
+    // One picture can be packed only if both are sampled alike.
+    let turned = json!({"index": 0, "extensions": {"KHR_texture_transform": {"scale": [2, 2]}}});
+    let apart = json!({"specularColorTexture": texture, "specularTexture": turned});
+    let (_, picks, warning) = extension_maps(json!({"KHR_materials_specular": apart}));
+    assert!(picks[1].is_none() && warning.contains("specularTexture: the mean of its texels is used"), "{warning}");
 }
 
 /// The triangle's coordinates are (0, 0), (1, 0) and (0, 1): three quarters of it are in the texture's left half.
@@ -181,4 +225,22 @@ fn bodies_split_light_by_their_abbe_number() {
     };
     // Of glass of index 1.5, that of blue less that of red over what it bends is Abbe's number's inverse.
     assert_eq!([0.0, 2.0, 1000.0].map(spread), [0.0, 0.025, 0.5 * 0.5 * 39.0 / 20.0]);
+}
+
+#[test]
+fn light_diffuses_through_sheets() {
+    let with = |through: Value| json!({"extensions": {"KHR_materials_diffuse_transmission": through}});
+    assert_eq!(good(with(json!({"diffuseTransmissionColorFactor": [1, 0, 0]}))).diffuse_transmission, None);
+    let through = |share, color| Some(DiffuseTransmission { share, color });
+    assert_eq!(good(with(json!({"diffuseTransmissionFactor": 0.25}))).diffuse_transmission, through(0.25, Vec3::ONE));
+    let leaf = json!({"diffuseTransmissionFactor": 2, "diffuseTransmissionColorFactor": [0.5, 1, 0]});
+    let (desc, warning) = read(with(leaf));
+    assert_eq!(desc.diffuse_transmission, through(1.0, Vec3::new(0.5, 1.0, 0.0)));
+    assert!(warning.contains("diffuseTransmissionFactor: 2 is not in 0..=1"), "{warning}");
+    let mapped = with(json!({"diffuseTransmissionFactor": 1, "diffuseTransmissionTexture": {"index": 0}}));
+    let maps = good(mapped).extension_maps.unwrap();
+    assert!(maps.of == Extension::DiffuseTransmission && maps.color.is_none() && maps.number.is_some());
+    let mut thick = with(json!({"diffuseTransmissionFactor": 1}));
+    thick["extensions"]["KHR_materials_volume"] = json!({"thicknessFactor": 0.01});
+    assert!(read(thick).1.contains("drawn as a thin sheet"));
 }

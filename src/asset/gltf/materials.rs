@@ -10,7 +10,7 @@ use super::extensions;
 use super::glossy::{self, Glossy};
 use super::images::Images;
 use super::iridescence::Iridescence;
-use super::layers::Clearcoat;
+use super::layers::{Clearcoat, ExtensionTextures};
 use super::maps::{self, Coordinates, Map};
 use super::material_reader::MaterialReader;
 use super::source::{Source, label};
@@ -18,7 +18,7 @@ use super::transmission::{self, Dispersion, SheetMap, Transmission, Volume};
 use crate::Result;
 use crate::asset::image_source::ImageSource;
 use crate::asset::material::{
-    AlphaUse, Factor, MAX_EMISSION, MAX_IOR, MapDesc, MaterialDesc, NormalsDesc, NormalsKind,
+    AlphaUse, Extension, ExtensionMaps, Factor, MAX_EMISSION, MAX_IOR, MapDesc, MaterialDesc, NormalsDesc, NormalsKind,
 };
 use crate::asset::mesh::Submesh;
 use crate::asset::texture::Pick;
@@ -104,6 +104,10 @@ struct Maps {
     film: Option<Map>,
     transmission: Option<Map>,
     emissive: Option<Map>,
+    /// Of one extension, and which.
+    extension: Option<Extension>,
+    extension_color: Option<Map>,
+    extension_number: Option<Map>,
 }
 
 impl Maps {
@@ -118,6 +122,8 @@ impl Maps {
                 &mut self.clearcoat,
                 &mut self.film,
                 &mut self.transmission,
+                &mut self.extension_color,
+                &mut self.extension_number,
             ])
             .flatten()
     }
@@ -146,17 +152,22 @@ impl MaterialReader<'_> {
         let iridescence = self.iridescence()?;
         let transmission: Transmission = self.extension(transmission::NAME)?.unwrap_or_default();
         let mut maps = self.maps(surface, (&clearcoat, &iridescence, &transmission), images)?;
+        // Sheets cover by what they reflect, and are one color.
+        if transmission.transmission_factor <= 0.0 {
+            self.set_extension_maps(&mut maps, images)?;
+        }
         self.drop_unpackable(&mut maps);
         let coordinates = self.choose_coordinates(&mut maps);
         let mut desc = self.factors(surface)?;
         (desc.clearcoat, desc.clearcoat_roughness) = (clearcoat.clearcoat_factor, clearcoat.clearcoat_roughness_factor);
         desc.clearcoat_bumps = self.has_bumps(&clearcoat);
-        self.set_specular(&mut desc, images)?;
-        self.set_anisotropy(&mut desc, images)?;
-        self.set_sheen(&mut desc, images)?;
         self.set_alpha(&mut desc);
         let sheet_map = maps.transmission.take().map(|map| map.desc);
         self.set_maps(&mut desc, maps);
+        self.set_specular(&mut desc, images)?;
+        self.set_anisotropy(&mut desc, images)?;
+        self.set_sheen(&mut desc, images)?;
+        self.set_diffuse_transmission(&mut desc, images)?;
         self.set_film(&mut desc, &iridescence, images)?;
         if let Some(glossy) = &glossy {
             self.set_glossy(&mut desc, glossy, images)?;
@@ -206,7 +217,23 @@ impl MaterialReader<'_> {
             clearcoat: map("clearcoatTexture", coat.clearcoat_texture.as_ref(), Pick::Red)?,
             transmission: map("transmissionTexture", transmission.transmission_texture.as_ref(), Pick::Red)?,
             film: map("iridescenceThicknessTexture", film.iridescence_thickness_texture.as_ref(), Pick::Green)?,
+            ..Maps::default()
         })
+    }
+
+    /// The maps of the first extension that has any; of the others the means are used.
+    fn set_extension_maps(&self, maps: &mut Maps, images: &mut Images) -> Result<()> {
+        let Some(ExtensionTextures { of, textures: [color, number] }) = self.extension_textures()? else {
+            return Ok(());
+        };
+        let mut map = |texture: Option<(&str, TextureInfo)>, pick| match texture {
+            Some((key, info)) => maps::map(self.source, images, (&self.of, key), &info, pick),
+            None => Ok(None),
+        };
+        maps.extension = Some(of);
+        maps.extension_color = map(color, Pick::Red)?;
+        maps.extension_number = map(number, Pick::Alpha)?;
+        Ok(())
     }
 
     /// Occlusion, roughness, metalness and clear coat become one picture, so that they must be sampled alike.
@@ -229,6 +256,9 @@ impl MaterialReader<'_> {
             maps.clearcoat = None;
         }
         let is_apart = [&maps.roughness, &maps.occlusion].into_iter().any(|other| differ(&maps.film, other));
+        if differ(&maps.extension_color, &maps.extension_number) {
+            maps.extension_number = None;
+        }
         // The coat's map has its place; then its mean is used.
         if is_apart || maps.clearcoat.is_some() {
             maps.film = None;
@@ -301,6 +331,8 @@ impl MaterialReader<'_> {
         desc.emissive_map = desc_of(maps.emissive);
         desc.clearcoat_map = desc_of(maps.clearcoat);
         desc.film_map = desc_of(maps.film);
+        let [color, number] = [maps.extension_color, maps.extension_number].map(desc_of);
+        desc.extension_maps = maps.extension.map(|of| ExtensionMaps { of, color, number });
     }
 
     /// Makes metalness and roughness of what the material has as maps and factors.
@@ -342,7 +374,7 @@ impl MaterialReader<'_> {
             self.warn(&format!("{key}: not supported with a mask; drawn as if it were not transparent"));
             return Ok(());
         }
-        let volume = self.extension::<Volume>("KHR_materials_volume")?.unwrap_or_default();
+        let volume = self.extension::<Volume>(transmission::VOLUME)?.unwrap_or_default();
         let surface_transmission = desc.base_color.of(desc.base_color_map.is_some());
         desc.transmit(share, volume.per_surface());
         // What covers a part of what is behind stays a sheet: light would be bent in a part of it only.
@@ -391,7 +423,7 @@ impl MaterialReader<'_> {
     fn warn_of_sheets(&self, desc: &MaterialDesc) {
         let (key, left_out) = match desc.refraction {
             Some(_) => (
-                "KHR_materials_volume",
+                transmission::VOLUME,
                 "balls alone bend light that goes through them, and in exact pictures all bodies",
             ),
             None => (transmission::NAME, "light goes straight through it, neither bent nor blurred"),
@@ -411,6 +443,7 @@ impl MaterialReader<'_> {
         desc.roughness = Factor::same(1.0);
         (desc.normals, desc.occlusion_map, desc.roughness_map, desc.metallic_map) = (None, None, None, None);
         (desc.clearcoat, desc.clearcoat_map, desc.sheen) = (0.0, None, Vec3::ZERO);
-        (desc.film, desc.film_map) = (None, None);
+        (desc.film, desc.film_map, desc.extension_maps) = (None, None, None);
+        desc.diffuse_transmission = None;
     }
 }

@@ -251,10 +251,10 @@ fn specular_and_glossiness() {
 #[test]
 fn extensions_of_materials() {
     good(json!({"extensions": {"KHR_materials_ior": {}, "KHR_texture_transform": {}, "OTHER_thing": 1}}));
-    let (_, warning) = read(json!({"name": "Car", "extensions": {"KHR_materials_diffuse_transmission": {}}}));
+    let (_, warning) = read(json!({"name": "Car", "extensions": {"KHR_materials_volume_scatter": {}}}));
     assert_eq!(
         warning,
-        "a.glb: material Car: KHR_materials_diffuse_transmission is not supported; no light shines through it"
+        "a.glb: material Car: KHR_materials_volume_scatter is not supported; what is inside does not scatter light"
     );
     let broken = build(json!({"extensions": {"KHR_materials_ior": {"ior": []}}}));
     assert!(broken.problem().contains("material 0: KHR_materials_ior: invalid type"));

@@ -5,6 +5,7 @@ mod anisotropy;
 mod component;
 mod container;
 mod deform;
+mod diffuse_transmission;
 mod document;
 mod draco;
 mod extensions;

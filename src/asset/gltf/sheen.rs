@@ -1,4 +1,4 @@
-//! `KHR_materials_sheen`: of one color and one roughness on all of a material, the means of its textures.
+//! `KHR_materials_sheen`: a layer of fibres over a surface.
 
 use serde::Deserialize;
 

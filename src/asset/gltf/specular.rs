@@ -1,4 +1,4 @@
-//! `KHR_materials_specular`: of one factor and one color on all of a material, the means of its textures.
+//! `KHR_materials_specular`: how much of which color is reflected by what is no metal.
 
 use serde::Deserialize;
 

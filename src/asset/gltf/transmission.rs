@@ -9,6 +9,7 @@ use crate::asset::mesh::Submesh;
 use crate::asset::texture::Channel;
 
 pub const NAME: &str = "KHR_materials_transmission";
+pub const VOLUME: &str = "KHR_materials_volume";
 pub const DISPERSION: &str = "KHR_materials_dispersion";
 /// Below that of which red light would not be bent at all.
 pub const MAX_DISPERSION: f32 = 39.0;

@@ -16,7 +16,7 @@ use crate::gpu::{
 };
 use crate::render::layouts::Layouts;
 use crate::render::settings::RenderSettings;
-use crate::scene::{Material, Scene, SceneFeatures};
+use crate::scene::{MAPS, Material, Scene, SceneFeatures};
 use crate::{Error, Result};
 
 /// GPU memory left free for pictures, light maps and other programs if no budget was given.
@@ -131,10 +131,10 @@ fn upload(
     Ok((images, facts, needed_bytes))
 }
 
-/// Descriptor sets of a base color, a normal, an ORM and an emissive map, one for each combination in use.
+/// Descriptor sets of a base color, a normal, an ORM, an emissive and an extension map, one for each combination in use.
 struct TextureSets<'a> {
     all: Vec<DescriptorSet>,
-    known: HashMap<[Option<(usize, Sampling)>; 4], u32>,
+    known: HashMap<[Option<(usize, Sampling)>; MAPS], u32>,
     gpu: &'a Arc<Gpu>,
     layout: &'a DescriptorSetLayout,
     images: &'a [Arc<Image>],
@@ -176,9 +176,9 @@ impl<'a> TextureSets<'a> {
 
     /// The index of a material's set; creates it if there is none yet.
     fn index(&mut self, material: &Material) -> Result<u32> {
-        let maps = [material.base_color_map, material.normal_map, material.orm_map, material.emissive_map];
+        let maps = material.maps();
         let looked_up = |i: usize| maps[i].map(|map| (map, material.lookups[i].sampling));
-        let maps = [0, 1, 2, 3].map(looked_up);
+        let maps: [_; MAPS] = std::array::from_fn(looked_up);
         if let Some(index) = self.known.get(&maps) {
             return Ok(*index);
         }
@@ -186,10 +186,10 @@ impl<'a> TextureSets<'a> {
         for map in maps {
             samplers.push(self.sampler(map.map_or(Sampling::default(), |(_, sampling)| sampling))?);
         }
-        let absent = [&self.white, &self.flat, &self.white, &self.white];
+        let absent = [&self.white, &self.flat, &self.white, &self.white, &self.white];
         let image = |i: usize| maps[i].map_or(absent[i], |(map, _)| &self.images[map]);
-        let binding = |i: usize| Binding::Sampled(image(i), &samplers[i]);
-        let set = DescriptorSet::new(self.gpu, &material.name, self.layout, &[0, 1, 2, 3].map(binding))?;
+        let bindings: [_; MAPS] = std::array::from_fn(|i| Binding::Sampled(image(i), &samplers[i]));
+        let set = DescriptorSet::new(self.gpu, &material.name, self.layout, &bindings)?;
         self.all.push(set);
         let index = self.all.len() as u32 - 1;
         self.known.insert(maps, index);

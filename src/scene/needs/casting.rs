@@ -35,7 +35,8 @@ pub fn nothing_casts(scene: &Scene) -> Option<&'static str> {
     let material = &scene.materials[mesh.material];
     // Light goes through a ball of glass, which shows its surroundings by itself.
     let is_glass_ball = material.refraction.is_some_and(|refraction| refraction.balls);
-    let has_holes = material.alpha_cutoff.is_some() || (material.blends && !is_glass_ball);
+    let lets_light_in = material.diffuse_transmission.is_some();
+    let has_holes = material.alpha_cutoff.is_some() || (material.blends && !is_glass_ball) || lets_light_in;
     let parts = connected_components(&mesh.vertices, &mesh.indices);
     let closed = parts.len() == 1 && parts[0].closed() && !has_holes;
     // From inside it is a room.

@@ -118,6 +118,12 @@ fn maps(materials: &[MaterialFinding]) -> Vec<Finding> {
         finding("sheen", &|m| m.features.sheen, "nothing is cloth with a sheen"),
         finding("anisotropy", &|m| m.features.anisotropy, "no highlight is longer than wide"),
         finding("iridescence", &|m| m.features.film, "nothing has a thin film over it"),
+        finding("diffuse transmission", &|m| m.features.diffuse_transmission, "no light diffuses through thin sheets"),
+        finding(
+            "extension maps",
+            &|m| m.features.extension_map.is_some(),
+            "no sheen, specular factor or stretch of highlights varies",
+        ),
         finding("refraction", &|m| m.features.refracts, "nothing is a solid ball of glass"),
         finding("emission", &|m| m.features.emits, "no material shines"),
         finding("vertex colours", &|m| m.features.vertex_colours != VertexColours::None, "all are white"),

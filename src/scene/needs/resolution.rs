@@ -4,7 +4,7 @@ use glam::{Mat4, Vec2, Vec3};
 use rayon::prelude::*;
 
 use crate::asset::MipChain;
-use crate::scene::{Mesh, Scene};
+use crate::scene::{MAPS, Mesh, Scene};
 
 /// Position and resolution of a picture.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -73,8 +73,8 @@ fn first_level(texels: f32, texture: &MipChain) -> u32 {
 }
 
 /// Texels of each map under the smallest footprint on any triangle.
-fn footprints(mesh: &Mesh, world_from_local: Mat4, sizes: [Vec2; 4], viewpoint: Viewpoint) -> [f32; 4] {
-    let mut least = [f32::INFINITY; 4];
+fn footprints(mesh: &Mesh, world_from_local: Mat4, sizes: [Vec2; MAPS], viewpoint: Viewpoint) -> [f32; MAPS] {
+    let mut least = [f32::INFINITY; MAPS];
     for triangle in mesh.indices.chunks_exact(3) {
         let corners = [triangle[0], triangle[1], triangle[2]].map(|i| &mesh.vertices[i as usize]);
         let [a, b, c] = corners.map(|v| world_from_local.transform_point3(v.position.into()));

@@ -6,7 +6,7 @@ use ash::vk::{PhysicalDeviceLimits, SampleCountFlags as Samples};
 use super::weak::{Level, Profile};
 
 /// What pbr-vr needs, as its `src/gpu/limits.rs` says: a stage's samplers and sampled images, and its storage buffers.
-const SAMPLED: u32 = 22;
+const SAMPLED: u32 = 24;
 const STORAGE_BUFFERS: u32 = 16;
 
 /// Lowers limits; none is raised.
