@@ -207,7 +207,7 @@ impl LightmapBake {
         let weighing = u64::from((seen as u32).div_ceil(GROUP).clamp(1, WEIGHING_GROUPS));
         let sums = storage("lightmap sums", count.max(weighing) * size_of::<Sums>() as u64)?;
         let weighed = Buffer::new(gpu, "lightmap weighed", BufferKind::Readback, weighing * size_of::<Sums>() as u64)?;
-        let surfaces = storage("lightmap surfaces", count * size_of::<[f32; 20]>() as u64)?;
+        let surfaces = storage("lightmap surfaces", count * size_of::<[f32; 23]>() as u64)?;
         let indices = Buffer::with_bytes(gpu, "lightmap indices", BufferKind::FromCpu, bytemuck::cast_slice(&indices))?;
         let relays = storage("lightmap relays", u64::from(RELAYS) * size_of::<[f32; 17]>() as u64)?;
         let sampler = Sampler::new(gpu, "lightmap", AddressMode::Clamp, 1)?;
