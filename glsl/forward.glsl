@@ -18,7 +18,7 @@
 #include "probes.glsl"
 #include "sphere_lights.glsl"
 #endif
-#include "glass_ball.glsl"
+#include "glass_body.glsl"
 
 #ifdef TWO_SOURCES
 layout(location = 0, index = 0) out vec4 colour;

@@ -28,6 +28,8 @@ struct Material {
     vec3 absorption;           // what the body absorbs, 1/m
     float ior; // above 1 if it is the surface of bodies that bend light
     float ior_spread; // by how much that of blue is above it, and that of red below it
+    vec3 body_centre;  // what the map of a convex body is about, local space:
+    float body_radius; // see asset::material::BodyShape
     vec3 sheen;
     float sheen_roughness;
     vec2 anisotropy; // direction in which highlights are stretched, along tangent and bitangent, as long as they are strongly

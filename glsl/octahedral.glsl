@@ -2,6 +2,14 @@
 #ifndef PBR_VR_OCTAHEDRAL
 #define PBR_VR_OCTAHEDRAL
 
+// The point of a direction of any length.
+vec2 octahedral_encode(vec3 d)
+{
+    d /= abs(d.x) + abs(d.y) + abs(d.z);
+    vec2 folded = (1.0 - abs(d.yx)) * vec2(d.x >= 0.0 ? 1.0 : -1.0, d.y >= 0.0 ? 1.0 : -1.0);
+    return d.z >= 0.0 ? d.xy : folded;
+}
+
 // The unit vector of a point of the octahedron unfolded to [-1, 1]^2: Meyer et al., "On Floating-Point Normal Vectors"
 // (2010), section 3.
 vec3 octahedral_decode(vec2 p)

@@ -75,6 +75,7 @@ const bool FILM = false;
 const uint EXTENSION_MAP_OF = 0;
 const bool DIFFUSE_TRANSMISSION = false;
 const bool REFRACTS = false;
+const bool DISPERSES = false;
 #else
 layout(constant_id = 26) const bool CLEARCOAT = false;
 layout(constant_id = 28) const bool SHEEN = false;
@@ -82,7 +83,8 @@ layout(constant_id = 30) const bool ANISOTROPY = false; // stretched highlights
 layout(constant_id = 31) const bool FILM = false; // a thin film; with SPECULAR
 layout(constant_id = 32) const uint EXTENSION_MAP_OF = 0;
 layout(constant_id = 33) const bool DIFFUSE_TRANSMISSION = false; // light diffuses through
-layout(constant_id = 27) const bool REFRACTS = false; // solid balls show what is around them
+layout(constant_id = 27) const bool REFRACTS = false; // convex bodies show what is around them
+layout(constant_id = 34) const bool DISPERSES = false; // and split its light
 #endif
 layout(constant_id = 23) const uint SPHERE_LIGHTS = 0;
 
@@ -102,6 +104,8 @@ const uint EXTENSION_SPECULAR = 1;
 const uint EXTENSION_SHEEN = 2;
 const uint EXTENSION_ANISOTROPY = 3;
 const uint EXTENSION_DIFFUSE_TRANSMISSION = 4;
+const uint EXTENSION_BODY = 5;
+const uint EXTENSION_FACES = 6;
 
 // LIGHTMAP: soft light comes from the environment's maps, or from the scene's lightmap, of fronts alone or of both sides.
 const uint LIGHTMAP_NONE = 0;

@@ -103,7 +103,9 @@ Surface read_surface()
     s.occlusion = maps.r;
     s.roughness = maps.g * surface_factors.x;
     s.metallic = METALNESS == METALNESS_MIXED ? maps.b * base_color_metallic.a : float(METALNESS == METALNESS_METAL);
-    vec4 extension = EXTENSION_MAP_OF != EXTENSION_NONE ? SURFACE_TEXEL(extension_map, map_uv(MAP_EXTENSION)) : vec4(1.0);
+    vec4 extension = vec4(1.0);
+    if (EXTENSION_MAP_OF != EXTENSION_NONE && EXTENSION_MAP_OF < EXTENSION_BODY)
+        extension = SURFACE_TEXEL(extension_map, map_uv(MAP_EXTENSION));
     s.dielectric = bare_fresnel(vec3(surface_factors.z), 1.0);
     if (SPECULAR) {
         Material material = materials[instances[draw.instance].material];

@@ -77,8 +77,21 @@ pub struct Refraction {
     pub surface_transmission: Vec3,
     /// What it absorbs on the way, 1/m.
     pub absorption: Vec3,
-    /// Whether all bodies of it are balls, through which pictures show their surroundings.
-    pub balls: bool,
+    /// What all bodies of it are.
+    pub shape: BodyShape,
+}
+
+/// The bodies through which pictures show their surroundings.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum BodyShape {
+    Balls,
+    /// One that is convex: the farthest that a corner of it lies from its centre, local space.
+    Convex {
+        centre: Vec3,
+        radius: f32,
+    },
+    /// Drawn as sheets.
+    Other,
 }
 
 /// What the extension map of a material says texel by texel; the same numbers as in `glsl/shared.glsl`.
@@ -93,6 +106,10 @@ pub enum Extension {
     Anisotropy,
     /// By which the color of diffuse transmission is multiplied, sRGB, and in alpha its share.
     DiffuseTransmission,
+    /// Made at loading for a convex body that light is bent by: see `scene::body_map`.
+    Body,
+    /// The same for a body of few faces.
+    Faces,
 }
 
 /// The maps of one extension of a material, which are packed in one texture.
@@ -336,7 +353,7 @@ impl MaterialDesc {
     /// Makes the surface of a solid body of what [`Self::transmit`] has made a sheet of; `surface_transmission`: without its map.
     /// Without effect where a body would bend nothing.
     pub fn refract(&mut self, [ior, ior_spread]: [f32; 2], surface_transmission: Vec3, absorption: Vec3) {
-        let refraction = Refraction { ior, ior_spread, surface_transmission, absorption, balls: false };
+        let refraction = Refraction { ior, ior_spread, surface_transmission, absorption, shape: BodyShape::Other };
         self.refraction = (ior > 1.0).then_some(refraction);
     }
 

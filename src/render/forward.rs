@@ -223,7 +223,7 @@ impl ForwardPass {
     }
 }
 
-fn constants(features: MaterialFeatures, multiple: bool) -> [Constant; 18] {
+fn constants(features: MaterialFeatures, multiple: bool) -> [Constant; 19] {
     [
         (constant::HAS_BASE_COLOR_MAP, u32::from(features.base_color_map)),
         (constant::HAS_NORMAL_MAP, u32::from(features.normal_map)),
@@ -242,6 +242,7 @@ fn constants(features: MaterialFeatures, multiple: bool) -> [Constant; 18] {
         (constant::FILM, u32::from(features.film)),
         (constant::SPECULAR, u32::from(features.specular)),
         (constant::DIFFUSE_TRANSMISSION, u32::from(features.diffuse_transmission)),
+        (constant::DISPERSES, u32::from(features.disperses)),
         (constant::EXTENSION_MAP_OF, features.extension_map.map_or(0, |of| of as u32)),
     ]
 }

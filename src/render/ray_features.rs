@@ -3,17 +3,26 @@
 use glam::{Vec2, Vec3};
 
 use super::shared::{VertexExtraBlock, ray_feature};
+use crate::asset::material::Extension;
 use crate::scene::{GeometryView, MAPS, Material};
 
-/// Bits of the emissive and the extension map, as they stand in [`Material::maps`].
+/// The number of the extension map among [`Material::maps`].
+const EXTENSION_MAP: u32 = 4;
+/// Bits of the emissive and the extension map.
 pub const EMISSIVE_MAPS: u32 = ray_feature::MAPS << 3;
-pub const EXTENSION_MAPS: u32 = ray_feature::MAPS << 4;
+pub const EXTENSION_MAPS: u32 = ray_feature::MAPS << EXTENSION_MAP;
 
 /// What rays may meet in a scene with this geometry: bits of [`ray_feature`].
 pub fn features(materials: &[Material], geometry: GeometryView<'_>) -> u32 {
     let any = |is: &dyn Fn(&Material) -> bool| materials.iter().any(is);
     let extra = || geometry.meshes.iter().any(|mesh| mesh.vertices.iter().any(VertexExtraBlock::is_needed));
-    let maps = |i: u32| any(&|material| material.maps()[i as usize].is_some());
+    // Rays meet bodies themselves.
+    let is_body = |material: &Material| {
+        material.extension_map.is_some_and(|(of, _)| matches!(of, Extension::Body | Extension::Faces))
+    };
+    let map =
+        |material: &Material, i: u32| material.maps()[i as usize].filter(|_| i != EXTENSION_MAP || !is_body(material));
+    let maps = |i: u32| any(&|material| map(material, i).is_some());
     let all = [
         (ray_feature::HOLES, any(&|material| material.alpha_cutoff.is_some() || material.blends)),
         (ray_feature::EMITTERS, any(&|material| material.emissive_factor != Vec3::ZERO)),
@@ -39,7 +48,7 @@ fn is_glossy(material: &Material) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::asset::material::{DiffuseTransmission, Extension, ThinFilm};
+    use crate::asset::material::{DiffuseTransmission, ThinFilm};
     use crate::scene::Mesh;
 
     #[test]
@@ -68,6 +77,7 @@ mod tests {
         assert_eq!(of(through), ray_feature::DIFFUSE_TRANSMISSION);
         let sheen = |m: &mut Material| m.extension_map = Some((Extension::Sheen, 0));
         assert_eq!(of(sheen), EXTENSION_MAPS);
+        assert_eq!(of(|m| m.extension_map = Some((Extension::Body, 0))), 0);
         assert_eq!(of(|m| m.emissive_factor.z = 0.1), ray_feature::EMITTERS);
         assert_eq!(of(|m| (m.metallic_range, m.roughness_range) = ([0.0, 1.0], [0.2, 0.9])), ray_feature::GLOSSY);
         assert_eq!(of(|m| (m.metallic_range, m.roughness_range) = ([0.0, 1.0], [0.7, 0.9])), 0);

@@ -17,7 +17,7 @@ use super::settings::RenderSettings;
 use super::shadow_plan::ShadowPlan;
 use super::shared::{InstanceBlock, LightBlock, MaterialBlock, SphereLightBlock, material_flag};
 use crate::Result;
-use crate::asset::material::{DiffuseTransmission, Refraction, ThinFilm};
+use crate::asset::material::{BodyShape, DiffuseTransmission, Refraction, ThinFilm};
 use crate::asset::model::Cone;
 use crate::context::Context;
 use crate::gpu::{Buffer, BufferKind, Commands, Gpu};
@@ -283,9 +283,18 @@ fn light_buffer(gpu: &Arc<Gpu>, lights: &[LightBlock]) -> Result<Arc<Buffer>> {
 }
 
 fn material_block(material: &Material, textures: u32) -> MaterialBlock {
-    let straight =
-        Refraction { ior: 1.0, ior_spread: 0.0, surface_transmission: Vec3::ONE, absorption: Vec3::ZERO, balls: false };
+    let straight = Refraction {
+        ior: 1.0,
+        ior_spread: 0.0,
+        surface_transmission: Vec3::ONE,
+        absorption: Vec3::ZERO,
+        shape: BodyShape::Other,
+    };
     let refraction = material.refraction.unwrap_or(straight);
+    let (body_centre, body_radius) = match refraction.shape {
+        BodyShape::Convex { centre, radius } => (centre, radius),
+        _ => (Vec3::ZERO, 0.0),
+    };
     let through = material.diffuse_transmission.unwrap_or(DiffuseTransmission { share: 0.0, color: Vec3::ZERO });
     let film = material.film.unwrap_or(ThinFilm { share: 0.0, ior: 1.0, thickness: [0.0; 2] });
     MaterialBlock {
@@ -309,6 +318,8 @@ fn material_block(material: &Material, textures: u32) -> MaterialBlock {
         absorption: refraction.absorption.into(),
         ior: refraction.ior,
         ior_spread: refraction.ior_spread,
+        body_centre: body_centre.into(),
+        body_radius,
         sheen: material.sheen_color.into(),
         sheen_roughness: material.sheen_roughness,
         anisotropy: material.anisotropy.into(),

@@ -136,6 +136,9 @@ pub struct MaterialBlock {
     pub ior: f32,
     /// By how much the index of blue is above it, and that of red below it.
     pub ior_spread: f32,
+    /// What the map of a convex body is about, local space: its centre, and the radius that distances are in.
+    pub body_centre: [f32; 3],
+    pub body_radius: f32,
     /// The color of its sheen, and its roughness.
     pub sheen: [f32; 3],
     pub sheen_roughness: f32,
@@ -239,7 +242,7 @@ const _: () = {
     assert!(size_of::<FrameBlock>() == 144 * MAX_EYES + 188 + size_of::<[SphereLightBlock; MAX_SPHERE_LIGHTS]>());
     assert!(offset_of!(InstanceBlock, material) == 64 && size_of::<InstanceBlock>() == 68);
     assert!(offset_of!(MaterialBlock, metallic) == 12 && offset_of!(MaterialBlock, emission) == 32);
-    assert!(size_of::<MaterialBlock>() == 188 && size_of::<VertexExtraBlock>() == 16);
+    assert!(size_of::<MaterialBlock>() == 204 && size_of::<VertexExtraBlock>() == 16);
     assert!(offset_of!(LightBlock, radius) == 12 && offset_of!(LightBlock, intensity) == 16);
     assert!(offset_of!(LightBlock, shadow_near) == 28 && offset_of!(LightBlock, shadow_layer) == 32);
     assert!(offset_of!(LightBlock, along) == 36 && size_of::<LightBlock>() == 56);
@@ -282,6 +285,7 @@ pub mod constant {
     pub const FILM: u32 = 31;
     pub const EXTENSION_MAP_OF: u32 = 32;
     pub const DIFFUSE_TRANSMISSION: u32 = 33;
+    pub const DISPERSES: u32 = 34;
 }
 
 /// What rays may meet or be sent to in a scene: bits of [`constant::RAY_FEATURES`], described in `glsl/ray_features.glsl`.

@@ -99,6 +99,8 @@ impl Blocks {
             absorption: counter.list(),
             ior: counter.next(),
             ior_spread: counter.next(),
+            body_centre: counter.list(),
+            body_radius: counter.next(),
             sheen: counter.list(),
             sheen_roughness: counter.next(),
             anisotropy: counter.list(),
@@ -172,7 +174,9 @@ impl Blocks {
                     .surface_transmission
                     .iter()
                     .chain(&material.absorption)
-                    .chain(&[material.ior, material.ior_spread]),
+                    .chain(&[material.ior, material.ior_spread])
+                    .chain(&material.body_centre)
+                    .chain(&[material.body_radius]),
             );
             numbers.extend(material.sheen.iter().chain(&[material.sheen_roughness]).chain(&material.anisotropy));
             numbers.push(material.diffuse_transmission);
@@ -304,6 +308,7 @@ fn specialization_constants_have_their_ids() {
         ("EXTENSION_MAP_OF", constant::EXTENSION_MAP_OF),
         ("DIFFUSE_TRANSMISSION", constant::DIFFUSE_TRANSMISSION),
         ("REFRACTS", constant::REFRACTS),
+        ("DISPERSES", constant::DISPERSES),
         ("SPHERE_LIGHTS", constant::SPHERE_LIGHTS),
     ];
     assert_eq!(declared.collect::<Vec<_>>(), ours);

@@ -65,14 +65,20 @@ pub fn load(path: &Path, options: &LoadOptions, report: &Report) -> Result<Scene
     let (environment, panorama) = environment(path, &description, options, report)?;
     let mut models = Models::load(&description.models, report)?;
     models.find_vertex_alpha();
-    let (mut materials, textures) = material::build(&models.materials, &options.textures, report);
+    let (mut materials, mut textures) = material::build(&models.materials, &options.textures, report);
     if models.meshes.iter().any(|mesh| mesh.material == materials.len()) {
         materials.push(material::default_material());
     }
     for mesh in models.meshes.iter().filter(|mesh| mesh.has_colours()) {
         materials[mesh.material].vertex_colours = true;
     }
-    refraction::settle(&mut models.meshes, &models.instances, &mut materials, report);
+    let parts = refraction::Parts {
+        meshes: &mut models.meshes,
+        instances: &mut models.instances,
+        materials: &mut materials,
+        textures: &mut textures,
+    };
+    refraction::settle(parts, report);
     let mut lights = description.lights.clone();
     lights.extend(model_lights::point_lights(&models.lights));
     let mut cameras = description.cameras.clone();

@@ -7,7 +7,7 @@ use image::{GrayImage, Luma, Rgb, RgbImage, Rgba, RgbaImage};
 use super::*;
 use crate::asset::cache::Key;
 use crate::asset::ktx2::TexelFormat;
-use crate::asset::material::Sampling;
+use crate::asset::material::{BodyShape, Sampling};
 use crate::asset::texture::Pick;
 use crate::asset::{Cache, Storage, mtl, mtl_material};
 use crate::scene::maps::TEXTURES_VERSION;
@@ -412,7 +412,11 @@ fn glass_of_an_illumination_model_lets_light_through() {
     let diamond = of("Kd 0 0 0\nillum 6\nNi 2.4");
     assert!((diamond.dielectric_f0 - (1.4f32 / 3.4).powi(2)).abs().max_element() < 1e-6 && diamond.opacity > 0.2);
     // Models 6 and 7 refract, which bodies alone can show.
-    assert!(diamond.refraction.is_some_and(|refraction| (refraction.ior - 2.4).abs() < 1e-4 && !refraction.balls));
+    assert!(
+        diamond
+            .refraction
+            .is_some_and(|refraction| (refraction.ior - 2.4).abs() < 1e-4 && refraction.shape == BodyShape::Other)
+    );
     assert!(glass.refraction.is_some() && bottle.refraction.is_none());
     // As programs write it for anything, or with other words for what is covered; metal.
     for other in

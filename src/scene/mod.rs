@@ -1,6 +1,7 @@
 //! Scenes: their contents as plain data, loading, and what can be known of them before they are drawn.
 
 pub mod atlas;
+mod body_map;
 pub mod camera_path;
 pub mod cluster;
 pub mod bvh;

@@ -11,7 +11,7 @@ use glam::{Vec2, Vec3};
 use serde::Serialize;
 
 use super::{Material, Scene};
-use crate::asset::material::Extension;
+use crate::asset::material::{BodyShape, Extension};
 use crate::reference::brdf::{round_roughness, stretched_alphas};
 use crate::reference::energy::is_multi_scatter_visible;
 use casting::nothing_casts;
@@ -84,8 +84,10 @@ pub struct MaterialFeatures {
     pub diffuse_transmission: bool,
     /// A map of an extension.
     pub extension_map: Option<Extension>,
-    /// Balls through which their surroundings are seen upside down.
+    /// Balls and other convex bodies through which their surroundings are seen.
     pub refracts: bool,
+    /// These split light into colours.
+    pub disperses: bool,
 }
 
 impl MaterialFeatures {
@@ -110,6 +112,7 @@ impl MaterialFeatures {
         diffuse_transmission: false,
         extension_map: None,
         refracts: false,
+        disperses: false,
     };
 
     /// The same for any factors of base color, metallic and roughness.
@@ -125,6 +128,7 @@ impl MaterialFeatures {
     }
 
     fn of(material: &Material) -> Self {
+        let seen_through = material.refraction.filter(|body| material.blends && body.shape != BodyShape::Other);
         Self {
             base_color_map: material.base_color_map.is_some(),
             normal_map: material.normal_map.is_some(),
@@ -152,7 +156,8 @@ impl MaterialFeatures {
             film: material.film.is_some(),
             diffuse_transmission: material.diffuse_transmission.is_some(),
             extension_map: material.extension_map.map(|(of, _)| of),
-            refracts: material.blends && material.refraction.is_some_and(|refraction| refraction.balls),
+            refracts: seen_through.is_some(),
+            disperses: seen_through.is_some_and(|refraction| refraction.ior_spread > 0.0),
         }
     }
 }

@@ -1,21 +1,33 @@
-//! Which bodies light is bent by, and which of them are balls, through which pictures show their surroundings.
+//! Which bodies light is bent by, and which of them pictures show their surroundings through: balls and convex bodies.
+
+use std::collections::HashMap;
 
 use glam::Vec3;
 
+use super::body_map::BodyMap;
 use super::culling_bounds::{Component, connected_components};
 use super::mesh::{Bounds, Mesh, Vertex};
-use super::{GeometryView, Instance, Material};
-use crate::asset::Report;
-use crate::asset::material::Refraction;
+use super::{GeometryView, Instance, Lookup, MAPS, Material};
+use crate::asset::material::{BodyShape, Refraction, Sampling, Wrap};
+use crate::asset::{MipChain, Report};
 
 /// By what a ball's corners may be nearer to its centre or farther than its radius, over this.
 const MOST_UNEVEN: f32 = 0.01;
 /// The least cosine of a ball's normals to its radii.
 const LEAST_ROUND: f32 = 0.99;
 
+/// What may get other parts where light is bent.
+pub struct Parts<'a> {
+    pub meshes: &'a mut Vec<Mesh>,
+    pub instances: &'a mut Vec<Instance>,
+    pub materials: &'a mut Vec<Material>,
+    pub textures: &'a mut Vec<MipChain>,
+}
+
 /// Leaves thin sheets where surfaces are not closed: light that goes into a body must leave it. Balls that share a material with other
-/// bodies get one of their own.
-pub fn settle(meshes: &mut [Mesh], instances: &[Instance], materials: &mut Vec<Material>, report: &Report) {
+/// bodies get one of their own, and so does each convex body.
+pub fn settle(parts: Parts<'_>, report: &Report) {
+    let Parts { meshes, instances, materials, textures } = parts;
     for index in 0..materials.len() {
         let Some(refraction) = materials[index].refraction else { continue };
         let of_it = meshes.iter().enumerate().filter(|(_, mesh)| mesh.material == index);
@@ -31,17 +43,99 @@ pub fn settle(meshes: &mut [Mesh], instances: &[Instance], materials: &mut Vec<M
             continue;
         }
         let geometry = GeometryView { meshes, instances };
-        let of_balls = bodies.iter().filter(|(mesh, bodies)| is_balls(geometry, *mesh, bodies));
-        let balls: Vec<usize> = of_balls.map(|(mesh, _)| *mesh).collect();
-        let refraction = Some(Refraction { balls: true, ..refraction });
-        if balls.len() == bodies.len() {
-            materials[index].refraction = refraction;
+        let (balls, others): (Vec<_>, Vec<_>) =
+            bodies.into_iter().partition(|(mesh, bodies)| is_balls(geometry, *mesh, bodies));
+        let shaped = |shape| Some(Refraction { shape, ..refraction });
+        if others.is_empty() {
+            materials[index].refraction = shaped(BodyShape::Balls);
         } else if !balls.is_empty() {
-            balls.iter().for_each(|mesh| meshes[*mesh].material = materials.len());
+            balls.iter().for_each(|(mesh, _)| meshes[*mesh].material = materials.len());
             let name = format!("{}, balls", materials[index].name);
-            materials.push(Material { name, refraction, ..materials[index].clone() });
+            materials.push(Material { name, refraction: shaped(BodyShape::Balls), ..materials[index].clone() });
+        }
+        for (mesh, bodies) in others {
+            let Some(maps) = convex_bodies(GeometryView { meshes, instances }, mesh, bodies) else { continue };
+            let placed: Vec<Instance> = instances.iter().filter(|instance| instance.mesh == mesh).copied().collect();
+            for (number, (mut body, BodyMap { centre, radius, of, map })) in maps.into_iter().enumerate() {
+                body.material = materials.len();
+                let name = format!("{}, {}", materials[index].name, body.name);
+                let refraction = shaped(BodyShape::Convex { centre, radius });
+                let extension_map = Some((of, textures.len()));
+                textures.push(map);
+                let mut of_body = Material { name, refraction, extension_map, ..materials[index].clone() };
+                of_body.lookups[MAPS - 1] = Lookup { sampling: BODY_SAMPLING, second_uv: false };
+                materials.push(of_body);
+                if number == 0 {
+                    meshes[mesh] = body;
+                } else {
+                    instances.extend(placed.iter().map(|instance| Instance { mesh: meshes.len(), ..*instance }));
+                    meshes.push(body);
+                }
+            }
         }
     }
+}
+
+/// Bodies of one mesh that get a map each, at most; more are drawn as sheets.
+const MOST_BODIES: usize = 16;
+const BODY_SAMPLING: Sampling = Sampling { wrap: [Wrap::Clamp; 2], nearest: false };
+
+/// A mesh for each of these bodies of one, with its map; `None` if some is not convex or holds something.
+fn convex_bodies(geometry: GeometryView<'_>, mesh: usize, bodies: Vec<Component>) -> Option<Vec<(Mesh, BodyMap)>> {
+    let whole = &geometry.meshes[mesh];
+    let of_body = |body: Component| {
+        let part = part(whole, &body);
+        let map = BodyMap::of(&part)?;
+        let mut placed = geometry.instances.iter().filter(|instance| instance.mesh == mesh);
+        let is_empty = placed.all(|instance| !holds_something(&part, instance, geometry));
+        is_empty.then_some((part, map))
+    };
+    if bodies.len() > MOST_BODIES { None } else { bodies.into_iter().map(of_body).collect() }
+}
+
+/// Twice the area of triangles whose planes count, over the body's size, squared, at least.
+const LEAST_AREA_PART: f32 = 1e-6;
+
+/// Whether a corner of anything is in a convex body.
+fn holds_something(body: &Mesh, placed: &Instance, geometry: GeometryView<'_>) -> bool {
+    let corner = |index: &u32| Vec3::from(body.vertices[*index as usize].position);
+    let size = (body.bounds.max - body.bounds.min).max_element();
+    let plane = |triangle: &[u32; 3]| {
+        let [a, b, c] = triangle.each_ref().map(corner);
+        let area = (b - a).cross(c - a);
+        // Rounding turns slivers anywhere.
+        let n = area.try_normalize().filter(|_| area.length() > LEAST_AREA_PART * size * size)?;
+        Some((n, n.dot(a)))
+    };
+    let planes: Vec<(Vec3, f32)> = body.indices.as_chunks().0.iter().filter_map(plane).collect();
+    let margin = MOST_UNEVEN * size;
+    let is_inside = |p: Vec3| {
+        body.bounds.min.cmple(p).all()
+            && p.cmple(body.bounds.max).all()
+            && planes.iter().all(|(n, at)| n.dot(p) < at - margin)
+    };
+    geometry.instances.iter().any(|instance| {
+        let (mesh, to_local) =
+            (&geometry.meshes[instance.mesh], placed.world_from_local.inverse() * instance.world_from_local);
+        let common = mesh.bounds.placed(to_local).common(body.bounds);
+        common.min.cmple(common.max).all()
+            && mesh.vertices.iter().any(|vertex| is_inside(to_local.transform_point3(vertex.position.into())))
+    })
+}
+
+/// A part of a mesh as one of its own.
+fn part(whole: &Mesh, body: &Component) -> Mesh {
+    let mut known = HashMap::new();
+    let mut vertices = Vec::new();
+    let mut index = |corner: u32| {
+        *known.entry(corner).or_insert_with(|| {
+            vertices.push(whole.vertices[corner as usize]);
+            vertices.len() as u32 - 1
+        })
+    };
+    let indices = body.triangles.iter().flatten().map(|corner| index(*corner)).collect();
+    let bounds = Bounds::of(vertices.iter().map(|vertex: &Vertex| vertex.position.into()));
+    Mesh { name: whole.name.clone(), vertices, indices, material: whole.material, bounds }
 }
 
 /// Whether these bodies of a mesh are balls with nothing inside, wherever it is placed.
@@ -95,24 +189,35 @@ mod tests {
 
     use super::*;
 
-    /// Whether each of these meshes of one material, each at its place, is drawn as balls; `None` for sheets.
-    fn all_settled(placed: &[(Mesh, Mat4)]) -> Vec<Option<bool>> {
+    /// What each of these meshes of one material, each at its place, is drawn as, and each that is added; `None` for sheets.
+    fn all_settled(placed: &[(Mesh, Mat4)]) -> Vec<Option<BodyShape>> {
         let glass = Refraction {
             ior: 1.5,
             ior_spread: 0.0,
             surface_transmission: Vec3::ONE,
             absorption: Vec3::ZERO,
-            balls: false,
+            shape: BodyShape::Other,
         };
         let mut materials = vec![Material { refraction: Some(glass), ..Material::plain("glass", Vec3::ONE, 0.0, 0.0) }];
         let mut meshes: Vec<Mesh> = placed.iter().map(|(mesh, _)| mesh.clone()).collect();
         let instance = |(mesh, (_, world)): (usize, &(Mesh, Mat4))| Instance { mesh, world_from_local: *world };
-        let instances: Vec<Instance> = placed.iter().enumerate().map(instance).collect();
-        settle(&mut meshes, &instances, &mut materials, &Report::silent());
-        meshes.iter().map(|mesh| materials[mesh.material].refraction.map(|refraction| refraction.balls)).collect()
+        let (mut instances, mut textures) = (placed.iter().enumerate().map(instance).collect(), Vec::new());
+        let parts = Parts {
+            meshes: &mut meshes,
+            instances: &mut instances,
+            materials: &mut materials,
+            textures: &mut textures,
+        };
+        settle(parts, &Report::silent());
+        let shape = |mesh: &Mesh| materials[mesh.material].refraction.map(|refraction| refraction.shape);
+        let is_mapped = |mesh: &&Mesh| matches!(shape(mesh), Some(BodyShape::Convex { .. }));
+        assert_eq!(meshes.iter().filter(is_mapped).count(), textures.len());
+        let is_placed = |mesh: usize| instances.iter().any(|instance| instance.mesh == mesh);
+        assert!((0..meshes.len()).all(is_placed), "a mesh that nothing shows");
+        meshes.iter().map(shape).collect()
     }
 
-    fn settled(placed: &[(Mesh, Mat4)]) -> Option<bool> {
+    fn settled(placed: &[(Mesh, Mat4)]) -> Option<BodyShape> {
         all_settled(placed)[0]
     }
 
@@ -120,20 +225,49 @@ mod tests {
     fn balls_are_round_closed_and_empty() {
         let ball = Mesh::ball(24, 1.0);
         let alone = |world: Mat4| settled(&[(ball.clone(), world)]);
-        assert_eq!(alone(Mat4::IDENTITY), Some(true));
-        assert_eq!(alone(Mat4::from_translation(Vec3::splat(7.0)) * Mat4::from_scale(Vec3::splat(0.3))), Some(true));
-        assert_eq!(alone(Mat4::from_scale(Vec3::new(1.0, 1.1, 1.0))), Some(false));
+        assert_eq!(alone(Mat4::IDENTITY), Some(BodyShape::Balls));
+        let placed = Mat4::from_translation(Vec3::splat(7.0)) * Mat4::from_scale(Vec3::splat(0.3));
+        assert_eq!(alone(placed), Some(BodyShape::Balls));
         let flat = Mesh {
             vertices: ball.vertices.iter().map(|vertex| Vertex { normal: [0.0, 1.0, 0.0], ..*vertex }).collect(),
             ..ball.clone()
         };
-        assert_eq!(settled(&[(flat, Mat4::IDENTITY)]), Some(false));
+        assert!(matches!(settled(&[(flat, Mat4::IDENTITY)]), Some(BodyShape::Convex { .. })));
         let half = Mesh { indices: ball.indices[..ball.indices.len() / 2].to_vec(), ..ball.clone() };
         assert_eq!(settled(&[(half, Mat4::IDENTITY)]), None);
         let beside = |x: f32| Mat4::from_translation(Vec3::X * x) * Mat4::from_scale(Vec3::splat(0.1));
         for (x, want) in [(0.3, false), (1.2, true)] {
             let both = all_settled(&[(ball.clone(), Mat4::IDENTITY), (ball.clone(), beside(x))]);
-            assert_eq!(both, [Some(want), Some(true)]);
+            assert_eq!([both[0] == Some(BodyShape::Balls), both[1] == Some(BodyShape::Balls)], [want, true]);
+            assert!(want || both[0] == Some(BodyShape::Other), "it holds the other one");
         }
+    }
+
+    /// An egg that is moved along x; corners of pairs are of one mesh.
+    fn egg(x: f32) -> Mesh {
+        let mut egg = Mesh::ball(12, 0.4);
+        egg.vertices.iter_mut().for_each(|v| (v.position[0], v.position[1]) = (v.position[0] + x, 1.3 * v.position[1]));
+        egg.bounds = Bounds::of(egg.vertices.iter().map(|v| v.position.into()));
+        egg
+    }
+
+    #[test]
+    fn each_convex_body_gets_a_map() {
+        let mut pair = egg(0.0);
+        let other = egg(3.0);
+        let first = pair.vertices.len() as u32;
+        pair.vertices.extend(&other.vertices);
+        pair.indices.extend(other.indices.iter().map(|index| index + first));
+        pair.bounds = Bounds::of(pair.vertices.iter().map(|v| v.position.into()));
+        let found = all_settled(&[(pair, Mat4::from_rotation_x(1.0))]);
+        let centre = |shape: &Option<BodyShape>| match shape {
+            Some(BodyShape::Convex { centre, radius }) => centre.x * f32::from(u8::from((radius - 0.52).abs() < 1e-2)),
+            other => panic!("{other:?}"),
+        };
+        let centres: Vec<f32> = found.iter().map(centre).collect();
+        assert!(centres.len() == 2 && centres[0].abs() < 1e-3 && (centres[1] - 3.0).abs() < 1e-3, "{centres:?}");
+        let mut dented = egg(0.0);
+        dented.vertices.iter_mut().filter(|v| v.position[0] > 0.37).for_each(|v| v.position[0] = 0.33);
+        assert!(!matches!(settled(&[(dented, Mat4::IDENTITY)]), Some(BodyShape::Convex { .. })));
     }
 }

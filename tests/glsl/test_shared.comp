@@ -81,6 +81,10 @@ void main()
         put(materials[i].absorption.z);
         put(materials[i].ior);
         put(materials[i].ior_spread);
+        put(materials[i].body_centre.x);
+        put(materials[i].body_centre.y);
+        put(materials[i].body_centre.z);
+        put(materials[i].body_radius);
         put(materials[i].sheen.x);
         put(materials[i].sheen.y);
         put(materials[i].sheen.z);

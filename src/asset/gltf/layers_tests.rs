@@ -219,7 +219,7 @@ fn bodies_split_light_by_their_abbe_number() {
             },
         }))
         .load();
-        let told = warnings.iter().any(|warning| warning.contains("colours part in exact pictures alone"));
+        let told = warnings.iter().any(|warning| warning.contains("colours part in balls and convex bodies alone"));
         assert_eq!(told, dispersion > 0.0, "{warnings:?}");
         model.unwrap().materials[0].refraction.expect("a body").ior_spread
     };

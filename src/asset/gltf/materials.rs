@@ -393,7 +393,13 @@ impl MaterialReader<'_> {
         let said = self.extension::<Dispersion>(key)?.unwrap_or_default().dispersion;
         let dispersion = self.clamped("dispersion", said, transmission::MAX_DISPERSION);
         if dispersion > 0.0 {
-            self.source.warn_once(key, &format!("{}: {key}: colours part in exact pictures alone", self.of));
+            self.source.warn_once(
+                key,
+                &format!(
+                    "{}: {key}: colours part in balls and convex bodies alone, and in exact pictures in all bodies",
+                    self.of
+                ),
+            );
         }
         Ok(0.5 * (ior - 1.0) * dispersion / 20.0)
     }
@@ -424,7 +430,7 @@ impl MaterialReader<'_> {
         let (key, left_out) = match desc.refraction {
             Some(_) => (
                 transmission::VOLUME,
-                "balls alone bend light that goes through them, and in exact pictures all bodies",
+                "balls and convex bodies alone bend light that goes through them, and in exact pictures all bodies",
             ),
             None => (transmission::NAME, "light goes straight through it, neither bent nor blurred"),
         };

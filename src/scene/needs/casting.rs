@@ -3,6 +3,7 @@
 use glam::{DVec3, Mat4};
 use rayon::prelude::*;
 
+use crate::asset::material::BodyShape;
 use crate::scene::culling_bounds::connected_components;
 use crate::scene::mesh::Mesh;
 use crate::scene::{Instance, Scene};
@@ -33,10 +34,10 @@ pub fn nothing_casts(scene: &Scene) -> Option<&'static str> {
     let [instance] = shown[..] else { return None };
     let mesh = &scene.meshes[instance.mesh];
     let material = &scene.materials[mesh.material];
-    // Light goes through a ball of glass, which shows its surroundings by itself.
-    let is_glass_ball = material.refraction.is_some_and(|refraction| refraction.balls);
+    // Light goes through a convex body of glass, which shows its surroundings by itself.
+    let is_seen_through = material.refraction.is_some_and(|refraction| refraction.shape != BodyShape::Other);
     let lets_light_in = material.diffuse_transmission.is_some();
-    let has_holes = material.alpha_cutoff.is_some() || (material.blends && !is_glass_ball) || lets_light_in;
+    let has_holes = material.alpha_cutoff.is_some() || (material.blends && !is_seen_through) || lets_light_in;
     let parts = connected_components(&mesh.vertices, &mesh.indices);
     let closed = parts.len() == 1 && parts[0].closed() && !has_holes;
     // From inside it is a room.
@@ -69,7 +70,7 @@ fn is_flat(triangles: &[[DVec3; 3]], margin: f64) -> bool {
 }
 
 /// Whether no corner lies before the plane of any triangle.
-fn is_convex(triangles: &[[DVec3; 3]], corners: &[DVec3], margin: f64) -> bool {
+pub fn is_convex(triangles: &[[DVec3; 3]], corners: &[DVec3], margin: f64) -> bool {
     let boxed = |block: &'_ [DVec3]| {
         let (min, max) = block.iter().fold((block[0], block[0]), |(min, max), c| (min.min(*c), max.max(*c)));
         (min.midpoint(max), 0.5 * (max - min))
@@ -158,17 +159,17 @@ mod tests {
 
     #[test]
     fn a_lone_ball_of_glass_casts_nothing_and_a_vase_does() {
-        let glass = |balls| {
+        let glass = |shape| {
             let refraction = Refraction {
                 ior: 1.5,
                 ior_spread: 0.0,
                 surface_transmission: Vec3::ONE,
                 absorption: Vec3::ZERO,
-                balls,
+                shape,
             };
             Material { blends: true, refraction: Some(refraction), ..default_material() }
         };
-        assert!(nothing_casts(&ball_of(glass(true))).is_some_and(|why| why.contains("convex")));
-        assert_eq!(nothing_casts(&ball_of(glass(false))), None);
+        assert!(nothing_casts(&ball_of(glass(BodyShape::Balls))).is_some_and(|why| why.contains("convex")));
+        assert_eq!(nothing_casts(&ball_of(glass(BodyShape::Other))), None);
     }
 }

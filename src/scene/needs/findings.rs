@@ -124,7 +124,7 @@ fn maps(materials: &[MaterialFinding]) -> Vec<Finding> {
             &|m| m.features.extension_map.is_some(),
             "no sheen, specular factor or stretch of highlights varies",
         ),
-        finding("refraction", &|m| m.features.refracts, "nothing is a solid ball of glass"),
+        finding("refraction", &|m| m.features.refracts, "nothing is a convex body of glass"),
         finding("emission", &|m| m.features.emits, "no material shines"),
         finding("vertex colours", &|m| m.features.vertex_colours != VertexColours::None, "all are white"),
         finding(
