@@ -12,9 +12,11 @@ layout(EXTENSION_MAP) uniform sampler2D extension_map;
 layout(RAY_TEXTURES_BASE_COLOR, rgba16f) uniform writeonly image2DArray base_color;
 layout(RAY_TEXTURES_NORMAL, rgba8) uniform writeonly image2DArray normal;
 layout(RAY_TEXTURES_ORM, rgba8) uniform writeonly image2DArray orm;
-layout(RAY_TEXTURES_EMISSION, rgba16f) uniform writeonly image2DArray emission; // one texel where there are no maps
-layout(RAY_TEXTURES_EXTENSION, rgba16f) uniform writeonly image2DArray extension; // the same
-layout(push_constant) uniform Target { uint layer; } target;
+layout(RAY_TEXTURES_EMISSION, rgba16f) uniform writeonly image2DArray emission; // one texel where there are no maps; or extension
+layout(push_constant) uniform Target {
+    uint layer;
+    uint is_extension; // 1: no others are written
+} target;
 
 // The mean over a texel of the layer, or nearly.
 vec4 reduced(sampler2D map, vec2 at, ivec2 size)
@@ -25,16 +27,19 @@ vec4 reduced(sampler2D map, vec2 at, ivec2 size)
 
 void main()
 {
-    ivec2 size = imageSize(base_color).xy;
+    bool is_extension = target.is_extension != 0u;
+    ivec2 size = is_extension ? imageSize(emission).xy : imageSize(base_color).xy;
     if (any(greaterThanEqual(gl_GlobalInvocationID.xy, uvec2(size))))
         return;
     ivec3 texel = ivec3(gl_GlobalInvocationID.xy, target.layer);
     vec2 at = (vec2(texel.xy) + 0.5) / vec2(size);
+    if (is_extension) {
+        imageStore(emission, texel, reduced(extension_map, at, size));
+        return;
+    }
     imageStore(base_color, texel, reduced(base_color_map, at, size));
     imageStore(normal, texel, reduced(normal_map, at, size));
     imageStore(orm, texel, reduced(orm_map, at, size));
     if (all(lessThan(texel.xy, imageSize(emission).xy)))
         imageStore(emission, texel, reduced(emission_map, at, size));
-    if (all(lessThan(texel.xy, imageSize(extension).xy)))
-        imageStore(extension, texel, reduced(extension_map, at, size));
 }

@@ -72,7 +72,8 @@ pub const RAYS: SetBindings = SetBindings {
     ],
 };
 
-/// One layer of the textures for rays, a compute pass.
+/// One layer of the textures for rays, a compute pass. GPUs may allow no more than four storage images in a stage: the last is that of
+/// emission, and in a pass of its own that of extensions.
 pub const RAY_TEXTURES: SetBindings = SetBindings {
     set: 1,
     bindings: &[
@@ -80,7 +81,6 @@ pub const RAY_TEXTURES: SetBindings = SetBindings {
         ("RAY_TEXTURES_NORMAL", StorageImage),
         ("RAY_TEXTURES_ORM", StorageImage),
         ("RAY_TEXTURES_EMISSION", StorageImage),
-        ("RAY_TEXTURES_EXTENSION", StorageImage),
     ],
 };
 

@@ -26,53 +26,87 @@ pub struct Parts<'a> {
 
 /// Leaves thin sheets where surfaces are not closed: light that goes into a body must leave it. Balls that share a material with other
 /// bodies get one of their own, and so does each convex body.
-pub fn settle(parts: Parts<'_>, report: &Report) {
-    let Parts { meshes, instances, materials, textures } = parts;
-    for index in 0..materials.len() {
-        let Some(refraction) = materials[index].refraction else { continue };
-        let of_it = meshes.iter().enumerate().filter(|(_, mesh)| mesh.material == index);
-        let bodies: Vec<(usize, Vec<Component>)> =
-            of_it.map(|(i, mesh)| (i, connected_components(&mesh.vertices, &mesh.indices))).collect();
-        if !bodies.iter().flat_map(|(_, bodies)| bodies).all(Component::closed) {
-            let material = &mut materials[index];
-            material.refraction = None;
-            report.warn(format!(
-                "material {}: it refracts, but is on surfaces that are not closed, with fronts outwards; drawn as thin sheets",
-                material.name
-            ));
+pub fn settle(mut parts: Parts<'_>, report: &Report) {
+    for index in 0..parts.materials.len() {
+        if parts.materials[index].refraction.is_none() {
             continue;
         }
-        let geometry = GeometryView { meshes, instances };
-        let (balls, others): (Vec<_>, Vec<_>) =
-            bodies.into_iter().partition(|(mesh, bodies)| is_balls(geometry, *mesh, bodies));
-        let shaped = |shape| Some(Refraction { shape, ..refraction });
-        if others.is_empty() {
-            materials[index].refraction = shaped(BodyShape::Balls);
-        } else if !balls.is_empty() {
-            balls.iter().for_each(|(mesh, _)| meshes[*mesh].material = materials.len());
-            let name = format!("{}, balls", materials[index].name);
-            materials.push(Material { name, refraction: shaped(BodyShape::Balls), ..materials[index].clone() });
+        let of_it = parts.meshes.iter().enumerate().filter(|(_, mesh)| mesh.material == index);
+        let bodies: Vec<(usize, Vec<Component>)> =
+            of_it.map(|(i, mesh)| (i, connected_components(&mesh.vertices, &mesh.indices))).collect();
+        if bodies.iter().flat_map(|(_, bodies)| bodies).all(Component::closed) {
+            parts.shape(index, bodies);
+            continue;
         }
+        let material = &mut parts.materials[index];
+        material.refraction = None;
+        report.warn(format!(
+            "material {}: it refracts, but is on surfaces that are not closed, with fronts outwards; drawn as thin sheets",
+            material.name
+        ));
+    }
+}
+
+impl Parts<'_> {
+    fn geometry(&self) -> GeometryView<'_> {
+        GeometryView { meshes: self.meshes, instances: self.instances }
+    }
+
+    /// Says what the bodies of a material are: those of each of its meshes.
+    fn shape(&mut self, material: usize, bodies: Vec<(usize, Vec<Component>)>) {
+        let (balls, others): (Vec<_>, Vec<_>) =
+            bodies.into_iter().partition(|(mesh, bodies)| is_balls(self.geometry(), *mesh, bodies));
+        if others.is_empty() {
+            self.materials[material] = self.shaped(material, BodyShape::Balls);
+            return;
+        }
+        if !balls.is_empty() {
+            balls.iter().for_each(|(mesh, _)| self.meshes[*mesh].material = self.materials.len());
+            let shaped = self.shaped(material, BodyShape::Balls);
+            self.materials.push(Material { name: format!("{}, balls", shaped.name), ..shaped });
+        }
+        let of_one_mesh = balls.is_empty() && others.len() == 1;
         for (mesh, bodies) in others {
-            let Some(maps) = convex_bodies(GeometryView { meshes, instances }, mesh, bodies) else { continue };
-            let placed: Vec<Instance> = instances.iter().filter(|instance| instance.mesh == mesh).copied().collect();
-            for (number, (mut body, BodyMap { centre, radius, of, map })) in maps.into_iter().enumerate() {
-                body.material = materials.len();
-                let name = format!("{}, {}", materials[index].name, body.name);
-                let refraction = shaped(BodyShape::Convex { centre, radius });
-                let extension_map = Some((of, textures.len()));
-                textures.push(map);
-                let mut of_body = Material { name, refraction, extension_map, ..materials[index].clone() };
-                of_body.lookups[MAPS - 1] = Lookup { sampling: BODY_SAMPLING, second_uv: false };
-                materials.push(of_body);
-                if number == 0 {
-                    meshes[mesh] = body;
-                } else {
-                    instances.extend(placed.iter().map(|instance| Instance { mesh: meshes.len(), ..*instance }));
-                    meshes.push(body);
+            match convex_bodies(self.geometry(), mesh, bodies) {
+                Some(maps) if of_one_mesh && maps.len() == 1 => {
+                    maps.into_iter().for_each(|(_, map)| self.materials[material] = self.mapped(material, map));
                 }
+                Some(maps) => self.give_maps(material, mesh, maps),
+                None => {}
             }
         }
+    }
+
+    /// A mesh and a material for each convex body of a mesh.
+    fn give_maps(&mut self, material: usize, mesh: usize, maps: Vec<(Mesh, BodyMap)>) {
+        let placed: Vec<Instance> = self.instances.iter().filter(|instance| instance.mesh == mesh).copied().collect();
+        for (number, (body, map)) in maps.into_iter().enumerate() {
+            let body = Mesh { material: self.materials.len(), ..body };
+            let mapped = self.mapped(material, map);
+            self.materials.push(Material { name: format!("{}, {}", mapped.name, body.name), ..mapped });
+            if number == 0 {
+                self.meshes[mesh] = body;
+            } else {
+                self.instances.extend(placed.iter().map(|instance| Instance { mesh: self.meshes.len(), ..*instance }));
+                self.meshes.push(body);
+            }
+        }
+    }
+
+    /// A material with bodies of this shape.
+    fn shaped(&self, material: usize, shape: BodyShape) -> Material {
+        let material = &self.materials[material];
+        let refraction = material.refraction.map(|refraction| Refraction { shape, ..refraction });
+        Material { refraction, ..material.clone() }
+    }
+
+    /// One with the map of a convex body.
+    fn mapped(&mut self, material: usize, BodyMap { centre, radius, of, map }: BodyMap) -> Material {
+        let mut mapped = self.shaped(material, BodyShape::Convex { centre, radius });
+        mapped.extension_map = Some((of, self.textures.len()));
+        mapped.lookups[MAPS - 1] = Lookup { sampling: BODY_SAMPLING, second_uv: false };
+        self.textures.push(map);
+        mapped
     }
 }
 
