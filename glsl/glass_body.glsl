@@ -92,8 +92,15 @@ Exit exit_by_distances(vec3 p, vec3 d)
     return Exit(t, normalize_or(body_surface(p + t * d).xyz, d));
 }
 
-// Total reflections that light is followed through; then it is taken to leave.
-const uint MOST_REFLECTIONS = 3;
+// Total reflections that light is followed through; then it is taken to leave to anywhere around.
+const uint MOST_REFLECTIONS = 6;
+
+// How much the directions towards the eye vary within a pixel.
+float view_variance(vec3 v)
+{
+    vec3 across = dFdx(v), down = dFdy(v);
+    return (dot(across, across) + dot(down, down)) / 12.0;
+}
 
 BodyLight light_of_convex_body(Surface s, Material material, float ior)
 {
@@ -102,7 +109,12 @@ BodyLight light_of_convex_body(Surface s, Material material, float ior)
     mat3 turn = mat3(world_from_local) / scale;
     vec3 centre = (world_from_local * vec4(material.body_centre, 1.0)).xyz;
     float radius = scale * material.body_radius, far = 0.0;
-    vec3 p = (position_world - centre) * turn / radius, d = refract(-s.v, s.n, 1.0 / ior) * turn, l = d;
+    // At the pixel's centre: between triangles, places that are covered do not lie next to each other, nor do what follows from them.
+    vec3 p = (position_centre - centre) * turn / radius, n = s.n * turn;
+    vec3 v = normalize(frame.eyes[eye].world_from_view[3].xyz - position_centre);
+    if (EXTENSION_MAP_OF == EXTENSION_BODY && !HAS_NORMAL_MAP)
+        n = normalize_or(body_surface(p).xyz, n);
+    vec3 d = refract(-v * turn, n, 1.0 / ior), l = d;
     bool leaves = false;
     float reflections = 0.0;
     for (uint i = 0u; i <= MOST_REFLECTIONS; ++i) {
@@ -123,8 +135,9 @@ BodyLight light_of_convex_body(Surface s, Material material, float ior)
         }
     }
     l = turn * l;
-    vec3 across = dFdx(l), down = dFdy(l);
-    return BodyLight(centre + turn * p * radius, l, far * radius, (dot(across, across) + dot(down, down)) / 12.0, reflections);
+    // Flat faces spread light no more than it is when it is seen.
+    float variance = view_variance(EXTENSION_MAP_OF == EXTENSION_FACES ? v : l) + (leaves ? 0.0 : 1.0);
+    return BodyLight(centre + turn * p * radius, l, far * radius, variance, reflections);
 }
 
 // The lobe of light that goes through a body. Images are small, most of all at a ball's rim: as large a part of one is averaged as the
@@ -208,6 +221,8 @@ vec3 with_what_is_seen_through(inout Surface s, vec3 light)
         seen = seen_through(s, material, material.ior);
     // Without tints all colours go through alike.
     float straight = seen.straight * (TINTS ? 1.0 : luminance(seen.transmission));
+    // As in a pane, both surfaces mirror what goes straight through them, any number of times.
+    s.alpha = mix(s.alpha, 2.0 * s.alpha / (1.0 + s.alpha), seen.straight);
     vec3 sum = s.alpha * light + (1.0 - s.alpha) * (1.0 - straight) * seen.transmission * seen.radiance;
     // The back is seen through the front.
     s.alpha = gl_FrontFacing ? 1.0 - (1.0 - s.alpha) * straight : 0.0;
