@@ -69,12 +69,10 @@ struct Split {
     vec3 specular;
 };
 
-// Variance of the normals within the pixel, across which they are assumed to turn evenly: a box.
+// Of the normals.
 float normal_variance()
 {
-    vec3 n = normalize_or(normal_world, vec3(0.0, 1.0, 0.0));
-    vec3 across = dFdx(n), down = dFdy(n);
-    return (dot(across, across) + dot(down, down)) / 12.0;
+    return pixel_variance(normalize_or(normal_world, vec3(0.0, 1.0, 0.0)));
 }
 
 SpecularLobe lobe_of(Surface s)

@@ -95,13 +95,6 @@ Exit exit_by_distances(vec3 p, vec3 d)
 // Total reflections that light is followed through; then it is taken to leave to anywhere around.
 const uint MOST_REFLECTIONS = 6;
 
-// How much the directions towards the eye vary within a pixel.
-float view_variance(vec3 v)
-{
-    vec3 across = dFdx(v), down = dFdy(v);
-    return (dot(across, across) + dot(down, down)) / 12.0;
-}
-
 BodyLight light_of_convex_body(Surface s, Material material, float ior)
 {
     mat4 world_from_local = frame.world_from_models * instances[draw.instance].world_from_local;
@@ -114,10 +107,10 @@ BodyLight light_of_convex_body(Surface s, Material material, float ior)
     vec3 v = normalize(frame.eyes[eye].world_from_view[3].xyz - position_centre);
     if (EXTENSION_MAP_OF == EXTENSION_BODY && !HAS_NORMAL_MAP)
         n = normalize_or(body_surface(p).xyz, n);
-    vec3 d = refract(-v * turn, n, 1.0 / ior), l = d;
+    vec3 d = refract(-v * turn, n, 1.0 / ior);
     bool leaves = false;
     float reflections = 0.0;
-    for (uint i = 0u; i <= MOST_REFLECTIONS; ++i) {
+    for (uint i = 0u; i <= MOST_REFLECTIONS && !leaves; ++i) {
         Exit e;
         if (EXTENSION_MAP_OF == EXTENSION_FACES)
             e = exit_by_faces(p, d);
@@ -125,18 +118,15 @@ BodyLight light_of_convex_body(Surface s, Material material, float ior)
             e = exit_by_distances(p, d);
         vec3 on = refract(d, -e.n, ior);
         bool reflected = on == vec3(0.0) && dot(d, e.n) > 0.0;
-        if (!leaves) {
-            p += e.t * d;
-            far += e.t;
-            l = reflected ? reflect(d, e.n) : on == vec3(0.0) ? d : on;
-            d = l;
-            leaves = !reflected;
-            reflections += reflected ? 1.0 : 0.0;
-        }
+        p += e.t * d;
+        far += e.t;
+        d = reflected ? reflect(d, e.n) : on == vec3(0.0) ? d : on;
+        leaves = !reflected;
+        reflections += reflected ? 1.0 : 0.0;
     }
-    l = turn * l;
+    vec3 l = turn * d;
     // Flat faces spread light no more than it is when it is seen.
-    float variance = view_variance(EXTENSION_MAP_OF == EXTENSION_FACES ? v : l) + (leaves ? 0.0 : 1.0);
+    float variance = pixel_variance(EXTENSION_MAP_OF == EXTENSION_FACES ? v : l) + (leaves ? 0.0 : 1.0);
     return BodyLight(centre + turn * p * radius, l, far * radius, variance, reflections);
 }
 

@@ -74,6 +74,13 @@ vec3 triangle_normal()
     return normalize_or(cross(dFdy(position_centre), dFdx(position_centre)), gl_FrontFacing ? n : -n);
 }
 
+// Variance of a unit vector within the pixel, across which it is assumed to turn evenly: a box.
+float pixel_variance(vec3 v)
+{
+    vec3 across = dFdx(v), down = dFdy(v);
+    return (dot(across, across) + dot(down, down)) / 12.0;
+}
+
 // Discards the part of the pixel that is in a hole; `above`: alpha over the cutoff.
 void cut_out(float above);
 

@@ -78,28 +78,34 @@ impl MaterialReader<'_> {
         Ok(first.map(|(of, _, textures)| ExtensionTextures { of, textures }))
     }
 
-    /// The mean of a color texture of an extension, or white where there is none or it is one of the material's maps.
-    fn mean_without_map(
+    /// The means of an extension's textures of color and of a number, each with its key; white where there is none or it is one of the
+    /// material's maps.
+    fn means_without_maps(
         &self,
         desc: &MaterialDesc,
-        (of, name, key): (Extension, &str, &str),
-        info: Option<&TextureInfo>,
+        (of, name): (Extension, &str),
+        textures: [(&str, &Option<TextureInfo>); 2],
         images: &mut Images,
-    ) -> Result<Vec4> {
+    ) -> Result<[Vec4; 2]> {
         let maps = desc.extension_maps.as_ref().filter(|maps| maps.of == of);
-        let is_map = maps.is_some_and(|maps| maps.all().any(|map| map.origin.ends_with(key)));
-        self.mean(name, key, info.filter(|_| !is_map), images)
+        let is_map = maps.map_or([false; 2], |maps| [maps.color.is_some(), maps.number.is_some()]);
+        let mut mean = |i: usize| {
+            let (key, info) = textures[i];
+            self.mean(name, key, info.as_ref().filter(|_| !is_map[i]), images)
+        };
+        Ok([mean(0)?, mean(1)?])
     }
 
     /// What is no metal reflects by its index and `KHR_materials_specular`.
     pub fn set_specular(&self, desc: &mut MaterialDesc, images: &mut Images) -> Result<()> {
         desc.dielectric_f0 = Vec3::splat(f0_from_ior(self.ior()?));
         let Some(specular) = self.extension::<Specular>(specular::NAME)? else { return Ok(()) };
-        let mut mean = |key, info: &Option<TextureInfo>| {
-            self.mean_without_map(desc, (Extension::Specular, specular::NAME, key), info.as_ref(), images)
-        };
-        let of_factor = mean("specularTexture", &specular.specular_texture)?;
-        let of_color = mean("specularColorTexture", &specular.specular_color_texture)?;
+        let textures = [
+            ("specularColorTexture", &specular.specular_color_texture),
+            ("specularTexture", &specular.specular_texture),
+        ];
+        let of = (Extension::Specular, specular::NAME);
+        let [of_color, of_factor] = self.means_without_maps(desc, of, textures, images)?;
         let factor = self.clamped("specularFactor", specular.specular_factor, 1.0) * of_factor.w;
         // Infinity times nothing is no number.
         let color = Vec3::from(specular.specular_color_factor).clamp(Vec3::ZERO, Vec3::splat(f32::MAX));
@@ -161,11 +167,12 @@ impl MaterialReader<'_> {
         if color == [0.0; 3] {
             return Ok(());
         }
-        let mut mean = |key, info: &Option<TextureInfo>| {
-            self.mean_without_map(desc, (Extension::Sheen, sheen::NAME, key), info.as_ref(), images)
-        };
-        let of_color = mean("sheenColorTexture", &sheen.sheen_color_texture)?;
-        let of_roughness = mean("sheenRoughnessTexture", &sheen.sheen_roughness_texture)?;
+        let textures = [
+            ("sheenColorTexture", &sheen.sheen_color_texture),
+            ("sheenRoughnessTexture", &sheen.sheen_roughness_texture),
+        ];
+        let [of_color, of_roughness] =
+            self.means_without_maps(desc, (Extension::Sheen, sheen::NAME), textures, images)?;
         desc.sheen = Vec3::from(color) * of_color.truncate();
         let roughness = sheen.sheen_roughness_factor * of_roughness.w;
         desc.sheen_roughness = self.clamped_between("sheenRoughnessFactor", roughness, MIN_SHEEN_ROUGHNESS, 1.0);
@@ -183,10 +190,11 @@ impl MaterialReader<'_> {
         let factor = diffuse
             .diffuse_transmission_color_factor
             .map(|value| self.clamped("diffuseTransmissionColorFactor", value, 1.0));
-        let mut mean =
-            |key, info: &Option<TextureInfo>| self.mean_without_map(desc, (of.0, of.1, key), info.as_ref(), images);
-        let of_share = mean("diffuseTransmissionTexture", &diffuse.diffuse_transmission_texture)?;
-        let of_color = mean("diffuseTransmissionColorTexture", &diffuse.diffuse_transmission_color_texture)?;
+        let textures = [
+            ("diffuseTransmissionColorTexture", &diffuse.diffuse_transmission_color_texture),
+            ("diffuseTransmissionTexture", &diffuse.diffuse_transmission_texture),
+        ];
+        let [of_color, of_share] = self.means_without_maps(desc, of, textures, images)?;
         let color = Vec3::from(factor) * of_color.truncate();
         desc.diffuse_transmission = Some(material::DiffuseTransmission { share: share * of_share.w, color });
         if self.extension::<Volume>(transmission::VOLUME)?.is_some_and(|volume| volume.thickness_factor > 0.0) {
