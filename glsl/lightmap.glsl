@@ -57,6 +57,8 @@ struct LightmapSums {
     // Irradiance over bounces that is shown until the last one is there, and its samples. After the bounces `sky` with that of
     // the texels around. At last what the filter goes by: mean irradiance, and the variance of a texel's brightness.
     vec4 kept;
+    // What the filter gives: mean irradiance, and the variance of what is left of the noise of its brightness.
+    vec4 filtered;
 };
 
 layout(LIGHTMAP_TEXELS, scalar) readonly buffer LightmapTexels { LightmapTexel lightmap_texels[]; };
@@ -84,6 +86,7 @@ layout(push_constant, scalar) uniform Work {
     uint relay_count;  // 0: none are used
     float spot_density; // of relays per area from which a place is near what shines
     uint probe_count;
+    uint half_of_samples; // of those of a texel in all, a power of two
 } work;
 
 // `flags`: sums begin with these samples; what is known is shown from now on; their sky is counted; their sums are kept.

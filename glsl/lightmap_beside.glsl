@@ -26,4 +26,15 @@ float same_surface(LightmapSurface a, LightmapSurface b, vec2 off)
     return smoothstep(0.9, 1.0, dot(a.normal, b.normal));
 }
 
+// Part of the light by which texels may differ where there is no noise.
+const float LEAST_RANGE = 0.002;
+
+// How likely it is noise alone that two texels differ by, 0 to 1, whose irradiance and its variance are known; `range`: by how much
+// the squares of what is compared may differ, of the variance of both.
+float alike(vec4 known, vec4 other, float range)
+{
+    float apart = brightness(known.rgb - other.rgb), least = LEAST_RANGE * brightness(known.rgb);
+    return exp(-apart * apart / max(range * (known.a + other.a) + least * least, TINY));
+}
+
 #endif

@@ -173,5 +173,5 @@ void main()
     vec3 n = normalize_or(normal, vec3(0.0, 1.0, 0.0));
     lightmap_surfaces[index] = LightmapSurface(vec4(albedo * scale, glossy), through * scale, seen, place * scale, n, texel_extent(texel),
         vec4(0.0), 0.0, vec3(0.0));
-    lightmap_sums[index] = LightmapSums(vec4(0.0), 0.0, vec4(0.0), vec3(0.0), vec2(0.0), vec4(0.0));
+    lightmap_sums[index] = LightmapSums(vec4(0.0), 0.0, vec4(0.0), vec3(0.0), vec2(0.0), vec4(0.0), vec4(0.0));
 }

@@ -5,20 +5,10 @@
 #extension GL_GOOGLE_include_directive : require
 #include "lightmap_beside.glsl"
 
-const int REACH = 4; // texels
+const int REACH = 3; // texels
 // Of the variance of both texels' noise: by how much the squares of what the filter goes by may differ.
-const float RANGE = 0.8;
-// Part of the light by which texels may differ where there is no noise.
-const float LEAST_RANGE = 0.002;
-
-// How likely it is noise alone that two texels differ by, 0 to 1.
-float alike(vec4 guide, vec4 other)
-{
-    float apart = brightness(guide.rgb - other.rgb), least = LEAST_RANGE * brightness(guide.rgb);
-    return exp(-apart * apart / max(RANGE * (guide.a + other.a) + least * least, TINY));
-}
-
-// The same of the parts of their rays that met nothing, whose number has a binomial distribution.
+const float RANGE = 3.0;
+// How likely it is noise alone that two texels differ by in the parts of their rays that met nothing, whose number has a binomial distribution.
 float alike_open(LightmapSurface a, LightmapSurface b)
 {
     vec2 rays = max(vec2(a.rays, b.rays), 1.0), open = vec2(a.unblocked.w, b.unblocked.w) / rays;
@@ -48,7 +38,7 @@ void main()
     mat3 models = mat3(frame.world_from_models);
     vec4 guide = lightmap_sums[index].kept, light = vec4(0.0), unblocked = vec4(0.0);
     vec3 surfaces = vec3(0.0), given = vec3(0.0);
-    float rays = 0.0;
+    float rays = 0.0, variance = 0.0;
     for (int y = -REACH; y <= REACH; ++y) {
         for (int x = -REACH; x <= REACH; ++x) {
             uint beside = texel_at(at + ivec3(x, y, 0));
@@ -57,11 +47,12 @@ void main()
             vec2 off = vec2(x, y);
             LightmapSurface other = lightmap_surfaces[beside];
             LightmapSums sums = lightmap_sums[beside];
-            float weight = same_surface(s, other, off) * alike(guide, sums.kept) * exp2(-dot(off, off) / 8.0);
+            float weight = same_surface(s, other, off) * alike(guide, sums.kept, RANGE) * exp2(-dot(off, off) / 6.0);
             if (weight == 0.0)
                 continue;
             light += weight * vec4(sums.all.rgb / sums.all.a, 1.0);
             given += weight * irradiance_to_give(sums);
+            variance += weight * weight * sums.kept.a;
             weight *= alike_open(s, other);
             vec3 directions = turned(other.unblocked.xyz, other.normal * models, s.normal * models);
             unblocked += weight * vec4(directions, other.unblocked.w);
@@ -70,6 +61,7 @@ void main()
         }
     }
     vec3 irradiance = max(mean_irradiance(light), 0.0);
+    lightmap_sums[index].filtered = vec4(irradiance, variance / (light.a * light.a));
     s.unblocked = unblocked;
     s.surfaces = surfaces;
     s.rays = rays;

@@ -282,9 +282,9 @@ void main()
         sum.unblocked += found.unblocked;
         sum.sky += found.sky;
         samples += 1.0;
-        // Halves that have equally many samples of the panorama.
+        // The first half and the second, each spread evenly: of others that are not, the difference is no noise.
         float bright = brightness(found.all);
-        uneven += (i / PER_DRAWN) % 2u == 0u ? -bright : bright;
+        uneven += i < work.half_of_samples ? -bright : bright;
     }
     // Not before surfaces give back nearly all they will.
     if (!counts || (work.flags & WORK_KEEPS) != 0u) {

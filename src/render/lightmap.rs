@@ -24,7 +24,7 @@ const WEIGHING_GROUPS: u32 = 64;
 /// Places that light from lamps and from what shines is followed to, where some is near a surface; a power of two.
 const RELAYS: u32 = 1 << 14;
 /// What a texel's samples add up to, as shaders have it; a workgroup's sums are the first of it.
-type Sums = [f32; 18];
+type Sums = [f32; 22];
 /// Texels of a workgroup.
 const GROUP: u32 = 64;
 /// Texels of a dispatch at most: every GPU allows so many workgroups in a row.
@@ -36,7 +36,7 @@ const PIECES: std::ops::RangeInclusive<f64> = 8192.0..=4e8;
 const GATHER: &str = "lightmap_gather.comp";
 
 /// The compute shaders that make a lightmap what it is.
-pub const SHADERS: [&str; 9] = [
+pub const SHADERS: [&str; 10] = [
     "lightmap_direct.comp",
     "lightmap_relays.comp",
     GATHER,
@@ -46,6 +46,7 @@ pub const SHADERS: [&str; 9] = [
     "lightmap_sky.comp",
     "lightmap_guide.comp",
     "lightmap_filter.comp",
+    "lightmap_smooth.comp",
 ];
 
 /// The push constants of its passes.
@@ -61,6 +62,7 @@ struct Work {
     relay_count: u32,
     spot_density: f32,
     probe_count: u32,
+    half_of_samples: u32,
 }
 
 /// What the computation goes by.
@@ -110,6 +112,7 @@ struct Pipelines {
     sky: Pipeline,
     guide: Pipeline,
     filter: Pipeline,
+    smooth: Pipeline,
 }
 
 fn pipeline(gpu: &Arc<Gpu>, layouts: &Layouts, shader: &str, constants: &[Constant]) -> Result<Pipeline> {
@@ -130,6 +133,7 @@ impl Pipelines {
             sky: pipeline("lightmap_sky.comp")?,
             guide: pipeline("lightmap_guide.comp")?,
             filter: pipeline("lightmap_filter.comp")?,
+            smooth: pipeline("lightmap_smooth.comp")?,
         })
     }
 
@@ -143,6 +147,7 @@ impl Pipelines {
             Stage::Sky => &self.sky,
             Stage::Guide => &self.guide,
             Stage::Filter => &self.filter,
+            Stage::Smooth => &self.smooth,
         }
     }
 }
@@ -347,6 +352,7 @@ impl LightmapBake {
             relay_count: self.relays,
             spot_density: self.spot_density,
             probe_count: self.probes,
+            half_of_samples: self.length.samples / 2,
         };
         (work, all)
     }
@@ -363,7 +369,7 @@ impl LightmapBake {
             commands.prepare(&self.soft, ImageAccess::Storage);
             self.dispatch(commands, &self.pipelines.resolve, sets, all);
         }
-        if self.stage.is_soft() || self.stage == Stage::Filter {
+        if self.stage.is_soft() || self.stage == Stage::Smooth {
             commands.buffers_written();
             commands.prepare(&self.light, ImageAccess::Storage);
             commands.prepare(&self.soft, ImageAccess::Storage);

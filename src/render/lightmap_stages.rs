@@ -26,7 +26,8 @@ const DIRECT_SAMPLES: u32 = 16;
 /// Samples that take as long as these stages.
 const SKY_COST: u32 = 2;
 const GUIDE_COST: u32 = 2;
-const FILTER_COST: u32 = 6;
+const FILTER_COST: u32 = 4;
+const SMOOTH_COST: u32 = 1;
 /// Flags of a stage's passes: sums begin with these samples; what is known is shown from now on; their sky is counted; their sums are
 /// kept.
 const BEGINS: u32 = 1;
@@ -71,9 +72,10 @@ pub enum Stage {
     Sky,
     /// Samples after this many of the last one.
     Last(u32),
-    /// What the filter goes by, and the filter.
+    /// What the filter goes by, the filter, and what it leaves.
     Guide,
     Filter,
+    Smooth,
     Done,
 }
 
@@ -90,7 +92,8 @@ impl Stage {
             Self::Last(samples) if samples + AT_ONCE < length.samples => Self::Last(samples + AT_ONCE),
             Self::Last(_) => Self::Guide,
             Self::Guide => Self::Filter,
-            Self::Filter | Self::Done => Self::Done,
+            Self::Filter => Self::Smooth,
+            Self::Smooth | Self::Done => Self::Done,
         }
     }
 
@@ -113,7 +116,7 @@ impl Stage {
         match self {
             Self::Open => OPEN_PASS,
             Self::Direct | Self::Relays => DIRECT_PASS,
-            Self::Bounce(_) | Self::Sky | Self::Last(_) | Self::Guide | Self::Filter | Self::Done => PASS,
+            Self::Bounce(_) | Self::Sky | Self::Last(_) | Self::Guide | Self::Filter | Self::Smooth | Self::Done => PASS,
         }
     }
 
@@ -126,6 +129,7 @@ impl Stage {
             Self::Sky => SKY_COST,
             Self::Guide => GUIDE_COST,
             Self::Filter => FILTER_COST,
+            Self::Smooth => SMOOTH_COST,
             Self::Open | Self::Relays | Self::Done => 1,
         }
     }
@@ -152,7 +156,7 @@ impl Stage {
                 let better = kept_by(length.bounces - 1).max(PRESENTABLE);
                 begins | shown_if(samples + AT_ONCE >= better.min(length.samples))
             }
-            Self::Filter => IS_SHOWN,
+            Self::Filter | Self::Smooth => IS_SHOWN,
             Self::Open | Self::Direct | Self::Relays | Self::Sky | Self::Guide | Self::Done => 0,
         }
     }
@@ -169,7 +173,8 @@ impl Stage {
             Self::Last(samples) => bounces + SKY_COST + samples,
             Self::Guide => last,
             Self::Filter => last + GUIDE_COST,
-            Self::Done => last + GUIDE_COST + FILTER_COST,
+            Self::Smooth => last + GUIDE_COST + FILTER_COST,
+            Self::Done => last + GUIDE_COST + FILTER_COST + SMOOTH_COST,
         }
     }
 }
