@@ -14,13 +14,16 @@ mod gpu {
     pub use crate::binding_type::BindingType;
 }
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
+use std::hash::{DefaultHasher, Hash as _, Hasher as _};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 use std::sync::{Mutex, PoisonError};
 use std::{env, fs, process, thread};
 
+/// A folder for SPIR-V that builds share, instead of one in the output folder.
+const SPIRV_FOLDER: &str = "PBR_VR_SPIRV_FOLDER";
 /// Where this variable is set, shaders are not optimised: for checks of the Rust code, which has to wait for them.
 const UNOPTIMIZED: &str = "PBR_VR_UNOPTIMIZED_SHADERS";
 /// What the names of shaders for core materials begin with.
@@ -50,12 +53,14 @@ fn run() -> Result<(), String> {
     }
     // With `hot-reload` the program includes it.
     write_file(&out.join(shader_compiler::BINDINGS), bindings::glsl().as_bytes())?;
-    let ours = table("COMPILED", &glsl, &glsl, &out)?;
+    let kept = KeptSpirv::new(env::var_os(SPIRV_FOLDER).map_or_else(|| out.join("spirv"), PathBuf::from))?;
+    let ours = table("COMPILED", &glsl, &glsl, &out, &kept)?;
     let core = format!("/// What names of shaders for core materials begin with.\nconst CORE: &str = {CORE:?};\n");
     write_file(&out.join("shaders.rs"), (core + &ours).as_bytes())?;
     // Only unit tests include this one.
-    let tests = table("FOR_TESTS", &root.join("tests/glsl"), &glsl, &out)?;
+    let tests = table("FOR_TESTS", &root.join("tests/glsl"), &glsl, &out, &kept)?;
     write_file(&out.join("test_shaders.rs"), tests.as_bytes())?;
+    kept.forget_unused();
     if variable("CARGO_CFG_TARGET_OS")? == "windows" {
         embed_manifest()?;
     }
@@ -74,7 +79,7 @@ fn embed_manifest() -> Result<(), String> {
 }
 
 /// Rust source of a list of all stage files of `folder`, compiled into `out`, and of those of which less is left for core materials.
-fn table(list: &str, folder: &Path, includes: &Path, out: &Path) -> Result<String, String> {
+fn table(list: &str, folder: &Path, includes: &Path, out: &Path, kept: &KeptSpirv) -> Result<String, String> {
     let mut table = format!("static {list}: &[(&str, &[u8])] = &[\n");
     let mut add = |name: &str, spirv: &[u8]| {
         let file = format!("{list}_{}.spv", name.replace('/', "_"));
@@ -82,7 +87,7 @@ fn table(list: &str, folder: &Path, includes: &Path, out: &Path) -> Result<Strin
         writeln!(table, "    ({name:?}, include_bytes!(concat!(env!(\"OUT_DIR\"), \"/{file}\"))),")
             .map_err(|e| e.to_string())
     };
-    for Shader { name, whole, core } in compiled(folder, includes)? {
+    for Shader { name, whole, core } in compiled(folder, includes, kept)? {
         add(&name, &whole)?;
         if let Some(core) = core {
             add(&format!("{CORE}{name}"), &core)?;
@@ -100,13 +105,13 @@ struct Shader {
 }
 
 /// All stage files of `folder` in order, compiled by all processors.
-fn compiled(folder: &Path, includes: &Path) -> Result<Vec<Shader>, String> {
+fn compiled(folder: &Path, includes: &Path, kept: &KeptSpirv) -> Result<Vec<Shader>, String> {
     let bindings = bindings::glsl();
     let optimized = env::var_os(UNOPTIMIZED).is_none();
     let shader = |name: &String| {
         let compile = |core| {
             let how = shader_compiler::Compilation { includes, bindings: &bindings, debug: false, core, optimized };
-            shader_compiler::compile(&folder.join(name), &how)
+            kept.compile(&folder.join(name), &how)
         };
         let whole = compile(false)?;
         let core = if whole.len() < WORTHWHILE_BYTES { None } else { Some(compile(true)?) };
@@ -126,6 +131,48 @@ fn compiled(folder: &Path, includes: &Path) -> Result<Vec<Shader>, String> {
         }
     });
     shaders.into_inner().unwrap_or_else(PoisonError::into_inner).into_values().collect()
+}
+
+/// SPIR-V of earlier builds, each beside the text that it was compiled from: a shader is compiled again only if that changes.
+struct KeptSpirv {
+    folder: PathBuf,
+    /// Names of files that this build has read or written.
+    used: Mutex<BTreeSet<String>>,
+}
+
+impl KeptSpirv {
+    fn new(folder: PathBuf) -> Result<Self, String> {
+        fs::create_dir_all(&folder).map_err(|e| format!("{}: {e}", folder.display()))?;
+        Ok(Self { folder, used: Mutex::default() })
+    }
+
+    fn compile(&self, path: &Path, how: &shader_compiler::Compilation<'_>) -> Result<Vec<u8>, String> {
+        let text = format!("// optimized: {}\n{}", how.optimized, shader_compiler::preprocess(path, how)?);
+        let mut hasher = DefaultHasher::new();
+        (path, &text).hash(&mut hasher);
+        let [text_name, spirv_name] = ["glsl", "spv"].map(|kind| format!("{:016x}.{kind}", hasher.finish()));
+        let [text_file, spirv_file] = [&text_name, &spirv_name].map(|name| self.folder.join(name));
+        self.used.lock().unwrap_or_else(PoisonError::into_inner).extend([text_name, spirv_name]);
+        // Hashes may collide.
+        if fs::read_to_string(&text_file).is_ok_and(|known| known == text) && let Ok(spirv) = fs::read(&spirv_file) {
+            return Ok(spirv);
+        }
+        let spirv = shader_compiler::compile(path, how)?;
+        // The text last: a build that ends in between leaves nothing that is taken for whole.
+        write_file(&spirv_file, &spirv)?;
+        write_file(&text_file, text.as_bytes())?;
+        Ok(spirv)
+    }
+
+    /// Removes what no shader of this build is compiled to. Nothing fails where that fails.
+    fn forget_unused(&self) {
+        let used = self.used.lock().unwrap_or_else(PoisonError::into_inner);
+        for entry in fs::read_dir(&self.folder).into_iter().flatten().flatten() {
+            if !entry.file_name().to_str().is_some_and(|name| used.contains(name)) {
+                let _ = fs::remove_file(entry.path());
+            }
+        }
+    }
 }
 
 fn write_file(path: &Path, bytes: &[u8]) -> Result<(), String> {

@@ -35,10 +35,33 @@ pub struct Compilation<'a> {
 
 /// Compiles one stage file. The message of an error begins with file and line.
 pub fn compile(path: &Path, how: &Compilation<'_>) -> Result<Vec<u8>, String> {
-    let Compilation { includes, bindings, debug, core, optimized } = *how;
-    let source = fs::read_to_string(path).map_err(|e| format!("{}: {e}", path.display()))?;
     let kind = kind(path).ok_or_else(|| format!("{}: not a shader stage", path.display()))?;
-    let compiler = shaderc::Compiler::new().map_err(|e| format!("shaderc: {e}"))?;
+    let spirv = compiler()?
+        .compile_into_spirv(&source(path)?, kind, &path.display().to_string(), "main", Some(&options(how)?))
+        .map_err(|e| e.to_string())?;
+    Ok(spirv.as_binary_u8().to_vec())
+}
+
+/// A stage file with all that it includes, and without what conditions leave out.
+// At run time, a shader is compiled because its text has changed.
+#[cfg_attr(feature = "hot-reload", allow(dead_code))]
+pub fn preprocess(path: &Path, how: &Compilation<'_>) -> Result<String, String> {
+    let text = compiler()?
+        .preprocess(&source(path)?, &path.display().to_string(), "main", Some(&options(how)?))
+        .map_err(|e| e.to_string())?;
+    Ok(text.as_text())
+}
+
+fn source(path: &Path) -> Result<String, String> {
+    fs::read_to_string(path).map_err(|e| format!("{}: {e}", path.display()))
+}
+
+fn compiler() -> Result<shaderc::Compiler, String> {
+    shaderc::Compiler::new().map_err(|e| format!("shaderc: {e}"))
+}
+
+fn options<'a>(how: &Compilation<'a>) -> Result<shaderc::CompileOptions<'a>, String> {
+    let Compilation { includes, bindings, debug, core, optimized } = *how;
     let mut options = shaderc::CompileOptions::new().map_err(|e| format!("shaderc: {e}"))?;
     options.set_target_env(shaderc::TargetEnv::Vulkan, shaderc::EnvVersion::Vulkan1_3 as u32);
     if optimized {
@@ -51,7 +74,7 @@ pub fn compile(path: &Path, how: &Compilation<'_>) -> Result<Vec<u8>, String> {
     if core {
         options.add_macro_definition("CORE_MATERIALS", None);
     }
-    options.set_include_callback(|wanted, _, _, _| {
+    options.set_include_callback(move |wanted, _, _, _| {
         if wanted == BINDINGS {
             return Ok(shaderc::ResolvedInclude { resolved_name: wanted.into(), content: bindings.into() });
         }
@@ -59,10 +82,7 @@ pub fn compile(path: &Path, how: &Compilation<'_>) -> Result<Vec<u8>, String> {
         let content = fs::read_to_string(&path).map_err(|e| format!("{}: {e}", path.display()))?;
         Ok(shaderc::ResolvedInclude { resolved_name: path.display().to_string(), content })
     });
-    let spirv = compiler
-        .compile_into_spirv(&source, kind, &path.display().to_string(), "main", Some(&options))
-        .map_err(|e| e.to_string())?;
-    Ok(spirv.as_binary_u8().to_vec())
+    Ok(options)
 }
 
 fn kind(path: &Path) -> Option<shaderc::ShaderKind> {
