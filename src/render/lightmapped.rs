@@ -14,7 +14,7 @@ use crate::asset::Report;
 use crate::context::Context;
 use crate::gpu::Buffer;
 use crate::scene::atlas::{Flattened, NoAtlas, Work, flatten};
-use crate::scene::needs::lightmap::{LightmapNeed, lightmap_need};
+use crate::scene::needs::lightmap::{LightmapNeed, needs_no_lightmap};
 use crate::scene::{GeometryView, Scene};
 use crate::{Error, Result};
 
@@ -40,17 +40,7 @@ const LEAST_SIDE: u32 = 64;
 
 /// Whether the scene has a lightmap with these settings, where an atlas can be made.
 pub fn is_lightmapped(scene: &Scene, settings: &RenderSettings) -> bool {
-    side(scene, settings).is_some()
-}
-
-/// Texels along a side of the lightmap.
-fn side(scene: &Scene, settings: &RenderSettings) -> Option<u32> {
-    match lightmap_need(scene, settings.model) {
-        LightmapNeed::Side(side) if settings.light == LightModel::Baked => {
-            Some(settings.light_detail.lightmap_size.unwrap_or(side))
-        }
-        _ => None,
-    }
+    settings.light == LightModel::Baked && needs_no_lightmap(scene, settings.model).is_none()
 }
 
 impl LightmapRequest {
@@ -80,18 +70,25 @@ impl LightmapRequest {
     /// # Errors
     /// Memory that is missing even for the least side; a failed Vulkan call.
     pub fn require(&self, context: &Context, scene: &Scene, stop: &AtomicBool) -> Result<Option<Lightmapped>> {
-        let Some(side) = side(scene, &self.settings) else { return Ok(None) };
-        as_fine_as_fits(side, &context.report, |side| self.prepare_at(context, scene, side, stop))
+        if !is_lightmapped(scene, &self.settings) {
+            return Ok(None);
+        }
+        let need = context
+            .report
+            .time("hidden surfaces", || LightmapNeed::new(scene, self.settings.model, context.cache.as_ref()));
+        let side = self.settings.light_detail.lightmap_size.unwrap_or(need.side);
+        let make = |side| self.prepare_at(context, scene, &LightmapNeed { side, ..need.clone() }, stop);
+        as_fine_as_fits(side, &context.report, make)
     }
 
     fn prepare_at(
         &self,
         context: &Context,
         scene: &Scene,
-        side: u32,
+        need: &LightmapNeed,
         stop: &AtomicBool,
     ) -> Result<Option<Lightmapped>> {
-        let Some(flattened) = flattened(context, scene, side, stop) else { return Ok(None) };
+        let Some(flattened) = flattened(context, scene, need, stop) else { return Ok(None) };
         let geometry = GeometryView { meshes: &flattened.meshes, instances: &flattened.instances };
         let textures = self.textures.clone();
         let (mut resources, clusters) =
@@ -110,10 +107,10 @@ impl LightmapRequest {
     }
 }
 
-fn flattened(context: &Context, scene: &Scene, side: u32, stop: &AtomicBool) -> Option<Flattened> {
+fn flattened(context: &Context, scene: &Scene, need: &LightmapNeed, stop: &AtomicBool) -> Option<Flattened> {
     let Context { cache, report, .. } = context;
     let work = Work { cache: cache.as_ref(), report, stop };
-    match report.time("atlas", || flatten(&scene.meshes, &scene.instances, side, work)) {
+    match report.time("atlas", || flatten(scene.geometry(), &need.hidden, need.side, work)) {
         Ok(flattened) => Some(flattened),
         Err(NoAtlas::Stopped) => None,
         Err(why) => {

@@ -48,7 +48,7 @@ fn baked(gpu: &Arc<Gpu>, scene: &Scene) -> BoundScene {
     let (context, layouts) = (Context::silent(gpu), Arc::new(Layouts::new(gpu).unwrap()));
     let settings = RenderSettings { light: LightModel::Baked, cube_size: 16, ..RenderSettings::default() };
     let work = Work { cache: None, report: &context.report, stop: &AtomicBool::new(false) };
-    let flat = flatten(&scene.meshes, &scene.instances, SIDE, work).unwrap();
+    let flat = flatten(scene.geometry(), &[], SIDE, work).unwrap();
     let geometry = GeometryView { meshes: &flat.meshes, instances: &flat.instances };
     let textures = SceneTextures::new(&context, &layouts, scene, &settings).unwrap();
     let resources = SceneResources::new(&context, textures, scene, geometry, &settings).unwrap();

@@ -9,6 +9,7 @@
 //! around each chart, and what lies in one aligned block of 4 × 4 is one texel, which it never shares. Charts may then
 //! start in the middle of a texel, which saves one texel in width and height against whole texels of margin.
 
+mod hidden;
 mod kept;
 mod layout;
 mod unwrap;
@@ -19,9 +20,10 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use glam::Mat3;
 use rayon::prelude::*;
 
-use super::Instance;
 use super::mesh::{Mesh, Vertex};
+use super::{GeometryView, Instance};
 use crate::asset::{Cache, Report};
+pub use hidden::hidden_triangles;
 pub use layout::{Atlas, NoAtlas, STEPS};
 use layout::{Layout, MOST_TRIANGLES, Part};
 use unwrap::{Failure, Placed, Shape};
@@ -34,6 +36,8 @@ const MOST_CHARTS: usize = 16_384;
 const TEXELS_PER_CHART: usize = 12;
 /// How often surfaces are left out until the rest fits, a quarter of the charts being wanted each time.
 const ATTEMPTS: u32 = 4;
+/// How many times fewer texels hidden surfaces have along each axis. The light of a room is off by 3.0 % instead of 2.3 % with half as many.
+pub const COARSER: f32 = 3.0;
 
 /// A scene's geometry with lightmap coordinates.
 #[derive(Clone, Debug)]
@@ -65,25 +69,26 @@ pub struct Work<'a> {
 }
 
 /// Gives each instance a mesh of its own with lightmap coordinates, in an atlas of `side` × `side` texels, with equally
-/// many texels on each square metre; from the cache, or else computed and kept there.
+/// many texels on each square metre, but [`COARSER`] where triangles are hidden; from the cache, or else computed and kept there.
 ///
-/// The result depends on geometry, placements and `side` only, not on the number of threads.
+/// The result depends on geometry, placements, `hidden` ([`hidden_triangles`], or empty) and `side` only, not on the number of threads.
 ///
 /// # Errors
 /// Why there is no atlas; the scene can be drawn without one.
-pub fn flatten(meshes: &[Mesh], instances: &[Instance], side: u32, work: Work<'_>) -> Result<Flattened, NoAtlas> {
+pub fn flatten(geometry: GeometryView<'_>, hidden: &[bool], side: u32, work: Work<'_>) -> Result<Flattened, NoAtlas> {
+    let GeometryView { meshes, instances } = geometry;
     let triangles = instances.iter().map(|i| meshes[i.mesh].indices.len() / 3).fold(0, usize::saturating_add);
     if triangles > MOST_TRIANGLES {
         return Err(NoAtlas::TooManyTriangles(triangles));
     }
     let layout = match work.cache {
-        None => lay_out(meshes, instances, side, work)?,
+        None => lay_out(geometry, hidden, side, work)?,
         Some(cache) => {
-            let key = kept::key(meshes, instances, side);
+            let key = kept::key(geometry, hidden, side);
             if let Some(layout) = kept::load(cache, &key, meshes, instances, side) {
                 layout
             } else {
-                let layout = lay_out(meshes, instances, side, work)?;
+                let layout = lay_out(geometry, hidden, side, work)?;
                 kept::keep(cache, &key, &layout);
                 layout
             }
@@ -113,9 +118,20 @@ fn apply(meshes: &[Mesh], instances: &[Instance], layout: Layout) -> Flattened {
 }
 
 /// Unwraps a scene; where it falls into too many charts, without the smallest of its connected surfaces.
-fn lay_out(meshes: &[Mesh], instances: &[Instance], side: u32, work: Work<'_>) -> Result<Layout, NoAtlas> {
+fn lay_out(
+    GeometryView { meshes, instances }: GeometryView<'_>,
+    hidden: &[bool],
+    side: u32,
+    work: Work<'_>,
+) -> Result<Layout, NoAtlas> {
     let shape = |instance: &Instance| Shape::new(&meshes[instance.mesh], Mat3::from_mat4(instance.world_from_local));
     let mut shapes: Vec<Shape> = instances.par_iter().map(shape).collect();
+    let mut rest = hidden;
+    for (shape, instance) in shapes.iter_mut().zip(instances) {
+        let (of_shape, others) = rest.split_at(rest.len().min(meshes[instance.mesh].indices.len() / 3));
+        shape.shrink(of_shape, COARSER);
+        rest = others;
+    }
     let most = (side as usize * side as usize / TEXELS_PER_CHART).min(MOST_CHARTS);
     let bar = work.report.progress("atlas", unwrap::PROGRESS);
     let mut result = Err(NoAtlas::TooFragmented);

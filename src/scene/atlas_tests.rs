@@ -16,7 +16,7 @@ fn work<'a>(report: &'a Report, stop: &'a AtomicBool) -> Work<'a> {
 }
 
 fn try_flatten(meshes: &[Mesh], instances: &[Instance], side: u32) -> Result<Flattened, NoAtlas> {
-    flatten(meshes, instances, side, work(&Report::silent(), &AtomicBool::new(false)))
+    flatten(GeometryView { meshes, instances }, &[], side, work(&Report::silent(), &AtomicBool::new(false)))
 }
 
 fn flattened(meshes: &[Mesh], instances: &[Instance], side: u32) -> Flattened {
@@ -289,6 +289,9 @@ fn what_cannot_be_left_out_in_parts_has_no_atlas() {
 #[test]
 fn atlases_are_kept_and_a_stopped_one_is_not() {
     let (meshes, instances) = row();
+    let flatten = |meshes: &[Mesh], instances: &[Instance], side, work| {
+        super::flatten(GeometryView { meshes, instances }, &[], side, work)
+    };
     let folder = tempfile::tempdir().unwrap();
     let cache = Cache::in_folder(folder.path().join("maps"));
     let (report, stop) = (Report::silent(), AtomicBool::new(true));

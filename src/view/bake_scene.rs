@@ -15,7 +15,7 @@ use crate::context::Setup;
 use crate::gpu::Gpu;
 use crate::precompute::{LightMaps, read_texture};
 use crate::render::{Eye, FrameInputs, LightModel, ProbeMaps, RenderSettings, Renderer, lightmap_sides};
-use crate::scene::needs::lightmap::{LightmapNeed, lightmap_need};
+use crate::scene::needs::lightmap::needs_no_lightmap;
 use crate::scene::sphere_lights::SphereLight;
 use crate::scene::{Probe, Scene};
 use crate::{Error, Result};
@@ -129,7 +129,7 @@ pub fn bake_scene(path: &Path, folder: &Path, setup: &Setup<'_>) -> Result<Scene
     let started = Instant::now();
     let scene = load_scene(path, &settings.textures.options(&context), &context.report)?;
     let load_ms = ms_since(started);
-    if let LightmapNeed::None(reason) = lightmap_need(&scene, settings.model) {
+    if let Some(reason) = needs_no_lightmap(&scene, settings.model) {
         return Err(Error::Usage(format!("{}: it needs no lightmap: {reason}", path.display())));
     }
     let started = Instant::now();

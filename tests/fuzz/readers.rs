@@ -257,7 +257,9 @@ impl Bench {
     fn flatten(&self, scene: &Scene) {
         let (cache, report, stop) = (self.cache(), Report::silent(), AtomicBool::new(false));
         let work = atlas::Work { cache: Some(&cache), report: &report, stop: &stop };
-        let flat = atlas::flatten(&scene.meshes, &scene.instances, atlas::SIDES[0], work).unwrap();
+        let flat =
+            atlas::flatten(scene.geometry(), &atlas::hidden_triangles(scene, Some(&cache)), atlas::SIDES[0], work)
+                .unwrap();
         for mesh in &flat.meshes {
             assert!(mesh.indices.iter().all(|index| (*index as usize) < mesh.vertices.len()));
         }

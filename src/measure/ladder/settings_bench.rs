@@ -13,7 +13,7 @@ use crate::asset::{Report, Storage};
 use crate::context::Context;
 use crate::render::{Output, RenderSettings};
 use crate::scene::Scene;
-use crate::scene::needs::lightmap::{LightmapNeed, lightmap_need};
+use crate::scene::needs::lightmap::LightmapNeed;
 use crate::scene::needs::resolution::Viewpoint;
 use crate::scene::staging::Staging;
 use crate::view::load_staged;
@@ -122,7 +122,7 @@ fn stored<'a>(
 /// The same settings with nothing said of what is chosen for the scene anyway.
 fn without_what_is_chosen_anyway(scene: &Scene, settings: RenderSettings) -> RenderSettings {
     let mut detail = settings.light_detail;
-    if detail.lightmap_size.map(LightmapNeed::Side) == Some(lightmap_need(scene, settings.model)) {
+    if detail.lightmap_size.is_some_and(|side| side == LightmapNeed::new(scene, settings.model, None).side) {
         detail.lightmap_size = None;
     }
     RenderSettings { light_detail: detail, ..settings }

@@ -6,10 +6,10 @@ use super::layout::{Atlas, Layout, Part};
 use crate::asset::Cache;
 use crate::asset::cache::Key;
 use crate::asset::ktx2::{Ktx2, TexelFormat};
-use crate::scene::{Instance, Mesh};
+use crate::scene::{GeometryView, Instance, Mesh};
 
 /// Raise it whenever the same scene gets another layout, as by another version of `uvunwrap`.
-const VERSION: u32 = 2;
+const VERSION: u32 = 3;
 /// Words in a row of the picture.
 const ROW: usize = 4096;
 /// Limit of an entry's header, key and values, in bytes.
@@ -18,9 +18,10 @@ const HEAD_BYTES: u64 = 1 << 16;
 const HEAD: usize = 4;
 
 /// A hash of everything that a layout depends on.
-pub fn key(meshes: &[Mesh], instances: &[Instance], side: u32) -> String {
+pub fn key(GeometryView { meshes, instances }: GeometryView<'_>, hidden: &[bool], side: u32) -> String {
     let mut key = Key::new("atlas", VERSION);
     key.add(&side.to_le_bytes());
+    key.add(&hidden.iter().map(|hidden| u8::from(*hidden)).collect::<Vec<_>>());
     for mesh in meshes {
         key.add(bytemuck::cast_slice(&mesh.vertices));
         key.add(bytemuck::cast_slice(&mesh.indices));

@@ -67,6 +67,24 @@ impl Shape {
         (b - a).cross(c - a).length() * 0.5
     }
 
+    /// Its connected triangles, and their areas, m².
+    pub fn into_surfaces(mut self) -> Vec<(Vec<u32>, f64)> {
+        self.find_surfaces();
+        self.surfaces
+    }
+
+    /// Gives surfaces whose triangles are hidden so much fewer texels along each axis; no vertex is part of two surfaces.
+    pub fn shrink(&mut self, hidden: &[bool], factor: f32) {
+        let mut shrunk = vec![false; self.positions.len()];
+        for (triangle, _) in self.indices.chunks_exact(3).zip(hidden).filter(|(_, hidden)| **hidden) {
+            for corner in triangle.iter().map(|corner| *corner as usize) {
+                if !std::mem::replace(&mut shrunk[corner], true) {
+                    self.positions[corner] = self.positions[corner].map(|value| value / factor);
+                }
+            }
+        }
+    }
+
     fn find_surfaces(&mut self) {
         if !self.surfaces.is_empty() {
             return;

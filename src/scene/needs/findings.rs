@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 use super::casting::nothing_casts;
-use super::lightmap::{LightmapNeed, lightmap_need};
+use super::lightmap::{LightmapNeed, needs_no_lightmap};
 use super::mirrors::{self, ProbePlan};
 use super::{MaterialFeatures, Metalness, Model, SceneFeatures, VertexColours};
 use crate::reference::energy::VISIBLE;
@@ -203,13 +203,15 @@ fn lamp_shadows(scene: &Scene) -> Finding {
 }
 
 fn soft_light(scene: &Scene) -> Finding {
-    let (modelled, why) = match lightmap_need(scene, Model::Needed) {
-        LightmapNeed::Side(side) => {
-            (true, format!("things block light and give it back: a lightmap of {side}x{side} texels"))
-        }
-        LightmapNeed::None(reason) => (false, reason.to_owned()),
-    };
-    Finding { subject: "soft light", modelled, why }
+    if let Some(reason) = needs_no_lightmap(scene, Model::Needed) {
+        return Finding { subject: "soft light", modelled: false, why: reason.to_owned() };
+    }
+    let LightmapNeed { side, hidden } = LightmapNeed::new(scene, Model::Needed, None);
+    let mut why = format!("things block light and give it back: a lightmap of {side}x{side} texels");
+    if hidden.contains(&true) {
+        why += ", fewer on surfaces that no camera can see";
+    }
+    Finding { subject: "soft light", modelled: true, why }
 }
 
 fn sun_shadow(scene: &Scene, sun: Option<Sun>) -> Finding {

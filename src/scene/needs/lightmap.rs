@@ -5,7 +5,8 @@ use rayon::prelude::*;
 
 use super::Model;
 use super::casting::nothing_casts;
-use crate::scene::atlas::SIDES;
+use crate::asset::Cache;
+use crate::scene::atlas::{COARSER, SIDES, hidden_triangles};
 use crate::scene::{Instance, Scene};
 
 /// Texels wanted along the diagonal of a scene's bounds.
@@ -19,34 +20,52 @@ const USED: f64 = 0.8;
 
 /// The side of the square lightmap for a scene, in texels: the least of [`SIDES`] with [`TEXELS_ALONG`] texels, or the
 /// largest. A scene that is more surface beside its extent, as a building with its columns beside an empty room, needs
-/// more.
-pub fn lightmap_side(scene: &Scene) -> u32 {
+/// more; surfaces that are hidden need fewer texels.
+fn side(scene: &Scene, hidden: &[bool]) -> u32 {
     let bounds = scene.bounds();
     let diagonal = 2.0 * f64::from(bounds.radius());
-    let area: f64 = scene.instances.par_iter().map(|i| area(scene, i)).collect::<Vec<_>>().iter().sum();
+    let mut rest = hidden;
+    let with_hidden = |instance| {
+        let (of_instance, others) = rest.split_at(rest.len().min(triangles(scene, instance)));
+        rest = others;
+        (instance, of_instance)
+    };
+    let parts: Vec<(&Instance, &[bool])> = scene.instances.iter().map(with_hidden).collect();
+    let area: f64 = parts.par_iter().map(|(i, hidden)| area(scene, i, hidden)).collect::<Vec<_>>().iter().sum();
     let wanted = TEXELS_ALONG * (area / USED).sqrt() / diagonal;
     // What has no extent, or an infinite one, gets the least: a comparison with NaN is false.
     let least = SIDES.into_iter().find(|side| f64::from(*side) >= wanted);
     least.unwrap_or(if wanted > 0.0 { SIDES[SIDES.len() - 1] } else { SIDES[0] })
 }
 
-/// Whether a scene's soft light is modelled by a lightmap.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum LightmapNeed {
-    /// A square one of this side, in texels.
-    Side(u32),
-    /// None, with the reason.
-    None(&'static str),
+/// The size of a scene's lightmap.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct LightmapNeed {
+    /// It is a square one of this side, in texels.
+    pub side: u32,
+    /// For each triangle of each instance, whether it has fewer texels; or nothing, where none has.
+    pub hidden: Vec<bool>,
 }
 
-/// The lightmap that a scene needs: none where nothing blocks or gives back light that falls on something.
-pub fn lightmap_need(scene: &Scene, model: Model) -> LightmapNeed {
-    let none = nothing_casts(scene).filter(|_| model == Model::Needed);
-    none.map_or_else(|| LightmapNeed::Side(lightmap_side(scene)), LightmapNeed::None)
+impl LightmapNeed {
+    /// The lightmap that a scene needs. What is hidden comes from the cache, if there is one.
+    pub fn new(scene: &Scene, model: Model, cache: Option<&Cache>) -> Self {
+        let hidden = if model == Model::Needed { hidden_triangles(scene, cache) } else { Vec::new() };
+        Self { side: side(scene, &hidden), hidden }
+    }
 }
 
-/// World-space area of one instance, m².
-fn area(scene: &Scene, instance: &Instance) -> f64 {
+/// Why a scene's soft light is not modelled by a lightmap, if nothing blocks or gives back light that falls on something.
+pub fn needs_no_lightmap(scene: &Scene, model: Model) -> Option<&'static str> {
+    nothing_casts(scene).filter(|_| model == Model::Needed)
+}
+
+fn triangles(scene: &Scene, instance: &Instance) -> usize {
+    scene.meshes[instance.mesh].indices.len() / 3
+}
+
+/// World-space area of one instance, m², less where triangles have fewer texels.
+fn area(scene: &Scene, instance: &Instance, hidden: &[bool]) -> f64 {
     let mesh = &scene.meshes[instance.mesh];
     let corner = |index: u32| {
         let local = Vec3::from(mesh.vertices[index as usize].position);
@@ -56,7 +75,10 @@ fn area(scene: &Scene, instance: &Instance) -> f64 {
         let [a, b, c] = [t[0], t[1], t[2]].map(corner);
         (b - a).cross(c - a).length()
     };
-    mesh.indices.chunks_exact(3).map(twice).filter(|twice| twice.is_finite()).sum::<f64>() * 0.5
+    let share = |hidden: bool| if hidden { f64::from(COARSER).powi(-2) } else { 1.0 };
+    let shares = hidden.iter().copied().chain(std::iter::repeat(false)).map(share);
+    let areas = mesh.indices.chunks_exact(3).map(twice).zip(shares).map(|(twice, share)| 0.5 * twice * share);
+    areas.filter(|area| area.is_finite()).sum()
 }
 
 #[cfg(test)]
@@ -70,7 +92,7 @@ mod tests {
     fn side(count: usize, scale: f32) -> u32 {
         let environment = Environment { panorama: Panorama::uniform(Vec3::ONE), rotation_degrees: 0.0 };
         let one = Instance { mesh: 0, world_from_local: Mat4::from_scale(Vec3::splat(scale)) };
-        lightmap_side(&Scene {
+        let scene = Scene {
             meshes: vec![Mesh::ball(12, 1.0)],
             instances: vec![one; count],
             sources: Vec::new(),
@@ -81,7 +103,8 @@ mod tests {
             environment,
             probes: vec![],
             exposure_ev: 0.0,
-        })
+        };
+        LightmapNeed::new(&scene, Model::Everything, None).side
     }
 
     #[test]
@@ -100,10 +123,10 @@ mod tests {
             probes: vec![],
             exposure_ev: 0.0,
         };
-        assert!(matches!(lightmap_need(&scene, Model::Needed), LightmapNeed::None(_)));
-        assert_eq!(lightmap_need(&scene, Model::Everything), LightmapNeed::Side(384));
+        assert!(needs_no_lightmap(&scene, Model::Needed).is_some());
+        assert!(needs_no_lightmap(&scene, Model::Everything).is_none());
         scene.instances.push(placed(3.0));
-        assert_eq!(lightmap_need(&scene, Model::Needed), LightmapNeed::Side(lightmap_side(&scene)));
+        assert!(needs_no_lightmap(&scene, Model::Needed).is_none());
     }
 
     #[test]
