@@ -154,7 +154,9 @@ impl KeptSpirv {
         let [text_file, spirv_file] = [&text_name, &spirv_name].map(|name| self.folder.join(name));
         self.used.lock().unwrap_or_else(PoisonError::into_inner).extend([text_name, spirv_name]);
         // Hashes may collide.
-        if fs::read_to_string(&text_file).is_ok_and(|known| known == text) && let Ok(spirv) = fs::read(&spirv_file) {
+        if fs::read_to_string(&text_file).is_ok_and(|known| known == text)
+            && let Ok(spirv) = fs::read(&spirv_file)
+        {
             return Ok(spirv);
         }
         let spirv = shader_compiler::compile(path, how)?;

@@ -30,11 +30,12 @@ float same_surface(LightmapSurface a, LightmapSurface b, vec2 off)
 const float LEAST_RANGE = 0.002;
 
 // How likely it is noise alone that two texels differ by, 0 to 1, whose irradiance and its variance are known; `range`: by how much
-// the squares of what is compared may differ, of the variance of both.
+// the squares of what is compared may differ, of the variance of both. That of the one with less noise counts for both: a shadow beside
+// noisy light is no noise.
 float alike(vec4 known, vec4 other, float range)
 {
     float apart = brightness(known.rgb - other.rgb), least = LEAST_RANGE * brightness(known.rgb);
-    return exp(-apart * apart / max(range * (known.a + other.a) + least * least, TINY));
+    return exp(-apart * apart / max(2.0 * range * min(known.a, other.a) + least * least, TINY));
 }
 
 #endif

@@ -6,7 +6,7 @@
 
 const int STEP = 4; // texels
 // See `alike`; what is left of noise is more than the filter's weights say, as they follow it.
-const float RANGE = 8.0;
+const float RANGE = 2.5;
 
 void main()
 {

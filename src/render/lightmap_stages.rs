@@ -116,7 +116,9 @@ impl Stage {
         match self {
             Self::Open => OPEN_PASS,
             Self::Direct | Self::Relays => DIRECT_PASS,
-            Self::Bounce(_) | Self::Sky | Self::Last(_) | Self::Guide | Self::Filter | Self::Smooth | Self::Done => PASS,
+            Self::Bounce(_) | Self::Sky | Self::Last(_) | Self::Guide | Self::Filter | Self::Smooth | Self::Done => {
+                PASS
+            }
         }
     }
 
@@ -232,7 +234,8 @@ mod tests {
                 assert_eq!(stage.samples_before(length), done, "{stage:?}");
                 done += if matches!(stage, Stage::Open | Stage::Relays) { 0 } else { stage.samples() };
             }
-            assert_eq!(done, DIRECT_SAMPLES + 13 * BOUNCE_SAMPLES + samples + SKY_COST + GUIDE_COST + FILTER_COST);
+            let filtered = GUIDE_COST + FILTER_COST + SMOOTH_COST;
+            assert_eq!(done, DIRECT_SAMPLES + 13 * BOUNCE_SAMPLES + samples + SKY_COST + filtered);
         }
     }
 
