@@ -8,7 +8,8 @@
 const int REACH = 3; // texels
 // Of the variance of both texels' noise: by how much the squares of what the filter goes by may differ.
 const float RANGE = 1.5;
-// How likely it is noise alone that two texels differ by in the parts of their rays that met nothing, whose number has a binomial distribution.
+// How likely it is noise alone that two texels differ by in the parts of their rays that met nothing, whose number has a binomial
+// distribution.
 float alike_open(LightmapSurface a, LightmapSurface b)
 {
     vec2 rays = max(vec2(a.rays, b.rays), 1.0), open = vec2(a.unblocked.w, b.unblocked.w) / rays;

@@ -5,6 +5,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use glam::{Mat3, Vec3};
 use rayon::prelude::*;
 
+use super::layout::MOST_TRIANGLES;
 use super::unwrap::Shape;
 use crate::asset::Cache;
 use crate::asset::cache::Key;
@@ -28,9 +29,13 @@ const MOST_CAMERAS: usize = 64;
 const ROW: usize = 4096;
 
 /// For each triangle of each instance, in their order, whether no path of light from a camera meets the smooth surface that it is part
-/// of. From a camera in the open, what light from around meets is seen, too. From the cache, or else found by rays and kept there.
+/// of. From a camera in the open, what light from around meets is seen, too. From the cache, or else found by rays and kept there; empty
+/// where there are too many triangles for an atlas.
 pub fn hidden_triangles(scene: &Scene, cache: Option<&Cache>) -> Vec<bool> {
-    let count = scene.instances.iter().map(|i| scene.meshes[i.mesh].indices.len() / 3).sum();
+    let count = scene.instances.iter().map(|i| scene.meshes[i.mesh].indices.len() / 3).fold(0, usize::saturating_add);
+    if count > MOST_TRIANGLES {
+        return Vec::new();
+    }
     let Some(cache) = cache else { return find(scene, count) };
     let key = key(scene);
     let rows = count.div_ceil(ROW).max(1);
@@ -115,7 +120,7 @@ fn met_by_paths(scene: &Scene, bvh: &Bvh, count: usize) -> Vec<bool> {
     // Half of the paths pass what light gets through. True where the first ray meets nothing.
     let walk = |mut o: Vec3, mut d: Vec3, path: u32| {
         for reflection in 0..=REFLECTIONS {
-            let Some(hit) = bvh.trace(o, d, f32::INFINITY, |hit| path % 2 == 0 || !passes(hit)) else {
+            let Some(hit) = bvh.trace(o, d, f32::INFINITY, |hit| path.is_multiple_of(2) || !passes(hit)) else {
                 return reflection == 0;
             };
             let triangle = &bvh.triangles()[hit.triangle];
