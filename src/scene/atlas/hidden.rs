@@ -17,10 +17,10 @@ use crate::scene::{Instance, Scene};
 /// Raise it whenever other surfaces of the same scene are found.
 const VERSION: u32 = 1;
 /// Paths from all cameras together, and how often each is reflected.
-const PATHS: u32 = 1 << 15;
+const PATHS: u32 = 1 << 13;
 const REFLECTIONS: u32 = 4;
 /// Part of the scene's area that a hidden surface has at least: paths may miss smaller ones by chance.
-const LEAST_PART: f64 = 5e-4;
+const LEAST_PART: f64 = 2e-3;
 /// Share of a camera's rays that meet nothing from which on it stands in the open, and people may walk around what it sees.
 const OPEN: f32 = 0.25;
 /// Cameras beyond this many, evenly spread, are left out.
