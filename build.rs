@@ -147,9 +147,10 @@ impl KeptSpirv {
     }
 
     fn compile(&self, path: &Path, how: &shader_compiler::Compilation<'_>) -> Result<Vec<u8>, String> {
-        let text = format!("// optimized: {}\n{}", how.optimized, shader_compiler::preprocess(path, how)?);
+        let text = shader_compiler::preprocess(path, how)?;
+        let text = format!("// {}, optimized: {}\n{text}", path.display(), how.optimized);
         let mut hasher = DefaultHasher::new();
-        (path, &text).hash(&mut hasher);
+        text.hash(&mut hasher);
         let [text_name, spirv_name] = ["glsl", "spv"].map(|kind| format!("{:016x}.{kind}", hasher.finish()));
         let [text_file, spirv_file] = [&text_name, &spirv_name].map(|name| self.folder.join(name));
         self.used.lock().unwrap_or_else(PoisonError::into_inner).extend([text_name, spirv_name]);

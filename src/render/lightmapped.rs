@@ -73,22 +73,20 @@ impl LightmapRequest {
         if !is_lightmapped(scene, &self.settings) {
             return Ok(None);
         }
-        let need = context
-            .report
-            .time("hidden surfaces", || LightmapNeed::new(scene, self.settings.model, context.cache.as_ref()));
-        let side = self.settings.light_detail.lightmap_size.unwrap_or(need.side);
-        let make = |side| self.prepare_at(context, scene, &LightmapNeed { side, ..need.clone() }, stop);
-        as_fine_as_fits(side, &context.report, make)
+        let need = || LightmapNeed::new(scene, self.settings.model, context.cache.as_ref());
+        let LightmapNeed { side, hidden } = context.report.time("hidden surfaces", need);
+        let side = self.settings.light_detail.lightmap_size.unwrap_or(side);
+        as_fine_as_fits(side, &context.report, |side| self.prepare_at(context, scene, (side, &hidden), stop))
     }
 
     fn prepare_at(
         &self,
         context: &Context,
         scene: &Scene,
-        need: &LightmapNeed,
+        (side, hidden): (u32, &[Vec<bool>]),
         stop: &AtomicBool,
     ) -> Result<Option<Lightmapped>> {
-        let Some(flattened) = flattened(context, scene, need, stop) else { return Ok(None) };
+        let Some(flattened) = flattened(context, scene, (side, hidden), stop) else { return Ok(None) };
         let geometry = GeometryView { meshes: &flattened.meshes, instances: &flattened.instances };
         let textures = self.textures.clone();
         let (mut resources, clusters) =
@@ -107,10 +105,15 @@ impl LightmapRequest {
     }
 }
 
-fn flattened(context: &Context, scene: &Scene, need: &LightmapNeed, stop: &AtomicBool) -> Option<Flattened> {
+fn flattened(
+    context: &Context,
+    scene: &Scene,
+    (side, hidden): (u32, &[Vec<bool>]),
+    stop: &AtomicBool,
+) -> Option<Flattened> {
     let Context { cache, report, .. } = context;
     let work = Work { cache: cache.as_ref(), report, stop };
-    match report.time("atlas", || flatten(scene.geometry(), &need.hidden, need.side, work)) {
+    match report.time("atlas", || flatten(scene.geometry(), hidden, side, work)) {
         Ok(flattened) => Some(flattened),
         Err(NoAtlas::Stopped) => None,
         Err(why) => {

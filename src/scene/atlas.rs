@@ -25,7 +25,7 @@ use super::{GeometryView, Instance};
 use crate::asset::{Cache, Report};
 pub use hidden::hidden_triangles;
 pub use layout::{Atlas, NoAtlas, STEPS};
-use layout::{Layout, MOST_TRIANGLES, Part};
+use layout::{Layout, MOST_TRIANGLES, Part, triangle_count};
 use unwrap::{Failure, Placed, Shape};
 
 /// Sides of an atlas, texels.
@@ -75,9 +75,14 @@ pub struct Work<'a> {
 ///
 /// # Errors
 /// Why there is no atlas; the scene can be drawn without one.
-pub fn flatten(geometry: GeometryView<'_>, hidden: &[bool], side: u32, work: Work<'_>) -> Result<Flattened, NoAtlas> {
+pub fn flatten(
+    geometry: GeometryView<'_>,
+    hidden: &[Vec<bool>],
+    side: u32,
+    work: Work<'_>,
+) -> Result<Flattened, NoAtlas> {
     let GeometryView { meshes, instances } = geometry;
-    let triangles = instances.iter().map(|i| meshes[i.mesh].indices.len() / 3).fold(0, usize::saturating_add);
+    let triangles = triangle_count(geometry);
     if triangles > MOST_TRIANGLES {
         return Err(NoAtlas::TooManyTriangles(triangles));
     }
@@ -120,18 +125,13 @@ fn apply(meshes: &[Mesh], instances: &[Instance], layout: Layout) -> Flattened {
 /// Unwraps a scene; where it falls into too many charts, without the smallest of its connected surfaces.
 fn lay_out(
     GeometryView { meshes, instances }: GeometryView<'_>,
-    hidden: &[bool],
+    hidden: &[Vec<bool>],
     side: u32,
     work: Work<'_>,
 ) -> Result<Layout, NoAtlas> {
     let shape = |instance: &Instance| Shape::new(&meshes[instance.mesh], Mat3::from_mat4(instance.world_from_local));
     let mut shapes: Vec<Shape> = instances.par_iter().map(shape).collect();
-    let mut rest = hidden;
-    for (shape, instance) in shapes.iter_mut().zip(instances) {
-        let (of_shape, others) = rest.split_at(rest.len().min(meshes[instance.mesh].indices.len() / 3));
-        shape.shrink(of_shape, COARSER);
-        rest = others;
-    }
+    shapes.iter_mut().zip(hidden).for_each(|(shape, hidden)| shape.shrink(hidden, COARSER));
     let most = (side as usize * side as usize / TEXELS_PER_CHART).min(MOST_CHARTS);
     let bar = work.report.progress("atlas", unwrap::PROGRESS);
     let mut result = Err(NoAtlas::TooFragmented);

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use super::Probe;
 use super::bvh::{Bvh, Hit};
 use super::mesh::Bounds;
-use super::random_paths::{before, path_direction};
+use super::random_paths::{before, path_direction, starts};
 use super::surroundings::{FACES, Surroundings, exit, far, normal, spiral};
 use super::things::{holds_any, joined, outstanding, things};
 
@@ -31,8 +31,6 @@ const CLEAR: f32 = 0.05;
 const BEHIND: f32 = 0.7;
 /// Of what two boxes have together, the share that both have from which on they are one room's.
 const SAME_ROOM: f32 = 0.75;
-/// Cameras that paths begin at, spread evenly over all.
-const MOST_CAMERAS: usize = 64;
 /// Least paths that look for smooth surfaces from each camera, and from all together, and how often each is reflected.
 const PATHS: u32 = 1024;
 const ALL_PATHS: u32 = 8192;
@@ -106,8 +104,7 @@ impl Probe {
 /// Places probes by rays: for each camera, then for smooth surfaces that paths from cameras meet in other rooms.
 /// `smooth` says of a triangle of the hierarchy whether its surface is.
 pub fn place(bvh: &Bvh, cameras: &[Vec3], smooth: impl Fn(usize) -> bool + Sync) -> Placement {
-    let every = cameras.len().div_ceil(MOST_CAMERAS).max(1);
-    let cameras: Vec<Vec3> = cameras.iter().copied().step_by(every).collect();
+    let cameras = starts(cameras);
     let paths = (ALL_PATHS / cameras.len().max(1) as u32).max(PATHS);
     let met: Vec<SmoothHit> = (0u32..)
         .zip(&cameras)

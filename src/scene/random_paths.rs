@@ -5,6 +5,14 @@ use glam::Vec3;
 use super::bvh::{Bvh, Hit};
 use super::surroundings::normal;
 
+/// Cameras that paths begin at, spread evenly over all.
+const MOST_CAMERAS: usize = 64;
+
+/// The cameras that paths begin at, of those at these places.
+pub fn starts(cameras: &[Vec3]) -> Vec<Vec3> {
+    cameras.iter().copied().step_by(cameras.len().div_ceil(MOST_CAMERAS).max(1)).collect()
+}
+
 /// Evenly over the sphere, the same for the same number.
 pub fn random_direction(number: u32) -> Vec3 {
     // O'Neill, "PCG: A Family of Simple Fast Space-Efficient Statistically Good Algorithms" (2014), section 6.3.

@@ -61,7 +61,7 @@ impl<'a> SettingsBench<'a> {
         let shot = self.shot;
         let settings = settings_of(self.context, shot, settings::options(flags)?);
         let scene = stored(self.context, &mut self.scenes, (self.path, &self.staging), &settings)?;
-        let settings = without_what_is_chosen_anyway(scene, settings);
+        let settings = without_what_is_chosen_anyway(self.context, scene, settings);
         if self.known.contains(&settings) {
             return Ok(None);
         }
@@ -120,9 +120,10 @@ fn stored<'a>(
 }
 
 /// The same settings with nothing said of what is chosen for the scene anyway.
-fn without_what_is_chosen_anyway(scene: &Scene, settings: RenderSettings) -> RenderSettings {
+fn without_what_is_chosen_anyway(context: &Context, scene: &Scene, settings: RenderSettings) -> RenderSettings {
     let mut detail = settings.light_detail;
-    if detail.lightmap_size.is_some_and(|side| side == LightmapNeed::new(scene, settings.model, None).side) {
+    let chosen = || LightmapNeed::new(scene, settings.model, context.cache.as_ref()).side;
+    if detail.lightmap_size.is_some_and(|side| side == chosen()) {
         detail.lightmap_size = None;
     }
     RenderSettings { light_detail: detail, ..settings }

@@ -5,13 +5,14 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use glam::{Mat3, Vec3};
 use rayon::prelude::*;
 
-use super::layout::MOST_TRIANGLES;
+use super::kept::HEAD_BYTES;
+use super::layout::{MOST_TRIANGLES, triangle_count};
 use super::unwrap::Shape;
 use crate::asset::Cache;
 use crate::asset::cache::Key;
 use crate::asset::ktx2::{Ktx2, TexelFormat};
 use crate::scene::bvh::{Bvh, Hit};
-use crate::scene::random_paths::{before, path_direction, random_direction};
+use crate::scene::random_paths::{before, path_direction, random_direction, starts};
 use crate::scene::{Instance, Scene};
 
 /// Raise it whenever other surfaces of the same scene are found.
@@ -23,37 +24,38 @@ const REFLECTIONS: u32 = 4;
 const LEAST_PART: f64 = 2e-3;
 /// Share of a camera's rays that meet nothing from which on it stands in the open, and people may walk around what it sees.
 const OPEN: f32 = 0.25;
-/// Cameras beyond this many, evenly spread, are left out.
-const MOST_CAMERAS: usize = 64;
 /// Triangles in a row of the picture in the cache.
 const ROW: usize = 4096;
 
-/// For each triangle of each instance, in their order, whether no path of light from a camera meets the smooth surface that it is part
-/// of. From a camera in the open, what light from around meets is seen, too. From the cache, or else found by rays and kept there; empty
-/// where there are too many triangles for an atlas.
-pub fn hidden_triangles(scene: &Scene, cache: Option<&Cache>) -> Vec<bool> {
-    let count = scene.instances.iter().map(|i| scene.meshes[i.mesh].indices.len() / 3).fold(0, usize::saturating_add);
+/// For each instance, of each triangle, whether no path of light from a camera meets the smooth surface that it is part of. From a
+/// camera in the open, what light from around meets is seen, too. From the cache, or else found by rays and kept there; empty where there
+/// are too many triangles for an atlas.
+pub fn hidden_triangles(scene: &Scene, cache: Option<&Cache>) -> Vec<Vec<bool>> {
+    let count = triangle_count(scene.geometry());
     if count > MOST_TRIANGLES {
         return Vec::new();
     }
-    let Some(cache) = cache else { return find(scene, count) };
+    let Some(cache) = cache else { return find(scene) };
     let key = key(scene);
     let rows = count.div_ceil(ROW).max(1);
     let size = [ROW as u32 / 4, rows as u32];
     let fits = |entry: &Ktx2| entry.format == TexelFormat::Rgba8 && entry.size == size;
-    if let Some(bytes) =
-        cache.load(&key, (rows * ROW + (1 << 16)) as u64, fits).and_then(|entry| entry.levels.into_iter().next())
-    {
-        return bytes.iter().take(count).map(|byte| *byte != 0).collect();
+    let kept = cache.load(&key, (rows * ROW) as u64 + HEAD_BYTES, fits);
+    if let Some(bytes) = kept.and_then(|entry| entry.levels.into_iter().next()) {
+        let mut rest = bytes.iter().map(|byte| *byte != 0);
+        return triangles(scene).map(|count| rest.by_ref().take(count).collect()).collect();
     }
-    let hidden = find(scene, count);
-    let mut bytes: Vec<u8> = hidden.iter().map(|hidden| u8::from(*hidden)).collect();
+    let hidden = find(scene);
+    let mut bytes: Vec<u8> = hidden.iter().flatten().map(|hidden| u8::from(*hidden)).collect();
     bytes.resize(rows * ROW, 0);
-    cache.keep(
-        &key,
-        Ktx2 { format: TexelFormat::Rgba8, size, layers: 0, faces: 1, levels: vec![bytes], key_values: [].into() },
-    );
+    let levels = vec![bytes];
+    cache.keep(&key, Ktx2 { format: TexelFormat::Rgba8, size, layers: 0, faces: 1, levels, key_values: [].into() });
     hidden
+}
+
+/// Of each instance, their number.
+fn triangles(scene: &Scene) -> impl Iterator<Item = usize> {
+    scene.instances.iter().map(|instance| scene.meshes[instance.mesh].indices.len() / 3)
 }
 
 /// A hash of everything that it depends on.
@@ -79,44 +81,32 @@ fn lets_light_through(scene: &Scene, material: usize) -> bool {
     })
 }
 
-fn find(scene: &Scene, count: usize) -> Vec<bool> {
-    let Ok(bvh) = Bvh::new(&scene.meshes, &scene.instances) else { return vec![false; count] };
-    let met = met_by_paths(scene, &bvh, count);
+fn find(scene: &Scene) -> Vec<Vec<bool>> {
+    let Ok(bvh) = Bvh::new(&scene.meshes, &scene.instances) else { return Vec::new() };
+    let met = met_by_paths(scene, &bvh);
     let surfaces = |instance: &Instance| {
         Shape::new(&scene.meshes[instance.mesh], Mat3::from_mat4(instance.world_from_local)).into_surfaces()
     };
     let surfaces: Vec<Vec<(Vec<u32>, f64)>> = scene.instances.par_iter().map(surfaces).collect();
-    let least =
-        LEAST_PART * surfaces.iter().flatten().map(|(_, area)| area).filter(|area| area.is_finite()).sum::<f64>();
-    let mut hidden = vec![false; count];
-    for (first, surfaces) in firsts(scene).into_iter().zip(surfaces) {
+    let areas = surfaces.iter().flatten().map(|(_, area)| area);
+    let least = LEAST_PART * areas.filter(|area| area.is_finite()).sum::<f64>();
+    let of_instance = |(met, surfaces): (Vec<bool>, Vec<(Vec<u32>, f64)>)| {
+        let mut hidden = vec![false; met.len()];
         for (triangles, area) in surfaces {
-            let of_scene = || triangles.iter().map(|triangle| first + *triangle as usize);
-            if area >= least && !of_scene().any(|triangle| met[triangle]) {
-                of_scene().for_each(|triangle| hidden[triangle] = true);
-            }
+            let is_hidden = area >= least && !triangles.iter().any(|triangle| met[*triangle as usize]);
+            triangles.iter().for_each(|triangle| hidden[*triangle as usize] = is_hidden);
         }
-    }
-    hidden
-}
-
-/// The number of each instance's first triangle.
-fn firsts(scene: &Scene) -> Vec<usize> {
-    let mut next = 0;
-    let first = |instance: &Instance| {
-        let first = next;
-        next += scene.meshes[instance.mesh].indices.len() / 3;
-        first
+        hidden
     };
-    scene.instances.iter().map(first).collect()
+    met.into_iter().zip(surfaces).map(of_instance).collect()
 }
 
-/// For each triangle, whether a path meets it.
-fn met_by_paths(scene: &Scene, bvh: &Bvh, count: usize) -> Vec<bool> {
-    let firsts = firsts(scene);
+/// For each instance, of each triangle, whether a path meets it.
+fn met_by_paths(scene: &Scene, bvh: &Bvh) -> Vec<Vec<bool>> {
     let of_mesh: Vec<bool> = scene.meshes.iter().map(|mesh| lets_light_through(scene, mesh.material)).collect();
     let passes = |hit: &Hit| of_mesh[scene.instances[bvh.triangles()[hit.triangle].instance as usize].mesh];
-    let met: Vec<AtomicBool> = (0..count).map(|_| AtomicBool::new(false)).collect();
+    let unmet = |count| (0..count).map(|_| AtomicBool::new(false)).collect();
+    let met: Vec<Vec<AtomicBool>> = triangles(scene).map(unmet).collect();
     // Half of the paths pass what light gets through. True where the first ray meets nothing.
     let walk = |mut o: Vec3, mut d: Vec3, path: u32| {
         for reflection in 0..=REFLECTIONS {
@@ -124,14 +114,13 @@ fn met_by_paths(scene: &Scene, bvh: &Bvh, count: usize) -> Vec<bool> {
                 return reflection == 0;
             };
             let triangle = &bvh.triangles()[hit.triangle];
-            met[firsts[triangle.instance as usize] + triangle.first_index as usize / 3].store(true, Ordering::Relaxed);
+            met[triangle.instance as usize][triangle.first_index as usize / 3].store(true, Ordering::Relaxed);
             let (place, n) = before(bvh, o, d, &hit);
             (o, d) = (place, path_direction(Some(n), path.wrapping_mul(REFLECTIONS + 1).wrapping_add(reflection)));
         }
         false
     };
-    let every = scene.cameras.len().div_ceil(MOST_CAMERAS).max(1);
-    let cameras: Vec<Vec3> = scene.cameras.iter().map(|camera| camera.position).step_by(every).collect();
+    let cameras = starts(&scene.cameras.iter().map(|camera| camera.position).collect::<Vec<_>>());
     let paths = PATHS / cameras.len().max(1) as u32;
     let is_open = |(number, camera): (u32, &Vec3)| {
         let of_camera = number * paths..(number + 1) * paths;
@@ -148,7 +137,7 @@ fn met_by_paths(scene: &Scene, bvh: &Bvh, count: usize) -> Vec<bool> {
             walk(centre + far * out, path_direction(Some(-out), !path), path);
         });
     }
-    met.into_iter().map(AtomicBool::into_inner).collect()
+    met.into_iter().map(|of_instance| of_instance.into_iter().map(AtomicBool::into_inner).collect()).collect()
 }
 
 #[cfg(test)]
@@ -195,13 +184,8 @@ mod tests {
 
     /// Of each instance the share of its triangles that is hidden.
     fn shares(scene: &Scene, cache: Option<&Cache>) -> Vec<f64> {
-        let hidden = hidden_triangles(scene, cache);
-        let count = |i: &Instance| scene.meshes[i.mesh].indices.len() / 3;
-        let share = |(i, first): (&Instance, usize)| {
-            let of_instance = &hidden[first..first + count(i)];
-            of_instance.iter().filter(|hidden| **hidden).count() as f64 / of_instance.len() as f64
-        };
-        scene.instances.iter().zip(firsts(scene)).map(share).collect()
+        let share = |hidden: &Vec<bool>| hidden.iter().filter(|hidden| **hidden).count() as f64 / hidden.len() as f64;
+        hidden_triangles(scene, cache).iter().map(share).collect()
     }
 
     #[test]

@@ -13,15 +13,15 @@ const VERSION: u32 = 3;
 /// Words in a row of the picture.
 const ROW: usize = 4096;
 /// Limit of an entry's header, key and values, in bytes.
-const HEAD_BYTES: u64 = 1 << 16;
+pub const HEAD_BYTES: u64 = 1 << 16;
 /// Words of a layout before its parts.
 const HEAD: usize = 4;
 
 /// A hash of everything that a layout depends on.
-pub fn key(GeometryView { meshes, instances }: GeometryView<'_>, hidden: &[bool], side: u32) -> String {
+pub fn key(GeometryView { meshes, instances }: GeometryView<'_>, hidden: &[Vec<bool>], side: u32) -> String {
     let mut key = Key::new("atlas", VERSION);
     key.add(&side.to_le_bytes());
-    key.add(&hidden.iter().map(|hidden| u8::from(*hidden)).collect::<Vec<_>>());
+    key.add(&hidden.iter().flatten().map(|hidden| u8::from(*hidden)).collect::<Vec<_>>());
     for mesh in meshes {
         key.add(bytemuck::cast_slice(&mesh.vertices));
         key.add(bytemuck::cast_slice(&mesh.indices));

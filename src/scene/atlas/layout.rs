@@ -2,11 +2,18 @@
 
 use std::fmt;
 
+use crate::scene::GeometryView;
+
 /// Steps of lightmap coordinates from 0 to 1, which `lightmap_uv` of vertices counts in 16 bits. All sides of atlases divide half of
 /// it, so that texels' borders and centres are among them.
 pub const STEPS: u32 = 3 << 14;
 /// Scenes of more triangles, those of a mesh counted for each instance, get no atlas.
 pub const MOST_TRIANGLES: usize = 4_000_000;
+
+/// A scene's triangles, those of a mesh counted for each instance.
+pub fn triangle_count(GeometryView { meshes, instances }: GeometryView<'_>) -> usize {
+    instances.iter().map(|i| meshes[i.mesh].indices.len() / 3).fold(0, usize::saturating_add)
+}
 
 /// What an atlas is like.
 #[derive(Clone, Copy, Debug, PartialEq)]

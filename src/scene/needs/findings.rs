@@ -208,7 +208,7 @@ fn soft_light(scene: &Scene) -> Finding {
     }
     let LightmapNeed { side, hidden } = LightmapNeed::new(scene, Model::Needed, None);
     let mut why = format!("things block light and give it back: a lightmap of {side}x{side} texels");
-    if hidden.contains(&true) {
+    if hidden.iter().flatten().any(|hidden| *hidden) {
         why += ", fewer on surfaces that no camera can see";
     }
     Finding { subject: "soft light", modelled: true, why }

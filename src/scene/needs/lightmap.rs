@@ -21,17 +21,11 @@ const USED: f64 = 0.8;
 /// The side of the square lightmap for a scene, in texels: the least of [`SIDES`] with [`TEXELS_ALONG`] texels, or the
 /// largest. A scene that is more surface beside its extent, as a building with its columns beside an empty room, needs
 /// more; surfaces that are hidden need fewer texels.
-fn side(scene: &Scene, hidden: &[bool]) -> u32 {
+fn side(scene: &Scene, hidden: &[Vec<bool>]) -> u32 {
     let bounds = scene.bounds();
     let diagonal = 2.0 * f64::from(bounds.radius());
-    let mut rest = hidden;
-    let with_hidden = |instance| {
-        let (of_instance, others) = rest.split_at(rest.len().min(triangles(scene, instance)));
-        rest = others;
-        (instance, of_instance)
-    };
-    let parts: Vec<(&Instance, &[bool])> = scene.instances.iter().map(with_hidden).collect();
-    let area: f64 = parts.par_iter().map(|(i, hidden)| area(scene, i, hidden)).collect::<Vec<_>>().iter().sum();
+    let area_of = |(i, instance)| area(scene, instance, hidden.get(i).map_or(&[], Vec::as_slice));
+    let area: f64 = scene.instances.par_iter().enumerate().map(area_of).collect::<Vec<_>>().iter().sum();
     let wanted = TEXELS_ALONG * (area / USED).sqrt() / diagonal;
     // What has no extent, or an infinite one, gets the least: a comparison with NaN is false.
     let least = SIDES.into_iter().find(|side| f64::from(*side) >= wanted);
@@ -39,12 +33,12 @@ fn side(scene: &Scene, hidden: &[bool]) -> u32 {
 }
 
 /// The size of a scene's lightmap.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Debug)]
 pub struct LightmapNeed {
     /// It is a square one of this side, in texels.
     pub side: u32,
-    /// For each triangle of each instance, whether it has fewer texels; or nothing, where none has.
-    pub hidden: Vec<bool>,
+    /// For each instance, of each triangle, whether it has fewer texels; or nothing, where none has.
+    pub hidden: Vec<Vec<bool>>,
 }
 
 impl LightmapNeed {
@@ -58,10 +52,6 @@ impl LightmapNeed {
 /// Why a scene's soft light is not modelled by a lightmap, if nothing blocks or gives back light that falls on something.
 pub fn needs_no_lightmap(scene: &Scene, model: Model) -> Option<&'static str> {
     nothing_casts(scene).filter(|_| model == Model::Needed)
-}
-
-fn triangles(scene: &Scene, instance: &Instance) -> usize {
-    scene.meshes[instance.mesh].indices.len() / 3
 }
 
 /// World-space area of one instance, m², less where triangles have fewer texels.
